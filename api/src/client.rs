@@ -1,0 +1,281 @@
+//! The typed client: one method for each endpoint.
+
+use std::time::Duration;
+
+use bytes::Bytes;
+use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue};
+use reqwest::{Method, RequestBuilder, Response, StatusCode, Url};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::{
+    API_PREFIX, CORE_MILLISECONDS_HEADER, ContentHash, ConvergenceSeries, EXR_MEDIA_TYPE, EventStream,
+    FENCING_TOKEN_HEADER, JobId, JobScene, JobSubmission, JobView, Lease, LeaseId, LeaseRenewal, LeaseRequest,
+    LeaseReturn, LeaseToken, PROBLEM_MEDIA_TYPE, PartialAnswer, PartialUpload, PreviewQuery, Problem, WorkerId,
+    WorkerRegistration, WorkerView,
+};
+
+/// Longest wait for a connection.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Longest silence in the middle of an answer. Long polls stay below it, event streams send comments more often.
+const READ_TIMEOUT: Duration = Duration::from_secs(60);
+
+/// A connection to a coordinator. Cheap to clone; clones share their connections.
+#[derive(Clone, Debug)]
+pub struct Client {
+    http: reqwest::Client,
+    base: Url,
+}
+
+/// Why a call failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// The address cannot be one of a coordinator.
+    #[error("`{value}` is not the address of a coordinator: expected something like http://127.0.0.1:7171")]
+    InvalidAddress {
+        /// The address.
+        value: String,
+    },
+    /// The token has characters that no header can carry.
+    #[error(
+        "the token has characters other than visible ASCII: expected something like the output of `openssl rand -hex 32`"
+    )]
+    InvalidToken,
+    /// The coordinator refused, and said why.
+    #[error("{0}")]
+    Problem(Box<Problem>),
+    /// Somebody answered, but not as a coordinator does.
+    #[error("unexpected answer with status {status}: {body}")]
+    UnexpectedAnswer {
+        /// HTTP status.
+        status: u16,
+        /// The beginning of the body.
+        body: String,
+    },
+    /// The request did not get through.
+    #[error("no answer from the coordinator")]
+    Transport(#[from] reqwest::Error),
+}
+
+impl ClientError {
+    /// Whether the same call may well succeed later: the coordinator is restarting, overloaded or out of reach.
+    pub fn is_transient(&self) -> bool {
+        match self {
+            Self::Transport(error) => !error.is_builder(),
+            Self::Problem(problem) => problem.status >= 500,
+            Self::UnexpectedAnswer { status, .. } => *status >= 500,
+            Self::InvalidAddress { .. } | Self::InvalidToken => false,
+        }
+    }
+
+    /// The problem document, if the coordinator sent one.
+    pub fn problem(&self) -> Option<&Problem> {
+        match self {
+            Self::Problem(problem) => Some(problem),
+            _ => None,
+        }
+    }
+}
+
+impl Client {
+    /// A client for the coordinator at `address`, for instance `http://127.0.0.1:7171`. Nothing is sent yet.
+    ///
+    /// # Errors
+    ///
+    /// When the address or the token cannot be used, or the client's TLS cannot be set up.
+    pub fn new(address: &str, token: Option<&str>) -> Result<Self, ClientError> {
+        let invalid = || ClientError::InvalidAddress { value: address.to_owned() };
+        let mut base: Url = address.parse().map_err(|_| invalid())?;
+        if !matches!(base.scheme(), "http" | "https") || base.cannot_be_a_base() {
+            return Err(invalid());
+        }
+        base.set_path("");
+        let mut headers = HeaderMap::new();
+        if let Some(token) = token {
+            let mut value = HeaderValue::from_str(&format!("Bearer {token}")).map_err(|_| ClientError::InvalidToken)?;
+            value.set_sensitive(true);
+            headers.insert(AUTHORIZATION, value);
+        }
+        let http = reqwest::Client::builder()
+            .default_headers(headers)
+            .connect_timeout(CONNECT_TIMEOUT)
+            .read_timeout(READ_TIMEOUT)
+            .build()?;
+        Ok(Self { http, base })
+    }
+
+    /// Address of the coordinator, which is also that of its dashboard.
+    pub fn address(&self) -> &Url {
+        &self.base
+    }
+
+    /// Whether the coordinator is up and its store is usable.
+    pub async fn is_ready(&self) -> bool {
+        let Ok(url) = self.base.join("/readyz") else { return false };
+        matches!(self.http.get(url).send().await, Ok(response) if response.status().is_success())
+    }
+
+    /// Whether the coordinator has an asset.
+    pub async fn has_asset(&self, hash: &ContentHash) -> Result<bool, ClientError> {
+        let response = self.request(Method::HEAD, &format!("/assets/{hash}")).send().await?;
+        match response.status() {
+            StatusCode::NOT_FOUND => Ok(false),
+            _ => check(response).await.map(|_| true),
+        }
+    }
+
+    /// Uploads an asset under its content hash. Uploading it again changes nothing.
+    pub async fn upload_asset(&self, hash: &ContentHash, content: Bytes) -> Result<(), ClientError> {
+        check(self.request(Method::PUT, &format!("/assets/{hash}")).body(content).send().await?).await?;
+        Ok(())
+    }
+
+    /// Downloads an asset.
+    pub async fn asset(&self, hash: &ContentHash) -> Result<Bytes, ClientError> {
+        self.download(self.request(Method::GET, &format!("/assets/{hash}"))).await
+    }
+
+    /// Submits a job. A problem with code `missing_assets` lists what has to be uploaded first.
+    pub async fn submit_job(&self, submission: &JobSubmission) -> Result<JobView, ClientError> {
+        self.send_json(Method::POST, "/jobs", submission).await
+    }
+
+    /// All jobs, newest first.
+    pub async fn jobs(&self) -> Result<Vec<JobView>, ClientError> {
+        self.get("/jobs").await
+    }
+
+    /// One job.
+    pub async fn job(&self, job: JobId) -> Result<JobView, ClientError> {
+        self.get(&format!("/jobs/{job}")).await
+    }
+
+    /// Cancels a job; what is complete is kept. Cancelling a finished job changes nothing.
+    pub async fn cancel_job(&self, job: JobId) -> Result<JobView, ClientError> {
+        json(self.request(Method::POST, &format!("/jobs/{job}/cancel")).send().await?).await
+    }
+
+    /// What a worker needs to render nodes of a job.
+    pub async fn job_scene(&self, job: JobId) -> Result<JobScene, ClientError> {
+        self.get(&format!("/jobs/{job}/scene")).await
+    }
+
+    /// The convergence of a job.
+    pub async fn convergence(&self, job: JobId) -> Result<ConvergenceSeries, ClientError> {
+        self.get(&format!("/jobs/{job}/convergence")).await
+    }
+
+    /// The image as it is now, as OpenEXR.
+    pub async fn image(&self, job: JobId) -> Result<Bytes, ClientError> {
+        self.download(self.request(Method::GET, &format!("/jobs/{job}/image.exr"))).await
+    }
+
+    /// The image as it is now, as PNG.
+    pub async fn preview(&self, job: JobId, query: &PreviewQuery) -> Result<Bytes, ClientError> {
+        self.download(self.request(Method::GET, &format!("/jobs/{job}/preview.png")).query(query)).await
+    }
+
+    /// Events of the whole farm, or of one job, after the event `last_id`.
+    pub async fn events(&self, job: Option<JobId>, last_id: Option<i64>) -> Result<EventStream, ClientError> {
+        let path = job.map_or_else(|| "/events".to_owned(), |job| format!("/jobs/{job}/events"));
+        let mut request = self.request(Method::GET, &path);
+        if let Some(id) = last_id {
+            request = request.header("last-event-id", id);
+        }
+        Ok(EventStream::new(check(request.send().await?).await?, last_id))
+    }
+
+    /// Registers a worker.
+    pub async fn register_worker(&self, registration: &WorkerRegistration) -> Result<WorkerView, ClientError> {
+        self.send_json(Method::POST, "/workers", registration).await
+    }
+
+    /// Says that a worker is alive. A problem with code `unknown_worker` means that it has to register again.
+    pub async fn heartbeat(&self, worker: WorkerId) -> Result<(), ClientError> {
+        check(self.request(Method::POST, &format!("/workers/{worker}/heartbeat")).send().await?).await?;
+        Ok(())
+    }
+
+    /// All workers.
+    pub async fn workers(&self) -> Result<Vec<WorkerView>, ClientError> {
+        self.get("/workers").await
+    }
+
+    /// Asks for work; `None` when there is none for now.
+    pub async fn claim_lease(&self, request: &LeaseRequest) -> Result<Option<Lease>, ClientError> {
+        let response = check(self.request(Method::POST, "/leases").json(request).send().await?).await?;
+        match response.status() {
+            StatusCode::NO_CONTENT => Ok(None),
+            _ => json(response).await.map(Some),
+        }
+    }
+
+    /// Keeps a lease for another term.
+    pub async fn renew_lease(&self, lease: LeaseId, token: u64) -> Result<LeaseRenewal, ClientError> {
+        self.send_json(Method::POST, &format!("/leases/{lease}/renew"), &LeaseToken { token }).await
+    }
+
+    /// Uploads complete nodes of a lease. The answer comes when they are safe on disk.
+    pub async fn upload_partial(&self, upload: PartialUpload) -> Result<PartialAnswer, ClientError> {
+        let request = self
+            .request(Method::PUT, &format!("/leases/{}/partial", upload.lease))
+            .header(CONTENT_TYPE, EXR_MEDIA_TYPE)
+            .header(FENCING_TOKEN_HEADER, upload.token)
+            .header(CORE_MILLISECONDS_HEADER, upload.core_ms)
+            .body(upload.body);
+        json(request.send().await?).await
+    }
+
+    /// Gives the rest of a lease back.
+    pub async fn return_lease(&self, lease: LeaseId, body: &LeaseReturn) -> Result<(), ClientError> {
+        check(self.request(Method::POST, &format!("/leases/{lease}/return")).json(body).send().await?).await?;
+        Ok(())
+    }
+
+    fn request(&self, method: Method, path: &str) -> RequestBuilder {
+        let mut url = self.base.clone();
+        url.set_path(&format!("{API_PREFIX}{path}"));
+        self.http.request(method, url)
+    }
+
+    async fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientError> {
+        json(self.request(Method::GET, path).send().await?).await
+    }
+
+    async fn send_json<T: DeserializeOwned>(
+        &self,
+        method: Method,
+        path: &str,
+        body: &impl Serialize,
+    ) -> Result<T, ClientError> {
+        json(self.request(method, path).json(body).send().await?).await
+    }
+
+    async fn download(&self, request: RequestBuilder) -> Result<Bytes, ClientError> {
+        Ok(check(request.send().await?).await?.bytes().await?)
+    }
+}
+
+async fn json<T: DeserializeOwned>(response: Response) -> Result<T, ClientError> {
+    Ok(check(response).await?.json().await?)
+}
+
+/// Turns an answer that is not a success into an error.
+async fn check(response: Response) -> Result<Response, ClientError> {
+    let status = response.status();
+    if status.is_success() {
+        return Ok(response);
+    }
+    let is_problem = response
+        .headers()
+        .get(CONTENT_TYPE)
+        .and_then(|value| value.to_str().ok())
+        .is_some_and(|value| value.starts_with(PROBLEM_MEDIA_TYPE));
+    let body = response.bytes().await?;
+    if is_problem && let Ok(problem) = serde_json::from_slice(&body) {
+        return Err(ClientError::Problem(Box::new(problem)));
+    }
+    let body = String::from_utf8_lossy(&body).chars().take(200).collect();
+    Err(ClientError::UnexpectedAnswer { status: status.as_u16(), body })
+}

@@ -1,0 +1,42 @@
+//! Wire types and typed HTTP client of the Clerestory render farm.
+//!
+//! Everything that a client, a worker or the dashboard exchanges with the coordinator is one of the types here, written
+//! as JSON; `openapi.json` beside this crate describes the same in the OpenAPI format. [`Client`] has one method for
+//! each endpoint. Times are milliseconds since the Unix epoch by the coordinator's clock (`_ms`), durations are
+//! milliseconds.
+//!
+//! # Invariants
+//!
+//! - Only data and one stateless client: no clock, no threads, no retries. When to try again is the caller's decision,
+//!   helped by [`ClientError::is_transient`].
+
+mod client;
+mod convergence;
+mod event;
+mod event_stream;
+mod hash;
+mod ids;
+mod job;
+mod lease;
+mod problem;
+mod worker;
+
+pub use client::{Client, ClientError};
+pub use convergence::{ConvergencePoint, ConvergenceSeries};
+pub use event::{Event, EventBody};
+pub use event_stream::EventStream;
+pub use hash::{ContentHash, InvalidContentHash};
+pub use ids::{JobId, LeaseId, WorkerId};
+pub use job::{JobScene, JobState, JobSubmission, JobView, PreviewQuery, SessionRequest, ToneCurve};
+pub use lease::{
+    CORE_MILLISECONDS_HEADER, FENCING_TOKEN_HEADER, Lease, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken,
+    NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialUpload,
+};
+pub use problem::{PROBLEM_MEDIA_TYPE, Problem, ProblemCode};
+pub use worker::{WorkerRegistration, WorkerState, WorkerView};
+
+/// Path under which every endpoint of this version of the API lies.
+pub const API_PREFIX: &str = "/api/v1";
+
+/// Media type of an OpenEXR image or partial.
+pub const EXR_MEDIA_TYPE: &str = "image/x-exr";

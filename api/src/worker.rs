@@ -1,0 +1,68 @@
+//! Workers: the machines of the farm.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+use crate::{JobId, WorkerId};
+
+/// A worker introduces itself.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WorkerRegistration {
+    /// A name for people, for instance the machine's.
+    pub name: String,
+    /// Threads that render.
+    pub cores: u32,
+    /// Which build of Clerestory it runs.
+    pub build: String,
+    /// Digest of the probe image, by which builds that compute different bits are told apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probe_digest: Option<String>,
+}
+
+/// Where a worker stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WorkerState {
+    /// It holds a lease.
+    Rendering,
+    /// It was heard of lately and holds no lease.
+    Idle,
+    /// It has not been heard of for longer than a lease lasts.
+    Silent,
+}
+
+/// A worker as the coordinator knows it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct WorkerView {
+    /// Its identity.
+    pub id: WorkerId,
+    /// Its name.
+    pub name: String,
+    /// Threads that render.
+    pub cores: u32,
+    /// Which build of Clerestory it runs.
+    pub build: String,
+    /// Where it stands.
+    pub state: WorkerState,
+    /// The job of its newest lease.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub job: Option<JobId>,
+    /// Nodes that it holds under lease.
+    pub leased_nodes: u32,
+    /// Nodes that it brought and that were accepted.
+    pub accepted_nodes: u64,
+    /// Partials of it that were refused as malformed.
+    pub refused_partials: u64,
+    /// Camera samples of its accepted nodes.
+    pub samples: u64,
+    /// Time spent rendering them, summed over cores.
+    pub core_ms: i64,
+    /// Camera samples a second while it renders with all cores; absent before its first partial.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples_per_second: Option<f64>,
+    /// When it registered.
+    pub registered_ms: i64,
+    /// When it was last heard of.
+    pub seen_ms: i64,
+}

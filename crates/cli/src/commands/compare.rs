@@ -1,0 +1,42 @@
+//! `clerestory compare`: how far an image is from a reference.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use clerestory_render_core::film::{Metrics, compare};
+
+use crate::failure::Failure;
+use crate::image_file::read;
+use crate::terminal::{print_json, print_line};
+
+/// Options of `clerestory compare`.
+#[derive(Debug, Args)]
+pub(crate) struct CompareArguments {
+    /// The image.
+    image: PathBuf,
+    /// The reference, of the same size. Where it has a standard error, so has the corrected MSE a value.
+    reference: PathBuf,
+    /// Write the measures as JSON; those that do not exist, as the PSNR of identical images, are null.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) fn run(arguments: &CompareArguments) -> Result<(), Failure> {
+    let metrics = compare(&read(&arguments.image)?, &read(&arguments.reference)?).map_err(Failure::Compare)?;
+    if arguments.json { print_json(&metrics) } else { rows(&metrics).iter().try_for_each(|row| print_line(row)) }
+}
+
+fn rows(metrics: &Metrics) -> Vec<String> {
+    let row = |name: &str, value: Option<f64>| {
+        format!("{name:<16} {}", value.map_or_else(|| "-".to_owned(), |value| format!("{value:e}")))
+    };
+    vec![
+        row("MSE", Some(metrics.mse)),
+        row("corrected MSE", metrics.corrected_mse),
+        row("relMSE", metrics.rel_mse),
+        row("PSNR (dB)", metrics.psnr),
+        row("mean ratio", metrics.mean_ratio),
+        row("max difference", Some(metrics.max_abs_diff)),
+        format!("{:<16} {}", "bit-identical", if metrics.bit_identical { "yes" } else { "no" }),
+    ]
+}

@@ -1,0 +1,187 @@
+//! `clerestory coordinator`: the coordinator in this process.
+
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::num::NonZeroU32;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use clerestory_coordinator::{Config, Token};
+use serde::{Deserialize, Serialize};
+use tokio::net::TcpListener;
+
+use crate::connection::{DEFAULT_LISTEN, token};
+use crate::failure::Failure;
+use crate::settings;
+use crate::shutdown::{self, Parent};
+use crate::terminal::print_line;
+
+/// Where data are kept unless told otherwise.
+pub(crate) const DEFAULT_DATA: &str = "clerestory-data";
+
+/// Options of `clerestory coordinator`.
+#[derive(Debug, Args)]
+pub(crate) struct CoordinatorArguments {
+    /// TOML file with the same settings; options and environment win over it.
+    #[arg(long, value_name = "FILE", env = "CLERESTORY_COORDINATOR_CONFIG")]
+    config: Option<PathBuf>,
+    /// Address on which it listens; port 0 takes a free one [default: 127.0.0.1:7171].
+    #[arg(long, value_name = "HOST:PORT", env = "CLERESTORY_LISTEN")]
+    listen: Option<String>,
+    /// Folder for the database and the images [default: clerestory-data].
+    #[arg(long, value_name = "FOLDER", env = "CLERESTORY_DATA")]
+    data: Option<PathBuf>,
+    /// File with the farm's token, required off loopback; the token itself can be in CLERESTORY_TOKEN.
+    #[arg(long, value_name = "FILE", env = "CLERESTORY_TOKEN_FILE")]
+    token_file: Option<PathBuf>,
+    /// How long a lease lasts unless its worker renews it [default: 60].
+    #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_SECONDS")]
+    lease_seconds: Option<NonZeroU32>,
+    /// How long the work of a lease should take [default: 10].
+    #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_WORK_SECONDS")]
+    lease_work_seconds: Option<NonZeroU32>,
+    /// Give out exactly this many nodes with each lease, whatever they take; for experiments.
+    #[arg(long, value_name = "N", env = "CLERESTORY_LEASE_NODES")]
+    lease_nodes: Option<NonZeroU32>,
+    /// Print the settings as they come out of all layers, as a configuration file, and end.
+    #[arg(long)]
+    print_config: bool,
+    /// Stop when standard input ends; for a coordinator that belongs to another process.
+    #[arg(long, hide = true)]
+    stop_with_stdin: bool,
+}
+
+/// The settings, as the configuration file has them.
+#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Settings {
+    listen: String,
+    data: PathBuf,
+    token_file: Option<PathBuf>,
+    lease_seconds: NonZeroU32,
+    lease_work_seconds: NonZeroU32,
+    lease_nodes: Option<NonZeroU32>,
+    max_asset_bytes: u64,
+    max_partial_bytes: u64,
+    node_cache_bytes: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let config = Config::new(DEFAULT_DATA);
+        let seconds = |duration: Duration| {
+            let seconds = u32::try_from(duration.as_secs()).ok().and_then(NonZeroU32::new);
+            seconds.expect("the defaults are some seconds")
+        };
+        Self {
+            listen: DEFAULT_LISTEN.to_owned(),
+            data: config.data_directory,
+            token_file: None,
+            lease_seconds: seconds(config.lease_ttl),
+            lease_work_seconds: seconds(config.lease_target),
+            lease_nodes: None,
+            max_asset_bytes: config.max_asset_bytes,
+            max_partial_bytes: config.max_partial_bytes,
+            node_cache_bytes: config.node_cache_bytes,
+        }
+    }
+}
+
+pub(crate) async fn run(arguments: CoordinatorArguments) -> Result<(), Failure> {
+    let settings = interpret(&arguments)?;
+    if arguments.print_config {
+        return print_line(toml::to_string(&settings).expect("settings have a form in TOML").trim_end());
+    }
+    let config = settings.config()?;
+    let failure = |source| Failure::Listen { address: settings.listen.clone(), source };
+    let listener = TcpListener::bind(&settings.listen).await.map_err(failure)?;
+    let address = listener.local_addr().map_err(failure)?;
+    let stop = shutdown::token(if arguments.stop_with_stdin { Parent::HoldsStdin } else { Parent::None });
+    print_line(&format!("http://{}", reachable(address)))?;
+    Ok(clerestory_coordinator::run(listener, config, async move { stop.cancelled().await }).await?)
+}
+
+/// Options and environment over the file over the defaults.
+fn interpret(arguments: &CoordinatorArguments) -> Result<Settings, Failure> {
+    let file: Settings = settings::read(arguments.config.as_deref())?;
+    Ok(Settings {
+        listen: arguments.listen.clone().unwrap_or(file.listen),
+        data: arguments.data.clone().unwrap_or(file.data),
+        token_file: arguments.token_file.clone().or(file.token_file),
+        lease_seconds: arguments.lease_seconds.unwrap_or(file.lease_seconds),
+        lease_work_seconds: arguments.lease_work_seconds.unwrap_or(file.lease_work_seconds),
+        lease_nodes: arguments.lease_nodes.or(file.lease_nodes),
+        ..file
+    })
+}
+
+impl Settings {
+    fn config(&self) -> Result<Config, Failure> {
+        let token = token(self.token_file.as_deref())?.map(|token| token.parse::<Token>()).transpose();
+        Ok(Config {
+            token: token.map_err(|error| Failure::Usage(error.to_string()))?,
+            lease_ttl: Duration::from_secs(self.lease_seconds.get().into()),
+            lease_target: Duration::from_secs(self.lease_work_seconds.get().into()),
+            lease_nodes: self.lease_nodes.map(NonZeroU32::get),
+            max_asset_bytes: self.max_asset_bytes,
+            max_partial_bytes: self.max_partial_bytes,
+            node_cache_bytes: self.node_cache_bytes,
+            ..Config::new(&self.data)
+        })
+    }
+}
+
+/// Where this machine reaches a server that listens on `address`.
+fn reachable(mut address: SocketAddr) -> SocketAddr {
+    if address.ip().is_unspecified() {
+        address.set_ip(match address {
+            SocketAddr::V4(_) => Ipv4Addr::LOCALHOST.into(),
+            SocketAddr::V6(_) => Ipv6Addr::LOCALHOST.into(),
+        });
+    }
+    address
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::arguments::{Arguments, Command};
+
+    fn interpreted(file: &str, options: &[&str]) -> Settings {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("coordinator.toml");
+        std::fs::write(&path, file).unwrap();
+        let words = ["clerestory", "coordinator", "--config", path.to_str().unwrap()];
+        match Arguments::try_parse_from(words.iter().chain(options)).unwrap().command {
+            Command::Coordinator(arguments) => interpret(&arguments).unwrap(),
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn options_win_over_the_file_and_the_file_over_defaults() {
+        let settings = interpreted("listen = \"[::1]:80\"\nlease_seconds = 7\n", &["--lease-seconds", "3"]);
+        let expected = Settings {
+            listen: "[::1]:80".to_owned(),
+            lease_seconds: NonZeroU32::new(3).unwrap(),
+            ..Settings::default()
+        };
+        assert_eq!(settings, expected);
+    }
+
+    #[test]
+    fn what_print_config_prints_is_a_configuration_file_with_the_same_meaning() {
+        let settings = interpreted("lease_nodes = 5\ntoken_file = \"secret\"\n", &["--data", "elsewhere"]);
+        assert_eq!(interpreted(&toml::to_string(&settings).unwrap(), &[]), settings);
+    }
+
+    #[test]
+    fn a_server_on_all_interfaces_is_reached_by_loopback() {
+        let text = |address: &str| reachable(address.parse().unwrap()).to_string();
+        assert_eq!(text("0.0.0.0:7171"), "127.0.0.1:7171");
+        assert_eq!(text("[::]:7171"), "[::1]:7171");
+        assert_eq!(text("192.0.2.1:7171"), "192.0.2.1:7171");
+    }
+}

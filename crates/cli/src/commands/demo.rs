@@ -1,0 +1,160 @@
+//! `clerestory demo`: a farm on this machine renders an old window, and its error falls before your eyes.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use clerestory_api::{ConvergencePoint, JobView};
+use clerestory_render_core::scene::SceneDescription;
+use clerestory_render_core::scene::description::SamplingDescription;
+
+use crate::commands::farm::share_of_cores;
+use crate::commands::submit::{Order, download, read_reference, submit};
+use crate::commands::watch::check_not_failed;
+use crate::connection::{Connection, token};
+use crate::failure::Failure;
+use crate::follow::follow;
+use crate::local_farm::{FarmPlan, LocalFarm};
+use crate::scene_overrides::SceneOverrides;
+use crate::shutdown::{self, Parent};
+use crate::terminal::{Progress, duration_text, print_json, print_line};
+
+/// The scene that is rendered, from the root of the repository.
+const SCENE: &str = "scenes/references/cathedral-point.json";
+
+/// Its reference, computed independently.
+const REFERENCE: &str = "scenes/references/cathedral-point-reference.exr";
+
+/// Worker processes.
+const WORKERS: usize = 2;
+
+/// Longest time to render, so that the demo ends soon on small machines too.
+const TIME_LIMIT: Duration = Duration::from_secs(150);
+
+/// Samples per pixel at which it ends on faster ones.
+const SAMPLES_PER_PIXEL: u32 = 256;
+
+/// Smaller passes than usual, so that the first rounds come within seconds.
+const SAMPLING: SamplingDescription = SamplingDescription { samples_per_pass: 4, samples_per_block: 64 };
+
+/// Options of `clerestory demo`.
+#[derive(Debug, Args)]
+pub(crate) struct DemoArguments {
+    /// Scene to render instead of the one that ships with Clerestory.
+    #[arg(long, value_name = "FILE")]
+    scene: Option<PathBuf>,
+    /// OpenEXR image that the error is measured against, for a scene of your own.
+    #[arg(long, value_name = "FILE", requires = "scene")]
+    reference: Option<PathBuf>,
+    #[command(flatten)]
+    overrides: SceneOverrides,
+    /// Where the images and logs go.
+    #[arg(long, value_name = "FOLDER", default_value = "demo-output")]
+    output: PathBuf,
+    /// Write the job as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
+    let (scene, reference) = match arguments.scene {
+        Some(scene) => (scene, arguments.reference),
+        None => (shipped(SCENE)?, Some(shipped(REFERENCE)?)),
+    };
+    let mut overrides = arguments.overrides;
+    if overrides.spp.is_none() && overrides.time.is_none() {
+        overrides.spp = Some(SAMPLES_PER_PIXEL);
+        overrides.time = Some(TIME_LIMIT);
+    }
+    let bundle = overrides.load(&scene)?;
+    let description = SceneDescription { sampling: SAMPLING, ..bundle.description().clone() };
+    let failure = |source| Failure::Scene { file: scene.clone(), source };
+    let bundle = bundle.with_description(description).map_err(failure)?;
+    let order = Order {
+        name: None,
+        samples_per_pixel: overrides.samples_per_pixel(),
+        time_limit_ms: overrides.time.and_then(|time| i64::try_from(time.as_millis()).ok()),
+        tile_size: 32,
+        priority: 0,
+        reference: reference.as_deref().map(read_reference).transpose()?,
+    };
+
+    let data = arguments.output.join("farm");
+    prepare(&arguments.output, &data)?;
+    let stop = shutdown::token(Parent::None);
+    let plan = FarmPlan {
+        listen: "127.0.0.1:0".to_owned(),
+        data,
+        token_file: None,
+        workers: WORKERS,
+        threads: share_of_cores(WORKERS),
+        logs: Some(arguments.output.clone()),
+    };
+    let mut farm = LocalFarm::start(&plan).await?;
+    let connection = Connection::open(farm.address(), token(None)?.as_deref())?;
+    let mut progress = Progress::new();
+    progress.note(&format!("The farm's page: {}", farm.address()));
+    progress.note(&format!("Rendering {} on {WORKERS} workers of {} threads", scene.display(), plan.threads));
+
+    let rendering = async {
+        let job = submit(&connection, &bundle, order).await?;
+        progress.note(&format!("The job's page:  {}", connection.job_page(job.id)));
+        let job = follow(&connection, job.id, &mut progress).await?;
+        check_not_failed(&job)?;
+        let series = connection.client.convergence(job.id).await.map_err(|error| connection.failure(error))?;
+        let files = [arguments.output.join("demo.exr"), arguments.output.join("demo.png")];
+        download(&connection, &job, Some(&files[0]), Some(&files[1])).await?;
+        Ok((job, series.points, files))
+    };
+    let result = tokio::select! {
+        result = rendering => result,
+        failure = farm.broken() => Err(failure),
+        () = stop.cancelled() => Err(Failure::Job("interrupted".to_owned())),
+    };
+    farm.stop().await;
+    let (job, points, files) = result?;
+    if arguments.json {
+        return print_json(&job);
+    }
+    report(&job, &points, &files)
+}
+
+/// Says what came out of it.
+fn report(job: &JobView, points: &[ConvergencePoint], files: &[PathBuf]) -> Result<(), Failure> {
+    let rate = job.samples as f64 / (job.core_ms.max(1) as f64 / 1000.0);
+    let core_time = Duration::from_millis(u64::try_from(job.core_ms).unwrap_or(0));
+    print_line(&format!(
+        "{} camera samples in {} of core time, {rate:.0} a second on each core",
+        job.samples,
+        duration_text(core_time)
+    ))?;
+    let errors: Vec<_> = points.iter().filter_map(|point| Some((point.samples_per_pixel, point.mse?))).collect();
+    if let [(first_samples, first), .., (last_samples, last)] = errors[..] {
+        print_line(&format!(
+            "Mean squared error against the reference: {first:.3e} at {first_samples} samples per pixel, {last:.3e} at {last_samples}"
+        ))?;
+    }
+    files.iter().try_for_each(|file| print_line(&format!("Wrote {}", file.display())))
+}
+
+/// Makes an empty place for a new farm.
+fn prepare(output: &Path, data: &Path) -> Result<(), Failure> {
+    let remove = match fs::remove_dir_all(data) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
+        _ => fs::create_dir_all(output),
+    };
+    remove.map_err(|source| Failure::Write { file: data.to_owned(), source })
+}
+
+/// A file that ships with Clerestory: below the working directory, or below a folder above the binary, as it is after
+/// `cargo build` in the repository.
+fn shipped(name: &str) -> Result<PathBuf, Failure> {
+    let binary = std::env::current_exe().unwrap_or_default();
+    let roots = std::iter::once(Path::new("")).chain(binary.ancestors().skip(1));
+    roots.map(|root| root.join(name)).find(|file| file.is_file()).ok_or_else(|| {
+        Failure::Usage(format!(
+            "the demo's file {name} is not here: run the demo in a clone of the repository, or give a scene with --scene"
+        ))
+    })
+}

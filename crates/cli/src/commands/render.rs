@@ -1,0 +1,332 @@
+//! `clerestory render`: a scene rendered in this process, without a farm.
+
+use std::num::NonZeroUsize;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant, SystemTime};
+
+use clap::Args;
+use clerestory_api::ConvergencePoint;
+use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::{
+    Exposure, FrameImage, ImageError, ImageMetadata, Metrics, PreviewSettings, TileGrid, TileSum, ToneCurve, compare,
+    encode_png,
+};
+use clerestory_render_core::scene::Scene;
+use rayon::ThreadPoolBuilder;
+use serde::Serialize;
+use tokio::sync::mpsc;
+
+use crate::commands::worker::{BUILD, cores};
+use crate::failure::Failure;
+use crate::image_file;
+use crate::like::{self, Recipe};
+use crate::local_render::{self, Control, LocalRenderError, PassPlan, Round};
+use crate::output_file::{check_writable, write};
+use crate::scene_overrides::SceneOverrides;
+use crate::shutdown::{self, Parent};
+use crate::terminal::{Advance, Progress, duration_text, print_json, print_line};
+
+/// Time between updates of the progress bar.
+const REFRESH_PERIOD: Duration = Duration::from_millis(200);
+
+/// A PNG is as bright as a photograph of the same light would be.
+const PREVIEW: PreviewSettings = PreviewSettings { exposure: Exposure::Automatic, curve: ToneCurve::Filmic };
+
+/// Options of `clerestory render`.
+#[derive(Debug, Args)]
+pub(crate) struct RenderArguments {
+    /// The scene file.
+    scene: PathBuf,
+    /// The image to write [default: the scene's file name with .exr, in the working directory].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Also write a PNG beside the image.
+    #[arg(long)]
+    png: bool,
+    #[command(flatten)]
+    overrides: SceneOverrides,
+    /// Edge of a tile in pixels.
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    tile: u32,
+    /// Make this image again, bit for bit: its seed, integrator, size, sampling, tiles and the passes of each.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["spp", "time", "integrator", "seed", "size", "tile"])]
+    like: Option<PathBuf>,
+    /// OpenEXR image that the error is measured against at each round.
+    #[arg(long, value_name = "FILE")]
+    reference: Option<PathBuf>,
+    /// Threads that render [default: one for each core].
+    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
+    threads: Option<NonZeroUsize>,
+    /// Write the counters (height evaluations, solver calls, solutions, ...) as JSON to this file.
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
+    /// Write a summary as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
+    let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
+    let png = arguments.png.then(|| output.with_extension("png"));
+    for file in [Some(&output), png.as_ref(), arguments.stats.as_ref()].into_iter().flatten() {
+        check_writable(file)?;
+    }
+    let order = Arc::new(interpret(&arguments)?);
+    let rendering = render(order.clone()).await?;
+
+    let elapsed = rendering.elapsed;
+    let image = order.image(&rendering.sums, rendering.counters, Some(elapsed)).map_err(Failure::BadImage)?;
+    write(&output, &image.encode().map_err(|error| Failure::BadImage(error.into()))?)?;
+    if let Some(file) = &png {
+        let bytes = encode_png(&image, &PREVIEW).map_err(Failure::Preview)?;
+        write(file, &bytes)?;
+    }
+    let summary = Summary {
+        output: output.clone(),
+        scene_hash: order.scene.hash().to_string(),
+        width: image.width(),
+        height: image.height(),
+        samples: rendering.counters.samples,
+        passes: PassCounts::of(&image),
+        seconds: elapsed.as_secs_f64(),
+        samples_per_second: rendering.counters.samples as f64 / elapsed.as_secs_f64(),
+        threads: order.threads.get(),
+        metrics: order.metrics(&image)?,
+        counters: rendering.counters,
+    };
+    if let Some(file) = &arguments.stats {
+        let text = serde_json::to_vec_pretty(&rendering.counters).expect("counters have a form in JSON");
+        write(file, &text)?;
+    }
+    if arguments.json { print_json(&summary) } else { print_line(&summary.text()) }?;
+    if rendering.is_interrupted {
+        return Err(Failure::Job(format!("interrupted; {} holds what was complete", output.display())));
+    }
+    Ok(())
+}
+
+/// A render, with everything that it needs.
+struct Order {
+    scene: Scene,
+    plan: PassPlan,
+    reference: Option<(PathBuf, FrameImage)>,
+    threads: NonZeroUsize,
+    time: Option<Duration>,
+}
+
+/// What came out of a render.
+struct Rendering {
+    sums: Vec<TileSum>,
+    counters: Counters,
+    elapsed: Duration,
+    is_interrupted: bool,
+}
+
+fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
+    let file = &arguments.scene;
+    let failure = |source| Failure::Scene { file: file.clone(), source };
+    let (bundle, tiles) = match &arguments.like {
+        None => (arguments.overrides.load(file)?, None),
+        Some(image) => {
+            let Recipe { bundle, tile_size, tile_passes } = like::recipe(file, image)?;
+            (bundle, Some((tile_size, tile_passes)))
+        }
+    };
+    let scene = Scene::build(&bundle).map_err(failure)?;
+    let film = bundle.description().film;
+    let sampling = scene.sampling();
+    let grid = |tile_size| TileGrid { width: film.width, height: film.height, tile_size };
+    let plan = match tiles {
+        Some((tile_size, tile_passes)) => PassPlan { grid: grid(tile_size), sampling, tile_passes },
+        None => {
+            let grid = grid(arguments.tile);
+            let passes = arguments.overrides.samples_per_pixel().div_ceil(sampling.samples_per_pass());
+            PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize] }
+        }
+    };
+    let reference = match &arguments.reference {
+        None => None,
+        Some(file) => {
+            let image = image_file::read(file)?;
+            if (image.width(), image.height()) != (film.width, film.height) {
+                return Err(Failure::Usage(format!(
+                    "the reference {} has {}x{} pixels, the image {}x{}: expected the same size, see --size",
+                    file.display(),
+                    image.width(),
+                    image.height(),
+                    film.width,
+                    film.height
+                )));
+            }
+            Some((file.clone(), image))
+        }
+    };
+    let threads = arguments.threads.unwrap_or_else(cores);
+    Ok(Order { scene, plan, reference, threads, time: arguments.overrides.time })
+}
+
+/// Renders on a pool of threads, and shows progress meanwhile.
+async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
+    let start = Instant::now();
+    let control = Arc::new(Control { deadline: order.time.map(|time| start + time), ..Control::default() });
+    let pool = ThreadPoolBuilder::new().num_threads(order.threads.get()).build().map_err(Failure::Threads)?;
+    let (rounds, mut complete) = mpsc::unbounded_channel();
+    let mut work = {
+        let (order, control) = (order.clone(), control.clone());
+        tokio::task::spawn_blocking(move || {
+            let mut counters = Counters::default();
+            let on_round = |round: &Round<'_>| {
+                // Nobody listens any more only when the process ends.
+                let _ = rounds.send(order.point(round, control.samples.load(Ordering::Relaxed), start.elapsed()));
+            };
+            let sums =
+                pool.install(|| local_render::render(&order.scene, &order.plan, &control, &mut counters, on_round))?;
+            Ok::<_, LocalRenderError>((sums, counters))
+        })
+    };
+    let stop = shutdown::token(Parent::None);
+    let mut progress = Progress::new();
+    let mut refresh = tokio::time::interval(REFRESH_PERIOD);
+    let result = loop {
+        tokio::select! {
+            result = &mut work => break result,
+            Some(point) = complete.recv() => progress.round(&point),
+            _ = refresh.tick() => progress.show(&order.advance(&control, start)),
+            () = stop.cancelled(), if !control.cancelled.load(Ordering::Relaxed) => {
+                control.cancelled.store(true, Ordering::Relaxed);
+            }
+        }
+    };
+    while let Ok(point) = complete.try_recv() {
+        progress.round(&point);
+    }
+    progress.finish();
+    let (sums, counters) = match result {
+        Ok(outcome) => outcome.map_err(Failure::Render)?,
+        Err(panic) => return Err(Failure::RenderPanic(panic)),
+    };
+    if sums.is_empty() {
+        return Err(Failure::Job("interrupted before any pass was complete".to_owned()));
+    }
+    Ok(Rendering { sums, counters, elapsed: start.elapsed(), is_interrupted: stop.is_cancelled() })
+}
+
+impl Order {
+    fn image(&self, sums: &[TileSum], counters: Counters, elapsed: Option<Duration>) -> Result<FrameImage, ImageError> {
+        let description = self.scene.description();
+        let metadata = ImageMetadata {
+            scene_hash: self.scene.hash().to_string(),
+            frame: 0,
+            seed: description.seed,
+            integrator: serde_json::to_value(&description.integrator).expect("settings have a form in JSON"),
+            sampling: self.plan.sampling,
+            tile_size: self.plan.grid.tile_size,
+            tile_passes: Vec::new(),
+            build: BUILD.to_owned(),
+            missing_light: description.missing_light(),
+            counters,
+            elapsed_seconds: elapsed.map(|elapsed| elapsed.as_secs_f64()),
+        };
+        FrameImage::assemble(&self.plan.grid, sums, metadata)
+    }
+
+    fn metrics(&self, image: &FrameImage) -> Result<Option<Metrics>, Failure> {
+        self.reference.as_ref().map(|(_, reference)| compare(image, reference).map_err(Failure::Compare)).transpose()
+    }
+
+    /// The error at a round; what cannot be measured is absent.
+    fn point(&self, round: &Round<'_>, samples: u64, elapsed: Duration) -> ConvergencePoint {
+        let counters = Counters { samples, ..Counters::default() };
+        let image = self.image(round.sums, counters, Some(elapsed)).ok();
+        let metrics = image.as_ref().and_then(|image| self.metrics(image).ok().flatten());
+        let estimated_mse = image.as_ref().and_then(|image| {
+            let errors = image.layers().standard_error.as_ref()?.as_flattened();
+            let squares: f64 = errors.iter().map(|error| f64::from(*error) * f64::from(*error)).sum();
+            Some(squares / errors.len() as f64)
+        });
+        let milliseconds = |duration: Duration| i64::try_from(duration.as_millis()).unwrap_or(i64::MAX);
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        ConvergencePoint {
+            frame: 0,
+            round: round.number,
+            passes: round.passes,
+            samples_per_pixel: u64::from(round.passes) * u64::from(self.plan.sampling.samples_per_pass()),
+            core_ms: milliseconds(elapsed.saturating_mul(u32::try_from(self.threads.get()).unwrap_or(u32::MAX))),
+            wall_ms: milliseconds(elapsed),
+            recorded_ms: milliseconds(now),
+            mse: metrics.map(|metrics| metrics.mse),
+            corrected_mse: metrics.and_then(|metrics| metrics.corrected_mse),
+            rel_mse: metrics.and_then(|metrics| metrics.rel_mse),
+            psnr: metrics.and_then(|metrics| metrics.psnr),
+            estimated_mse,
+        }
+    }
+
+    fn advance(&self, control: &Control, start: Instant) -> Advance {
+        let samples = control.samples.load(Ordering::Relaxed);
+        let elapsed = start.elapsed();
+        let by_samples = samples as f64 / self.plan.samples().max(1) as f64;
+        let by_time = self.time.map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
+        let fraction = by_samples.max(by_time).min(1.0);
+        let remaining = (samples > 0 && fraction > 0.0).then(|| elapsed.mul_f64(1.0 / fraction - 1.0));
+        let samples_per_second = (samples > 0).then(|| samples as f64 / elapsed.as_secs_f64());
+        Advance { fraction, samples_per_second, remaining }
+    }
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Summary {
+    output: PathBuf,
+    scene_hash: String,
+    width: u32,
+    height: u32,
+    samples: u64,
+    passes: PassCounts,
+    seconds: f64,
+    samples_per_second: f64,
+    threads: usize,
+    metrics: Option<Metrics>,
+    counters: Counters,
+}
+
+/// Fewest and most passes of any tile.
+#[derive(Serialize)]
+struct PassCounts {
+    fewest: u32,
+    most: u32,
+}
+
+impl PassCounts {
+    fn of(image: &FrameImage) -> Self {
+        let passes = image.metadata().map(|metadata| metadata.tile_passes.as_slice()).unwrap_or_default();
+        let [fewest, most] = [passes.iter().min(), passes.iter().max()].map(|count| count.copied().unwrap_or(0));
+        Self { fewest, most }
+    }
+}
+
+impl Summary {
+    fn text(&self) -> String {
+        let mut text = format!(
+            "Wrote {}: {} passes, {} samples in {}, {:.0} a second",
+            self.output.display(),
+            match self.passes {
+                PassCounts { fewest, most } if fewest == most => most.to_string(),
+                PassCounts { fewest, most } => format!("{fewest} to {most}"),
+            },
+            self.samples,
+            duration_text(Duration::from_secs_f64(self.seconds)),
+            self.samples_per_second,
+        );
+        if let Some(metrics) = &self.metrics {
+            text.push_str(&format!("; MSE {:.4e}", metrics.mse));
+        }
+        text
+    }
+}
+
+fn default_output(scene: &Path) -> PathBuf {
+    Path::new(scene.file_stem().unwrap_or(scene.as_os_str())).with_extension("exr")
+}

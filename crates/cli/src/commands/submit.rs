@@ -1,0 +1,148 @@
+//! `clerestory submit`: a scene on its way to a farm, and its image back.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use bytes::Bytes;
+use clap::Args;
+use clerestory_api::{ClientError, ContentHash, JobSubmission, JobView, PreviewQuery, ProblemCode};
+use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
+use tracing::info;
+
+use crate::commands::watch::check_not_failed;
+use crate::connection::{Connection, ConnectionArguments};
+use crate::failure::Failure;
+use crate::follow::follow;
+use crate::output_file::{check_writable, write};
+use crate::scene_overrides::SceneOverrides;
+use crate::terminal::{Progress, print_json, print_line};
+
+/// Options of `clerestory submit`.
+#[derive(Debug, Args)]
+pub(crate) struct SubmitArguments {
+    /// The scene file.
+    scene: PathBuf,
+    #[command(flatten)]
+    connection: ConnectionArguments,
+    #[command(flatten)]
+    overrides: SceneOverrides,
+    /// A name for lists [default: the scene's].
+    #[arg(long)]
+    name: Option<String>,
+    /// Edge of a tile in pixels.
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    tile: u32,
+    /// Jobs of higher priority are served first.
+    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    priority: i32,
+    /// OpenEXR image that the error is measured against.
+    #[arg(long, value_name = "FILE")]
+    reference: Option<PathBuf>,
+    /// Wait for the job to end, and show its progress.
+    #[arg(long)]
+    wait: bool,
+    /// Write the image here when the job has ended.
+    #[arg(short, long, value_name = "FILE", requires = "wait")]
+    output: Option<PathBuf>,
+    /// Also write a PNG beside it.
+    #[arg(long, requires = "output")]
+    png: bool,
+    /// Write the job as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
+    let png = arguments.output.as_deref().filter(|_| arguments.png).map(|file| file.with_extension("png"));
+    for file in arguments.output.iter().chain(&png) {
+        check_writable(file)?;
+    }
+    let connection = arguments.connection.open()?;
+    let bundle = arguments.overrides.load(&arguments.scene)?;
+    let order = Order {
+        name: arguments.name,
+        samples_per_pixel: arguments.overrides.samples_per_pixel(),
+        time_limit_ms: arguments.overrides.time.and_then(|time| i64::try_from(time.as_millis()).ok()),
+        tile_size: arguments.tile,
+        priority: arguments.priority,
+        reference: arguments.reference.as_deref().map(read_reference).transpose()?,
+    };
+    let mut job = submit(&connection, &bundle, order).await?;
+    if arguments.wait {
+        job = follow(&connection, job.id, &mut Progress::new()).await?;
+        check_not_failed(&job)?;
+        download(&connection, &job, arguments.output.as_deref(), png.as_deref()).await?;
+    }
+    if arguments.json { print_json(&job) } else { print_line(&job.id.to_string()) }
+}
+
+/// How a scene is to be rendered.
+#[derive(Debug)]
+pub(crate) struct Order {
+    pub(crate) name: Option<String>,
+    pub(crate) samples_per_pixel: u32,
+    pub(crate) time_limit_ms: Option<i64>,
+    pub(crate) tile_size: u32,
+    pub(crate) priority: i32,
+    /// The reference image, whole.
+    pub(crate) reference: Option<Asset>,
+}
+
+/// Reads a reference image, to be sent as it is.
+pub(crate) fn read_reference(file: &Path) -> Result<Asset, Failure> {
+    let bytes = fs::read(file).map_err(|source| Failure::Read { file: file.to_owned(), source })?;
+    Ok(Asset::new(bytes))
+}
+
+/// Submits a job, and uploads what the coordinator does not have yet.
+pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order: Order) -> Result<JobView, Failure> {
+    let scene = serde_json::from_str(&canonical_json(bundle.description())).expect("canonical JSON is JSON");
+    let assets = bundle.assets().iter().map(|(name, asset)| (name.clone(), wire_hash(asset))).collect();
+    let contents: BTreeMap<ContentHash, &Asset> =
+        bundle.assets().values().chain(&order.reference).map(|asset| (wire_hash(asset), asset)).collect();
+    let submission = JobSubmission {
+        name: order.name,
+        scene,
+        assets,
+        samples_per_pixel: order.samples_per_pixel,
+        tile_size: order.tile_size,
+        priority: order.priority,
+        reference: order.reference.as_ref().map(wire_hash),
+        time_limit_ms: order.time_limit_ms,
+    };
+    let missing = match connection.client.submit_job(&submission).await {
+        Err(ClientError::Problem(problem)) if problem.code == ProblemCode::MissingAssets => problem.missing,
+        answer => return answer.map_err(|error| connection.failure(error)),
+    };
+    for hash in missing {
+        // A hash that is not ours cannot be helped; the second attempt says what is wrong with it.
+        let Some(asset) = contents.get(&hash) else { continue };
+        info!(%hash, bytes = asset.bytes().len(), "uploading");
+        let content = Bytes::copy_from_slice(asset.bytes());
+        connection.client.upload_asset(&hash, content).await.map_err(|error| connection.failure(error))?;
+    }
+    connection.client.submit_job(&submission).await.map_err(|error| connection.failure(error))
+}
+
+/// Fetches the image of a job into files.
+pub(crate) async fn download(
+    connection: &Connection,
+    job: &JobView,
+    exr: Option<&Path>,
+    png: Option<&Path>,
+) -> Result<(), Failure> {
+    if let Some(file) = exr {
+        let image = connection.client.image(job.id).await.map_err(|error| connection.failure(error))?;
+        write(file, &image)?;
+    }
+    if let Some(file) = png {
+        let preview = connection.client.preview(job.id, &PreviewQuery::default()).await;
+        write(file, &preview.map_err(|error| connection.failure(error))?)?;
+    }
+    Ok(())
+}
+
+fn wire_hash(asset: &Asset) -> ContentHash {
+    ContentHash::from(*asset.hash().as_bytes())
+}

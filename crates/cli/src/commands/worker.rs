@@ -1,0 +1,105 @@
+//! `clerestory worker`: a worker in this process.
+
+use std::fs;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::thread::available_parallelism;
+
+use clap::Args;
+use serde::Deserialize;
+
+use crate::connection::{DEFAULT_LISTEN, token};
+use crate::failure::Failure;
+use crate::settings;
+use crate::shutdown::{self, Parent};
+
+/// Which build of Clerestory this is.
+pub(crate) const BUILD: &str = env!("CLERESTORY_BUILD");
+
+/// Options of `clerestory worker`.
+#[derive(Debug, Args)]
+pub(crate) struct WorkerArguments {
+    /// TOML file with the same settings; options and environment win over it.
+    #[arg(long, value_name = "FILE", env = "CLERESTORY_WORKER_CONFIG")]
+    config: Option<PathBuf>,
+    /// Address of the coordinator [default: http://127.0.0.1:7171].
+    #[arg(long, value_name = "URL", env = "CLERESTORY_COORDINATOR")]
+    coordinator: Option<String>,
+    /// File with the farm's token; the token itself can be in CLERESTORY_TOKEN.
+    #[arg(long, value_name = "FILE", env = "CLERESTORY_TOKEN_FILE")]
+    token_file: Option<PathBuf>,
+    /// A name for people [default: the machine's].
+    #[arg(long, env = "CLERESTORY_WORKER_NAME")]
+    name: Option<String>,
+    /// Threads that render [default: one for each core].
+    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
+    threads: Option<NonZeroUsize>,
+    /// Stop when standard input ends; for workers that belong to another process.
+    #[arg(long, hide = true)]
+    stop_with_stdin: bool,
+}
+
+/// The configuration file.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct WorkerFile {
+    coordinator: Option<String>,
+    token_file: Option<PathBuf>,
+    name: Option<String>,
+    threads: Option<NonZeroUsize>,
+}
+
+pub(crate) async fn run(arguments: WorkerArguments) -> Result<(), Failure> {
+    let parent = if arguments.stop_with_stdin { Parent::HoldsStdin } else { Parent::None };
+    let config = interpret(arguments)?;
+    let stop = shutdown::token(parent);
+    Ok(clerestory_worker::run(config, async move { stop.cancelled().await }).await?)
+}
+
+fn interpret(arguments: WorkerArguments) -> Result<clerestory_worker::Config, Failure> {
+    let file: WorkerFile = settings::read(arguments.config.as_deref())?;
+    let coordinator = arguments.coordinator.or(file.coordinator);
+    Ok(clerestory_worker::Config {
+        coordinator: coordinator.unwrap_or_else(|| format!("http://{DEFAULT_LISTEN}")),
+        token: token(arguments.token_file.or(file.token_file).as_deref())?,
+        name: arguments.name.or(file.name).unwrap_or_else(machine_name),
+        threads: arguments.threads.or(file.threads).unwrap_or_else(cores),
+        build: BUILD.to_owned(),
+    })
+}
+
+/// Cores that this process may use; 1 where the system does not say.
+pub(crate) fn cores() -> NonZeroUsize {
+    available_parallelism().unwrap_or(NonZeroUsize::MIN)
+}
+
+fn machine_name() -> String {
+    let name = fs::read_to_string("/proc/sys/kernel/hostname").or_else(|_| fs::read_to_string("/etc/hostname"));
+    name.map(|name| name.trim().to_owned()).ok().filter(|name| !name.is_empty()).unwrap_or_else(|| "worker".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::arguments::{Arguments, Command};
+
+    fn parse(options: &[&str]) -> WorkerArguments {
+        let words = ["clerestory", "worker"].iter().chain(options);
+        match Arguments::try_parse_from(words).unwrap().command {
+            Command::Worker(arguments) => arguments,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn options_win_over_the_file_and_the_file_over_defaults() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("worker.toml");
+        fs::write(&file, "name = \"from the file\"\nthreads = 3\n").unwrap();
+        let config = interpret(parse(&["--config", file.to_str().unwrap(), "--threads", "5"])).unwrap();
+        assert_eq!((config.name.as_str(), config.threads.get()), ("from the file", 5));
+        assert_eq!(config.coordinator, "http://127.0.0.1:7171");
+    }
+}

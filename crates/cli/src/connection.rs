@@ -1,0 +1,73 @@
+//! Where the coordinator is, and how to be let in.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use clerestory_api::{Client, ClientError, JobId};
+
+use crate::failure::Failure;
+
+/// Environment variable with the farm's token. There is no option for it: options can be seen by other users.
+const TOKEN_VARIABLE: &str = "CLERESTORY_TOKEN";
+
+/// Address of the coordinator where none is given, and where a coordinator listens unless told otherwise.
+pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7171";
+
+/// Options of every command that talks to a coordinator.
+#[derive(Clone, Debug, Args)]
+pub(crate) struct ConnectionArguments {
+    /// Address of the coordinator.
+    #[arg(long, value_name = "URL", default_value_t = format!("http://{DEFAULT_LISTEN}"), env = "CLERESTORY_COORDINATOR")]
+    pub(crate) coordinator: String,
+    /// File with the farm's token; the token itself can be in CLERESTORY_TOKEN.
+    #[arg(long, value_name = "FILE", env = "CLERESTORY_TOKEN_FILE")]
+    pub(crate) token_file: Option<PathBuf>,
+}
+
+/// A client, and the address for messages.
+#[derive(Clone, Debug)]
+pub(crate) struct Connection {
+    pub(crate) client: Client,
+    address: String,
+}
+
+impl ConnectionArguments {
+    /// Sets the connection up. Nothing is sent yet.
+    pub(crate) fn open(&self) -> Result<Connection, Failure> {
+        Connection::open(&self.coordinator, token(self.token_file.as_deref())?.as_deref())
+    }
+}
+
+impl Connection {
+    pub(crate) fn open(address: &str, token: Option<&str>) -> Result<Self, Failure> {
+        let client = Client::new(address, token).map_err(Failure::Connection)?;
+        Ok(Self { address: address.trim_end_matches('/').to_owned(), client })
+    }
+
+    /// Names the coordinator in the failure of a call.
+    pub(crate) fn failure(&self, source: ClientError) -> Failure {
+        Failure::Coordinator { address: self.address.clone(), source }
+    }
+
+    /// Where a browser shows the job.
+    pub(crate) fn job_page(&self, job: JobId) -> String {
+        format!("{}/#/jobs/{job}", self.address)
+    }
+}
+
+/// The token from the environment or a file, the environment first. White space around it does not count.
+pub(crate) fn token(file: Option<&Path>) -> Result<Option<String>, Failure> {
+    if let Ok(token) = std::env::var(TOKEN_VARIABLE) {
+        return Ok(Some(token.trim().to_owned()).filter(|token| !token.is_empty()));
+    }
+    let Some(file) = file else { return Ok(None) };
+    let text = fs::read_to_string(file).map_err(|source| Failure::Read { file: file.to_owned(), source })?;
+    match text.trim() {
+        "" => Err(Failure::Usage(format!(
+            "the token file {} is empty: expected something like the output of `openssl rand -hex 32`",
+            file.display()
+        ))),
+        token => Ok(Some(token.to_owned())),
+    }
+}

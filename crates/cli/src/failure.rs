@@ -1,0 +1,106 @@
+//! Why a command failed, and what that means for the exit code.
+
+use std::error::Error;
+use std::io;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clerestory_api::ClientError;
+use clerestory_coordinator::RunError;
+use clerestory_render_core::film::{CompareError, ImageError, PreviewError};
+use clerestory_render_core::scene::SceneError;
+use clerestory_worker::WorkerError;
+
+use crate::local_render::LocalRenderError;
+
+/// A command failed. Printed with its causes.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Failure {
+    /// Arguments or settings that cannot be used; the message says what would be right.
+    #[error("{0}")]
+    Usage(String),
+    /// The threads that run the command could not be started.
+    #[error("cannot start")]
+    Runtime(#[source] io::Error),
+    /// Standard output cannot be written.
+    #[error("cannot write to standard output")]
+    Output(#[source] io::Error),
+    /// A file cannot be read.
+    #[error("cannot read {}", file.display())]
+    Read { file: PathBuf, source: io::Error },
+    /// A file cannot be written.
+    #[error("cannot write {}", file.display())]
+    Write { file: PathBuf, source: io::Error },
+    /// A configuration file does not say what it should.
+    #[error("cannot use the configuration in {}", file.display())]
+    Configuration { file: PathBuf, source: Box<toml::de::Error> },
+    /// The scene is not valid.
+    #[error("cannot use the scene {}", file.display())]
+    Scene { file: PathBuf, source: SceneError },
+    /// A file is no image that can be used.
+    #[error("cannot use the image {}", file.display())]
+    Image { file: PathBuf, source: ImageError },
+    /// Two images cannot be compared.
+    #[error("cannot compare the images")]
+    Compare(#[source] CompareError),
+    /// Rendering in this process failed.
+    #[error("cannot render")]
+    Render(#[source] LocalRenderError),
+    /// Rendering in this process panicked: a fault of this program.
+    #[error("rendering failed, which is a fault of Clerestory")]
+    RenderPanic(#[source] tokio::task::JoinError),
+    /// The threads that render could not be started.
+    #[error("cannot start the threads that render")]
+    Threads(#[source] rayon::ThreadPoolBuildError),
+    /// What was rendered is no image.
+    #[error("cannot make the image")]
+    BadImage(#[source] ImageError),
+    /// The PNG cannot be made.
+    #[error("cannot make the PNG")]
+    Preview(#[source] PreviewError),
+    /// The coordinator could not be asked, or refused.
+    #[error("the coordinator at {address}")]
+    Coordinator { address: String, source: ClientError },
+    /// The address or token of a coordinator cannot be used.
+    #[error("cannot set up the connection to the coordinator")]
+    Connection(#[source] ClientError),
+    /// The coordinator cannot listen.
+    #[error("cannot listen on {address}: expected a free address of this machine, such as 127.0.0.1:7171")]
+    Listen { address: String, source: io::Error },
+    /// The coordinator of this process stopped.
+    #[error("the coordinator cannot work")]
+    CoordinatorStopped(#[from] RunError),
+    /// The worker cannot work.
+    #[error("the worker cannot work")]
+    Worker(#[from] WorkerError),
+    /// A process of the farm did not start or ended too early.
+    #[error("{0}")]
+    Process(String),
+    /// A process of the farm could not be started at all.
+    #[error("cannot start a process of the farm")]
+    Spawn(#[source] io::Error),
+    /// A job ended without an image.
+    #[error("{0}")]
+    Job(String),
+}
+
+impl Failure {
+    /// 2 when the arguments or settings are to blame, else 1.
+    pub(crate) fn exit_code(&self) -> ExitCode {
+        match self {
+            Self::Usage(_) | Self::Configuration { .. } => ExitCode::from(2),
+            _ => ExitCode::FAILURE,
+        }
+    }
+
+    /// Whether the reader of standard output went away.
+    pub(crate) fn is_broken_pipe(&self) -> bool {
+        matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
+    }
+
+    /// The failure and its causes, outermost first.
+    pub(crate) fn causes(&self) -> impl Iterator<Item = &(dyn Error + 'static)> {
+        let first: &(dyn Error + 'static) = self;
+        std::iter::successors(Some(first), |&error| error.source())
+    }
+}

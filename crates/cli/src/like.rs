@@ -1,0 +1,70 @@
+//! What an image says of how it was made, so that it can be made again.
+
+use std::path::Path;
+
+use clerestory_render_core::film::{FrameImage, ImageMetadata, TileGrid};
+use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};
+use clerestory_render_core::scene::{self, SceneBundle};
+
+use crate::failure::Failure;
+use crate::image_file;
+
+/// How to make an image again.
+pub(crate) struct Recipe {
+    /// The scene with the image's overrides.
+    pub(crate) bundle: SceneBundle,
+    /// Edge of a tile in pixels.
+    pub(crate) tile_size: u32,
+    /// Passes of each tile, in the order of the tiles.
+    pub(crate) tile_passes: Vec<u32>,
+}
+
+/// Reads from `image` how it was made, and applies that to the scene.
+pub(crate) fn recipe(scene: &Path, image: &Path) -> Result<Recipe, Failure> {
+    let picture = image_file::read(image)?;
+    let Some(metadata) = picture.metadata() else {
+        return Err(Failure::Usage(format!(
+            "the image {} does not say how it was made: expected one that Clerestory rendered",
+            image.display()
+        )));
+    };
+    check_tiles(image, &picture, metadata)?;
+    let failure = |source| Failure::Scene { file: scene.to_owned(), source };
+    let bundle = scene::load(scene).map_err(failure)?;
+    let mut description = bundle.description().clone();
+    description.seed = metadata.seed;
+    description.film = FilmDescription { width: picture.width(), height: picture.height() };
+    description.sampling = SamplingDescription {
+        samples_per_pass: metadata.sampling.samples_per_pass(),
+        samples_per_block: metadata.sampling.samples_per_block(),
+    };
+    description.integrator = serde_json::from_value(metadata.integrator.clone()).map_err(|error| {
+        Failure::Usage(format!("the image {} names an integrator that this build lacks: {error}", image.display()))
+    })?;
+    let bundle = bundle.with_description(description).map_err(failure)?;
+    let found = bundle.scene_hash().to_string();
+    if found != metadata.scene_hash {
+        return Err(Failure::Usage(format!(
+            "the scene {} is not the one of {}: with the image's settings it has the hash {found}, expected {}",
+            scene.display(),
+            image.display(),
+            metadata.scene_hash
+        )));
+    }
+    Ok(Recipe { bundle, tile_size: metadata.tile_size, tile_passes: metadata.tile_passes.clone() })
+}
+
+/// Checks that the tiles are those of the image: the metadata may come from anyone.
+fn check_tiles(file: &Path, picture: &FrameImage, metadata: &ImageMetadata) -> Result<(), Failure> {
+    let grid = TileGrid { width: picture.width(), height: picture.height(), tile_size: metadata.tile_size.max(1) };
+    if metadata.tile_size == 0 || metadata.tile_passes.len() != grid.len() as usize {
+        return Err(Failure::Usage(format!(
+            "the image {} counts passes for {} tiles of edge {}: expected {} tiles",
+            file.display(),
+            metadata.tile_passes.len(),
+            metadata.tile_size,
+            grid.len()
+        )));
+    }
+    Ok(())
+}

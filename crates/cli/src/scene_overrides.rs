@@ -1,0 +1,171 @@
+//! Options that change a scene before it is rendered.
+
+use std::path::Path;
+use std::str::FromStr;
+use std::time::Duration;
+
+use clap::{Args, ValueEnum};
+use clerestory_render_core::scene::description::{
+    FilmDescription, FneeSolver, IntegratorDescription, PaneSelection, SceneDescription,
+};
+use clerestory_render_core::scene::{self, SceneBundle};
+
+use crate::failure::Failure;
+
+/// Samples per pixel where neither a number nor a time is given: one block.
+const DEFAULT_SAMPLES_PER_PIXEL: u32 = 256;
+
+/// Samples per pixel that a time limit alone never reaches.
+const UNREACHABLE_SAMPLES_PER_PIXEL: u32 = 1 << 24;
+
+/// Trials of the inverse probability where the scene's own integrator has none.
+const DEFAULT_MAX_TRIALS: u32 = 1000;
+
+/// Options that change the scene and how much of it is rendered.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct SceneOverrides {
+    /// Samples per pixel, rounded up to whole passes [default: 256, or as many as --time allows].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(UNREACHABLE_SAMPLES_PER_PIXEL)))]
+    pub(crate) spp: Option<u32>,
+    /// Stop after this time; what is complete then is the image.
+    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    pub(crate) time: Option<Duration>,
+    /// Integrator to use instead of the scene's.
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub(crate) integrator: Option<IntegratorName>,
+    /// Seed of the random numbers.
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Size of the image in pixels.
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<Size>,
+}
+
+/// Names of the integrators.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum IntegratorName {
+    /// Path tracing alone.
+    Path,
+    /// Light through glass by sampling the cone from which it can come.
+    Cone,
+    /// Light through glass by Fermat next event estimation.
+    Fnee,
+}
+
+/// Width and height in pixels, written `640x480`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Size {
+    width: u32,
+    height: u32,
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let size = text
+            .split_once(['x', 'X'])
+            .and_then(|(width, height)| Some(Self { width: width.parse().ok()?, height: height.parse().ok()? }));
+        size.ok_or_else(|| "expected width and height in pixels, for instance 640x480".to_owned())
+    }
+}
+
+fn parse_seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0);
+    seconds
+        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
+        .ok_or_else(|| "expected a positive number of seconds".to_owned())
+}
+
+impl SceneOverrides {
+    /// Loads a scene and changes it.
+    pub(crate) fn load(&self, file: &Path) -> Result<SceneBundle, Failure> {
+        let failure = |source| Failure::Scene { file: file.to_owned(), source };
+        let bundle = scene::load(file).map_err(failure)?;
+        let description = self.apply(bundle.description().clone());
+        bundle.with_description(description).map_err(failure)
+    }
+
+    /// Samples per pixel to render at most.
+    pub(crate) fn samples_per_pixel(&self) -> u32 {
+        let default = if self.time.is_some() { UNREACHABLE_SAMPLES_PER_PIXEL } else { DEFAULT_SAMPLES_PER_PIXEL };
+        self.spp.unwrap_or(default)
+    }
+
+    fn apply(&self, mut description: SceneDescription) -> SceneDescription {
+        if let Some(name) = self.integrator {
+            description.integrator = name.settings(description.integrator);
+        }
+        if let Some(seed) = self.seed {
+            description.seed = seed;
+        }
+        if let Some(Size { width, height }) = self.size {
+            description.film = FilmDescription { width, height };
+        }
+        description
+    }
+}
+
+impl IntegratorName {
+    /// Settings of this integrator that keep what they have in common with `current`.
+    fn settings(self, current: IntegratorDescription) -> IntegratorDescription {
+        if self == Self::of(&current) {
+            return current;
+        }
+        let (IntegratorDescription::Path { max_depth }
+        | IntegratorDescription::Cone { max_depth }
+        | IntegratorDescription::Fnee { max_depth, .. }) = current;
+        match self {
+            Self::Path => IntegratorDescription::Path { max_depth },
+            Self::Cone => IntegratorDescription::Cone { max_depth },
+            Self::Fnee => IntegratorDescription::Fnee {
+                max_depth,
+                solver: FneeSolver::default(),
+                selection: PaneSelection::default(),
+                max_trials: DEFAULT_MAX_TRIALS,
+            },
+        }
+    }
+
+    /// The name of the integrator with these settings.
+    pub(crate) fn of(settings: &IntegratorDescription) -> Self {
+        match settings {
+            IntegratorDescription::Path { .. } => Self::Path,
+            IntegratorDescription::Cone { .. } => Self::Cone,
+            IntegratorDescription::Fnee { .. } => Self::Fnee,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_size_is_two_numbers_around_an_x() {
+        assert_eq!("640x480".parse(), Ok(Size { width: 640, height: 480 }));
+        for text in ["640", "640x", "x480", "640x480x1", "-1x5", "640 480", ""] {
+            assert!(text.parse::<Size>().is_err_and(|message| message.contains("640x480")), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_time_is_a_positive_number_of_seconds() {
+        assert_eq!(parse_seconds("2.5"), Ok(Duration::from_millis(2500)));
+        for text in ["0", "-1", "nan", "inf", "1e300", "ten", ""] {
+            assert!(parse_seconds(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn changing_the_integrator_keeps_the_depth_and_its_own_settings() {
+        let published = IntegratorDescription::Fnee {
+            max_depth: 7,
+            solver: FneeSolver::Published,
+            selection: PaneSelection::Sharp,
+            max_trials: 50,
+        };
+        assert_eq!(IntegratorName::Fnee.settings(published.clone()), published);
+        assert_eq!(IntegratorName::Path.settings(published), IntegratorDescription::Path { max_depth: 7 });
+    }
+}

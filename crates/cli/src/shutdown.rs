@@ -1,0 +1,62 @@
+//! When to stop: an interrupt or termination signal, or, for children of a farm, the end of standard input.
+
+use std::io::{Read, stdin};
+use std::process;
+
+use tokio_util::sync::CancellationToken;
+
+/// Exit code after a second interrupt, as shells have it.
+const INTERRUPTED: i32 = 130;
+
+/// What besides signals asks a process to stop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Parent {
+    /// Nothing.
+    None,
+    /// The end of standard input: the parent holds its other end, so it ends with the parent, however that dies.
+    HoldsStdin,
+}
+
+/// A token that is cancelled when the process is asked to stop. Asked a second time, the process ends at once.
+pub(crate) fn token(parent: Parent) -> CancellationToken {
+    let stop = CancellationToken::new();
+    let first = stop.clone();
+    tokio::spawn(async move {
+        signal().await;
+        first.cancel();
+        signal().await;
+        process::exit(INTERRUPTED);
+    });
+    if parent == Parent::HoldsStdin {
+        let first = stop.clone();
+        std::thread::spawn(move || {
+            let mut buffer = [0; 64];
+            while matches!(stdin().read(&mut buffer), Ok(bytes) if bytes > 0) {}
+            first.cancel();
+        });
+    }
+    stop
+}
+
+/// Completes when SIGINT or SIGTERM arrives. A signal that cannot be listened for never arrives.
+#[cfg(unix)]
+async fn signal() {
+    use tokio::signal::unix::{SignalKind, signal};
+
+    let (Ok(mut interrupt), Ok(mut terminate)) = (signal(SignalKind::interrupt()), signal(SignalKind::terminate()))
+    else {
+        return std::future::pending().await;
+    };
+    tokio::select! {
+        _ = interrupt.recv() => {}
+        _ = terminate.recv() => {}
+    }
+}
+
+/// Completes when the user interrupts. A signal that cannot be listened for never arrives.
+#[cfg(not(unix))]
+async fn signal() {
+    if tokio::signal::ctrl_c().await.is_err() {
+        std::future::pending().await
+    }
+}

@@ -1,0 +1,177 @@
+//! What people and scripts see: results on standard output, progress on standard error.
+
+use std::io::{self, IsTerminal, Write};
+use std::time::{Duration, Instant};
+
+use clerestory_api::ConvergencePoint;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
+
+use crate::failure::Failure;
+
+/// Steps of a full progress bar.
+const BAR_STEPS: u64 = 1000;
+
+/// Time between lines of progress where there is no terminal to draw a bar on.
+const LINE_PERIOD: Duration = Duration::from_secs(5);
+
+/// Writes a line to standard output.
+pub(crate) fn print_line(line: &str) -> Result<(), Failure> {
+    writeln!(io::stdout().lock(), "{line}").map_err(Failure::Output)
+}
+
+/// Writes a value to standard output as one line of JSON.
+pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string(value).expect("what commands print has a form in JSON");
+    print_line(&text)
+}
+
+/// Writes a failure and its causes to standard error.
+pub(crate) fn print_failure(failure: &Failure) {
+    let text: Vec<String> = failure.causes().map(ToString::to_string).collect();
+    // With standard error gone, nobody is left to be told.
+    let _ = writeln!(io::stderr().lock(), "error: {}", text.join(": "));
+}
+
+/// How far a render is.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Advance {
+    /// Fraction that is done, 0 to 1.
+    pub(crate) fraction: f64,
+    /// Camera samples a second.
+    pub(crate) samples_per_second: Option<f64>,
+    /// Estimated time left.
+    pub(crate) remaining: Option<Duration>,
+}
+
+/// Progress on standard error: a bar on a terminal, a line now and then elsewhere.
+pub(crate) struct Progress {
+    bar: ProgressBar,
+    is_drawn: bool,
+    last_line: Option<Instant>,
+    has_header: bool,
+}
+
+impl Progress {
+    pub(crate) fn new() -> Self {
+        let is_drawn = io::stderr().is_terminal();
+        let target = if is_drawn { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let style =
+            ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}").expect("the template is well formed");
+        let bar = ProgressBar::with_draw_target(Some(BAR_STEPS), target).with_style(style);
+        Self { bar, is_drawn, last_line: None, has_header: false }
+    }
+
+    /// Shows how far it is.
+    pub(crate) fn show(&mut self, advance: &Advance) {
+        let text = advance_text(advance);
+        if self.is_drawn {
+            self.bar.set_position((advance.fraction * BAR_STEPS as f64) as u64);
+            self.bar.set_message(text);
+        } else if !text.is_empty() && self.last_line.is_none_or(|last| last.elapsed() >= LINE_PERIOD) {
+            self.last_line = Some(Instant::now());
+            self.note(&format!("{:3.0} %  {text}", advance.fraction * 100.0));
+        }
+    }
+
+    /// Writes a line that stays.
+    pub(crate) fn note(&self, line: &str) {
+        // Progress is a courtesy: a standard error that is gone does not stop the work.
+        self.bar.suspend(|| {
+            let _ = writeln!(io::stderr().lock(), "{line}");
+        });
+    }
+
+    /// Writes a row of the table of rounds, with a header above the first.
+    pub(crate) fn round(&mut self, point: &ConvergencePoint) {
+        if !std::mem::replace(&mut self.has_header, true) {
+            self.note("  round     spp       time          MSE    corrected       relMSE       PSNR");
+        }
+        self.note(&round_text(point));
+    }
+
+    /// Takes the bar away.
+    pub(crate) fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+fn advance_text(advance: &Advance) -> String {
+    let rate = advance.samples_per_second.map(|rate| format!("{} samples/s", with_prefix(rate)));
+    let left = advance.remaining.map(|left| format!("{} left", duration_text(left)));
+    [rate, left].into_iter().flatten().collect::<Vec<_>>().join(", ")
+}
+
+fn round_text(point: &ConvergencePoint) -> String {
+    // Without a reference, the image's own estimate of its error is all there is.
+    let estimate = point.estimated_mse.filter(|_| point.mse.is_none());
+    let number = |value: Option<f64>| value.map_or_else(|| format!("{:>12}", "-"), |value| format!("{value:12.4e}"));
+    let psnr = point.psnr.map_or_else(|| format!("{:>8}   ", "-"), |psnr| format!("{psnr:8.2} dB"));
+    let time = duration_text(Duration::from_millis(u64::try_from(point.wall_ms).unwrap_or(0)));
+    let row = format!(
+        "{:>7} {:>7} {time:>10} {} {} {} {psnr}",
+        point.round + 1,
+        point.samples_per_pixel,
+        number(point.mse),
+        number(point.corrected_mse),
+        number(point.rel_mse),
+    );
+    match estimate {
+        Some(estimate) => format!("{row}  (estimated MSE {estimate:.2e})"),
+        None => row,
+    }
+}
+
+/// A duration in the largest fitting units: `0.4 s`, `3 min 20 s`, `2 h 05 min`.
+pub(crate) fn duration_text(duration: Duration) -> String {
+    let seconds = duration.as_secs();
+    match seconds {
+        0..60 => format!("{:.1} s", duration.as_secs_f64()),
+        60..3600 => format!("{} min {:02} s", seconds / 60, seconds % 60),
+        _ => format!("{} h {:02} min", seconds / 3600, seconds / 60 % 60),
+    }
+}
+
+/// A number with a decimal prefix: `12.3 k`, `4.56 M`.
+fn with_prefix(value: f64) -> String {
+    let prefixes = [(1e9, " G"), (1e6, " M"), (1e3, " k")];
+    match prefixes.into_iter().find(|(factor, _)| value >= *factor) {
+        Some((factor, prefix)) => format!("{:.2}{prefix}", value / factor),
+        None => format!("{value:.0}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn durations_and_rates_are_written_for_people() {
+        let text = |seconds| duration_text(Duration::from_secs_f64(seconds));
+        assert_eq!((text(0.44), text(200.0), text(7500.0)), ("0.4 s".into(), "3 min 20 s".into(), "2 h 05 min".into()));
+        let advance =
+            Advance { fraction: 0.5, samples_per_second: Some(1_234_567.0), remaining: Some(Duration::from_secs(61)) };
+        assert_eq!(advance_text(&advance), "1.23 M samples/s, 1 min 01 s left");
+        assert_eq!(advance_text(&Advance::default()), "");
+    }
+
+    #[test]
+    fn a_round_without_a_reference_shows_its_own_estimate() {
+        let point = ConvergencePoint {
+            frame: 0,
+            round: 2,
+            passes: 4,
+            samples_per_pixel: 64,
+            core_ms: 10,
+            wall_ms: 1500,
+            recorded_ms: 0,
+            mse: None,
+            corrected_mse: None,
+            rel_mse: None,
+            psnr: None,
+            estimated_mse: Some(1.25e-3),
+        };
+        let row = round_text(&point);
+        assert!(row.contains("64      1.5 s") && row.ends_with("(estimated MSE 1.25e-3)"), "{row}");
+    }
+}

@@ -1,0 +1,102 @@
+// One job: its frame, how far it is, its error, and what can be done with it.
+
+import { html, useState } from './vendor/htm-preact.js';
+import { exrAddress, previewAddress } from './api.js';
+import { Connection } from './connection.js';
+import { Convergence } from './convergence.js';
+import { CancelDialog } from './cancel.js';
+import { counted, duration, moment, percent, rate } from './format.js';
+import { FIT, Frame } from './frame.js';
+import { JobProgress, JobState, timeLeft } from './jobs.js';
+
+/** The view of the job `id`. */
+export function JobView({ id, farm }) {
+  const [view, setView] = useState({ exposure: 0, curve: 'srgb', zoom: FIT });
+  const job = farm.jobs.get(id);
+  if (!job) {
+    return html`
+      <section class="card empty">
+        <h1>There is no such job</h1>
+        <p>This farm knows no job <code>${id}</code>. <a href="#/">See all jobs</a>.</p>
+      </section>`;
+  }
+  const isReachable = farm.connection !== Connection.OFFLINE;
+  return html`
+    <article class="job" data-job=${id} aria-labelledby="job-heading">
+      <nav aria-label="Up"><a href="#/">All jobs</a></nav>
+      <div class="job-head">
+        <h1 id="job-heading">${job.name}</h1>
+        <${JobState} state=${job.state} />
+      </div>
+      <${JobProgress} job=${job} label="Progress" />
+      <${Announcement} job=${job} />
+      ${job.failure && html`
+        <div class="notice warning" role="alert"><p><strong>The job was given up:</strong> ${job.failure}</p></div>`}
+      ${job.state === 'queued' && farm.workers.size === 0 && html`
+        <div class="notice"><p>No worker has registered. <a href="#/">See how to start one</a>.</p></div>`}
+      <div class="job-body">
+        <${Frame} job=${job} view=${view} onView=${setView} isReachable=${isReachable} />
+        <div class="job-side">
+          <${Facts} job=${job} />
+          <${Actions} job=${job} view=${view} isReachable=${isReachable} />
+          <${MissingLight} job=${job} />
+        </div>
+      </div>
+      <${Convergence} job=${job} entry=${farm.convergence.get(id)} isReachable=${isReachable} />
+    </article>`;
+}
+
+function Facts({ job }) {
+  const budget = job.passes * job.samples_per_pass;
+  const pixels = job.width * job.height * job.frames;
+  const facts = [
+    [job.finished_ms ? 'took' : 'time left', timeLeft(job)],
+    ['samples a pixel', html`<span class="samples">${mean(job.samples / pixels)} of ${budget}</span>`],
+    ['rate', job.state === 'running' ? rate(job.samples_per_second) : '–'],
+    ['core time', duration(job.core_ms)],
+    ['rounds', job.rounds],
+    ['size', `${job.width} × ${job.height}, ${counted(job.tiles, 'tile')}`],
+    ['integrator', job.integrator],
+    ['priority', job.priority],
+    ['submitted', moment(job.created_ms)],
+  ];
+  if (job.time_limit_ms) facts.push(['time limit', duration(job.time_limit_ms)]);
+  return html`
+    <dl class="card facts tall">
+      ${facts.map(([name, value]) => html`<div><dt>${name}</dt><dd>${value}</dd></div>`)}
+      <div><dt>scene</dt><dd><code class="hash" title=${job.scene_hash}>${job.scene_hash.slice(0, 12)}</code></dd></div>
+    </dl>`;
+}
+
+const mean = (samples) => (Number.isInteger(samples) ? samples : samples.toFixed(1));
+
+function Actions({ job, view, isReachable }) {
+  const [isAsking, setIsAsking] = useState(false);
+  const hasImage = job.samples > 0;
+  const file = job.name.replace(/[^\w.-]+/g, '-') || 'image';
+  const isFinal = ['done', 'cancelled', 'failed'].includes(job.state);
+  return html`
+    <div class="actions">
+      ${hasImage && html`
+        <a class="button" href=${exrAddress(job.id)} download=${`${file}.exr`}>Download EXR</a>
+        <a class="button" href=${previewAddress(job.id, view)} download=${`${file}.png`}>Download PNG</a>`}
+      ${!isFinal && html`
+        <button type="button" class="danger" disabled=${!isReachable} onClick=${() => setIsAsking(true)}>Cancel job …</button>`}
+      ${isAsking && html`<${CancelDialog} job=${job} onClose=${() => setIsAsking(false)} />`}
+    </div>`;
+}
+
+function MissingLight({ job }) {
+  if (job.missing_light.length === 0) return null;
+  return html`
+    <section class="card missing" aria-labelledby="missing-heading">
+      <h2 id="missing-heading">Light that this image lacks</h2>
+      <ul>${job.missing_light.map((text) => html`<li>${text}</li>`)}</ul>
+    </section>`;
+}
+
+// Screen readers hear every tenth of the way, and how it ended.
+function Announcement({ job }) {
+  const text = job.state === 'running' ? `Rendering, ${percent(Math.floor(job.progress * 10) / 10)} done` : `Job ${job.state}`;
+  return html`<p class="visually-hidden" role="status">${text}</p>`;
+}

@@ -1,0 +1,60 @@
+// The table of workers.
+
+import { html } from './vendor/htm-preact.js';
+import { ago, count, moment, rate } from './format.js';
+import { useCoordinatorTime } from './time.js';
+
+const STATE_WORDS = { rendering: 'Rendering', idle: 'Idle', silent: 'Silent' };
+const STATE_ORDER = ['rendering', 'idle', 'silent'];
+
+/** All workers; or how to start the first one. */
+export function WorkerTable({ farm }) {
+  const now = useCoordinatorTime();
+  const workers = [...farm.workers.values()].sort(
+    (a, b) => STATE_ORDER.indexOf(a.state) - STATE_ORDER.indexOf(b.state) || a.name.localeCompare(b.name),
+  );
+  return html`
+    <section aria-labelledby="workers-heading">
+      <h2 id="workers-heading">Workers</h2>
+      ${workers.length === 0 ? html`<${NoWorkers} />` : html`
+        <div class="card scroll" tabindex="0" role="region" aria-label="Table of workers">
+          <table class="workers">
+            <thead>
+              <tr>
+                <th scope="col">Name</th><th scope="col">State</th><th scope="col">Job</th>
+                <th scope="col" class="number">Cores</th><th scope="col" class="number">Rate</th>
+                <th scope="col" class="number">Nodes</th><th scope="col">Last heard of</th><th scope="col">Build</th>
+              </tr>
+            </thead>
+            <tbody>
+              ${workers.map((worker) => html`<${WorkerRow} key=${worker.id} worker=${worker} jobs=${farm.jobs} now=${now} />`)}
+            </tbody>
+          </table>
+        </div>`}
+    </section>`;
+}
+
+function WorkerRow({ worker, jobs, now }) {
+  const job = worker.state === 'rendering' ? jobs.get(worker.job) : undefined;
+  return html`
+    <tr data-worker=${worker.id}>
+      <th scope="row">
+        ${worker.name}
+        ${worker.refused_partials > 0 && html`
+          <span class="failure"> ${worker.refused_partials} refused</span>`}
+      </th>
+      <td><span class="state" data-state=${worker.state}>${STATE_WORDS[worker.state] ?? worker.state}</span></td>
+      <td>${job ? html`<a href=${`#/jobs/${job.id}`}>${job.name}</a>` : '–'}</td>
+      <td class="number">${worker.cores}</td>
+      <td class="number">${rate(worker.samples_per_second)}</td>
+      <td class="number">${count(worker.accepted_nodes)}</td>
+      <td title=${moment(worker.seen_ms)}>${ago(now - worker.seen_ms)}</td>
+      <td><code class="build">${worker.build}</code></td>
+    </tr>`;
+}
+
+const NoWorkers = () => html`
+  <div class="card empty">
+    <p><strong>No worker has registered.</strong> Start one on any machine that reaches this address:</p>
+    <pre><code>clerestory worker --coordinator ${location.origin}</code></pre>
+  </div>`;

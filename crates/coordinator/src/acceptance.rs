@@ -1,0 +1,131 @@
+//! Partials: decoded with distrust, stored, and accepted.
+//!
+//! The order makes the promise: the nodes' blobs are synced to disk, then one transaction accepts them, then the worker
+//! is told. A crash anywhere in between leaves blobs that nobody names, or a worker that uploads again and hears that all
+//! is there.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use bytes::Bytes;
+use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, ProblemCode};
+use clerestory_render_core::film::{self, DecodeBudget, Expectation, Node, NodeAddress, partial};
+use futures::stream::{self, StreamExt, TryStreamExt};
+
+use crate::farm::Farm;
+use crate::http::ApiError;
+use crate::store::{DeliveredNode, Delivery, JobRecord, LeaseError, WorkFailure};
+
+/// Nodes that are written at the same time.
+const WRITES: usize = 8;
+
+/// Bytes of a pixel in a node with all its layers: beauty, moment, albedo, normal (three floats each) and depth.
+const NODE_BYTES_PER_PIXEL: u64 = 13 * 4;
+
+/// A node as the wire names it.
+pub(crate) fn wire_address(address: &NodeAddress) -> clerestory_api::NodeAddress {
+    let NodeAddress { frame, tile, level, index } = *address;
+    clerestory_api::NodeAddress { frame, tile, level, index }
+}
+
+/// Accepts a partial under a lease. A partial that cannot be merged sends the lease's nodes back to the queue.
+pub(crate) async fn accept(
+    farm: &Farm,
+    lease: LeaseId,
+    token: u64,
+    core_ms: u64,
+    body: Bytes,
+) -> Result<PartialAnswer, ApiError> {
+    let record = farm.store.lease(lease).await?;
+    let job = farm.store.job(record.job).await?.ok_or(LeaseError::JobNotRunning)?;
+    let allowed = farm.store.leased_nodes(lease).await?;
+    let expectation = Expectation {
+        job: job.id.to_string(),
+        scene_hash: job.scene_hash.clone(),
+        grid: job.grid,
+        sampling: job.sampling().map_err(ApiError::internal)?,
+        allowed,
+    };
+    let budget = budget(&job, &expectation.allowed);
+    let decoded = tokio::task::spawn_blocking(move || partial::decode(&body, &expectation, budget));
+    let nodes = match decoded.await.map_err(ApiError::internal)? {
+        Ok(nodes) => nodes,
+        Err(error) => {
+            let reason = error.to_string();
+            tracing::warn!(%lease, worker = %record.worker, reason, "partial refused");
+            let now_ms = farm.config.clock.now_ms();
+            let failure = WorkFailure { lease, token, reason: reason.clone(), refused_partials: 1, now_ms };
+            fail(farm, failure).await?;
+            return Err(ApiError::new(ProblemCode::InvalidPartial, reason).field("body"));
+        }
+    };
+    store(farm, &job, lease, token, core_ms, nodes).await
+}
+
+/// Takes a lease back because its work failed.
+pub(crate) async fn fail(farm: &Farm, failure: WorkFailure) -> Result<(), ApiError> {
+    if let Some(job) = farm.store.fail_lease(failure).await? {
+        tracing::warn!(%job, "the job has failed");
+        farm.job_changed(job);
+        farm.film_grew(job);
+    }
+    farm.events.workers_changed();
+    farm.work.notify_waiters();
+    Ok(())
+}
+
+/// What the decoded nodes of a lease can need at most.
+fn budget(job: &JobRecord, nodes: &BTreeSet<NodeAddress>) -> DecodeBudget {
+    let pixels = nodes.iter().filter_map(|node| job.grid.tile(node.tile)).map(|tile| tile.pixels() as u64);
+    DecodeBudget { pixel_bytes: pixels.sum::<u64>() * NODE_BYTES_PER_PIXEL }
+}
+
+async fn store(
+    farm: &Farm,
+    job: &JobRecord,
+    lease: LeaseId,
+    token: u64,
+    core_ms: u64,
+    nodes: Vec<Node>,
+) -> Result<PartialAnswer, ApiError> {
+    let nodes: Vec<Arc<Node>> = nodes.into_iter().map(Arc::new).collect();
+    let writes: Vec<_> = nodes.iter().map(|node| write(farm, job, Arc::clone(node))).collect();
+    let delivered: Vec<DeliveredNode> = stream::iter(writes).buffered(WRITES).try_collect().await?;
+    let now_ms = farm.config.clock.now_ms();
+    let core_ms = i64::try_from(core_ms).unwrap_or(i64::MAX);
+    let delivery = Delivery { lease, token, nodes: delivered.clone(), core_ms, now_ms };
+    let acceptance = match farm.store.accept(delivery).await {
+        Ok(acceptance) => acceptance,
+        Err(error) => {
+            farm.blobs.remove_nodes(delivered.into_iter().map(|node| node.blob).collect()).await;
+            return Err(error.into());
+        }
+    };
+    let mut answers = Vec::with_capacity(nodes.len());
+    let mut unused = Vec::new();
+    for ((node, delivered), verdict) in nodes.into_iter().zip(delivered).zip(acceptance.verdicts) {
+        let reason = match verdict {
+            NodeVerdict::Refused => Some("the node is not pending under this lease".to_owned()),
+            NodeVerdict::Accepted | NodeVerdict::Duplicate => None,
+        };
+        answers.push(NodeAnswer { node: wire_address(&delivered.address), verdict, reason });
+        match verdict {
+            NodeVerdict::Accepted => farm.film.keep(delivered.blob, node),
+            NodeVerdict::Duplicate | NodeVerdict::Refused => unused.push(delivered.blob),
+        }
+    }
+    farm.blobs.remove_nodes(unused).await;
+    if acceptance.samples > 0 {
+        farm.rates.add(job.id, acceptance.samples, now_ms);
+        farm.events.progressed(job.id);
+        farm.film_grew(job.id);
+    }
+    farm.events.workers_changed();
+    Ok(PartialAnswer { nodes: answers, outstanding: acceptance.outstanding })
+}
+
+async fn write(farm: &Farm, job: &JobRecord, node: Arc<Node>) -> Result<DeliveredNode, ApiError> {
+    let address = node.address();
+    let bytes = tokio::task::spawn_blocking(move || film::store::encode(&node)).await.map_err(ApiError::internal)?;
+    Ok(DeliveredNode { address, blob: farm.blobs.put_node(job.id, bytes).await? })
+}

@@ -1,0 +1,203 @@
+//! Events for whoever watches: stored ones in their order, and what is only true now.
+//!
+//! One task sends everything, so that stored events go out in the order of their numbers and none is skipped, whichever
+//! transaction committed first. Progress is gathered: however many nodes arrive, a job or worker is sent a few times a
+//! second at most.
+
+use std::collections::{BTreeSet, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use clerestory_api::{Event, EventBody, JobId};
+use futures::stream::{self, Stream};
+use tokio::sync::{Notify, broadcast};
+
+use crate::farm::Farm;
+use crate::store::{StoreError, StoredEvent, StoredKind};
+use crate::views;
+
+/// Events that a slow listener may fall behind before it gets a snapshot instead.
+const BACKLOG: usize = 256;
+
+/// Stored events that are read at once; also the most that a listener who comes back is sent one by one.
+const BATCH: u32 = 500;
+
+/// Shortest time between two rounds of sending.
+const PAUSE: Duration = Duration::from_millis(200);
+
+/// The bells and the line on which events go out.
+#[derive(Debug)]
+pub(crate) struct Events {
+    line: broadcast::Sender<Event>,
+    news: Notify,
+    changed: Mutex<Changed>,
+}
+
+#[derive(Debug, Default)]
+struct Changed {
+    jobs: BTreeSet<JobId>,
+    workers: bool,
+}
+
+impl Default for Events {
+    fn default() -> Self {
+        Self { line: broadcast::Sender::new(BACKLOG), news: Notify::new(), changed: Mutex::default() }
+    }
+}
+
+impl Events {
+    /// Says that events have been stored.
+    pub(crate) fn stored(&self) {
+        self.news.notify_one();
+    }
+
+    /// Says that a job has advanced.
+    pub(crate) fn progressed(&self, job: JobId) {
+        self.changed().jobs.insert(job);
+        self.news.notify_one();
+    }
+
+    /// Says that something is new about a worker.
+    pub(crate) fn workers_changed(&self) {
+        self.changed().workers = true;
+        self.news.notify_one();
+    }
+
+    fn changed(&self) -> MutexGuard<'_, Changed> {
+        self.changed.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Sends events until the coordinator stops.
+pub(crate) async fn run(farm: Arc<Farm>, mut last_id: i64) {
+    while farm.stopping.run_until_cancelled(farm.events.news.notified()).await.is_some() {
+        if let Err(error) = send_news(&farm, &mut last_id).await {
+            tracing::error!(%error, "events could not be read");
+        }
+        tokio::time::sleep(PAUSE).await;
+    }
+}
+
+async fn send_news(farm: &Farm, last_id: &mut i64) -> Result<(), StoreError> {
+    let changed = std::mem::take(&mut *farm.events.changed());
+    loop {
+        let stored = farm.store.events_after(*last_id, BATCH).await?;
+        for event in &stored {
+            *last_id = event.id;
+            if let Some(body) = body_of(farm, event).await? {
+                send(farm, Event { id: Some(event.id), body });
+            }
+        }
+        if stored.len() < BATCH as usize {
+            break;
+        }
+    }
+    if farm.events.line.receiver_count() == 0 {
+        return Ok(());
+    }
+    for job in changed.jobs {
+        if let Some(record) = farm.store.job(job).await? {
+            let job = Box::new(views::job(farm, record).await?);
+            send(farm, Event { id: None, body: EventBody::Progress { job } });
+        }
+    }
+    if changed.workers {
+        for worker in views::workers(farm).await? {
+            send(farm, Event { id: None, body: EventBody::Worker { worker } });
+        }
+    }
+    Ok(())
+}
+
+fn send(farm: &Farm, event: Event) {
+    // An error means that nobody listens.
+    let _ = farm.events.line.send(event);
+}
+
+/// The stored event with what is true now; `None` when what it is about is gone.
+async fn body_of(farm: &Farm, event: &StoredEvent) -> Result<Option<EventBody>, StoreError> {
+    match event.kind {
+        StoredKind::Job => {
+            let Some(record) = farm.store.job(event.job).await? else { return Ok(None) };
+            Ok(Some(EventBody::Job { job: Box::new(views::job(farm, record).await?) }))
+        }
+        StoredKind::Round { frame, round } => {
+            let point = farm.store.convergence_point(event.job, frame, round).await?;
+            Ok(point.map(|point| EventBody::Round { job: event.job, point }))
+        }
+    }
+}
+
+/// Everything from `last_id` on, or from now on: the events that were missed, a snapshot, and then what happens. The
+/// stream ends when the coordinator stops.
+pub(crate) async fn listen(
+    farm: Arc<Farm>,
+    job: Option<JobId>,
+    last_id: Option<i64>,
+) -> Result<impl Stream<Item = Event> + Send + use<>, StoreError> {
+    // Listening begins before the database is read, so that nothing falls between.
+    let line = farm.events.line.subscribe();
+    let mut listener = Listener { farm, job, line, queue: VecDeque::new(), last_id: 0 };
+    if let Some(last_id) = last_id {
+        listener.catch_up(last_id).await?;
+    }
+    listener.snapshot().await?;
+    Ok(stream::unfold(listener, |mut listener| async { listener.next().await.map(|event| (event, listener)) }))
+}
+
+struct Listener {
+    farm: Arc<Farm>,
+    job: Option<JobId>,
+    line: broadcast::Receiver<Event>,
+    queue: VecDeque<Event>,
+    last_id: i64,
+}
+
+impl Listener {
+    async fn catch_up(&mut self, last_id: i64) -> Result<(), StoreError> {
+        for event in self.farm.store.events_after(last_id, BATCH).await? {
+            if self.job.is_none_or(|job| job == event.job)
+                && let Some(body) = body_of(&self.farm, &event).await?
+            {
+                self.queue.push_back(Event { id: Some(event.id), body });
+            }
+        }
+        Ok(())
+    }
+
+    async fn snapshot(&mut self) -> Result<(), StoreError> {
+        self.last_id = self.farm.store.last_event_id().await?;
+        let jobs = match self.job {
+            None => views::jobs(&self.farm).await?,
+            Some(job) => match self.farm.store.job(job).await? {
+                Some(record) => vec![views::job(&self.farm, record).await?],
+                None => Vec::new(),
+            },
+        };
+        let workers = views::workers(&self.farm).await?;
+        self.queue.push_back(Event { id: Some(self.last_id), body: EventBody::Snapshot { jobs, workers } });
+        Ok(())
+    }
+
+    async fn next(&mut self) -> Option<Event> {
+        loop {
+            if let Some(event) = self.queue.pop_front() {
+                return Some(event);
+            }
+            match self.farm.stopping.run_until_cancelled(self.line.recv()).await? {
+                Ok(event) if self.is_news(&event) => {
+                    self.last_id = event.id.unwrap_or(self.last_id);
+                    return Some(event);
+                }
+                Ok(_) => {}
+                Err(broadcast::error::RecvError::Lagged(_)) => self.snapshot().await.ok()?,
+                Err(broadcast::error::RecvError::Closed) => return None,
+            }
+        }
+    }
+
+    fn is_news(&self, event: &Event) -> bool {
+        let is_mine = self.job.is_none() || event.body.job().is_none_or(|job| Some(job) == self.job);
+        is_mine && event.id.is_none_or(|id| id > self.last_id)
+    }
+}

@@ -1,0 +1,116 @@
+//! Assets: content that scenes name, uploaded once and named by its hash.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::body::{Body, BodyDataStream};
+use axum::extract::State;
+use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use clerestory_api::{ContentHash, ProblemCode};
+use tokio_stream::StreamExt;
+
+use super::extract::{PathParameter, too_slow};
+use super::problem::ApiError;
+use crate::blobs::UploadError;
+use crate::farm::Farm;
+
+/// Longest pause in an upload.
+const LONGEST_PAUSE: Duration = Duration::from_secs(30);
+
+/// Uploads an asset. What is there already is not read again.
+#[utoipa::path(
+    put, path = "/assets/{hash}", tag = "assets", params(("hash" = ContentHash, Path)),
+    request_body(content = Vec<u8>, content_type = "application/octet-stream"),
+    responses((status = 204, description = "The asset is safe on disk."))
+)]
+pub(super) async fn put(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(hash): PathParameter<ContentHash>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<StatusCode, ApiError> {
+    if farm.store.has_asset(hash).await? {
+        return Ok(StatusCode::NO_CONTENT);
+    }
+    let limit = farm.config.max_asset_bytes;
+    let announced = headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
+    if announced.is_some_and(|announced| announced > limit) {
+        return Err(too_large(limit));
+    }
+    let size =
+        farm.blobs.put_asset(hash, limit, chunks(body.into_data_stream())).await.map_err(|error| match error {
+            UploadError::Source(Pause::TooLong) => too_slow(),
+            UploadError::Source(Pause::CutOff) => ApiError::new(ProblemCode::InvalidBody, "the body was cut off"),
+            UploadError::TooLarge { limit } => too_large(limit),
+            UploadError::HashMismatch { found } => {
+                ApiError::new(ProblemCode::HashMismatch, format!("the content has the hash {found}"))
+                    .field("hash")
+                    .value(hash)
+                    .expected(found.to_string())
+            }
+            UploadError::Store(error) => error.into(),
+        })?;
+    farm.store.insert_asset(hash, size, farm.config.clock.now_ms()).await?;
+    tracing::info!(asset = %hash, size, "asset stored");
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// Says whether an asset is there.
+#[utoipa::path(
+    head, path = "/assets/{hash}", tag = "assets", params(("hash" = ContentHash, Path)),
+    responses((status = 200, description = "It is there."), (status = 404, description = "It has to be uploaded."))
+)]
+pub(super) async fn head(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(hash): PathParameter<ContentHash>,
+) -> Result<StatusCode, ApiError> {
+    require(&farm, hash).await?;
+    Ok(StatusCode::OK)
+}
+
+/// Downloads an asset.
+#[utoipa::path(
+    get, path = "/assets/{hash}", tag = "assets", params(("hash" = ContentHash, Path)),
+    responses((status = 200, body = Vec<u8>, content_type = "application/octet-stream"))
+)]
+pub(super) async fn get(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(hash): PathParameter<ContentHash>,
+) -> Result<Response, ApiError> {
+    require(&farm, hash).await?;
+    let (size, stream) = farm.blobs.asset_stream(hash).await?;
+    let headers = [
+        (CONTENT_TYPE, "application/octet-stream".to_owned()),
+        (CONTENT_LENGTH, size.to_string()),
+        (CACHE_CONTROL, "private, immutable, max-age=31536000".to_owned()),
+    ];
+    Ok((headers, Body::from_stream(stream)).into_response())
+}
+
+async fn require(farm: &Farm, hash: ContentHash) -> Result<(), ApiError> {
+    if farm.store.has_asset(hash).await? {
+        return Ok(());
+    }
+    Err(ApiError::new(ProblemCode::UnknownAsset, format!("no asset with the hash {hash} has been uploaded")))
+}
+
+fn too_large(limit: u64) -> ApiError {
+    ApiError::new(ProblemCode::BodyTooLarge, "the asset is larger than allowed")
+        .expected(format!("at most {limit} bytes"))
+}
+
+enum Pause {
+    TooLong,
+    CutOff,
+}
+
+fn chunks(body: BodyDataStream) -> impl futures::Stream<Item = Result<bytes::Bytes, Pause>> + Unpin {
+    let chunks = body.timeout(LONGEST_PAUSE).map(|chunk| match chunk {
+        Ok(Ok(bytes)) => Ok(bytes),
+        Ok(Err(_)) => Err(Pause::CutOff),
+        Err(_) => Err(Pause::TooLong),
+    });
+    Box::pin(chunks)
+}

@@ -1,0 +1,91 @@
+//! Who may call: one layer over everything but the health probes, the page's own files, and the opening of a session.
+//!
+//! With a token, callers send it as `Authorization: Bearer`. A browser sends it once, to `POST /session`, and gets a
+//! cookie that pages of other sites cannot use (`SameSite=Strict`) and scripts cannot read (`HttpOnly`).
+//!
+//! Without a token, which only a coordinator on a loopback address may do, everybody on this machine may call, but not
+//! the web pages that they visit: the `Host` must name this machine, so that a foreign name that resolves to 127.0.0.1
+//! opens nothing, and `CsrfLayer` refuses changes that other sites' pages ask for.
+
+use std::net::IpAddr;
+use std::sync::Arc;
+
+use axum::extract::{Request, State};
+use axum::http::header::{AUTHORIZATION, COOKIE, HOST, HeaderMap, SET_COOKIE};
+use axum::http::{HeaderValue, StatusCode, Uri};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use clerestory_api::{API_PREFIX, ProblemCode, SessionRequest};
+
+use super::extract::StrictJson;
+use super::problem::ApiError;
+use crate::config::Token;
+use crate::farm::Farm;
+
+const SESSION_COOKIE: &str = "clerestory_session";
+
+/// Opens a browser session with the farm's token.
+#[utoipa::path(
+    post, path = "/session", tag = "session", request_body = SessionRequest,
+    responses((status = 204, description = "The answer sets the session's cookie."))
+)]
+pub(super) async fn open_session(
+    State(farm): State<Arc<Farm>>,
+    StrictJson(request): StrictJson<SessionRequest>,
+) -> Result<Response, ApiError> {
+    let Some(token) = &farm.config.token else { return Ok(StatusCode::NO_CONTENT.into_response()) };
+    if !token.matches(request.token.trim()) {
+        return Err(ApiError::new(ProblemCode::Unauthorized, "this is not the farm's token").field("token"));
+    }
+    let cookie = format!("{SESSION_COOKIE}={}; Path=/; HttpOnly; SameSite=Strict", token.session());
+    let cookie = HeaderValue::from_str(&cookie).map_err(ApiError::internal)?;
+    Ok((StatusCode::NO_CONTENT, [(SET_COOKIE, cookie)]).into_response())
+}
+
+/// The layer.
+pub(super) async fn authorise(State(farm): State<Arc<Farm>>, request: Request, next: Next) -> Response {
+    match check(farm.config.token.as_ref(), &request) {
+        Ok(()) => next.run(request).await,
+        Err(error) => error.into_response(),
+    }
+}
+
+fn check(token: Option<&Token>, request: &Request) -> Result<(), ApiError> {
+    let Some(token) = token else { return check_host(request.uri(), request.headers()) };
+    let path = request.uri().path();
+    let is_open = !path.starts_with("/api/") || path == format!("{API_PREFIX}/session");
+    if is_open || presents(token, request.headers()) {
+        return Ok(());
+    }
+    let detail = "this coordinator has a token: send it as `Authorization: Bearer TOKEN`";
+    Err(ApiError::new(ProblemCode::Unauthorized, detail).field("authorization"))
+}
+
+fn presents(token: &Token, headers: &HeaderMap) -> bool {
+    let bearer = headers.get(AUTHORIZATION).and_then(|value| value.to_str().ok());
+    if let Some((scheme, candidate)) = bearer.and_then(|value| value.split_once(' ')) {
+        return scheme.eq_ignore_ascii_case("bearer") && token.matches(candidate.trim());
+    }
+    let cookies = headers.get_all(COOKIE).iter().filter_map(|value| value.to_str().ok());
+    let mut pairs = cookies.flat_map(|value| value.split(';')).filter_map(|pair| pair.trim().split_once('='));
+    pairs.any(|(name, value)| name == SESSION_COOKIE && token.matches_session(value))
+}
+
+/// Whether the request was addressed to this machine by a name that nobody else can give away.
+fn check_host(uri: &Uri, headers: &HeaderMap) -> Result<(), ApiError> {
+    let host = uri.authority().map(|authority| authority.as_str());
+    let host = host.or_else(|| headers.get(HOST).and_then(|value| value.to_str().ok())).unwrap_or("");
+    let name = match host.rsplit_once(':') {
+        Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
+        _ => host,
+    };
+    let address = name.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
+    if name.eq_ignore_ascii_case("localhost") || address.is_ok_and(|address| address.is_loopback()) {
+        return Ok(());
+    }
+    let detail = "a coordinator without a token answers only on the names of its own machine";
+    Err(ApiError::new(ProblemCode::ForeignOrigin, detail)
+        .field("host")
+        .value(host)
+        .expected("localhost, 127.0.0.1 or [::1]"))
+}

@@ -1,0 +1,104 @@
+//! Jobs: submitted, listed, shown, cancelled.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobState, JobSubmission, JobView, ProblemCode};
+
+use super::extract::{PathParameter, StrictJson};
+use super::problem::ApiError;
+use crate::farm::Farm;
+use crate::store::JobRecord;
+use crate::{submit, views};
+
+/// Submits a job. When content is missing the answer is a problem with status 409 whose `missing` lists the hashes.
+#[utoipa::path(
+    post, path = "/jobs", tag = "jobs", request_body = JobSubmission, responses((status = 201, body = JobView))
+)]
+pub(super) async fn submit(
+    State(farm): State<Arc<Farm>>,
+    StrictJson(submission): StrictJson<JobSubmission>,
+) -> Result<(StatusCode, Json<JobView>), ApiError> {
+    let job = submit::job(&farm, submission).await?;
+    let id = job.id;
+    tracing::info!(job = %id, name = job.name, scene = job.scene_hash, passes = job.passes, "job submitted");
+    farm.store.insert_job(job).await?;
+    farm.job_changed(id);
+    Ok((StatusCode::CREATED, Json(views::job(&farm, find(&farm, id).await?).await?)))
+}
+
+/// All jobs, newest first.
+#[utoipa::path(get, path = "/jobs", tag = "jobs", responses((status = 200, body = Vec<JobView>)))]
+pub(super) async fn list(State(farm): State<Arc<Farm>>) -> Result<Json<Vec<JobView>>, ApiError> {
+    Ok(Json(views::jobs(&farm).await?))
+}
+
+/// One job.
+#[utoipa::path(
+    get, path = "/jobs/{job}", tag = "jobs", params(("job" = JobId, Path)), responses((status = 200, body = JobView))
+)]
+pub(super) async fn show(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(job): PathParameter<JobId>,
+) -> Result<Json<JobView>, ApiError> {
+    Ok(Json(views::job(&farm, find(&farm, job).await?).await?))
+}
+
+/// Cancels a job; what is complete is kept. A job that has ended stays as it is.
+#[utoipa::path(
+    post, path = "/jobs/{job}/cancel", tag = "jobs", params(("job" = JobId, Path)),
+    responses((status = 200, body = JobView))
+)]
+pub(super) async fn cancel(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(job): PathParameter<JobId>,
+) -> Result<Json<JobView>, ApiError> {
+    find(&farm, job).await?;
+    if farm.store.end_job(job, JobState::Cancelled, None, farm.config.clock.now_ms()).await? {
+        tracing::info!(%job, "job cancelled");
+        farm.job_changed(job);
+        farm.film_grew(job);
+    }
+    Ok(Json(views::job(&farm, find(&farm, job).await?).await?))
+}
+
+/// What a worker needs to render nodes of a job.
+#[utoipa::path(
+    get, path = "/jobs/{job}/scene", tag = "jobs", params(("job" = JobId, Path)),
+    responses((status = 200, body = JobScene))
+)]
+pub(super) async fn scene(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(job): PathParameter<JobId>,
+) -> Result<Json<JobScene>, ApiError> {
+    let record = find(&farm, job).await?;
+    let (scene, assets) = farm.store.job_scene(job).await?.ok_or_else(|| unknown(job))?;
+    let scene = serde_json::from_str(&scene).map_err(ApiError::internal)?;
+    let (tile_size, passes) = (record.grid.tile_size, record.passes);
+    Ok(Json(JobScene { job, scene, scene_hash: record.scene_hash, assets, tile_size, passes }))
+}
+
+/// The convergence of a job.
+#[utoipa::path(
+    get, path = "/jobs/{job}/convergence", tag = "jobs", params(("job" = JobId, Path)),
+    responses((status = 200, body = ConvergenceSeries))
+)]
+pub(super) async fn convergence(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(job): PathParameter<JobId>,
+) -> Result<Json<ConvergenceSeries>, ApiError> {
+    let record = find(&farm, job).await?;
+    let points = farm.store.convergence(job).await?;
+    Ok(Json(ConvergenceSeries { job, has_reference: record.reference.is_some(), points }))
+}
+
+/// The job, or the problem that there is none.
+pub(super) async fn find(farm: &Farm, job: JobId) -> Result<JobRecord, ApiError> {
+    farm.store.job(job).await?.ok_or_else(|| unknown(job))
+}
+
+fn unknown(job: JobId) -> ApiError {
+    ApiError::new(ProblemCode::UnknownJob, format!("there is no job {job}")).field("job").value(job)
+}

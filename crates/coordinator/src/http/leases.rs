@@ -1,0 +1,171 @@
+//! Leases: claimed, kept, worked off and given back.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Json;
+use axum::extract::{Request, State};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use clerestory_api::{
+    CORE_MILLISECONDS_HEADER, EXR_MEDIA_TYPE, FENCING_TOKEN_HEADER, Lease, LeaseId, LeaseRenewal, LeaseRequest,
+    LeaseReturn, LeaseToken, PartialAnswer, ProblemCode,
+};
+use tokio::time::Instant;
+use uuid::Uuid;
+
+use super::extract::{PathParameter, StrictJson, number_header, read_body, require_media_type};
+use super::problem::ApiError;
+use crate::acceptance;
+use crate::farm::Farm;
+use crate::store::{ClaimTerms, Grant, WorkFailure};
+
+/// Longest wait for work to appear.
+const LONGEST_WAIT_MS: u32 = 20_000;
+
+/// Longest lease that a worker may wish for.
+const LONGEST_WANTED_MS: u32 = 3_600_000;
+
+/// Longest reason for giving a lease back.
+const LONGEST_REASON: usize = 500;
+
+/// Asks for work, and waits for it if there is none and the worker wants to.
+#[utoipa::path(
+    post, path = "/leases", tag = "leases", request_body = LeaseRequest,
+    responses((status = 201, body = Lease), (status = 204, description = "There is no work for now."))
+)]
+pub(super) async fn claim(
+    State(farm): State<Arc<Farm>>,
+    StrictJson(request): StrictJson<LeaseRequest>,
+) -> Result<Response, ApiError> {
+    if request.max_nodes == Some(0) {
+        return Err(ApiError::invalid_field("max_nodes", 0, "at least 1"));
+    }
+    if request.wait_ms > LONGEST_WAIT_MS {
+        return Err(ApiError::invalid_field("wait_ms", request.wait_ms, format!("at most {LONGEST_WAIT_MS}")));
+    }
+    if let Some(wanted_ms) = request.wanted_ms.filter(|wanted_ms| !(1..=LONGEST_WANTED_MS).contains(wanted_ms)) {
+        return Err(ApiError::invalid_field("wanted_ms", wanted_ms, format!("1 to {LONGEST_WANTED_MS}")));
+    }
+    let until = Instant::now() + Duration::from_millis(request.wait_ms.into());
+    loop {
+        // Listening begins before looking, so that work which appears in between is not slept through.
+        let mut work = std::pin::pin!(farm.work.notified());
+        work.as_mut().enable();
+        if let Some(grant) = farm.store.claim(terms(&farm, &request)).await? {
+            return Ok((StatusCode::CREATED, Json(lease(&farm, grant))).into_response());
+        }
+        tokio::select! {
+            () = work => {}
+            () = tokio::time::sleep_until(until) => return Ok(StatusCode::NO_CONTENT.into_response()),
+            () = farm.stopping.cancelled() => return Ok(StatusCode::NO_CONTENT.into_response()),
+        }
+    }
+}
+
+fn terms(farm: &Farm, request: &LeaseRequest) -> ClaimTerms {
+    ClaimTerms {
+        worker: request.worker,
+        lease: LeaseId::from(Uuid::now_v7()),
+        max_nodes: request.max_nodes,
+        fixed_nodes: farm.config.lease_nodes,
+        target_ms: request.wanted_ms.map_or_else(|| milliseconds(farm.config.lease_target), i64::from),
+        ttl_ms: milliseconds(farm.config.lease_ttl),
+        now_ms: farm.config.clock.now_ms(),
+    }
+}
+
+fn milliseconds(duration: Duration) -> i64 {
+    i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)
+}
+
+fn lease(farm: &Farm, grant: Grant) -> Lease {
+    let Grant { lease, scene_hash, nodes } = grant;
+    tracing::debug!(lease = %lease.id, job = %lease.job, worker = %lease.worker, nodes = nodes.len(), "lease granted");
+    farm.events.progressed(lease.job);
+    farm.events.stored();
+    farm.events.workers_changed();
+    Lease {
+        id: lease.id,
+        token: lease.token,
+        job: lease.job,
+        scene_hash,
+        nodes: nodes.iter().map(acceptance::wire_address).collect(),
+        deadline_ms: lease.deadline_ms,
+        expires_in_ms: milliseconds(farm.config.lease_ttl),
+    }
+}
+
+/// Keeps a lease for another term.
+#[utoipa::path(
+    post, path = "/leases/{lease}/renew", tag = "leases", params(("lease" = LeaseId, Path)),
+    request_body = LeaseToken, responses((status = 200, body = LeaseRenewal))
+)]
+pub(super) async fn renew(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(lease): PathParameter<LeaseId>,
+    StrictJson(LeaseToken { token }): StrictJson<LeaseToken>,
+) -> Result<Json<LeaseRenewal>, ApiError> {
+    let now_ms = farm.config.clock.now_ms();
+    let expires_in_ms = milliseconds(farm.config.lease_ttl);
+    let deadline_ms = now_ms.saturating_add(expires_in_ms);
+    farm.store.renew(lease, token, now_ms, deadline_ms).await?;
+    Ok(Json(LeaseRenewal { deadline_ms, expires_in_ms }))
+}
+
+/// Uploads complete nodes of a lease. The answer comes when they are safe on disk.
+#[utoipa::path(
+    put, path = "/leases/{lease}/partial", tag = "leases",
+    params(
+        ("lease" = LeaseId, Path),
+        ("clerestory-fencing-token" = u64, Header, description = "The lease's fencing token."),
+        ("clerestory-core-ms" = u64, Header, description = "Milliseconds spent rendering, summed over cores."),
+    ),
+    request_body(content = Vec<u8>, content_type = "image/x-exr"), responses((status = 200, body = PartialAnswer))
+)]
+pub(super) async fn partial(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(lease): PathParameter<LeaseId>,
+    request: Request,
+) -> Result<Json<PartialAnswer>, ApiError> {
+    let headers = request.headers();
+    require_media_type(headers, EXR_MEDIA_TYPE)?;
+    let token = number_header(headers, FENCING_TOKEN_HEADER)?;
+    let core_ms = number_header(headers, CORE_MILLISECONDS_HEADER)?;
+    // A lease that is no good is refused before its body is received.
+    farm.store.lease(lease).await?.check(token, farm.config.clock.now_ms())?;
+    let _permit = farm.partials.acquire().await.map_err(ApiError::internal)?;
+    let body = read_body(request, &()).await?;
+    Ok(Json(acceptance::accept(&farm, lease, token, core_ms, body).await?))
+}
+
+/// Gives the rest of a lease back.
+#[utoipa::path(
+    post, path = "/leases/{lease}/return", tag = "leases", params(("lease" = LeaseId, Path)),
+    request_body = LeaseReturn, responses((status = 204, description = "Its nodes are in the queue again."))
+)]
+pub(super) async fn give_back(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(lease): PathParameter<LeaseId>,
+    StrictJson(request): StrictJson<LeaseReturn>,
+) -> Result<StatusCode, ApiError> {
+    let (token, now_ms) = (request.token, farm.config.clock.now_ms());
+    match request.failure {
+        None => farm.store.return_lease(lease, token, now_ms).await?,
+        Some(reason) if reason.chars().count() > LONGEST_REASON => {
+            let detail = "the reason is too long";
+            return Err(ApiError::new(ProblemCode::InvalidField, detail)
+                .field("failure")
+                .value(reason)
+                .expected(format!("at most {LONGEST_REASON} characters")));
+        }
+        Some(reason) => {
+            tracing::warn!(%lease, reason, "a worker could not do its work");
+            let failure = WorkFailure { lease, token, reason, refused_partials: 0, now_ms };
+            acceptance::fail(&farm, failure).await?;
+        }
+    }
+    farm.events.workers_changed();
+    farm.work.notify_waiters();
+    Ok(StatusCode::NO_CONTENT)
+}

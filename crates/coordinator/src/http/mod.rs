@@ -1,0 +1,73 @@
+//! The HTTP API and the dashboard.
+//!
+//! A request passes these layers, from the outside in: [`problem::explain`] (request id, span, problem documents), panics
+//! caught, [`auth::authorise`] (token, or the name of this machine), requests from other sites' pages refused, limits on
+//! bodies. Handlers read with [`extract`], which names the field that is wrong, and return an [`ApiError`].
+
+mod assets;
+mod auth;
+mod dashboard;
+mod events;
+mod extract;
+mod images;
+mod jobs;
+mod leases;
+mod openapi;
+mod problem;
+mod workers;
+
+use std::sync::Arc;
+
+use axum::extract::{DefaultBodyLimit, State};
+use axum::http::header::{CONTENT_SECURITY_POLICY, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS};
+use axum::http::{HeaderValue, StatusCode};
+use axum::middleware::{from_fn, from_fn_with_state};
+use axum::routing::get;
+use axum::{Json, Router};
+use clerestory_api::API_PREFIX;
+use tower_http::catch_panic::CatchPanicLayer;
+use tower_http::csrf::CsrfLayer;
+use tower_http::set_header::SetResponseHeaderLayer;
+
+use crate::farm::Farm;
+
+pub(crate) use problem::ApiError;
+
+/// Largest body that is not an asset or a partial: a scene with inline meshes.
+const MAX_SMALL_BODY: usize = 16 << 20;
+
+/// What the dashboard's page may load: its own files, and images that it has fetched.
+const PAGE_POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; \
+     frame-ancestors 'none'; base-uri 'none'; form-action 'self'";
+
+/// Everything that the coordinator serves.
+pub(crate) fn router(farm: Arc<Farm>) -> Router {
+    let max_partial = usize::try_from(farm.config.max_partial_bytes).unwrap_or(usize::MAX);
+    let api = Router::from(openapi::small())
+        .route("/openapi.json", get(async || Json(openapi::description())))
+        .layer(DefaultBodyLimit::max(MAX_SMALL_BODY))
+        .merge(Router::from(openapi::partials()).layer(DefaultBodyLimit::max(max_partial)))
+        // Assets are counted as they are written.
+        .merge(Router::from(openapi::streams()).layer(DefaultBodyLimit::disable()));
+    let fixed = |name, value| SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value));
+    Router::new()
+        .nest(API_PREFIX, api)
+        .fallback_service(get(dashboard::file))
+        .layer(CsrfLayer::new())
+        .layer(from_fn_with_state(Arc::clone(&farm), auth::authorise))
+        // Probes ask by address, and learn nothing.
+        .route("/healthz", get(async || StatusCode::NO_CONTENT))
+        .route("/readyz", get(ready))
+        .layer(CatchPanicLayer::new())
+        .layer(from_fn(problem::explain))
+        .layer(fixed(X_CONTENT_TYPE_OPTIONS, "nosniff"))
+        .layer(fixed(REFERRER_POLICY, "no-referrer"))
+        .layer(fixed(CONTENT_SECURITY_POLICY, PAGE_POLICY))
+        .with_state(farm)
+}
+
+/// Whether the store can be used.
+async fn ready(State(farm): State<Arc<Farm>>) -> StatusCode {
+    let is_ready = !farm.stopping.is_cancelled() && farm.store.is_usable().await;
+    if is_ready { StatusCode::NO_CONTENT } else { StatusCode::SERVICE_UNAVAILABLE }
+}

@@ -1,0 +1,73 @@
+//! Workers: registered, heard of, listed.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::State;
+use axum::http::StatusCode;
+use clerestory_api::{WorkerId, WorkerRegistration, WorkerView};
+use uuid::Uuid;
+
+use super::extract::{PathParameter, StrictJson};
+use super::problem::ApiError;
+use crate::farm::Farm;
+use crate::views;
+
+/// Longest name or build.
+const LONGEST_TEXT: usize = 200;
+
+/// Most threads of a machine that exists.
+const MOST_CORES: u32 = 65_536;
+
+/// Registers a worker.
+#[utoipa::path(
+    post, path = "/workers", tag = "workers", request_body = WorkerRegistration,
+    responses((status = 201, body = WorkerView))
+)]
+pub(super) async fn register(
+    State(farm): State<Arc<Farm>>,
+    StrictJson(registration): StrictJson<WorkerRegistration>,
+) -> Result<(StatusCode, Json<WorkerView>), ApiError> {
+    check(&registration)?;
+    let id = WorkerId::from(Uuid::now_v7());
+    tracing::info!(worker = %id, name = registration.name, cores = registration.cores, "worker registered");
+    farm.store.register_worker(id, registration, farm.config.clock.now_ms()).await?;
+    farm.events.workers_changed();
+    let registered = views::workers(&farm).await?.into_iter().find(|worker| worker.id == id);
+    let view = registered.ok_or_else(|| ApiError::from(crate::store::WorkerError::Unknown))?;
+    Ok((StatusCode::CREATED, Json(view)))
+}
+
+fn check(registration: &WorkerRegistration) -> Result<(), ApiError> {
+    let digest = registration.probe_digest.as_deref();
+    let texts = [("name", Some(&*registration.name)), ("build", Some(&*registration.build)), ("probe_digest", digest)];
+    for (field, text) in texts {
+        if let Some(text) = text.filter(|text| text.is_empty() || text.chars().count() > LONGEST_TEXT) {
+            return Err(ApiError::invalid_field(field, text, format!("1 to {LONGEST_TEXT} characters")));
+        }
+    }
+    if !(1..=MOST_CORES).contains(&registration.cores) {
+        return Err(ApiError::invalid_field("cores", registration.cores, format!("1 to {MOST_CORES}")));
+    }
+    Ok(())
+}
+
+/// Says that a worker is alive.
+#[utoipa::path(
+    post, path = "/workers/{worker}/heartbeat", tag = "workers", params(("worker" = WorkerId, Path)),
+    responses((status = 204, description = "Heard."))
+)]
+pub(super) async fn heartbeat(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(worker): PathParameter<WorkerId>,
+) -> Result<StatusCode, ApiError> {
+    farm.store.touch_worker(worker, farm.config.clock.now_ms()).await?;
+    farm.events.workers_changed();
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// All workers that were heard of within a day, in order of registration.
+#[utoipa::path(get, path = "/workers", tag = "workers", responses((status = 200, body = Vec<WorkerView>)))]
+pub(super) async fn list(State(farm): State<Arc<Farm>>) -> Result<Json<Vec<WorkerView>>, ApiError> {
+    Ok(Json(views::workers(&farm).await?))
+}

@@ -1,0 +1,166 @@
+//! The keeper of the film: records rounds as they become complete, and merges what they leave behind.
+//!
+//! One task does this, off the path of requests: whoever brings a node waits for its acceptance only. A parent is formed
+//! when the round at its middle has been recorded; before that, the round's image needs the two halves apart. The
+//! parent's blob is on disk before its row replaces the children's, and the children's blobs are removed after that.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Duration;
+
+use clerestory_api::{JobId, JobState};
+use clerestory_render_core::film::{self, FrameImage, Node};
+use futures::stream::{self, StreamExt, TryStreamExt};
+use tokio::sync::mpsc;
+
+use crate::convergence;
+use crate::farm::Farm;
+use crate::film::{Extent, FilmError, assemble, film_tile, metadata};
+use crate::store::{CompleteWave, JobRecord, NodeRow};
+
+/// Tiles that are merged at the same time.
+const MERGES: usize = 4;
+
+/// Pause before a job is looked at again after a failure that may pass, such as a full disk.
+const RETRY: Duration = Duration::from_secs(5);
+
+/// Keeps the film until the coordinator stops.
+pub(crate) async fn run(farm: Arc<Farm>, mut grown: mpsc::UnboundedReceiver<JobId>) {
+    let mut references = BTreeMap::new();
+    let mut waiting = Vec::new();
+    while farm.stopping.run_until_cancelled(grown.recv_many(&mut waiting, 1024)).await.is_some_and(|count| count > 0) {
+        let jobs: BTreeSet<JobId> = waiting.drain(..).collect();
+        for job in jobs {
+            if let Err(error) = advance(&farm, job, &mut references).await {
+                failed(&farm, job, error).await;
+            }
+        }
+    }
+}
+
+/// Records every complete round of a job.
+async fn advance(farm: &Farm, job: JobId, references: &mut BTreeMap<JobId, Arc<FrameImage>>) -> Result<(), FilmError> {
+    while !farm.stopping.is_cancelled() {
+        let Some(record) = farm.store.job(job).await? else { return Ok(()) };
+        // A job that was cancelled or ran out of time may have completed a round just before.
+        let Some(wave) = farm.store.complete_wave(&record).await? else {
+            if record.state.is_final() {
+                references.remove(&job);
+                farm.rates.remove(job);
+            }
+            return Ok(());
+        };
+        record_round(farm, &record, &wave, references).await?;
+        merge(farm, &record, wave.passes).await?;
+    }
+    Ok(())
+}
+
+async fn record_round(
+    farm: &Farm,
+    job: &JobRecord,
+    wave: &CompleteWave,
+    references: &mut BTreeMap<JobId, Arc<FrameImage>>,
+) -> Result<(), FilmError> {
+    if let Some(hash) = job.reference
+        && let std::collections::btree_map::Entry::Vacant(vacant) = references.entry(job.id)
+    {
+        vacant.insert(convergence::reference(&farm.blobs, job, hash).await?);
+    }
+    let rows = farm.store.nodes(job.id).await?;
+    let mut points = Vec::new();
+    for rows in rows.chunk_by(|a, b| a.address.frame == b.address.frame) {
+        let Some(frame) = rows.first().map(|row| row.address.frame) else { continue };
+        let nodes = farm.film.load(rows).await?;
+        let metadata = metadata(&farm.store, job, frame).await?;
+        let (job, wave, reference) = (job.clone(), *wave, references.get(&job.id).cloned());
+        let now_ms = farm.config.clock.now_ms();
+        let point = tokio::task::spawn_blocking(move || {
+            let image = assemble(&job, &nodes, Extent::Passes(wave.passes), metadata)?;
+            Ok::<_, FilmError>(convergence::point(&job, &wave, frame, &image, reference.as_deref(), now_ms))
+        });
+        points.push(point.await??);
+    }
+    if farm.store.record_round(job, points, farm.config.clock.now_ms()).await? {
+        tracing::info!(job = %job.id, round = wave.round, passes = wave.passes, "round complete");
+        farm.job_changed(job.id);
+    }
+    Ok(())
+}
+
+/// Merges the nodes of every tile as far as no later round needs them apart.
+async fn merge(farm: &Farm, job: &JobRecord, recorded_passes: u32) -> Result<(), FilmError> {
+    let rows = farm.store.nodes(job.id).await?;
+    let tiles = rows.chunk_by(|a, b| (a.address.frame, a.address.tile) == (b.address.frame, b.address.tile));
+    let merges: Vec<_> = tiles.map(|rows| merge_tile(farm, job, rows, recorded_passes)).collect();
+    stream::iter(merges).buffer_unordered(MERGES).try_collect::<()>().await
+}
+
+async fn merge_tile(farm: &Farm, job: &JobRecord, rows: &[NodeRow], recorded_passes: u32) -> Result<(), FilmError> {
+    if !can_merge(job, rows, recorded_passes) {
+        return Ok(());
+    }
+    let nodes = farm.film.load(rows).await?;
+    let holds: Vec<u32> = held(job, rows, recorded_passes).collect();
+    let (id, record, known) = (job.id, job.clone(), rows.to_vec());
+    let parents = tokio::task::spawn_blocking(move || {
+        let Some(tile) = film_tile(&record, &nodes, holds)? else { return Ok(Vec::new()) };
+        let is_new = |node: &&Node| !known.iter().any(|row| row.address == node.address());
+        Ok::<_, FilmError>(tile.nodes().filter(is_new).map(|node| (film::store::encode(node), node.clone())).collect())
+    });
+    for (bytes, node) in parents.await?? {
+        let address = node.address();
+        let blob = farm.blobs.put_node(id, bytes).await?;
+        farm.film.keep(blob.clone(), Arc::new(node));
+        let removed = farm.store.replace_descendants(id, NodeRow { address, blob }).await?;
+        farm.film.forget(&removed);
+        farm.blobs.remove_nodes(removed).await;
+    }
+    Ok(())
+}
+
+/// Boundaries of rounds that are still to be recorded, as far as the nodes reach.
+fn held(job: &JobRecord, rows: &[NodeRow], recorded_passes: u32) -> impl Iterator<Item = u32> {
+    let end = rows.iter().map(|row| row.address.passes()).map(|passes| passes.first + passes.count).max().unwrap_or(0);
+    let boundaries = job.boundaries();
+    (0..)
+        .map_while(move |round| boundaries.end(round))
+        .filter(move |end| *end > recorded_passes)
+        .take_while(move |b| *b < end)
+}
+
+/// Whether any two of the nodes are siblings whose middle no later round needs.
+fn can_merge(job: &JobRecord, rows: &[NodeRow], recorded_passes: u32) -> bool {
+    rows.iter().any(|row| {
+        let sibling = row.address.sibling();
+        let middle = row.address.passes().first.max(sibling.passes().first);
+        let is_free = middle <= recorded_passes || !job.boundaries().is_boundary(middle);
+        is_free && rows.iter().any(|other| other.address == sibling)
+    })
+}
+
+/// A job whose stored film is damaged can never be finished; everything else may pass.
+async fn failed(farm: &Farm, job: JobId, error: FilmError) {
+    let is_damaged = match &error {
+        FilmError::Damaged { .. } | FilmError::Inconsistent(_) | FilmError::Incomplete(_) => true,
+        // Nobody else removes nodes, so one that is not there is lost.
+        FilmError::Blob(error) => error.is_missing(),
+        _ => false,
+    };
+    tracing::error!(%job, error = &error as &dyn std::error::Error, is_damaged, "keeping the film failed");
+    if is_damaged {
+        let reason = Some(format!("the stored film is damaged: {error}"));
+        match farm.store.end_job(job, JobState::Failed, reason, farm.config.clock.now_ms()).await {
+            Ok(_) => farm.job_changed(job),
+            Err(error) => tracing::error!(%job, %error, "the job could not be marked as failed"),
+        }
+        return;
+    }
+    let (grown, stopping) = (farm.keeper.clone(), farm.stopping.clone());
+    tokio::spawn(async move {
+        if stopping.run_until_cancelled(tokio::time::sleep(RETRY)).await.is_some() {
+            // The keeper is gone only when the coordinator stops.
+            let _ = grown.send(job);
+        }
+    });
+}

@@ -1,0 +1,41 @@
+//! The Clerestory coordinator: queue, merge, HTTP API and dashboard.
+//!
+//! - [`config`], [`server`]: how it is set up, started and stopped;
+//! - `http`: the API and the dashboard, authorisation, limits, problem documents;
+//! - `submit`: from a submission to a job;
+//! - `schedule`: rounds, waves, and how passes are cut into nodes;
+//! - `store`: jobs, leases, accepted nodes, rounds and events in one SQL database;
+//! - `blobs`: assets and nodes, written once;
+//! - `acceptance`: partials, decoded with distrust and accepted exactly once;
+//! - `keeper`, `film`, `convergence`, `images`: rounds, merging, error and images;
+//! - `events`, `views`, `rate`: what watchers see.
+//!
+//! # Invariants
+//!
+//! - What is acknowledged is on disk: blobs are synced before the transaction that names them, and that transaction before
+//!   the answer. What a coordinator holds in memory is a cache.
+//! - A node is accepted only under a valid lease, and only if no accepted node of its tile shares a pass with it.
+//! - Nothing here renders: of the render core only its film and its scenes are used.
+
+mod acceptance;
+mod blobs;
+mod clock;
+pub mod config;
+mod convergence;
+mod events;
+mod farm;
+mod film;
+mod http;
+mod images;
+mod keeper;
+mod rate;
+mod schedule;
+pub mod server;
+mod store;
+mod submit;
+mod views;
+
+pub use config::{Clock, Config, ExposedWithoutToken, InvalidToken, Token};
+pub use schedule::Rounds;
+pub use server::{RunError, run};
+pub use store::SchemaError;

@@ -1,0 +1,167 @@
+//! The order of work: rounds, and how the passes of a round are cut into nodes.
+//!
+//! A job of P passes is rendered in waves. Wave `r` takes every tile from one round boundary to the next; boundaries lie
+//! at 1, 2, 4, 8, 16 passes and then at every 16th, so that early rounds come fast and later ones at a steady price. The
+//! wave's range is cut into aligned nodes of the merge tree. How finely is free: every cut has the same sum, bit for bit.
+
+use clerestory_render_core::film::PassRange;
+
+/// Passes between late boundaries; a power of two.
+const LATE_STEP: u32 = 16;
+
+/// The round boundaries of a job.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rounds {
+    passes: u32,
+}
+
+impl Rounds {
+    /// The rounds of a job of `passes` passes.
+    pub fn new(passes: u32) -> Self {
+        Self { passes }
+    }
+
+    /// Passes that are complete after `round`; `None` when the job ends earlier.
+    pub fn end(&self, round: u32) -> Option<u32> {
+        let doublings = LATE_STEP.ilog2();
+        let boundary = |round: u32| match round.checked_sub(doublings) {
+            None => 1 << round,
+            Some(late) => LATE_STEP.saturating_mul(late.saturating_add(1)),
+        };
+        let first = if round == 0 { 0 } else { boundary(round - 1) };
+        (first < self.passes).then(|| boundary(round).min(self.passes))
+    }
+
+    /// The passes of wave `round`; `None` when the job ends earlier.
+    pub(crate) fn wave(&self, round: u32) -> Option<PassRange> {
+        let end = self.end(round)?;
+        let first = round.checked_sub(1).and_then(|previous| self.end(previous)).unwrap_or(0);
+        Some(PassRange { first, count: end - first })
+    }
+
+    /// Whether a round ends after `passes` passes.
+    pub(crate) fn is_boundary(&self, passes: u32) -> bool {
+        passes == self.passes
+            || if passes < LATE_STEP { passes.is_power_of_two() } else { passes.is_multiple_of(LATE_STEP) }
+    }
+}
+
+/// Cuts a range of passes into aligned runs of `2^level` passes, from left to right, each as long as alignment, the range
+/// and `largest_level` allow. Yields `(level, index)`.
+pub(crate) fn cut(range: PassRange, largest_level: u32) -> impl Iterator<Item = (u32, u32)> {
+    let end = range.first + range.count;
+    let mut first = range.first;
+    std::iter::from_fn(move || {
+        let rest = end.checked_sub(first)?.checked_ilog2()?;
+        let level = first.trailing_zeros().min(rest).min(largest_level);
+        let node = (level, first >> level);
+        first += 1 << level;
+        Some(node)
+    })
+}
+
+/// What decides how large nodes and leases should be.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pace {
+    /// Samples a second of the worker that asks, for this job; `None` before its first partial.
+    pub samples_per_second: Option<f64>,
+    /// How long a lease should take, in seconds.
+    pub target_seconds: f64,
+    /// Workers that render this job, with the one that asks.
+    pub workers: u32,
+}
+
+impl Pace {
+    /// Largest level at which a wave is cut: its nodes fit into a lease of the wanted length, and there are at least two
+    /// for each worker where the wave has that many passes.
+    pub(crate) fn largest_level(&self, wave: PassRange, tiles: u32, samples_per_tile_pass: f64) -> u32 {
+        let mut level = wave.count.max(1).ilog2();
+        let too_long = |level: u32| {
+            self.samples_per_second
+                .is_some_and(|rate| samples_per_tile_pass * f64::from(1_u32 << level) > rate * self.target_seconds)
+        };
+        let too_few = |level: u32| u64::from(tiles) * u64::from(wave.count >> level) < 2 * u64::from(self.workers);
+        while level > 0 && (too_long(level) || too_few(level)) {
+            level -= 1;
+        }
+        level
+    }
+
+    /// Samples that a lease should hold: what the worker renders in the wanted time, but towards the end of a job no more
+    /// than half of an equal share of what is left, so that all workers finish together.
+    pub(crate) fn lease_samples(&self, samples_left: f64) -> f64 {
+        let by_rate = self.samples_per_second.unwrap_or(0.0) * self.target_seconds;
+        by_rate.min(samples_left / f64::from(2 * self.workers.max(1)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boundaries_double_up_to_sixteen_and_then_follow_every_sixteen() {
+        #[track_caller]
+        fn check(passes: u32, expected: &[u32]) {
+            let rounds = Rounds::new(passes);
+            let ends: Vec<u32> = (0..).map_while(|round| rounds.end(round)).collect();
+            assert_eq!(ends, expected);
+            for pass in 1..=passes {
+                assert_eq!(rounds.is_boundary(pass), ends.contains(&pass), "{pass} of {passes}");
+            }
+        }
+        check(1, &[1]);
+        check(3, &[1, 2, 3]);
+        check(16, &[1, 2, 4, 8, 16]);
+        check(23, &[1, 2, 4, 8, 16, 23]);
+        check(53, &[1, 2, 4, 8, 16, 32, 48, 53]);
+    }
+
+    #[test]
+    fn waves_cover_every_pass_once() {
+        for passes in 1..200 {
+            let rounds = Rounds::new(passes);
+            let mut next = 0;
+            for wave in (0..).map_while(|round| rounds.wave(round)) {
+                assert_eq!(wave.first, next);
+                next += wave.count;
+            }
+            assert_eq!(next, passes);
+        }
+    }
+
+    #[test]
+    fn a_cut_is_aligned_whole_and_no_finer_than_asked() {
+        for first in 0..40 {
+            for count in 0..40 {
+                for largest_level in 0..6 {
+                    let mut next = first;
+                    for (level, index) in cut(PassRange { first, count }, largest_level) {
+                        assert!(level <= largest_level);
+                        assert_eq!(index << level, next);
+                        next += 1 << level;
+                        let grown = level + 1;
+                        let could_grow = grown <= largest_level
+                            && (index << level) % (1 << grown) == 0
+                            && (index << level) + (1 << grown) <= first + count;
+                        assert!(!could_grow, "level {level} at {} of {first}+{count}", index << level);
+                    }
+                    assert_eq!(next, first + count);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn slow_workers_and_few_tiles_get_finer_nodes() {
+        let wave = PassRange { first: 16, count: 16 };
+        let level = |samples_per_second, workers, tiles| {
+            Pace { samples_per_second, target_seconds: 10.0, workers }.largest_level(wave, tiles, 1000.0)
+        };
+        assert_eq!(level(None, 1, 100), 4);
+        assert_eq!(level(Some(400.0), 1, 100), 2);
+        assert_eq!(level(Some(1e-3), 1, 100), 0);
+        assert_eq!(level(None, 4, 1), 1);
+        assert_eq!(level(None, 100, 1), 0);
+    }
+}

@@ -1,0 +1,205 @@
+//! Starting and stopping.
+//!
+//! The caller brings the socket and says when to stop, as in mini-redis; so tests and the one-machine farm can choose
+//! both. Every task that is started here is awaited here.
+
+use std::fs::{self, File, TryLockError};
+use std::future::Future;
+use std::io;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::net::TcpListener;
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+
+use crate::blobs::{BlobError, Blobs};
+use crate::config::{Config, ExposedWithoutToken};
+use crate::farm::Farm;
+use crate::store::{SchemaError, Store, StoreError};
+use crate::{events, http, keeper};
+use clerestory_api::JobId;
+
+/// Longest time between two looks at deadlines.
+const LONGEST_TICK: Duration = Duration::from_secs(1);
+
+/// Ticks between two rounds of tidying.
+const TIDYING_TICKS: u32 = 600;
+
+/// How long requests that are under way may take to finish when the coordinator stops.
+const GRACE: Duration = Duration::from_secs(10);
+
+/// The coordinator cannot start, or failed.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// It would be open to the network.
+    #[error(transparent)]
+    Exposed(#[from] ExposedWithoutToken),
+    /// The data directory cannot be used.
+    #[error("cannot use the data directory `{}`", directory.display())]
+    Directory {
+        /// The directory.
+        directory: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// Another coordinator uses it.
+    #[error("the data directory `{}` is in use by another coordinator", directory.display())]
+    InUse {
+        /// The directory.
+        directory: PathBuf,
+    },
+    /// The database cannot be used.
+    #[error(transparent)]
+    Database(#[from] SchemaError),
+    /// The stored state cannot be read.
+    #[error("cannot read the stored state: {0}")]
+    State(String),
+    /// The socket failed.
+    #[error("the socket failed")]
+    Socket(#[from] io::Error),
+}
+
+impl From<StoreError> for RunError {
+    fn from(error: StoreError) -> Self {
+        Self::State(error.to_string())
+    }
+}
+
+impl From<BlobError> for RunError {
+    fn from(error: BlobError) -> Self {
+        Self::State(error.to_string())
+    }
+}
+
+/// Serves on `listener` until `shutdown` resolves, then finishes the requests that are under way.
+///
+/// # Errors
+///
+/// [`RunError`] when the coordinator would be open to the network without a token, when its data cannot be used, or when
+/// the socket fails.
+pub async fn run(
+    listener: TcpListener,
+    config: Config,
+    shutdown: impl Future<Output = ()> + Send,
+) -> Result<(), RunError> {
+    let address = listener.local_addr()?;
+    config.check_exposure(address)?;
+    let lock = lock(&config)?;
+    let (farm, grown) = open(config).await?;
+    tracing::info!(%address, directory = %farm.config.data_directory.display(), "coordinator started");
+
+    let mut tasks = start(&farm, grown).await?;
+    let stopping = farm.stopping.clone();
+    let server = axum::serve(listener, http::router(Arc::clone(&farm)))
+        .with_graceful_shutdown(async move { stopping.cancelled().await });
+    let mut server = std::pin::pin!(server.into_future());
+    let outcome = tokio::select! {
+        outcome = &mut server => outcome,
+        () = shutdown => {
+            tracing::info!("coordinator stopping");
+            farm.stopping.cancel();
+            tokio::time::timeout(GRACE, server).await.unwrap_or_else(|_| {
+                tracing::warn!("some requests did not finish in time");
+                Ok(())
+            })
+        }
+    };
+    farm.stopping.cancel();
+    while let Some(ended) = tasks.join_next().await {
+        if let Err(error) = ended {
+            tracing::error!(%error, "a task failed");
+        }
+    }
+    farm.store.close().await;
+    drop(lock);
+    tracing::info!("coordinator stopped");
+    Ok(outcome?)
+}
+
+/// Opens the farm in its directory and puts it in order after whatever has happened to the last coordinator.
+pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, mpsc::UnboundedReceiver<JobId>), RunError> {
+    let directory = config.data_directory.clone();
+    let store = Store::open(&directory.join("farm.sqlite")).await?;
+    let blobs = Blobs::open(directory.join("blobs")).map_err(|source| RunError::Directory { directory, source })?;
+    let swept = blobs.sweep_nodes(&store.node_blobs().await?.into_iter().collect()).await?;
+    if swept > 0 {
+        tracing::info!(swept, "removed nodes that were never accepted or have been merged");
+    }
+    // Workers have gone on rendering while the coordinator was away; they need a term to say so.
+    let ttl_ms = i64::try_from(config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
+    store.extend_leases(config.clock.now_ms().saturating_add(ttl_ms)).await?;
+    Ok(Farm::new(config, store, blobs))
+}
+
+/// Starts the tasks of a farm.
+pub(crate) async fn start(farm: &Arc<Farm>, grown: mpsc::UnboundedReceiver<JobId>) -> Result<JoinSet<()>, StoreError> {
+    for job in farm.store.jobs().await? {
+        // A round may have been complete when the last coordinator stopped.
+        farm.film_grew(job.id);
+    }
+    let last_event = farm.store.last_event_id().await?;
+    let mut tasks = JoinSet::new();
+    tasks.spawn(keeper::run(Arc::clone(farm), grown));
+    tasks.spawn(events::run(Arc::clone(farm), last_event));
+    tasks.spawn(watch_deadlines(Arc::clone(farm)));
+    Ok(tasks)
+}
+
+/// Makes sure that no other coordinator works in the same directory. The lock ends with the process, however that ends.
+fn lock(config: &Config) -> Result<File, RunError> {
+    let directory = config.data_directory.clone();
+    let open = || {
+        fs::create_dir_all(&directory)?;
+        File::options().create(true).truncate(false).write(true).open(directory.join("lock"))
+    };
+    match open() {
+        Err(source) => Err(RunError::Directory { directory, source }),
+        Ok(file) => match file.try_lock() {
+            Ok(()) => Ok(file),
+            Err(TryLockError::WouldBlock) => Err(RunError::InUse { directory }),
+            Err(TryLockError::Error(source)) => Err(RunError::Directory { directory, source }),
+        },
+    }
+}
+
+/// Takes back leases that have run out, and ends jobs whose time is up.
+async fn watch_deadlines(farm: Arc<Farm>) {
+    let tick = LONGEST_TICK.min(farm.config.lease_ttl / 4).max(Duration::from_millis(1));
+    let mut interval = tokio::time::interval(tick);
+    let mut ticks = 0_u32;
+    while farm.stopping.run_until_cancelled(interval.tick()).await.is_some() {
+        if let Err(error) = look_at_deadlines(&farm).await {
+            tracing::error!(%error, "deadlines could not be looked at");
+        }
+        if ticks.is_multiple_of(TIDYING_TICKS)
+            && let Err(error) = tidy(&farm).await
+        {
+            tracing::error!(%error, "old rows could not be removed");
+        }
+        ticks = ticks.wrapping_add(1);
+    }
+}
+
+/// One look at all deadlines.
+pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
+    let now_ms = farm.config.clock.now_ms();
+    for job in farm.store.end_jobs_out_of_time(now_ms).await? {
+        tracing::info!(%job, "time limit reached");
+        farm.job_changed(job);
+        farm.film_grew(job);
+    }
+    let expired = farm.store.expire_leases(now_ms).await?;
+    if expired > 0 {
+        tracing::warn!(expired, "leases ran out; their nodes are in the queue again");
+        farm.events.workers_changed();
+        farm.work.notify_waiters();
+    }
+    Ok(())
+}
+
+async fn tidy(farm: &Farm) -> Result<(), StoreError> {
+    farm.store.prune_events().await?;
+    farm.store.prune_leases(farm.config.clock.now_ms()).await
+}

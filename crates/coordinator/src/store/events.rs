@@ -1,0 +1,114 @@
+//! Stored events: which jobs changed and which rounds were completed, in one sequence.
+//!
+//! A row only points at what changed; whoever sends the event reads what is true then. Rows are written in the
+//! transaction of the change itself, so no change is ever without its event.
+
+use clerestory_api::JobId;
+use serde::{Deserialize, Serialize};
+use sqlx::sqlite::SqliteRow;
+
+use super::row::Columns;
+use super::{Connection, Store, StoreError};
+
+/// Events that are kept for listeners who come back.
+const KEPT: i64 = 100_000;
+
+/// What happened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum StoredKind {
+    /// The job was submitted or changed its state.
+    Job,
+    /// A round was recorded.
+    Round {
+        /// The frame.
+        frame: u32,
+        /// The round.
+        round: u32,
+    },
+}
+
+/// An event as stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct StoredEvent {
+    /// Its sequence number.
+    pub(crate) id: i64,
+    /// The job.
+    pub(crate) job: JobId,
+    /// What happened.
+    pub(crate) kind: StoredKind,
+}
+
+/// The next value of a sequence.
+pub(super) async fn next_value(connection: &mut Connection, sequence: &'static str) -> Result<i64, StoreError> {
+    let row = sqlx::query("update sequences set value = value + 1 where name = $1 returning value")
+        .bind(sequence)
+        .fetch_one(connection)
+        .await?;
+    row.integer("value")
+}
+
+/// Stores an event.
+pub(super) async fn record(
+    connection: &mut Connection,
+    kind: StoredKind,
+    job: JobId,
+    now_ms: i64,
+) -> Result<(), StoreError> {
+    let id = next_value(connection, "event").await?;
+    let (kind, frame, round) = match kind {
+        StoredKind::Job => ("job", None, None),
+        StoredKind::Round { frame, round } => ("round", Some(i64::from(frame)), Some(i64::from(round))),
+    };
+    sqlx::query("insert into events (id, kind, job, frame, round, created_ms) values ($1, $2, $3, $4, $5, $6)")
+        .bind(id)
+        .bind(kind)
+        .bind(job.to_string())
+        .bind(frame)
+        .bind(round)
+        .bind(now_ms)
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+fn stored(row: &SqliteRow) -> Result<StoredEvent, StoreError> {
+    let kind = match row.text("kind")?.as_str() {
+        "round" => StoredKind::Round { frame: row.number("frame")?, round: row.number("round")? },
+        "job" => StoredKind::Job,
+        other => return Err(StoreError::Corrupt { column: "kind", value: other.to_owned() }),
+    };
+    Ok(StoredEvent { id: row.integer("id")?, job: row.parsed("job")?, kind })
+}
+
+impl Store {
+    /// Sequence number of the newest event; 0 before the first.
+    pub(crate) async fn last_event_id(&self) -> Result<i64, StoreError> {
+        let row = sqlx::query("select value from sequences where name = 'event'").fetch_one(&self.readers).await?;
+        row.integer("value")
+    }
+
+    /// Up to `limit` events after `id`, oldest first.
+    pub(crate) async fn events_after(&self, id: i64, limit: u32) -> Result<Vec<StoredEvent>, StoreError> {
+        let rows = sqlx::query("select id, kind, job, frame, round from events where id > $1 order by id limit $2")
+            .bind(id)
+            .bind(i64::from(limit))
+            .fetch_all(&self.readers)
+            .await?;
+        rows.iter().map(stored).collect()
+    }
+
+    /// Drops events that are too old to be asked for.
+    pub(crate) async fn prune_events(&self) -> Result<(), StoreError> {
+        self.write(|connection| {
+            Box::pin(async move {
+                sqlx::query("delete from events where id <= (select value from sequences where name = 'event') - $1")
+                    .bind(KEPT)
+                    .execute(connection)
+                    .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+}

@@ -1,0 +1,338 @@
+//! Jobs: what was submitted, and where it stands.
+
+use std::collections::BTreeMap;
+
+use clerestory_api::{ContentHash, JobId, JobState};
+use clerestory_render_core::film::{NodeAddress, TileGrid};
+use sqlx::sqlite::SqliteRow;
+
+use super::events::{self, StoredKind};
+use super::row::{Columns, big};
+use super::{Connection, Store, StoreError};
+use crate::schedule::Rounds;
+
+/// A job to be stored.
+#[derive(Clone, Debug)]
+pub(crate) struct NewJob {
+    /// Its identity.
+    pub(crate) id: JobId,
+    /// Its name.
+    pub(crate) name: String,
+    /// Its priority.
+    pub(crate) priority: i32,
+    /// The canonical scene description.
+    pub(crate) scene: String,
+    /// Hash of the canonical scene.
+    pub(crate) scene_hash: String,
+    /// Name of the integrator.
+    pub(crate) integrator: String,
+    /// What light the integrator cannot bring.
+    pub(crate) missing_light: Vec<String>,
+    /// Size of the image and its tiles.
+    pub(crate) grid: TileGrid,
+    /// Samples per pixel in a pass.
+    pub(crate) samples_per_pass: u32,
+    /// Samples per pixel in a block.
+    pub(crate) samples_per_block: u32,
+    /// Passes that each tile gets.
+    pub(crate) passes: u32,
+    /// The reference image.
+    pub(crate) reference: Option<ContentHash>,
+    /// Time limit from the first lease on.
+    pub(crate) time_limit_ms: Option<i64>,
+    /// Assets by path.
+    pub(crate) assets: BTreeMap<String, ContentHash>,
+    /// When it was submitted.
+    pub(crate) created_ms: i64,
+}
+
+/// A job as stored, without its scene.
+#[derive(Clone, Debug)]
+pub(crate) struct JobRecord {
+    /// Its identity.
+    pub(crate) id: JobId,
+    /// Its name.
+    pub(crate) name: String,
+    /// Where it stands.
+    pub(crate) state: JobState,
+    /// Why it failed.
+    pub(crate) failure: Option<String>,
+    /// Its priority.
+    pub(crate) priority: i32,
+    /// Hash of the canonical scene.
+    pub(crate) scene_hash: String,
+    /// Name of the integrator.
+    pub(crate) integrator: String,
+    /// What light the integrator cannot bring.
+    pub(crate) missing_light: Vec<String>,
+    /// Number of frames.
+    pub(crate) frames: u32,
+    /// Size of the image and its tiles.
+    pub(crate) grid: TileGrid,
+    /// Samples per pixel in a pass.
+    pub(crate) samples_per_pass: u32,
+    /// Samples per pixel in a block.
+    pub(crate) samples_per_block: u32,
+    /// Passes that each tile gets.
+    pub(crate) passes: u32,
+    /// The reference image.
+    pub(crate) reference: Option<ContentHash>,
+    /// Time limit from the first lease on.
+    pub(crate) time_limit_ms: Option<i64>,
+    /// When it was submitted.
+    pub(crate) created_ms: i64,
+    /// When its first lease was given out.
+    pub(crate) started_ms: Option<i64>,
+    /// When it reached its final state.
+    pub(crate) finished_ms: Option<i64>,
+    /// Where the next pending rows are cut from: round, frame, tile.
+    pub(super) cursor: [u32; 3],
+    /// Recorded rounds.
+    pub(crate) rounds: u32,
+    /// Passes at the last recorded round.
+    pub(crate) complete_passes: u32,
+    /// Accepted nodes; rises with every change of the film.
+    pub(crate) accepted_nodes: u64,
+    /// Camera samples accepted.
+    pub(crate) samples: u64,
+    /// Time spent on them, summed over cores.
+    pub(crate) core_ms: i64,
+}
+
+impl JobRecord {
+    /// The round boundaries.
+    pub(crate) fn boundaries(&self) -> Rounds {
+        Rounds::new(self.passes)
+    }
+
+    /// Camera samples in the whole job.
+    pub(crate) fn total_samples(&self) -> u64 {
+        u64::from(self.grid.width)
+            * u64::from(self.grid.height)
+            * u64::from(self.frames)
+            * u64::from(self.passes)
+            * u64::from(self.samples_per_pass)
+    }
+
+    /// Camera samples in a node; 0 when there is no such tile.
+    pub(crate) fn node_samples(&self, address: &NodeAddress) -> u64 {
+        let pixels = self.grid.tile(address.tile).map_or(0, |tile| tile.pixels() as u64);
+        (pixels * u64::from(self.samples_per_pass)) << address.level
+    }
+
+    /// Whether its time limit has passed.
+    pub(crate) fn is_out_of_time(&self, now_ms: i64) -> bool {
+        match (self.started_ms, self.time_limit_ms) {
+            (Some(started_ms), Some(limit_ms)) => now_ms >= started_ms.saturating_add(limit_ms),
+            _ => false,
+        }
+    }
+}
+
+const COLUMNS: &str = "select id, name, state, failure, priority, scene_hash, integrator, missing_light, frames, width, \
+     height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, created_ms, started_ms, \
+     finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, samples, core_ms \
+     from jobs";
+
+fn record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+    Ok(JobRecord {
+        id: row.parsed("id")?,
+        name: row.text("name")?,
+        state: row.word("state")?,
+        failure: row.optional_text("failure")?,
+        priority: row.number("priority")?,
+        scene_hash: row.text("scene_hash")?,
+        integrator: row.text("integrator")?,
+        missing_light: row.json("missing_light")?,
+        frames: row.number("frames")?,
+        grid: TileGrid {
+            width: row.number("width")?,
+            height: row.number("height")?,
+            tile_size: row.number("tile_size")?,
+        },
+        samples_per_pass: row.number("samples_per_pass")?,
+        samples_per_block: row.number("samples_per_block")?,
+        passes: row.number("passes")?,
+        reference: row.optional_parsed("reference")?,
+        time_limit_ms: row.optional_integer("time_limit_ms")?,
+        created_ms: row.integer("created_ms")?,
+        started_ms: row.optional_integer("started_ms")?,
+        finished_ms: row.optional_integer("finished_ms")?,
+        cursor: [row.number("cursor_round")?, row.number("cursor_frame")?, row.number("cursor_tile")?],
+        rounds: row.number("rounds")?,
+        complete_passes: row.number("complete_passes")?,
+        accepted_nodes: row.number("accepted_nodes")?,
+        samples: row.number("samples")?,
+        core_ms: row.integer("core_ms")?,
+    })
+}
+
+/// Jobs that may still have work, most urgent first.
+pub(super) async fn open_jobs(connection: &mut Connection) -> Result<Vec<JobRecord>, StoreError> {
+    let query = format!("{COLUMNS} where state in ('queued', 'running') order by priority desc, created_ms, id");
+    let rows = sqlx::query(sqlx::AssertSqlSafe(query)).fetch_all(connection).await?;
+    rows.iter().map(record).collect()
+}
+
+/// One job, as the transaction sees it.
+pub(super) async fn job_in(connection: &mut Connection, job: JobId) -> Result<Option<JobRecord>, StoreError> {
+    let query = sqlx::query(sqlx::AssertSqlSafe(format!("{COLUMNS} where id = $1"))).bind(job.to_string());
+    query.fetch_optional(connection).await?.as_ref().map(record).transpose()
+}
+
+/// Brings a job to its final state: its leases end and its pending work goes. Changes nothing, and answers `false`, when
+/// it already is in a final state.
+pub(super) async fn end(
+    connection: &mut Connection,
+    job: JobId,
+    state: JobState,
+    failure: Option<&str>,
+    now_ms: i64,
+) -> Result<bool, StoreError> {
+    let ended = sqlx::query(
+        "update jobs set state = $2, failure = $3, finished_ms = $4 where id = $1 and state in ('queued', 'running')",
+    )
+    .bind(job.to_string())
+    .bind(state.name())
+    .bind(failure)
+    .bind(now_ms)
+    .execute(&mut *connection)
+    .await?;
+    if ended.rows_affected() == 0 {
+        return Ok(false);
+    }
+    sqlx::query("delete from pending where job = $1").bind(job.to_string()).execute(&mut *connection).await?;
+    sqlx::query("update leases set state = 'ended' where job = $1 and state = 'active'")
+        .bind(job.to_string())
+        .execute(&mut *connection)
+        .await?;
+    events::record(connection, StoredKind::Job, job, now_ms).await?;
+    Ok(true)
+}
+
+impl Store {
+    /// Stores a job.
+    pub(crate) async fn insert_job(&self, job: NewJob) -> Result<(), StoreError> {
+        self.write(move |connection| Box::pin(async move { insert(connection, &job).await })).await
+    }
+
+    /// One job.
+    pub(crate) async fn job(&self, job: JobId) -> Result<Option<JobRecord>, StoreError> {
+        let query = sqlx::query(sqlx::AssertSqlSafe(format!("{COLUMNS} where id = $1"))).bind(job.to_string());
+        query.fetch_optional(&self.readers).await?.as_ref().map(record).transpose()
+    }
+
+    /// All jobs, newest first.
+    pub(crate) async fn jobs(&self) -> Result<Vec<JobRecord>, StoreError> {
+        let query = sqlx::query(sqlx::AssertSqlSafe(format!("{COLUMNS} order by created_ms desc, id desc")));
+        query.fetch_all(&self.readers).await?.iter().map(record).collect()
+    }
+
+    /// The canonical scene description of a job and its assets.
+    pub(crate) async fn job_scene(
+        &self,
+        job: JobId,
+    ) -> Result<Option<(String, BTreeMap<String, ContentHash>)>, StoreError> {
+        let Some(row) = sqlx::query("select scene from jobs where id = $1")
+            .bind(job.to_string())
+            .fetch_optional(&self.readers)
+            .await?
+        else {
+            return Ok(None);
+        };
+        let assets = sqlx::query("select path, hash from job_assets where job = $1")
+            .bind(job.to_string())
+            .fetch_all(&self.readers)
+            .await?;
+        let assets = assets.iter().map(|row| Ok((row.text("path")?, row.parsed("hash")?)));
+        Ok(Some((row.text("scene")?, assets.collect::<Result<_, StoreError>>()?)))
+    }
+
+    /// Brings a job to its final state; `false` when it already is in one.
+    pub(crate) async fn end_job(
+        &self,
+        job: JobId,
+        state: JobState,
+        failure: Option<String>,
+        now_ms: i64,
+    ) -> Result<bool, StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move { end(connection, job, state, failure.as_deref(), now_ms).await })
+        })
+        .await
+    }
+
+    /// Ends the jobs whose time limit has passed, and answers which.
+    pub(crate) async fn end_jobs_out_of_time(&self, now_ms: i64) -> Result<Vec<JobId>, StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                let mut ended = Vec::new();
+                for job in open_jobs(connection).await? {
+                    if job.is_out_of_time(now_ms) {
+                        end(connection, job.id, JobState::Done, None, now_ms).await?;
+                        ended.push(job.id);
+                    }
+                }
+                Ok(ended)
+            })
+        })
+        .await
+    }
+}
+
+async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreError> {
+    let missing_light = serde_json::Value::from(job.missing_light.clone()).to_string();
+    sqlx::query(
+        "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
+         height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, created_ms) \
+         values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16)",
+    )
+    .bind(job.id.to_string())
+    .bind(&job.name)
+    .bind(i64::from(job.priority))
+    .bind(&job.scene)
+    .bind(&job.scene_hash)
+    .bind(&job.integrator)
+    .bind(missing_light)
+    .bind(i64::from(job.grid.width))
+    .bind(i64::from(job.grid.height))
+    .bind(i64::from(job.grid.tile_size))
+    .bind(i64::from(job.samples_per_pass))
+    .bind(i64::from(job.samples_per_block))
+    .bind(i64::from(job.passes))
+    .bind(job.reference.map(|hash| hash.to_string()))
+    .bind(job.time_limit_ms)
+    .bind(job.created_ms)
+    .execute(&mut *connection)
+    .await?;
+    for (path, hash) in &job.assets {
+        sqlx::query("insert into job_assets (job, path, hash) values ($1, $2, $3)")
+            .bind(job.id.to_string())
+            .bind(path)
+            .bind(hash.to_string())
+            .execute(&mut *connection)
+            .await?;
+    }
+    events::record(connection, StoredKind::Job, job.id, job.created_ms).await
+}
+
+/// Notes accepted work on the job.
+pub(super) async fn add_accepted(
+    connection: &mut Connection,
+    job: JobId,
+    nodes: u64,
+    samples: u64,
+    core_ms: i64,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "update jobs set accepted_nodes = accepted_nodes + $2, samples = samples + $3, core_ms = core_ms + $4 \
+         where id = $1",
+    )
+    .bind(job.to_string())
+    .bind(big(nodes))
+    .bind(big(samples))
+    .bind(core_ms)
+    .execute(connection)
+    .await?;
+    Ok(())
+}

@@ -1,0 +1,317 @@
+//! Leases: kept, given back, or run out. [Claims](super::claim) make them.
+//!
+//! A fencing token rises with every lease; whoever comes back with an older one is told so and changes nothing.
+
+use std::collections::BTreeSet;
+
+use clerestory_api::{JobId, JobState, LeaseId, WorkerId};
+use clerestory_render_core::film::NodeAddress;
+use serde::{Deserialize, Serialize};
+use sqlx::sqlite::SqliteRow;
+
+use super::jobs;
+use super::row::Columns;
+use super::{Connection, Store, StoreError};
+
+/// A node that failed so often, each time under another lease, fails its job: some worker would have brought it.
+const MOST_FAILURES: i64 = 5;
+
+/// How long the answer to a late call can still say what became of its lease.
+const LEASES_KEPT_MS: i64 = 7 * 24 * 3600 * 1000;
+
+/// What became of a lease.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum LeaseState {
+    /// A worker holds it.
+    Active,
+    /// Every node was accepted.
+    Complete,
+    /// Given back by the worker, or taken back because what it brought could not be used.
+    Returned,
+    /// Ran out.
+    Expired,
+    /// The job ended.
+    Ended,
+}
+
+/// A lease as stored.
+#[derive(Clone, Debug)]
+pub(crate) struct LeaseRecord {
+    /// Its identity.
+    pub(crate) id: LeaseId,
+    /// Its fencing token.
+    pub(crate) token: u64,
+    /// The job.
+    pub(crate) job: JobId,
+    /// The worker.
+    pub(crate) worker: WorkerId,
+    /// What became of it.
+    pub(crate) state: LeaseState,
+    /// When it runs out.
+    pub(crate) deadline_ms: i64,
+}
+
+/// A call under a lease failed, and changed nothing.
+#[derive(Clone, Debug, thiserror::Error)]
+pub(crate) enum LeaseError {
+    /// There is no such lease.
+    #[error("no such lease")]
+    Unknown,
+    /// The fencing token is not the lease's.
+    #[error("the fencing token is not that of the lease")]
+    StaleToken,
+    /// It ran out.
+    #[error("the lease has run out; its nodes went back to the queue")]
+    Expired,
+    /// It was given or taken back.
+    #[error("the lease was given back")]
+    Returned,
+    /// The job has ended.
+    #[error("the job is not being rendered any more")]
+    JobNotRunning,
+    /// The database failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+impl From<sqlx::Error> for LeaseError {
+    fn from(error: sqlx::Error) -> Self {
+        Self::Store(error.into())
+    }
+}
+
+impl LeaseRecord {
+    /// Whether work may be brought under it: the token fits, and it is active or all of it has been accepted.
+    pub(crate) fn check(&self, token: u64, now_ms: i64) -> Result<(), LeaseError> {
+        if token != self.token {
+            return Err(LeaseError::StaleToken);
+        }
+        match self.state {
+            LeaseState::Active if self.deadline_ms <= now_ms => Err(LeaseError::Expired),
+            LeaseState::Active | LeaseState::Complete => Ok(()),
+            LeaseState::Returned => Err(LeaseError::Returned),
+            LeaseState::Expired => Err(LeaseError::Expired),
+            LeaseState::Ended => Err(LeaseError::JobNotRunning),
+        }
+    }
+}
+
+/// The work of a lease could not be used, or the worker could not do it.
+#[derive(Clone, Debug)]
+pub(crate) struct WorkFailure {
+    /// The lease.
+    pub(crate) lease: LeaseId,
+    /// Its fencing token.
+    pub(crate) token: u64,
+    /// Why, for people.
+    pub(crate) reason: String,
+    /// 1 when a partial was refused, 0 when the worker gave up by itself.
+    pub(crate) refused_partials: u32,
+    /// Now.
+    pub(crate) now_ms: i64,
+}
+
+const LEASE: &str = "select id, token, job, worker, state, deadline_ms from leases where id = $1";
+
+fn record(row: &SqliteRow) -> Result<LeaseRecord, StoreError> {
+    Ok(LeaseRecord {
+        id: row.parsed("id")?,
+        token: row.number("token")?,
+        job: row.parsed("job")?,
+        worker: row.parsed("worker")?,
+        state: row.word("state")?,
+        deadline_ms: row.integer("deadline_ms")?,
+    })
+}
+
+/// The lease, if work may be brought under it now. Its worker counts as heard of.
+pub(super) async fn valid(
+    connection: &mut Connection,
+    lease: LeaseId,
+    token: u64,
+    now_ms: i64,
+) -> Result<LeaseRecord, LeaseError> {
+    let row = sqlx::query(LEASE).bind(lease.to_string()).fetch_optional(&mut *connection).await?;
+    let lease = record(&row.ok_or(LeaseError::Unknown)?)?;
+    lease.check(token, now_ms)?;
+    sqlx::query("update workers set seen_ms = $2 where id = $1")
+        .bind(lease.worker.to_string())
+        .bind(now_ms)
+        .execute(connection)
+        .await?;
+    Ok(lease)
+}
+
+/// Nodes as a lease's row holds them.
+pub(super) fn nodes_json(nodes: &[NodeAddress]) -> String {
+    let rows: Vec<[u32; 4]> = nodes.iter().map(|node| [node.frame, node.tile, node.level, node.index]).collect();
+    serde_json::json!(rows).to_string()
+}
+
+/// The node of a row.
+pub(super) fn address(row: &SqliteRow) -> Result<NodeAddress, StoreError> {
+    Ok(NodeAddress {
+        frame: row.number("frame")?,
+        tile: row.number("tile")?,
+        level: row.number("level")?,
+        index: row.number("idx")?,
+    })
+}
+
+impl Store {
+    /// A lease as it stands now.
+    pub(crate) async fn lease(&self, lease: LeaseId) -> Result<LeaseRecord, LeaseError> {
+        let row = sqlx::query(LEASE).bind(lease.to_string()).fetch_optional(&self.readers).await?;
+        Ok(record(&row.ok_or(LeaseError::Unknown)?)?)
+    }
+
+    /// All nodes that were leased, whatever has become of them since.
+    pub(crate) async fn leased_nodes(&self, lease: LeaseId) -> Result<BTreeSet<NodeAddress>, LeaseError> {
+        let row = sqlx::query("select nodes from leases where id = $1")
+            .bind(lease.to_string())
+            .fetch_optional(&self.readers)
+            .await?;
+        let rows: Vec<[u32; 4]> = row.ok_or(LeaseError::Unknown)?.json("nodes")?;
+        Ok(rows.into_iter().map(|[frame, tile, level, index]| NodeAddress { frame, tile, level, index }).collect())
+    }
+
+    /// Keeps a lease until `deadline_ms`. A lease whose nodes are all accepted stays as it is.
+    pub(crate) async fn renew(
+        &self,
+        lease: LeaseId,
+        token: u64,
+        now_ms: i64,
+        deadline_ms: i64,
+    ) -> Result<(), LeaseError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                valid(connection, lease, token, now_ms).await?;
+                sqlx::query("update leases set deadline_ms = $2 where id = $1 and state = 'active'")
+                    .bind(lease.to_string())
+                    .bind(deadline_ms)
+                    .execute(connection)
+                    .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// Takes the rest of a lease back into the queue. Giving back what is complete or already given back changes nothing.
+    pub(crate) async fn return_lease(&self, lease: LeaseId, token: u64, now_ms: i64) -> Result<(), LeaseError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                match valid(connection, lease, token, now_ms).await {
+                    Ok(record) if record.state == LeaseState::Active => Ok(release(connection, lease).await?),
+                    Ok(_) | Err(LeaseError::Returned) => Ok(()),
+                    Err(error) => Err(error),
+                }
+            })
+        })
+        .await
+    }
+
+    /// Takes a lease back because its work failed, and notes it on the nodes and the worker. Answers the job if it has
+    /// now failed for good.
+    pub(crate) async fn fail_lease(&self, failure: WorkFailure) -> Result<Option<JobId>, LeaseError> {
+        self.write(move |connection| Box::pin(async move { fail(connection, &failure).await })).await
+    }
+
+    /// Takes back all leases that have run out, and answers how many.
+    pub(crate) async fn expire_leases(&self, now_ms: i64) -> Result<u64, StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                let expired = sqlx::query(
+                    "update leases set state = 'expired' where state = 'active' and deadline_ms <= $1 returning id",
+                )
+                .bind(now_ms)
+                .fetch_all(&mut *connection)
+                .await?;
+                for row in &expired {
+                    sqlx::query("update pending set lease = null where lease = $1")
+                        .bind(row.text("id")?)
+                        .execute(&mut *connection)
+                        .await?;
+                }
+                Ok(expired.len() as u64)
+            })
+        })
+        .await
+    }
+
+    /// Lets every active lease last at least until `deadline_ms`: after a restart, workers need time to come back.
+    pub(crate) async fn extend_leases(&self, deadline_ms: i64) -> Result<(), StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                sqlx::query("update leases set deadline_ms = $1 where state = 'active' and deadline_ms < $1")
+                    .bind(deadline_ms)
+                    .execute(connection)
+                    .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// Drops leases that ended long ago.
+    pub(crate) async fn prune_leases(&self, now_ms: i64) -> Result<(), StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                sqlx::query("delete from leases where state <> 'active' and deadline_ms < $1")
+                    .bind(now_ms - LEASES_KEPT_MS)
+                    .execute(connection)
+                    .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+}
+
+/// Frees the pending rows of a lease and closes it.
+async fn release(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    sqlx::query("update pending set lease = null where lease = $1")
+        .bind(lease.to_string())
+        .execute(&mut *connection)
+        .await?;
+    sqlx::query("update leases set state = 'returned' where id = $1")
+        .bind(lease.to_string())
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Option<JobId>, LeaseError> {
+    let lease = valid(connection, failure.lease, failure.token, failure.now_ms).await?;
+    sqlx::query(
+        "update workers set refused_partials = refused_partials + $2, failures_in_a_row = failures_in_a_row + 1, \
+         failed_ms = $3 where id = $1",
+    )
+    .bind(lease.worker.to_string())
+    .bind(i64::from(failure.refused_partials))
+    .bind(failure.now_ms)
+    .execute(&mut *connection)
+    .await?;
+    let failed = sqlx::query(
+        "update pending set failures = failures + 1 where lease = $1 returning failures, frame, tile, level, idx",
+    )
+    .bind(failure.lease.to_string())
+    .fetch_all(&mut *connection)
+    .await?;
+    if lease.state == LeaseState::Active {
+        release(connection, failure.lease).await?;
+    }
+    for row in &failed {
+        if row.integer("failures")? >= MOST_FAILURES {
+            let NodeAddress { frame, tile, level, index } = address(row)?;
+            let why = format!(
+                "node frame {frame}, tile {tile}, level {level}, index {index} failed {MOST_FAILURES} times, at last: {}",
+                failure.reason
+            );
+            jobs::end(connection, lease.job, JobState::Failed, Some(&why), failure.now_ms).await?;
+            return Ok(Some(lease.job));
+        }
+    }
+    Ok(None)
+}

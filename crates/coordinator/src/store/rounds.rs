@@ -1,0 +1,150 @@
+//! Rounds: when all tiles are complete up to the same pass, and the error that was measured there.
+
+use clerestory_api::{ConvergencePoint, JobId, JobState};
+use sqlx::sqlite::SqliteRow;
+
+use super::events::{self, StoredKind};
+use super::jobs::{self, JobRecord};
+use super::row::{Columns, big};
+use super::{Store, StoreError};
+
+/// The wave whose completion is to be recorded as the next round.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct CompleteWave {
+    /// The round.
+    pub(crate) round: u32,
+    /// Passes in every tile.
+    pub(crate) passes: u32,
+    /// Time spent on everything up to here, summed over cores and frames.
+    pub(crate) core_ms: i64,
+    /// When the last node up to here was accepted.
+    pub(crate) completed_ms: i64,
+}
+
+impl Store {
+    /// The next round of a job, if it is complete and not recorded.
+    pub(crate) async fn complete_wave(&self, job: &JobRecord) -> Result<Option<CompleteWave>, StoreError> {
+        let Some(passes) = job.boundaries().end(job.rounds) else { return Ok(None) };
+        let row = sqlx::query(
+            "select count(*) as waves, coalesce(sum(outstanding), 0) as outstanding, \
+             coalesce(sum(core_ms), 0) as core_ms, coalesce(max(completed_ms), 0) as completed_ms \
+             from waves where job = $1 and round <= $2",
+        )
+        .bind(job.id.to_string())
+        .bind(i64::from(job.rounds))
+        .fetch_one(&self.readers)
+        .await?;
+        let opened = row.integer("waves")? == i64::from(job.frames) * (i64::from(job.rounds) + 1);
+        let complete = opened && row.integer("outstanding")? == 0;
+        complete
+            .then(|| {
+                let (core_ms, completed_ms) = (row.integer("core_ms")?, row.integer("completed_ms")?);
+                Ok(CompleteWave { round: job.rounds, passes, core_ms, completed_ms })
+            })
+            .transpose()
+    }
+
+    /// Records a round, one point for each frame; the last round ends the job. Answers `false`, and changes nothing, when
+    /// it has been recorded already or the job has failed.
+    pub(crate) async fn record_round(
+        &self,
+        job: &JobRecord,
+        points: Vec<ConvergencePoint>,
+        now_ms: i64,
+    ) -> Result<bool, StoreError> {
+        let (id, round) = (job.id, job.rounds);
+        let passes = job.boundaries().end(round).unwrap_or(job.passes);
+        let is_last = passes == job.passes;
+        self.write(move |connection| {
+            Box::pin(async move {
+                let recorded = sqlx::query(
+                    "update jobs set rounds = rounds + 1, complete_passes = $3 \
+                     where id = $1 and rounds = $2 and state <> 'failed'",
+                )
+                .bind(id.to_string())
+                .bind(i64::from(round))
+                .bind(i64::from(passes))
+                .execute(&mut *connection)
+                .await?;
+                if recorded.rows_affected() == 0 {
+                    return Ok(false);
+                }
+                for point in points {
+                    insert(connection, id, &point).await?;
+                    let kind = StoredKind::Round { frame: point.frame, round };
+                    events::record(connection, kind, id, now_ms).await?;
+                }
+                if is_last {
+                    jobs::end(connection, id, JobState::Done, None, now_ms).await?;
+                }
+                Ok(true)
+            })
+        })
+        .await
+    }
+
+    /// All recorded points of a job, by frame and round.
+    pub(crate) async fn convergence(&self, job: JobId) -> Result<Vec<ConvergencePoint>, StoreError> {
+        let rows = sqlx::query("select * from rounds where job = $1 order by frame, round")
+            .bind(job.to_string())
+            .fetch_all(&self.readers)
+            .await?;
+        rows.iter().map(point).collect()
+    }
+
+    /// One recorded point.
+    pub(crate) async fn convergence_point(
+        &self,
+        job: JobId,
+        frame: u32,
+        round: u32,
+    ) -> Result<Option<ConvergencePoint>, StoreError> {
+        let row = sqlx::query("select * from rounds where job = $1 and frame = $2 and round = $3")
+            .bind(job.to_string())
+            .bind(i64::from(frame))
+            .bind(i64::from(round))
+            .fetch_optional(&self.readers)
+            .await?;
+        row.as_ref().map(point).transpose()
+    }
+}
+
+fn point(row: &SqliteRow) -> Result<ConvergencePoint, StoreError> {
+    Ok(ConvergencePoint {
+        frame: row.number("frame")?,
+        round: row.number("round")?,
+        passes: row.number("passes")?,
+        samples_per_pixel: row.number("samples_per_pixel")?,
+        core_ms: row.integer("core_ms")?,
+        wall_ms: row.integer("wall_ms")?,
+        recorded_ms: row.integer("recorded_ms")?,
+        mse: row.optional_float("mse")?,
+        corrected_mse: row.optional_float("corrected_mse")?,
+        rel_mse: row.optional_float("rel_mse")?,
+        psnr: row.optional_float("psnr")?,
+        estimated_mse: row.optional_float("estimated_mse")?,
+    })
+}
+
+async fn insert(connection: &mut super::Connection, job: JobId, point: &ConvergencePoint) -> Result<(), StoreError> {
+    sqlx::query(
+        "insert into rounds (job, frame, round, passes, samples_per_pixel, core_ms, wall_ms, recorded_ms, mse, \
+         corrected_mse, rel_mse, psnr, estimated_mse) values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)",
+    )
+    .bind(job.to_string())
+    .bind(i64::from(point.frame))
+    .bind(i64::from(point.round))
+    .bind(i64::from(point.passes))
+    .bind(big(point.samples_per_pixel))
+    .bind(point.core_ms)
+    .bind(point.wall_ms)
+    .bind(point.recorded_ms)
+    .bind(point.mse)
+    .bind(point.corrected_mse)
+    .bind(point.rel_mse)
+    .bind(point.psnr)
+    .bind(point.estimated_mse)
+    .execute(connection)
+    .await?;
+    Ok(())
+}

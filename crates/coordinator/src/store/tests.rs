@@ -1,0 +1,386 @@
+//! What every store must do, whatever lies under it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use clerestory_api::{JobId, JobState, LeaseId, NodeVerdict, WorkerId, WorkerRegistration};
+use clerestory_render_core::film::{NodeAddress, TileGrid};
+use uuid::Uuid;
+
+use super::nodes::Acceptance;
+use super::{
+    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Grant, LeaseError, NewJob, NodeRow, Store, WorkFailure,
+    WorkerError,
+};
+
+const TTL_MS: i64 = 1000;
+
+struct Farm {
+    store: Store,
+    directory: tempfile::TempDir,
+}
+
+impl Farm {
+    async fn new() -> Self {
+        let directory = tempfile::tempdir().unwrap();
+        let store = Store::open(&directory.path().join("farm.sqlite")).await.unwrap();
+        Self { store, directory }
+    }
+
+    async fn reopened(self) -> Self {
+        self.store.close().await;
+        let store = Store::open(&self.directory.path().join("farm.sqlite")).await.unwrap();
+        Self { store, directory: self.directory }
+    }
+
+    async fn worker(&self) -> WorkerId {
+        let id = WorkerId::from(Uuid::now_v7());
+        let registration =
+            WorkerRegistration { name: "w".to_owned(), cores: 2, build: "b".to_owned(), probe_digest: None };
+        self.store.register_worker(id, registration, 0).await.unwrap();
+        id
+    }
+
+    async fn job(&self, passes: u32) -> JobId {
+        self.job_with(passes, 0, None).await
+    }
+
+    async fn job_with(&self, passes: u32, priority: i32, time_limit_ms: Option<i64>) -> JobId {
+        let id = JobId::from(Uuid::now_v7());
+        let job = NewJob {
+            id,
+            name: "window".to_owned(),
+            priority,
+            scene: "{}".to_owned(),
+            scene_hash: "h".to_owned(),
+            integrator: "path".to_owned(),
+            missing_light: Vec::new(),
+            grid: TileGrid { width: 70, height: 40, tile_size: 16 },
+            samples_per_pass: 4,
+            samples_per_block: 64,
+            passes,
+            reference: None,
+            time_limit_ms,
+            assets: BTreeMap::new(),
+            created_ms: 0,
+        };
+        self.store.insert_job(job).await.unwrap();
+        id
+    }
+
+    async fn claim(&self, worker: WorkerId, nodes: u32, now_ms: i64) -> Option<Grant> {
+        let terms = ClaimTerms {
+            worker,
+            lease: LeaseId::from(Uuid::now_v7()),
+            max_nodes: None,
+            fixed_nodes: Some(nodes),
+            target_ms: 1000,
+            ttl_ms: TTL_MS,
+            now_ms,
+        };
+        self.store.claim(terms).await.unwrap()
+    }
+
+    async fn deliver(&self, grant: &Grant, nodes: &[NodeAddress], now_ms: i64) -> Result<Acceptance, LeaseError> {
+        let nodes =
+            nodes.iter().map(|address| DeliveredNode { address: *address, blob: Uuid::now_v7().to_string() }).collect();
+        let delivery = Delivery { lease: grant.lease.id, token: grant.lease.token, nodes, core_ms: 100, now_ms };
+        self.store.accept(delivery).await
+    }
+
+    async fn addresses(&self, job: JobId) -> Vec<NodeAddress> {
+        self.store.nodes(job).await.unwrap().into_iter().map(|node| node.address).collect()
+    }
+
+    async fn state(&self, job: JobId) -> JobState {
+        self.store.job(job).await.unwrap().unwrap().state
+    }
+
+    async fn next_wave(&self, job: JobId) -> Option<CompleteWave> {
+        let record = self.store.job(job).await.unwrap().unwrap();
+        self.store.complete_wave(&record).await.unwrap()
+    }
+}
+
+#[tokio::test]
+async fn concurrent_claimants_never_get_the_same_node() {
+    let farm = Farm::new().await;
+    let job = farm.job(40).await;
+    let mut claimants = Vec::new();
+    for size in 1..=8 {
+        let worker = farm.worker().await;
+        let farm = &farm;
+        claimants.push(async move {
+            let mut mine = Vec::new();
+            while let Some(grant) = farm.claim(worker, size, 0).await {
+                assert!(grant.nodes.len() <= size as usize);
+                mine.extend(grant.nodes);
+            }
+            mine
+        });
+    }
+    let nodes: Vec<NodeAddress> = futures::future::join_all(claimants).await.into_iter().flatten().collect();
+    let distinct: BTreeSet<NodeAddress> = nodes.iter().copied().collect();
+    assert_eq!(distinct.len(), nodes.len());
+    let mut passes: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
+    for node in &nodes {
+        for pass in node.passes().first..node.passes().first + node.passes().count {
+            assert!(passes.entry(node.tile).or_default().insert(pass), "{node:?} overlaps another node");
+        }
+    }
+    let grid = farm.store.job(job).await.unwrap().unwrap().grid;
+    assert_eq!(passes.len(), grid.len() as usize);
+    assert!(passes.values().all(|passes| passes.iter().copied().eq(0..40)));
+}
+
+#[tokio::test]
+async fn jobs_are_served_by_priority_and_then_by_age() {
+    let farm = Farm::new().await;
+    let older = farm.job_with(1, 0, None).await;
+    let newer = farm.job_with(1, 0, None).await;
+    let urgent = farm.job_with(1, 5, None).await;
+    let worker = farm.worker().await;
+    let mut order = Vec::new();
+    while let Some(grant) = farm.claim(worker, 100, 0).await {
+        order.push(grant.lease.job);
+    }
+    assert_eq!(order, [urgent, older, newer]);
+}
+
+#[tokio::test]
+async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing() {
+    let farm = Farm::new().await;
+    let job = farm.job(1).await;
+    let (first, second) = (farm.worker().await, farm.worker().await);
+    let lost = farm.claim(first, 3, 0).await.unwrap();
+    assert_eq!(farm.store.expire_leases(TTL_MS - 1).await.unwrap(), 0);
+    assert_eq!(farm.store.expire_leases(TTL_MS).await.unwrap(), 1);
+    let again = farm.claim(second, 3, TTL_MS).await.unwrap();
+    assert_eq!(again.nodes, lost.nodes);
+    assert!(again.lease.token > lost.lease.token);
+    let late = farm.deliver(&lost, &lost.nodes, TTL_MS).await;
+    assert!(matches!(late, Err(LeaseError::Expired)), "{late:?}");
+    assert!(farm.addresses(job).await.is_empty());
+    let good = farm.deliver(&again, &again.nodes, TTL_MS).await.unwrap();
+    assert_eq!(good.verdicts, [NodeVerdict::Accepted; 3]);
+}
+
+#[tokio::test]
+async fn a_lease_is_dead_at_its_deadline_even_before_the_sweep() {
+    let farm = Farm::new().await;
+    let job = farm.job(1).await;
+    let worker = farm.worker().await;
+    let grant = farm.claim(worker, 1, 0).await.unwrap();
+    let late = farm.deliver(&grant, &grant.nodes, TTL_MS).await;
+    assert!(matches!(late, Err(LeaseError::Expired)), "{late:?}");
+    assert!(farm.addresses(job).await.is_empty());
+}
+
+#[tokio::test]
+async fn a_renewed_lease_lives_on() {
+    let farm = Farm::new().await;
+    farm.job(1).await;
+    let worker = farm.worker().await;
+    let grant = farm.claim(worker, 1, 0).await.unwrap();
+    farm.store.renew(grant.lease.id, grant.lease.token, 900, 900 + TTL_MS).await.unwrap();
+    assert_eq!(farm.store.expire_leases(TTL_MS).await.unwrap(), 0);
+    assert!(farm.deliver(&grant, &grant.nodes, 1500).await.is_ok());
+}
+
+#[tokio::test]
+async fn a_wrong_token_opens_nothing() {
+    let farm = Farm::new().await;
+    let job = farm.job(1).await;
+    let worker = farm.worker().await;
+    let mut grant = farm.claim(worker, 1, 0).await.unwrap();
+    grant.lease.token += 1;
+    assert!(matches!(farm.deliver(&grant, &grant.nodes, 0).await, Err(LeaseError::StaleToken)));
+    let renewed = farm.store.renew(grant.lease.id, grant.lease.token, 0, 10).await;
+    assert!(matches!(renewed, Err(LeaseError::StaleToken)));
+    assert!(farm.addresses(job).await.is_empty());
+}
+
+#[tokio::test]
+async fn a_repeated_upload_is_told_that_all_is_there() {
+    let farm = Farm::new().await;
+    let job = farm.job(1).await;
+    let worker = farm.worker().await;
+    let grant = farm.claim(worker, 2, 0).await.unwrap();
+    let first = farm.deliver(&grant, &grant.nodes[..1], 0).await.unwrap();
+    assert_eq!((first.verdicts, first.outstanding), (vec![NodeVerdict::Accepted], 1));
+    let second = farm.deliver(&grant, &grant.nodes, 0).await.unwrap();
+    assert_eq!(second.verdicts, [NodeVerdict::Duplicate, NodeVerdict::Accepted]);
+    let third = farm.deliver(&grant, &grant.nodes, 0).await.unwrap();
+    assert_eq!((third.verdicts, third.outstanding), (vec![NodeVerdict::Duplicate; 2], 0));
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    assert_eq!((record.accepted_nodes, record.samples), (2, 2 * 16 * 16 * 4));
+}
+
+#[tokio::test]
+async fn a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_is_a_duplicate() {
+    let farm = Farm::new().await;
+    let job = farm.job(2).await;
+    let worker = farm.worker().await;
+    let grant = farm.claim(worker, 100, 0).await.unwrap();
+    let outside = NodeAddress { frame: 0, tile: 0, level: 1, index: 0 };
+    let answer = farm.deliver(&grant, &[outside], 0).await.unwrap();
+    assert_eq!(answer.verdicts, [NodeVerdict::Refused]);
+    assert!(farm.addresses(job).await.is_empty());
+    let children: Vec<NodeAddress> = outside.children().unwrap().to_vec();
+    farm.deliver(&grant, &children, 0).await.unwrap();
+    farm.store.replace_descendants(job, NodeRow { address: outside, blob: "parent".to_owned() }).await.unwrap();
+    assert_eq!(farm.addresses(job).await, [outside]);
+    let answer = farm.deliver(&grant, &[children[1], outside], 0).await.unwrap();
+    assert_eq!(answer.verdicts, [NodeVerdict::Duplicate, NodeVerdict::Duplicate]);
+    assert_eq!(farm.addresses(job).await, [outside]);
+}
+
+#[tokio::test]
+async fn a_parent_replaces_two_children_or_nothing() {
+    let farm = Farm::new().await;
+    let job = farm.job(2).await;
+    let worker = farm.worker().await;
+    let grant = farm.claim(worker, 100, 0).await.unwrap();
+    let parent = NodeAddress { frame: 0, tile: 0, level: 1, index: 0 };
+    let [left, _] = parent.children().unwrap();
+    farm.deliver(&grant, &[left], 0).await.unwrap();
+    let replaced = farm.store.replace_descendants(job, NodeRow { address: parent, blob: "parent".to_owned() }).await;
+    assert!(replaced.is_err());
+    assert_eq!(farm.addresses(job).await, [left]);
+}
+
+#[tokio::test]
+async fn returned_work_is_free_at_once_and_returning_twice_is_harmless() {
+    let farm = Farm::new().await;
+    farm.job(1).await;
+    let worker = farm.worker().await;
+    let grant = farm.claim(worker, 3, 0).await.unwrap();
+    farm.deliver(&grant, &grant.nodes[..1], 0).await.unwrap();
+    for _ in 0..2 {
+        farm.store.return_lease(grant.lease.id, grant.lease.token, 0).await.unwrap();
+    }
+    let again = farm.claim(worker, 2, 0).await.unwrap();
+    assert_eq!(again.nodes, grant.nodes[1..]);
+    assert!(matches!(farm.deliver(&grant, &grant.nodes, 0).await, Err(LeaseError::Returned)));
+}
+
+#[tokio::test]
+async fn a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has() {
+    let farm = Farm::new().await;
+    let job = farm.job(1).await;
+    let worker = farm.worker().await;
+    let grant = farm.claim(worker, 2, 0).await.unwrap();
+    farm.deliver(&grant, &grant.nodes[..1], 0).await.unwrap();
+    assert!(farm.store.end_job(job, JobState::Cancelled, None, 0).await.unwrap());
+    assert!(!farm.store.end_job(job, JobState::Failed, None, 0).await.unwrap());
+    assert!(matches!(farm.deliver(&grant, &grant.nodes[1..], 0).await, Err(LeaseError::JobNotRunning)));
+    assert_eq!(farm.state(job).await, JobState::Cancelled);
+    assert_eq!(farm.addresses(job).await, grant.nodes[..1]);
+    assert!(farm.claim(worker, 1, 0).await.is_none());
+}
+
+#[tokio::test]
+async fn a_node_that_nobody_can_bring_fails_its_job_with_the_reason() {
+    let farm = Farm::new().await;
+    let job = farm.job(1).await;
+    let worker = farm.worker().await;
+    let mut now_ms = 0;
+    for attempt in 1..=5 {
+        assert_eq!(farm.state(job).await, if attempt == 1 { JobState::Queued } else { JobState::Running });
+        let grant = farm.claim(worker, 1, now_ms).await.unwrap();
+        let failure = WorkFailure {
+            lease: grant.lease.id,
+            token: grant.lease.token,
+            reason: "not a number".to_owned(),
+            refused_partials: 1,
+            now_ms,
+        };
+        farm.store.fail_lease(failure).await.unwrap();
+        assert!(farm.claim(worker, 1, now_ms).await.is_none(), "a failing worker rests");
+        now_ms += 60_000;
+    }
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    assert_eq!(record.state, JobState::Failed);
+    assert!(record.failure.unwrap().contains("not a number"));
+}
+
+#[tokio::test]
+async fn a_worker_that_dies_again_and_again_does_not_fail_the_job() {
+    let farm = Farm::new().await;
+    let job = farm.job(1).await;
+    let worker = farm.worker().await;
+    for attempt in 0..20 {
+        assert!(farm.claim(worker, 1, attempt * TTL_MS).await.is_some());
+        farm.store.expire_leases((attempt + 1) * TTL_MS).await.unwrap();
+    }
+    assert_eq!(farm.state(job).await, JobState::Running);
+}
+
+#[tokio::test]
+async fn nothing_is_lost_when_the_store_is_reopened() {
+    let farm = Farm::new().await;
+    let job = farm.job(3).await;
+    let worker = farm.worker().await;
+    let held = farm.claim(worker, 4, 0).await.unwrap();
+    farm.deliver(&held, &held.nodes[..2], 0).await.unwrap();
+    let before = farm.store.nodes(job).await.unwrap();
+    let farm = farm.reopened().await;
+    assert_eq!(farm.store.nodes(job).await.unwrap(), before);
+    let rest = farm.deliver(&held, &held.nodes[2..], 0).await.unwrap();
+    assert_eq!((rest.verdicts, rest.outstanding), (vec![NodeVerdict::Accepted; 2], 0));
+    let next = farm.claim(worker, 1, 0).await.unwrap();
+    assert!(next.lease.token > held.lease.token);
+    assert!(!held.nodes.contains(&next.nodes[0]));
+}
+
+#[tokio::test]
+async fn rounds_complete_in_order_and_the_last_ends_the_job() {
+    let farm = Farm::new().await;
+    let job = farm.job(3).await;
+    let worker = farm.worker().await;
+    let all = farm.claim(worker, 256, 0).await.unwrap();
+    let (first, rest): (Vec<_>, Vec<_>) = all.nodes.iter().partition(|node| node.passes().first == 0);
+    farm.deliver(&all, &rest, 100).await.unwrap();
+    assert_eq!(farm.next_wave(job).await, None, "the first wave is missing");
+    farm.deliver(&all, &first[1..], 200).await.unwrap();
+    assert_eq!(farm.next_wave(job).await, None, "one tile is missing");
+    farm.deliver(&all, &first[..1], 300).await.unwrap();
+    for (round, passes) in [(0, 1), (1, 2), (2, 3)] {
+        let wave = farm.next_wave(job).await.unwrap();
+        assert_eq!((wave.round, wave.passes, wave.completed_ms), (round, passes, 300));
+        let record = farm.store.job(job).await.unwrap().unwrap();
+        assert_eq!(record.state, JobState::Running);
+        assert!(farm.store.record_round(&record, Vec::new(), 400).await.unwrap());
+        assert!(!farm.store.record_round(&record, Vec::new(), 400).await.unwrap(), "a round is recorded once");
+    }
+    assert_eq!(farm.state(job).await, JobState::Done);
+}
+
+#[tokio::test]
+async fn a_time_limit_counts_from_the_first_lease_and_keeps_what_is_complete() {
+    let farm = Farm::new().await;
+    let job = farm.job_with(100, 0, Some(500)).await;
+    let worker = farm.worker().await;
+    assert!(farm.store.end_jobs_out_of_time(10_000).await.unwrap().is_empty());
+    let grant = farm.claim(worker, 2, 10_000).await.unwrap();
+    farm.deliver(&grant, &grant.nodes[..1], 10_100).await.unwrap();
+    assert!(farm.claim(worker, 2, 10_500).await.is_none(), "no work after the limit");
+    assert_eq!(farm.store.end_jobs_out_of_time(10_500).await.unwrap(), [job]);
+    assert_eq!(farm.state(job).await, JobState::Done);
+    assert_eq!(farm.addresses(job).await, grant.nodes[..1]);
+}
+
+#[tokio::test]
+async fn an_unknown_worker_gets_no_work_and_is_told() {
+    let farm = Farm::new().await;
+    farm.job(1).await;
+    let terms = ClaimTerms {
+        worker: WorkerId::from(Uuid::now_v7()),
+        lease: LeaseId::from(Uuid::now_v7()),
+        max_nodes: None,
+        fixed_nodes: None,
+        target_ms: 1000,
+        ttl_ms: TTL_MS,
+        now_ms: 0,
+    };
+    assert!(matches!(farm.store.claim(terms).await, Err(WorkerError::Unknown)));
+}

@@ -1,0 +1,139 @@
+//! Workers: who has registered, and when they were last heard of.
+
+use clerestory_api::{WorkerId, WorkerRegistration, WorkerState, WorkerView};
+use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
+
+use super::row::Columns;
+use super::{Connection, Store, StoreError};
+
+/// Longest rest after failures in a row.
+const LONGEST_REST_MS: i64 = 60_000;
+
+/// A call of a worker failed.
+#[derive(Clone, Debug, thiserror::Error)]
+pub(crate) enum WorkerError {
+    /// It never registered here.
+    #[error("no such worker")]
+    Unknown,
+    /// The database failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+impl From<sqlx::Error> for WorkerError {
+    fn from(error: sqlx::Error) -> Self {
+        Self::Store(error.into())
+    }
+}
+
+/// What a claim has to know of the worker that asks.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Claimant {
+    /// Threads that render.
+    pub(super) cores: u32,
+    /// Until when it is given no work, because what it brought could not be used.
+    pub(super) rests_until_ms: i64,
+}
+
+/// Marks a worker as heard of.
+pub(super) async fn touch(connection: &mut Connection, worker: WorkerId, now_ms: i64) -> Result<Claimant, WorkerError> {
+    let row =
+        sqlx::query("update workers set seen_ms = $2 where id = $1 returning cores, failures_in_a_row, failed_ms")
+            .bind(worker.to_string())
+            .bind(now_ms)
+            .fetch_optional(connection)
+            .await?
+            .ok_or(WorkerError::Unknown)?;
+    let failures: u32 = row.number("failures_in_a_row")?;
+    let rest_ms = match failures.checked_sub(1) {
+        None => 0,
+        Some(doublings) => (1000_i64 << doublings.min(10)).min(LONGEST_REST_MS),
+    };
+    Ok(Claimant { cores: row.number("cores")?, rests_until_ms: row.integer("failed_ms")? + rest_ms })
+}
+
+impl Store {
+    /// Registers a worker.
+    pub(crate) async fn register_worker(
+        &self,
+        id: WorkerId,
+        registration: WorkerRegistration,
+        now_ms: i64,
+    ) -> Result<(), StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                sqlx::query(
+                    "insert into workers (id, name, cores, build, probe_digest, registered_ms, seen_ms) \
+                     values ($1, $2, $3, $4, $5, $6, $6)",
+                )
+                .bind(id.to_string())
+                .bind(registration.name)
+                .bind(i64::from(registration.cores))
+                .bind(registration.build)
+                .bind(registration.probe_digest)
+                .bind(now_ms)
+                .execute(connection)
+                .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// Notes that a worker is alive.
+    pub(crate) async fn touch_worker(&self, worker: WorkerId, now_ms: i64) -> Result<(), WorkerError> {
+        self.write(move |connection| Box::pin(async move { touch(connection, worker, now_ms).await.map(|_| ()) })).await
+    }
+
+    /// All workers heard of since `since_ms`, in order of registration. A worker is silent when it was last heard of
+    /// before `silent_before_ms`.
+    pub(crate) async fn workers(&self, since_ms: i64, silent_before_ms: i64) -> Result<Vec<WorkerView>, StoreError> {
+        let rows = sqlx::query(
+            "select w.*, \
+             (select count(*) from pending p join leases l on p.lease = l.id \
+              where l.worker = w.id and l.state = 'active') as leased_nodes, \
+             (select job from leases l where l.worker = w.id and l.state = 'active' \
+              order by token desc limit 1) as job \
+             from workers w where seen_ms >= $1 order by registered_ms, id",
+        )
+        .bind(since_ms)
+        .fetch_all(&self.readers)
+        .await?;
+        rows.iter().map(|row| view(row, silent_before_ms)).collect()
+    }
+}
+
+fn view(row: &SqliteRow, silent_before_ms: i64) -> Result<WorkerView, StoreError> {
+    let cores: u32 = row.number("cores")?;
+    let samples: u64 = row.number("samples")?;
+    let core_ms = row.integer("core_ms")?;
+    let seen_ms = row.integer("seen_ms")?;
+    let leased_nodes: u32 = row.number("leased_nodes")?;
+    let state = match leased_nodes {
+        _ if seen_ms < silent_before_ms => WorkerState::Silent,
+        0 => WorkerState::Idle,
+        _ => WorkerState::Rendering,
+    };
+    Ok(WorkerView {
+        id: row.parsed("id")?,
+        name: row.try_get("name")?,
+        cores,
+        build: row.text("build")?,
+        state,
+        job: row.optional_parsed("job")?,
+        leased_nodes,
+        accepted_nodes: row.number("accepted_nodes")?,
+        refused_partials: row.number("refused_partials")?,
+        samples,
+        core_ms,
+        samples_per_second: rate(samples, core_ms, cores),
+        registered_ms: row.integer("registered_ms")?,
+        seen_ms,
+    })
+}
+
+/// Samples a second with all cores.
+pub(super) fn rate(samples: u64, core_ms: i64, cores: u32) -> Option<f64> {
+    (core_ms > 0 && samples > 0).then(|| samples as f64 / core_ms as f64 * 1000.0 * f64::from(cores))
+}

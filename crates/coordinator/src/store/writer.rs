@@ -1,0 +1,202 @@
+//! The one writer: groups the writes that wait into one transaction.
+//!
+//! A commit costs a sync of the disk, whatever it holds. So all writes that have gathered while the last commit ran go
+//! into the next one, each in a savepoint of its own: a write that fails takes nothing else with it. A caller is answered
+//! after the commit, never before. A write whose caller has gone away is carried out all the same.
+
+use futures::future::BoxFuture;
+use tokio::sync::{mpsc, oneshot};
+
+use super::StoreError;
+
+/// The connection that a write runs on.
+pub(crate) type Connection = sqlx::sqlite::SqliteConnection;
+
+/// Most writes in one transaction.
+const GROUP: usize = 64;
+
+/// Writes that may wait before callers are held back.
+const QUEUE: usize = 256;
+
+/// A handle on the writer task.
+#[derive(Clone, Debug)]
+pub(super) struct Writer {
+    writes: mpsc::Sender<Message>,
+}
+
+enum Message {
+    Write(Box<dyn Write>),
+    Close(oneshot::Sender<()>),
+}
+
+impl Writer {
+    /// Starts the task. It owns the connection and ends when it is closed or the last handle is dropped.
+    pub(super) fn start(connection: Connection) -> Self {
+        let (writes, queue) = mpsc::channel(QUEUE);
+        tokio::spawn(serve(connection, queue));
+        Self { writes }
+    }
+
+    /// Runs `write` in the next transaction and answers when that is committed. An error rolls this write back.
+    pub(super) async fn write<T, E, F>(&self, write: F) -> Result<T, E>
+    where
+        T: Send + 'static,
+        E: From<StoreError> + Send + 'static,
+        F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
+    {
+        let (reply, answer) = oneshot::channel();
+        let waiting = Waiting { write: Some(write), result: None, reply };
+        let message = Message::Write(Box::new(waiting));
+        self.writes.send(message).await.map_err(|_| StoreError::Closed)?;
+        answer.await.map_err(|_| StoreError::Closed)?
+    }
+
+    /// Lets the writes that wait run, then stops.
+    pub(super) async fn close(&self) {
+        let (done, wait) = oneshot::channel();
+        if self.writes.send(Message::Close(done)).await.is_ok() {
+            // An error means that the task has already ended, which is what is wanted.
+            let _ = wait.await;
+        }
+    }
+}
+
+/// A write with its caller, whatever their types.
+trait Write: Send {
+    /// Runs it; `false` asks for the savepoint to be rolled back.
+    fn run<'c>(&'c mut self, connection: &'c mut Connection) -> BoxFuture<'c, bool>;
+    /// Answers the caller, once it is known how the transaction ended.
+    fn answer(self: Box<Self>, transaction: &Result<(), StoreError>);
+}
+
+struct Waiting<T, E, F> {
+    write: Option<F>,
+    result: Option<Result<T, E>>,
+    reply: oneshot::Sender<Result<T, E>>,
+}
+
+impl<T, E, F> Write for Waiting<T, E, F>
+where
+    T: Send + 'static,
+    E: From<StoreError> + Send + 'static,
+    F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
+{
+    fn run<'c>(&'c mut self, connection: &'c mut Connection) -> BoxFuture<'c, bool> {
+        Box::pin(async move {
+            if let Some(write) = self.write.take() {
+                self.result = Some(write(connection).await);
+            }
+            matches!(self.result, Some(Ok(_)))
+        })
+    }
+
+    fn answer(self: Box<Self>, transaction: &Result<(), StoreError>) {
+        let result = match (self.result, transaction) {
+            (Some(Err(error)), _) => Err(error),
+            (_, Err(error)) => Err(error.clone().into()),
+            (Some(Ok(value)), Ok(())) => Ok(value),
+            (None, Ok(())) => Err(StoreError::Closed.into()),
+        };
+        // The caller may have gone away; its write stands.
+        let _ = self.reply.send(result);
+    }
+}
+
+async fn serve(mut connection: Connection, mut queue: mpsc::Receiver<Message>) {
+    let mut messages = Vec::with_capacity(GROUP);
+    while queue.recv_many(&mut messages, GROUP).await > 0 {
+        let mut writes = Vec::with_capacity(messages.len());
+        let mut close = None;
+        for message in messages.drain(..) {
+            match message {
+                Message::Write(write) => writes.push(write),
+                Message::Close(done) => close = Some(done),
+            }
+        }
+        let outcome = commit(&mut connection, &mut writes).await;
+        if let Err(error) = &outcome {
+            tracing::error!(%error, writes = writes.len(), "transaction failed");
+        }
+        for write in writes {
+            write.answer(&outcome);
+        }
+        if let Some(done) = close {
+            queue.close();
+            if let Err(error) = sqlx::Connection::close(connection).await {
+                tracing::error!(%error, "closing the database failed");
+            }
+            // Nobody waits if the caller of `close` gave up.
+            let _ = done.send(());
+            return;
+        }
+    }
+}
+
+async fn commit(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> Result<(), StoreError> {
+    if writes.is_empty() {
+        return Ok(());
+    }
+    // Immediate: a transaction that reads first and then finds the database locked could not be retried.
+    execute(connection, "begin immediate").await?;
+    let mut outcome = run_all(connection, writes).await;
+    if outcome.is_ok() {
+        outcome = execute(connection, "commit").await;
+    }
+    if outcome.is_err()
+        && let Err(error) = execute(connection, "rollback").await
+    {
+        tracing::error!(%error, "the transaction could not be rolled back");
+    }
+    outcome
+}
+
+async fn run_all(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> Result<(), StoreError> {
+    for write in writes {
+        execute(connection, "savepoint one_write").await?;
+        if !write.run(connection).await {
+            execute(connection, "rollback to savepoint one_write").await?;
+        }
+        execute(connection, "release savepoint one_write").await?;
+    }
+    Ok(())
+}
+
+async fn execute(connection: &mut Connection, statement: &'static str) -> Result<(), StoreError> {
+    sqlx::query(statement).execute(connection).await?;
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Store;
+
+    #[tokio::test]
+    async fn a_failed_write_takes_nothing_else_with_it() {
+        let directory = tempfile::tempdir().unwrap();
+        let store = Store::open(&directory.path().join("farm.sqlite")).await.unwrap();
+        let write = |name: &'static str, then_fail: bool| {
+            let store = store.clone();
+            async move {
+                store
+                    .write::<(), StoreError, _>(move |connection| {
+                        Box::pin(async move {
+                            sqlx::query("insert into sequences (name, value) values ($1, 1)")
+                                .bind(name)
+                                .execute(connection)
+                                .await?;
+                            if then_fail { Err(StoreError::Closed) } else { Ok(()) }
+                        })
+                    })
+                    .await
+            }
+        };
+        let (first, second, third) = tokio::join!(write("a", false), write("b", true), write("c", false));
+        assert!(first.is_ok() && second.is_err() && third.is_ok());
+        let names: Vec<String> = sqlx::query_scalar("select name from sequences where length(name) = 1 order by name")
+            .fetch_all(&store.readers)
+            .await
+            .unwrap();
+        assert_eq!(names, ["a", "c"]);
+    }
+}

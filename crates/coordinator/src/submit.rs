@@ -1,0 +1,163 @@
+//! From a submission to a job: everything that a worker would stumble over is found here and named.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use clerestory_api::{ContentHash, JobId, JobSubmission, ProblemCode};
+use clerestory_render_core::film::{FrameImage, TileGrid};
+use clerestory_render_core::scene::{self, Asset, Scene, SceneBundle, SceneDescription, SceneError};
+use uuid::Uuid;
+
+use crate::convergence::reference_budget;
+use crate::farm::Farm;
+use crate::http::ApiError;
+use crate::store::NewJob;
+
+/// Longest name.
+const LONGEST_NAME: usize = 200;
+
+/// Largest tile edge.
+const LARGEST_TILE: u32 = 1024;
+
+/// Most tiles in a frame: each is a row for every node.
+const MOST_TILES: u64 = 65_536;
+
+/// Most samples per pixel: the sampler counts no further.
+const MOST_SAMPLES: u32 = 1 << 24;
+
+/// Checks a submission and makes a job of it.
+pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob, ApiError> {
+    check_numbers(&submission)?;
+    let text = serde_json::to_vec(&submission.scene).map_err(ApiError::internal)?;
+    let description = blocking(move || SceneDescription::parse(&text).map_err(of_scene_error)).await?;
+    let grid = grid(&submission, &description)?;
+    let named = check_assets(&submission.assets, &scene::asset_names(&description))?;
+    check_uploaded(farm, named.values().copied().chain(submission.reference)).await?;
+
+    let mut assets = BTreeMap::new();
+    for (name, hash) in &named {
+        assets.insert(name.clone(), Asset::new(farm.blobs.asset(*hash).await?.to_vec()));
+    }
+    if let Some(hash) = submission.reference {
+        let bytes = farm.blobs.asset(hash).await?;
+        blocking(move || check_reference(&bytes, &grid, hash)).await?;
+    }
+    let _permit = farm.building.acquire().await.map_err(ApiError::internal)?;
+    let scene = blocking(move || build(description, assets)).await?;
+    let description = scene.description();
+    let sampling = description.sampling;
+    let name = submission.name.unwrap_or_else(|| description.name.clone());
+    Ok(NewJob {
+        id: JobId::from(Uuid::now_v7()),
+        name: name.chars().take(LONGEST_NAME).collect(),
+        priority: submission.priority,
+        scene: scene::canonical_json(description),
+        scene_hash: scene.hash().to_string(),
+        integrator: description.integrator.name().to_owned(),
+        missing_light: description.missing_light(),
+        grid,
+        samples_per_pass: sampling.samples_per_pass,
+        samples_per_block: sampling.samples_per_block,
+        passes: submission.samples_per_pixel.div_ceil(sampling.samples_per_pass.max(1)),
+        reference: submission.reference,
+        time_limit_ms: submission.time_limit_ms,
+        assets: named,
+        created_ms: farm.config.clock.now_ms(),
+    })
+}
+
+fn check_numbers(submission: &JobSubmission) -> Result<(), ApiError> {
+    if let Some(name) = submission.name.as_ref().filter(|name| name.is_empty() || name.chars().count() > LONGEST_NAME) {
+        return Err(ApiError::invalid_field("name", name, format!("1 to {LONGEST_NAME} characters")));
+    }
+    if !(1..=MOST_SAMPLES).contains(&submission.samples_per_pixel) {
+        let expected = format!("1 to {MOST_SAMPLES}");
+        return Err(ApiError::invalid_field("samples_per_pixel", submission.samples_per_pixel, expected));
+    }
+    if !(1..=LARGEST_TILE).contains(&submission.tile_size) {
+        return Err(ApiError::invalid_field("tile_size", submission.tile_size, format!("1 to {LARGEST_TILE} pixels")));
+    }
+    if let Some(limit_ms) = submission.time_limit_ms.filter(|limit_ms| *limit_ms < 1) {
+        return Err(ApiError::invalid_field("time_limit_ms", limit_ms, "at least 1 millisecond"));
+    }
+    Ok(())
+}
+
+fn grid(submission: &JobSubmission, description: &SceneDescription) -> Result<TileGrid, ApiError> {
+    let (width, height) = (description.film.width, description.film.height);
+    let tiles = |edge: u32| u64::from(width.div_ceil(edge)) * u64::from(height.div_ceil(edge));
+    if tiles(submission.tile_size) > MOST_TILES {
+        let smallest = (1..=LARGEST_TILE).find(|edge| tiles(*edge) <= MOST_TILES).unwrap_or(LARGEST_TILE);
+        let expected = format!("at least {smallest} pixels for an image of {width} x {height}");
+        return Err(ApiError::invalid_field("tile_size", submission.tile_size, expected));
+    }
+    Ok(TileGrid { width, height, tile_size: submission.tile_size })
+}
+
+/// The assets that the scene names, each of which must be given, and no other.
+fn check_assets(
+    given: &BTreeMap<String, ContentHash>,
+    named: &BTreeSet<&str>,
+) -> Result<BTreeMap<String, ContentHash>, ApiError> {
+    if let Some(missing) = named.iter().find(|name| !given.contains_key(**name)) {
+        let field = format!("assets.{missing}");
+        return Err(ApiError::invalid_field(field, "absent", "the content hash of this file, which the scene names"));
+    }
+    if let Some((surplus, hash)) = given.iter().find(|(name, _)| !named.contains(name.as_str())) {
+        let expected = "only files that the scene names";
+        return Err(ApiError::invalid_field(format!("assets.{surplus}"), hash, expected));
+    }
+    Ok(given.clone())
+}
+
+async fn check_uploaded(farm: &Farm, hashes: impl Iterator<Item = ContentHash>) -> Result<(), ApiError> {
+    let mut missing = Vec::new();
+    for hash in hashes.collect::<BTreeSet<_>>() {
+        if !farm.store.has_asset(hash).await? {
+            missing.push(hash);
+        }
+    }
+    if missing.is_empty() {
+        return Ok(());
+    }
+    let detail = format!("{} of the named contents have not been uploaded; `missing` lists them", missing.len());
+    Err(ApiError::new(ProblemCode::MissingAssets, detail).missing(missing))
+}
+
+fn check_reference(bytes: &[u8], grid: &TileGrid, hash: ContentHash) -> Result<(), ApiError> {
+    let refuse = |detail: String| ApiError::new(ProblemCode::InvalidReference, detail).field("reference").value(hash);
+    let image = FrameImage::decode(bytes, reference_budget(grid.width, grid.height))
+        .map_err(|error| refuse(error.to_string()).expected("an OpenEXR image with finite channels R, G and B"))?;
+    if (image.width(), image.height()) == (grid.width, grid.height) {
+        return Ok(());
+    }
+    Err(refuse(format!("the reference has {} x {} pixels", image.width(), image.height()))
+        .expected(format!("{} x {} pixels, as the scene's film", grid.width, grid.height)))
+}
+
+/// Builds the scene as a worker will, so that what is wrong with the contents of its assets is found here.
+fn build(description: SceneDescription, assets: BTreeMap<String, Asset>) -> Result<Scene, ApiError> {
+    let bundle = SceneBundle::from_parts(description, assets).map_err(of_scene_error)?;
+    Scene::build(&bundle).map_err(of_scene_error)
+}
+
+fn of_scene_error(error: SceneError) -> ApiError {
+    let field = match error.path() {
+        "" | "$" => "scene".to_owned(),
+        path => format!("scene.{path}"),
+    };
+    let refused = ApiError::new(ProblemCode::InvalidScene, error.to_string()).field(field);
+    match error {
+        SceneError::Value { found, expected, .. } => refused.value(found).expected(expected),
+        SceneError::UnsupportedVersion { found } => {
+            refused.value(found).expected(scene::description::SCENE_FORMAT_VERSION.to_string())
+        }
+        SceneError::Asset { name, .. } => refused.value(name),
+        _ => refused,
+    }
+}
+
+async fn blocking<T: Send + 'static>(
+    work: impl FnOnce() -> Result<T, ApiError> + Send + 'static,
+) -> Result<T, ApiError> {
+    tokio::task::spawn_blocking(work).await.map_err(ApiError::internal)?
+}

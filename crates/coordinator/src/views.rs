@@ -1,0 +1,73 @@
+//! What callers see of jobs and workers.
+
+use clerestory_api::{JobView, WorkerView};
+
+use crate::farm::Farm;
+use crate::store::{JobRecord, StoreError};
+
+/// Workers that have been silent for longer are not shown any more.
+const SHOWN_MS: i64 = 24 * 3600 * 1000;
+
+/// A job as it is now.
+pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreError> {
+    let now_ms = farm.config.clock.now_ms();
+    let latest = match job.rounds.checked_sub(1) {
+        Some(round) => farm.store.convergence_point(job.id, 0, round).await?,
+        None => None,
+    };
+    let is_running = !job.state.is_final();
+    let started_ms = job.started_ms.filter(|_| is_running);
+    let samples_per_second = started_ms.and_then(|started_ms| farm.rates.rate(job.id, started_ms, now_ms));
+    let total_samples = job.total_samples();
+    let remaining_ms = samples_per_second.map(|rate| {
+        let by_rate = (total_samples.saturating_sub(job.samples) as f64 / rate * 1000.0) as i64;
+        let by_limit = started_ms.zip(job.time_limit_ms).map(|(started, limit)| (started + limit - now_ms).max(0));
+        by_limit.map_or(by_rate, |by_limit| by_limit.min(by_rate))
+    });
+    Ok(JobView {
+        progress: job.samples as f64 / total_samples.max(1) as f64,
+        tiles: job.grid.len(),
+        width: job.grid.width,
+        height: job.grid.height,
+        tile_size: job.grid.tile_size,
+        id: job.id,
+        name: job.name,
+        state: job.state,
+        failure: job.failure,
+        priority: job.priority,
+        integrator: job.integrator,
+        scene_hash: job.scene_hash,
+        missing_light: job.missing_light,
+        frames: job.frames,
+        samples_per_pass: job.samples_per_pass,
+        passes: job.passes,
+        complete_passes: job.complete_passes,
+        rounds: job.rounds,
+        samples: job.samples,
+        samples_per_second,
+        remaining_ms,
+        core_ms: job.core_ms,
+        time_limit_ms: job.time_limit_ms,
+        reference: job.reference,
+        latest,
+        created_ms: job.created_ms,
+        started_ms: job.started_ms,
+        finished_ms: job.finished_ms,
+    })
+}
+
+/// All jobs, newest first.
+pub(crate) async fn jobs(farm: &Farm) -> Result<Vec<JobView>, StoreError> {
+    let mut views = Vec::new();
+    for record in farm.store.jobs().await? {
+        views.push(job(farm, record).await?);
+    }
+    Ok(views)
+}
+
+/// All workers that were heard of within a day, in order of registration.
+pub(crate) async fn workers(farm: &Farm) -> Result<Vec<WorkerView>, StoreError> {
+    let now_ms = farm.config.clock.now_ms();
+    let silent_ms = i64::try_from(farm.config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
+    farm.store.workers(now_ms - SHOWN_MS, now_ms.saturating_sub(silent_ms)).await
+}

@@ -1,0 +1,286 @@
+//! What callers get wrong, and what they are told. The farm goes on working afterwards.
+
+use crate::support::*;
+use clerestory_api::{Client, Problem};
+use reqwest::{Method, StatusCode};
+use serde_json::{Value, json};
+use uuid::Uuid;
+
+const TOKEN: &str = "0123456789abcdef0123456789abcdef";
+
+struct Call {
+    method: Method,
+    path: String,
+    headers: Vec<(&'static str, String)>,
+    body: Vec<u8>,
+}
+
+fn call(method: Method, path: impl Into<String>) -> Call {
+    Call { method, path: path.into(), headers: Vec::new(), body: Vec::new() }
+}
+
+impl Call {
+    fn header(mut self, name: &'static str, value: impl ToString) -> Self {
+        self.headers.push((name, value.to_string()));
+        self
+    }
+
+    fn body(mut self, body: impl Into<Vec<u8>>) -> Self {
+        self.body = body.into();
+        self
+    }
+
+    fn json(self, body: &Value) -> Self {
+        self.header("content-type", "application/json").body(body.to_string())
+    }
+
+    async fn send(self, farm: &TestFarm) -> reqwest::Response {
+        let mut request = reqwest::Client::new()
+            .request(self.method, format!("{}/api/v1{}", farm.address, self.path))
+            .body(self.body);
+        for (name, value) in self.headers {
+            request = request.header(name, value);
+        }
+        request.send().await.unwrap()
+    }
+}
+
+/// Sends the call and compares status, code and field of the problem.
+#[track_caller]
+fn check<'a>(
+    farm: &'a TestFarm,
+    call: Call,
+    status: u16,
+    code: &'a str,
+    field: Option<&'a str>,
+) -> impl Future<Output = Problem> + 'a {
+    let caller = std::panic::Location::caller();
+    async move {
+        let name = format!("{} {} ({caller})", call.method, call.path);
+        let response = call.send(farm).await;
+        assert_eq!(response.status().as_u16(), status, "{name}");
+        assert_eq!(response.headers()["content-type"], "application/problem+json", "{name}");
+        let request_id = response.headers()["x-request-id"].to_str().unwrap().to_owned();
+        let document: Value = response.json().await.unwrap();
+        let problem: Problem = serde_json::from_value(document.clone()).unwrap();
+        assert_eq!((problem.status, document["code"].as_str()), (status, Some(code)), "{name}: {document}");
+        assert_eq!(problem.field.as_deref(), field, "{name}: {document}");
+        assert_eq!(problem.request_id, Some(request_id), "{name}");
+        problem
+    }
+}
+
+fn submission_with(field: &str, value: Value) -> Value {
+    let mut body = serde_json::to_value(submission(4)).unwrap();
+    body[field] = value;
+    body
+}
+
+fn scene_with(pointer: &str, value: Value) -> Value {
+    let mut body = serde_json::to_value(submission(4)).unwrap();
+    *body.pointer_mut(&format!("/scene{pointer}")).unwrap() = value;
+    body
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
+    let farm = TestFarm::start_with(|config| {
+        config.lease_nodes = Some(200);
+        config.max_asset_bytes = 1000;
+        config.max_partial_bytes = 1 << 20;
+    })
+    .await;
+    let farm = &farm;
+    let nobody = Uuid::now_v7();
+    let post = |path: &str, body: &Value| call(Method::POST, path).json(body);
+    let submit = |body: &Value| post("/jobs", body);
+
+    // Paths and methods.
+    check(farm, call(Method::GET, "/nothing"), 404, "unknown_path", None).await;
+    check(farm, call(Method::DELETE, "/jobs"), 405, "method_not_allowed", None).await;
+    check(farm, call(Method::GET, "/jobs/abc"), 400, "invalid_field", Some("job")).await;
+    check(farm, call(Method::GET, format!("/jobs/{nobody}")), 404, "unknown_job", Some("job")).await;
+    check(farm, call(Method::GET, format!("/jobs/{nobody}/events")), 404, "unknown_job", Some("job")).await;
+    check(farm, call(Method::POST, format!("/jobs/{nobody}/cancel")), 404, "unknown_job", Some("job")).await;
+
+    // Bodies.
+    check(farm, call(Method::POST, "/jobs").body("{}"), 415, "unsupported_media_type", Some("content-type")).await;
+    let broken = call(Method::POST, "/jobs").header("content-type", "application/json").body("{\"scene\": ");
+    check(farm, broken, 400, "invalid_body", None).await;
+    check(farm, submit(&json!({})), 400, "invalid_field", Some("scene")).await;
+    let problem = check(farm, submit(&submission_with("sppp", json!(1))), 400, "unknown_field", Some("sppp")).await;
+    assert!(problem.expected.unwrap().contains("samples_per_pixel"));
+    let problem = check(
+        farm,
+        submit(&submission_with("samples_per_pixel", json!("many"))),
+        400,
+        "invalid_field",
+        Some("samples_per_pixel"),
+    )
+    .await;
+    assert_eq!(problem.expected.as_deref(), Some("u32"));
+    check(
+        farm,
+        submit(&submission_with("samples_per_pixel", json!(0))),
+        400,
+        "invalid_field",
+        Some("samples_per_pixel"),
+    )
+    .await;
+    check(
+        farm,
+        submit(&submission_with("samples_per_pixel", json!(-4))),
+        400,
+        "invalid_field",
+        Some("samples_per_pixel"),
+    )
+    .await;
+    check(farm, submit(&submission_with("tile_size", json!(0))), 400, "invalid_field", Some("tile_size")).await;
+    check(farm, submit(&submission_with("tile_size", json!(5000))), 400, "invalid_field", Some("tile_size")).await;
+    check(farm, submit(&submission_with("name", json!(""))), 400, "invalid_field", Some("name")).await;
+    check(farm, submit(&submission_with("time_limit_ms", json!(0))), 400, "invalid_field", Some("time_limit_ms")).await;
+    check(farm, submit(&submission_with("reference", json!("abc"))), 400, "invalid_field", Some("reference")).await;
+    let surplus = json!({"roof.ply": hash(b"roof")});
+    check(farm, submit(&submission_with("assets", surplus)), 400, "invalid_field", Some("assets.roof.ply")).await;
+
+    // Scenes.
+    check(farm, submit(&scene_with("/film/width", json!(0))), 422, "invalid_scene", Some("scene.film.width")).await;
+    check(farm, submit(&scene_with("/version", json!(9))), 422, "invalid_scene", Some("scene.version")).await;
+    check(farm, submit(&scene_with("/camera", json!({"fisheye": {}}))), 422, "invalid_scene", Some("scene.camera"))
+        .await;
+    check(
+        farm,
+        submit(&scene_with("/meshes/0/material", json!("marble"))),
+        422,
+        "invalid_scene",
+        Some("scene.meshes[0].material"),
+    )
+    .await;
+    let file = json!({"ply": {"file": "floor.ply"}});
+    check(farm, submit(&scene_with("/meshes/0/source", file.clone())), 400, "invalid_field", Some("assets.floor.ply"))
+        .await;
+    let mut body = scene_with("/meshes/0/source", file);
+    body["assets"] = json!({"floor.ply": hash(b"floor")});
+    body["reference"] = json!(hash(b"reference"));
+    let problem = check(farm, submit(&body), 409, "missing_assets", None).await;
+    let mut missing = vec![hash(b"floor"), hash(b"reference")];
+    missing.sort();
+    assert_eq!(problem.missing, missing);
+
+    // Assets.
+    check(farm, call(Method::PUT, "/assets/ABC"), 400, "invalid_field", Some("hash")).await;
+    check(farm, call(Method::GET, format!("/assets/{}", hash(b"x"))), 404, "unknown_asset", None).await;
+    let wrong = call(Method::PUT, format!("/assets/{}", hash(b"x"))).body("y");
+    let problem = check(farm, wrong, 422, "hash_mismatch", Some("hash")).await;
+    assert_eq!(problem.expected, Some(hash(b"y").to_string()));
+    let large = vec![0; 2000];
+    let large = call(Method::PUT, format!("/assets/{}", hash(&large))).body(large);
+    check(farm, large, 413, "body_too_large", None).await;
+    farm.client.upload_asset(&hash(b"no image"), "no image".into()).await.unwrap();
+    let mut body = scene_with("/meshes/0/source", json!({"ply": {"file": "floor.ply"}}));
+    body["assets"] = json!({"floor.ply": hash(b"no image")});
+    let field = Some("scene.meshes[0].source.ply.file");
+    check(farm, submit(&body), 422, "invalid_scene", field).await;
+    let body = submission_with("reference", json!(hash(b"no image")));
+    check(farm, submit(&body), 422, "invalid_reference", Some("reference")).await;
+
+    // Workers and leases.
+    let worker = json!({"name": "w", "cores": 0, "build": "b"});
+    check(farm, post("/workers", &worker), 400, "invalid_field", Some("cores")).await;
+    let worker = json!({"name": "w", "cores": 1, "build": "b", "colour": "red"});
+    check(farm, post("/workers", &worker), 400, "unknown_field", Some("colour")).await;
+    let heartbeat = call(Method::POST, format!("/workers/{nobody}/heartbeat"));
+    check(farm, heartbeat, 404, "unknown_worker", None).await;
+    check(farm, post("/leases", &json!({"worker": nobody})), 404, "unknown_worker", None).await;
+    let lazy = json!({"worker": nobody, "wait_ms": 60_000});
+    check(farm, post("/leases", &lazy), 400, "invalid_field", Some("wait_ms")).await;
+    let greedy = json!({"worker": nobody, "max_nodes": 0});
+    check(farm, post("/leases", &greedy), 400, "invalid_field", Some("max_nodes")).await;
+    let renew = post(&format!("/leases/{nobody}/renew"), &json!({"token": 1}));
+    check(farm, renew, 404, "unknown_lease", None).await;
+
+    // Partials.
+    let job = farm.submit(4).await;
+    let honest = farm.worker().await;
+    let lease = honest.claim().await.unwrap();
+    let upload = |body: Vec<u8>| {
+        call(Method::PUT, format!("/leases/{}/partial", lease.id)).header("content-type", "image/x-exr").body(body)
+    };
+    let complete = |call: Call| call.header("clerestory-fencing-token", lease.token).header("clerestory-core-ms", 5);
+    check(farm, upload(Vec::new()), 400, "invalid_field", Some("clerestory-fencing-token")).await;
+    let without_time = upload(Vec::new()).header("clerestory-fencing-token", lease.token);
+    check(farm, without_time, 400, "invalid_field", Some("clerestory-core-ms")).await;
+    let stale = upload(Vec::new()).header("clerestory-fencing-token", 0).header("clerestory-core-ms", 5);
+    check(farm, stale, 409, "stale_token", None).await;
+    check(farm, complete(upload(vec![0; 2 << 20])), 413, "body_too_large", None).await;
+    check(farm, complete(upload(b"not an image".to_vec())), 422, "invalid_partial", Some("body")).await;
+    let again = post(&format!("/leases/{}/return", lease.id), &json!({"token": lease.token, "why": 1}));
+    check(farm, again, 400, "unknown_field", Some("why")).await;
+    check(farm, complete(upload(b"again".to_vec())), 409, "lease_returned", None).await;
+
+    // Images.
+    let image = |rest: &str| call(Method::GET, format!("/jobs/{}/{rest}", job.id));
+    check(farm, image("image.exr"), 404, "no_image_yet", None).await;
+    check(farm, image("preview.png?exposure=bright"), 400, "invalid_field", Some("exposure")).await;
+    check(farm, image("preview.png?exposure=1e9"), 400, "invalid_field", Some("exposure")).await;
+    check(farm, image("preview.png?exposure=NaN"), 400, "invalid_field", Some("exposure")).await;
+    check(farm, image("preview.png?curve=pastel"), 400, "invalid_field", Some("curve")).await;
+    check(farm, image("preview.png?gamma=2"), 400, "unknown_field", Some("gamma")).await;
+
+    farm.worker().await.drain().await;
+    farm.finished(job.id).await;
+    assert!(bits(&farm.image(job.id).await) == expected_bits(4));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn nothing_but_the_page_and_the_probes_opens_without_the_token() {
+    let farm = TestFarm::start_with(|config| config.token = Some(TOKEN.parse().unwrap())).await;
+    let farm = &farm;
+    let session = |token: &str| call(Method::POST, "/session").json(&json!({"token": token}));
+    check(farm, call(Method::GET, "/jobs"), 401, "unauthorized", Some("authorization")).await;
+    let wrong = call(Method::GET, "/jobs").header("authorization", "Bearer 0123456789abcdef");
+    check(farm, wrong, 401, "unauthorized", Some("authorization")).await;
+    check(farm, call(Method::GET, "/events"), 401, "unauthorized", Some("authorization")).await;
+    check(farm, call(Method::GET, "/nothing"), 401, "unauthorized", Some("authorization")).await;
+    let forged = call(Method::GET, "/jobs").header("cookie", format!("clerestory_session={TOKEN}"));
+    check(farm, forged, 401, "unauthorized", Some("authorization")).await;
+    check(farm, session("0123456789abcdef"), 401, "unauthorized", Some("token")).await;
+
+    let opened = session(TOKEN).send(farm).await;
+    assert_eq!(opened.status(), StatusCode::NO_CONTENT);
+    let cookie = opened.headers()["set-cookie"].to_str().unwrap().to_owned();
+    assert!(cookie.contains("HttpOnly") && cookie.contains("SameSite=Strict") && !cookie.contains(TOKEN));
+    let pair = cookie.split(';').next().unwrap();
+    let with_cookie = call(Method::GET, "/jobs").header("cookie", format!("theme=dark; {pair}")).send(farm).await;
+    assert_eq!(with_cookie.status(), StatusCode::OK);
+
+    let client = Client::new(&farm.address, Some(TOKEN)).unwrap();
+    assert!(client.jobs().await.unwrap().is_empty());
+    for path in ["/", "/app.js", "/healthz", "/readyz"] {
+        let response = reqwest::get(format!("{}{path}", farm.address)).await.unwrap();
+        assert!(response.status().is_success(), "{path}: {}", response.status());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn pages_of_other_sites_cannot_use_a_coordinator_on_loopback() {
+    let farm = TestFarm::start().await;
+    let farm = &farm;
+    // A foreign name that was made to resolve to 127.0.0.1.
+    let rebound = call(Method::GET, "/jobs").header("host", "evil.example");
+    check(farm, rebound, 403, "foreign_origin", Some("host")).await;
+    let rebound = call(Method::GET, "/jobs").header("host", "127.0.0.1.evil.example:80");
+    check(farm, rebound, 403, "foreign_origin", Some("host")).await;
+    // A page that posts to this machine behind its reader's back.
+    let posted = call(Method::POST, "/jobs").header("origin", "http://evil.example").json(&json!({}));
+    check(farm, posted, 403, "foreign_origin", None).await;
+    let posted = call(Method::POST, "/jobs").header("sec-fetch-site", "cross-site").json(&json!({}));
+    check(farm, posted, 403, "foreign_origin", None).await;
+    for host in ["localhost", "localhost:7171", "[::1]:7171", "127.0.0.1"] {
+        let response = call(Method::GET, "/jobs").header("host", host).send(farm).await;
+        assert_eq!(response.status(), StatusCode::OK, "{host}");
+    }
+    let own =
+        call(Method::POST, "/session").header("origin", &farm.address).json(&json!({"token": ""})).send(farm).await;
+    assert_eq!(own.status(), StatusCode::NO_CONTENT);
+}

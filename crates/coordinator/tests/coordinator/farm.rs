@@ -1,0 +1,301 @@
+//! A whole coordinator, over HTTP, with workers that upload noise: what comes out must be what went in.
+
+use std::time::Duration;
+
+use crate::support::*;
+use clerestory_api::{EventBody, JobState, LeaseRequest, LeaseReturn, NodeVerdict, PreviewQuery, ProblemCode};
+use clerestory_coordinator::{Config, RunError, run};
+use futures::StreamExt;
+use tokio::net::TcpListener;
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_image_has_the_bits_of_a_single_process_however_the_work_is_cut() {
+    // 21 passes are no power of two; rounds end at 1, 2, 4, 8, 16 and 21.
+    let expected = expected_bits(21);
+    for lease_nodes in [None, Some(1), Some(7), Some(200)] {
+        let farm = TestFarm::start_with(|config| config.lease_nodes = lease_nodes).await;
+        let job = farm.submit(21).await;
+        let (first, second) = (farm.worker().await, farm.worker().await);
+        tokio::join!(first.drain(), second.drain());
+        let done = farm.finished(job.id).await;
+        assert_eq!((done.state, done.rounds, done.complete_passes), (JobState::Done, 6, 21));
+        assert_eq!(done.progress, 1.0);
+        let image = farm.image(job.id).await;
+        assert!(bits(&image) == expected, "leases of {lease_nodes:?} nodes changed the image");
+        let metadata = image.metadata().unwrap();
+        assert_eq!(metadata.tile_passes, vec![21; grid().len() as usize]);
+        assert_eq!(metadata.scene_hash, job.scene_hash);
+        farm.stop().await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn merged_children_are_removed() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(3)).await;
+    let job = farm.submit(21).await;
+    farm.worker().await.drain().await;
+    farm.finished(job.id).await;
+    // The merge of the last round may still run: a stopped coordinator has finished it.
+    let farm = farm.restarted().await;
+    // 21 passes are the nodes 16 + 4 + 1 in each tile.
+    assert_eq!(farm.node_blobs(), 3 * grid().len() as usize);
+    assert!(bits(&farm.image(job.id).await) == expected_bits(21));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_restart_in_the_middle_of_a_job_loses_nothing() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(5)).await;
+    let job = farm.submit(9).await;
+    let worker = farm.worker().await;
+    for _ in 0..4 {
+        let lease = worker.claim().await.unwrap();
+        worker.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap();
+    }
+    let held = worker.claim().await.unwrap();
+    let nodes = addresses(&held);
+    worker.upload(&held, noise_partial(&held, &nodes[..2])).await.unwrap();
+    let before = farm.client.job(job.id).await.unwrap();
+
+    let farm = farm.restarted().await;
+    let after = farm.client.job(job.id).await.unwrap();
+    assert_eq!((after.samples, after.state), (before.samples, JobState::Running));
+    // The worker had not heard the answer to its last upload: it brings everything again, under its old lease.
+    let worker = TestWorker { client: farm.client.clone(), id: worker.id };
+    let answer = worker.upload(&held, noise_partial(&held, &nodes)).await.unwrap();
+    let verdicts: Vec<NodeVerdict> = answer.nodes.iter().map(|node| node.verdict).collect();
+    let (accepted, duplicate) = (NodeVerdict::Accepted, NodeVerdict::Duplicate);
+    assert_eq!(verdicts, [duplicate, duplicate, accepted, accepted, accepted]);
+    worker.drain().await;
+    assert_eq!(farm.finished(job.id).await.state, JobState::Done);
+    assert!(bits(&farm.image(job.id).await) == expected_bits(9));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_error_against_the_reference_falls_to_zero_when_the_image_is_the_reference() {
+    let farm = TestFarm::start().await;
+    let first = farm.submit(16).await;
+    let worker = farm.worker().await;
+    worker.drain().await;
+    farm.finished(first.id).await;
+    let reference = farm.client.image(first.id).await.unwrap();
+    let hash = hash(&reference);
+    farm.client.upload_asset(&hash, reference).await.unwrap();
+
+    let mut submission = submission(16);
+    submission.reference = Some(hash);
+    let second = farm.client.submit_job(&submission).await.unwrap();
+    worker.drain().await;
+    let done = farm.finished(second.id).await;
+    let series = farm.client.convergence(second.id).await.unwrap();
+    assert!(series.has_reference);
+    let passes: Vec<u32> = series.points.iter().map(|point| point.passes).collect();
+    assert_eq!(passes, [1, 2, 4, 8, 16]);
+    let errors: Vec<f64> = series.points.iter().map(|point| point.mse.unwrap()).collect();
+    assert!(errors.is_sorted_by(|a, b| a > b), "{errors:?}");
+    let last = series.points.last().unwrap();
+    assert_eq!((last.mse, last.psnr, last.rel_mse), (Some(0.0), None, Some(0.0)));
+    assert!(last.corrected_mse.unwrap() < 0.0, "the reference has noise of its own");
+    assert_eq!(done.latest.as_ref(), Some(last));
+    // Blocks are 4 passes, and an error is estimated from two blocks on.
+    let estimated: Vec<bool> = series.points.iter().map(|point| point.estimated_mse.is_some()).collect();
+    assert_eq!(estimated, [false, false, false, true, true]);
+    assert!(series.points.iter().all(|point| point.core_ms > 0));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_partial_that_is_cut_off_sends_its_nodes_back_to_the_queue() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(2)).await;
+    let job = farm.submit(1).await;
+    let (broken, sound) = (farm.worker().await, farm.worker().await);
+    let lease = broken.claim().await.unwrap();
+    let mut body = noise_partial(&lease, &addresses(&lease));
+    body.truncate(body.len() - 7);
+    let refused = broken.upload(&lease, body).await.unwrap_err();
+    assert_eq!(refused.problem().unwrap().code, ProblemCode::InvalidPartial);
+    assert_eq!(refused.problem().unwrap().status, 422);
+    let again = sound.claim().await.unwrap();
+    assert_eq!(again.nodes, lease.nodes);
+    let workers = farm.client.workers().await.unwrap();
+    let refused: Vec<u64> = workers.iter().map(|worker| worker.refused_partials).collect();
+    assert_eq!(refused, [1, 0]);
+    sound.upload(&again, noise_partial(&again, &addresses(&again))).await.unwrap();
+    sound.drain().await;
+    assert_eq!(farm.finished(job.id).await.state, JobState::Done);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn partials_of_another_scene_or_with_nodes_that_were_not_leased_are_refused() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(2)).await;
+    farm.submit(4).await;
+    let worker = farm.worker().await;
+    let lease = worker.claim().await.unwrap();
+    let nodes = addresses(&lease);
+    let mut other = lease.clone();
+    other.scene_hash = "0".repeat(64);
+    let refused = worker.upload(&lease, noise_partial(&other, &nodes)).await.unwrap_err();
+    let problem = refused.problem().unwrap();
+    assert_eq!(problem.code, ProblemCode::InvalidPartial);
+    assert!(problem.detail.contains(&lease.scene_hash), "{}", problem.detail);
+
+    let second = farm.worker().await;
+    let lease = second.claim().await.unwrap();
+    let parent = noise_node(addresses(&lease)[0].parent());
+    let refused = second.upload(&lease, partial_of(&lease, &[parent])).await.unwrap_err();
+    assert!(refused.problem().unwrap().detail.contains("was not leased"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn events_come_in_order_and_the_missed_ones_after_coming_back() {
+    let farm = TestFarm::start().await;
+    let mut events = farm.client.events(None, None).await.unwrap();
+    let first = events.next().await.unwrap().unwrap();
+    assert!(matches!(&first.body, EventBody::Snapshot { jobs, .. } if jobs.is_empty()));
+    let job = farm.submit(4).await;
+    farm.worker().await.drain().await;
+    let (mut states, mut rounds, mut ids) = (Vec::new(), Vec::new(), Vec::new());
+    // An event tells what is true when it is sent, so a job can be done before its rounds are told.
+    while states.last() != Some(&JobState::Done) || rounds.len() < 3 {
+        let event = events.next().await.unwrap().unwrap();
+        states.extend(state_of(&event));
+        if let EventBody::Round { job: of, point } = &event.body {
+            assert_eq!(*of, job.id);
+            rounds.push(point.round);
+        }
+        ids.extend(event.id);
+    }
+    assert_eq!(rounds, [0, 1, 2]);
+    assert!(ids.is_sorted_by(|a, b| a < b), "{ids:?}");
+
+    let mut again = farm.client.events(Some(job.id), Some(ids[0])).await.unwrap();
+    let mut seen = Vec::new();
+    loop {
+        let event = again.next().await.unwrap().unwrap();
+        if matches!(event.body, EventBody::Snapshot { .. }) {
+            assert_eq!(event.id, ids.last().copied());
+            break;
+        }
+        seen.extend(event.id);
+    }
+    assert_eq!(seen, ids[1..]);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_waits_gets_work_as_soon_as_there_is_some() {
+    let farm = TestFarm::start().await;
+    let worker = farm.worker().await;
+    let request = LeaseRequest { wait_ms: 20_000, ..worker.request() };
+    let waiting = tokio::spawn({
+        let client = worker.client.clone();
+        async move { client.claim_lease(&request).await.unwrap() }
+    });
+    // The claim may arrive before or after the job; either way it must be served.
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    let job = farm.submit(1).await;
+    let lease = tokio::time::timeout(Duration::from_secs(10), waiting).await.unwrap().unwrap().unwrap();
+    assert_eq!(lease.job, job.id);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn returned_work_wakes_a_waiting_worker() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(200)).await;
+    farm.submit(1).await;
+    let (holder, waiter) = (farm.worker().await, farm.worker().await);
+    let lease = holder.claim().await.unwrap();
+    assert!(waiter.claim().await.is_none());
+    let request = LeaseRequest { wait_ms: 20_000, ..waiter.request() };
+    let client = waiter.client.clone();
+    let waiting = tokio::spawn(async move { client.claim_lease(&request).await.unwrap() });
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    let body = LeaseReturn { token: lease.token, failure: None };
+    holder.client.return_lease(lease.id, &body).await.unwrap();
+    let again = tokio::time::timeout(Duration::from_secs(10), waiting).await.unwrap().unwrap().unwrap();
+    assert_eq!(again.nodes, lease.nodes);
+    assert!(again.token > lease.token);
+    let late = holder.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap_err();
+    assert_eq!(late.problem().unwrap().code, ProblemCode::LeaseReturned);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_lease_that_runs_out_is_given_to_somebody_else() {
+    let farm = TestFarm::start_with(|config| {
+        config.lease_ttl = Duration::from_millis(200);
+        config.lease_nodes = Some(200);
+    })
+    .await;
+    farm.submit(1).await;
+    let (lost, next) = (farm.worker().await, farm.worker().await);
+    let lease = lost.claim().await.unwrap();
+    let request = LeaseRequest { wait_ms: 20_000, ..next.request() };
+    let again = next.client.claim_lease(&request).await.unwrap().unwrap();
+    assert_eq!(again.nodes, lease.nodes);
+    let late = lost.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap_err();
+    assert_eq!(late.problem().unwrap().code, ProblemCode::LeaseExpired);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_cancelled_job_keeps_its_image() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(1)).await;
+    let job = farm.submit(4).await;
+    let error = farm.client.image(job.id).await.unwrap_err();
+    assert_eq!(error.problem().unwrap().code, ProblemCode::NoImageYet);
+    let worker = farm.worker().await;
+    let lease = worker.claim().await.unwrap();
+    worker.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap();
+    let held = worker.claim().await.unwrap();
+    let cancelled = farm.client.cancel_job(job.id).await.unwrap();
+    assert_eq!(cancelled.state, JobState::Cancelled);
+    assert_eq!(farm.client.cancel_job(job.id).await.unwrap(), cancelled);
+    let late = worker.upload(&held, noise_partial(&held, &addresses(&held))).await.unwrap_err();
+    assert_eq!(late.problem().unwrap().code, ProblemCode::JobNotRunning);
+    let image = farm.image(job.id).await;
+    let mut passes = vec![0; grid().len() as usize];
+    passes[lease.nodes[0].tile as usize] = 1;
+    assert_eq!(image.metadata().unwrap().tile_passes, passes);
+    let preview = farm.client.preview(job.id, &PreviewQuery::default()).await.unwrap();
+    assert!(preview.starts_with(b"\x89PNG"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_time_limit_ends_the_job_with_what_is_complete() {
+    let farm = TestFarm::start_with(|config| {
+        config.lease_ttl = Duration::from_secs(2);
+        config.lease_nodes = Some(7);
+    })
+    .await;
+    let mut submission = submission(1000);
+    submission.time_limit_ms = Some(1000);
+    let job = farm.client.submit_job(&submission).await.unwrap();
+    let worker = farm.worker().await;
+    let lease = worker.claim().await.unwrap();
+    worker.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap();
+    let done = farm.finished(job.id).await;
+    assert_eq!((done.state, done.rounds), (JobState::Done, 1));
+    assert!(worker.claim().await.is_none());
+    let image = farm.image(job.id).await;
+    let counts = &image.metadata().unwrap().tile_passes;
+    assert!(counts.iter().all(|count| *count >= 1) && counts.contains(&2), "{counts:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_cannot_build_the_scene_fails_the_job_with_its_reason() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(200)).await;
+    let job = farm.submit(1).await;
+    for _ in 0..5 {
+        let worker = farm.worker().await;
+        let lease = worker.claim().await.unwrap();
+        let body = LeaseReturn { token: lease.token, failure: Some("the pane is inside out".to_owned()) };
+        worker.client.return_lease(lease.id, &body).await.unwrap();
+    }
+    let failed = farm.finished(job.id).await;
+    assert_eq!(failed.state, JobState::Failed);
+    assert!(failed.failure.unwrap().contains("the pane is inside out"));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn two_coordinators_never_share_a_directory() {
+    let farm = TestFarm::start().await;
+    assert!(farm.client.is_ready().await);
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let error = run(listener, Config::new(farm.directory.path()), std::future::pending()).await.unwrap_err();
+    assert!(matches!(error, RunError::InUse { .. }), "{error}");
+}

@@ -1,0 +1,7 @@
+//! A whole coordinator, over HTTP.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
+
+mod bad_requests;
+mod farm;
+mod support;

@@ -1,0 +1,193 @@
+//! Addresses: tiles of the image, runs of passes, and the nodes of the merge tree.
+
+use serde::{Deserialize, Serialize};
+
+/// A run of passes `[first, first + count)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct PassRange {
+    /// The first pass.
+    pub first: u32,
+    /// How many.
+    pub count: u32,
+}
+
+impl PassRange {
+    /// The largest aligned runs that the passes consist of, from left to right: the nodes of tile `tile` whose sum, in
+    /// this order, is the tile's image when the range starts at pass 0.
+    pub fn maximal_nodes(&self, frame: u32, tile: u32) -> Vec<NodeAddress> {
+        let end = u64::from(self.first) + u64::from(self.count);
+        let mut first = u64::from(self.first);
+        let mut nodes = Vec::new();
+        while first < end {
+            let fits = (end - first).ilog2();
+            let level = first.trailing_zeros().min(fits).min(NodeAddress::MAX_LEVEL);
+            nodes.push(NodeAddress { frame, tile, level, index: (first >> level) as u32 });
+            first += 1 << level;
+        }
+        nodes
+    }
+}
+
+/// A rectangle of pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Tile {
+    /// Leftmost pixel.
+    pub x: u32,
+    /// Topmost pixel.
+    pub y: u32,
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+}
+
+impl Tile {
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.width as usize * self.height as usize
+    }
+
+    /// Column and row in the image of the tile's `index`-th pixel, counted in rows from its top left.
+    pub fn pixel(&self, index: usize) -> (u32, u32) {
+        let width = self.width.max(1) as usize;
+        (self.x + (index % width) as u32, self.y + (index / width) as u32)
+    }
+}
+
+/// How an image is cut into tiles: squares of `tile_size`, smaller at the right and bottom borders, numbered in rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TileGrid {
+    /// Pixels across the image.
+    pub width: u32,
+    /// Pixels down the image.
+    pub height: u32,
+    /// Edge of a tile in pixels.
+    pub tile_size: u32,
+}
+
+impl TileGrid {
+    /// Tiles across.
+    pub fn columns(&self) -> u32 {
+        self.width.div_ceil(self.tile_size)
+    }
+
+    /// Tiles down.
+    pub fn rows(&self) -> u32 {
+        self.height.div_ceil(self.tile_size)
+    }
+
+    /// Number of tiles.
+    pub fn len(&self) -> u32 {
+        self.columns() * self.rows()
+    }
+
+    /// Whether there is no tile.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The pixels of tile `index`; `None` when there is no such tile.
+    pub fn tile(&self, index: u32) -> Option<Tile> {
+        if index >= self.len() {
+            return None;
+        }
+        let x = index % self.columns() * self.tile_size;
+        let y = index / self.columns() * self.tile_size;
+        Some(Tile { x, y, width: self.tile_size.min(self.width - x), height: self.tile_size.min(self.height - y) })
+    }
+}
+
+/// A node of the merge tree: one tile over the aligned run of passes `[index * 2^level, (index + 1) * 2^level)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct NodeAddress {
+    /// The frame.
+    pub frame: u32,
+    /// The tile's number in its grid.
+    pub tile: u32,
+    /// Binary logarithm of the number of passes.
+    pub level: u32,
+    /// Which aligned run of that length.
+    pub index: u32,
+}
+
+impl NodeAddress {
+    /// The level of the largest node: 2^31 passes.
+    pub const MAX_LEVEL: u32 = 31;
+
+    /// Whether its passes can be counted in 32 bits. The other methods may be called only if so.
+    pub fn exists(&self) -> bool {
+        self.level <= Self::MAX_LEVEL && u64::from(self.index) < u64::from(u32::MAX) >> self.level
+    }
+
+    /// Its passes.
+    pub fn passes(&self) -> PassRange {
+        PassRange { first: self.index << self.level, count: 1 << self.level }
+    }
+
+    /// The node that this one is half of.
+    pub fn parent(&self) -> Self {
+        Self { level: self.level + 1, index: self.index >> 1, ..*self }
+    }
+
+    /// The other half of the parent.
+    pub fn sibling(&self) -> Self {
+        Self { index: self.index ^ 1, ..*self }
+    }
+
+    /// The two halves, left first; `None` for a single pass.
+    pub fn children(&self) -> Option<[Self; 2]> {
+        let level = self.level.checked_sub(1)?;
+        Some([0, 1].map(|half| Self { level, index: self.index * 2 + half, ..*self }))
+    }
+
+    /// Whether the two nodes share a pass of the same tile: one is then the other's ancestor, or they are equal.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        let level = self.level.max(other.level);
+        self.frame == other.frame
+            && self.tile == other.tile
+            && self.index >> (level - self.level) == other.index >> (level - other.level)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn runs(first: u32, count: u32) -> Vec<(u32, u32)> {
+        PassRange { first, count }.maximal_nodes(3, 5).iter().map(|node| (node.level, node.index)).collect()
+    }
+
+    #[test]
+    fn a_run_of_passes_is_cut_into_its_largest_aligned_runs() {
+        assert_eq!(runs(0, 8), [(3, 0)]);
+        assert_eq!(runs(0, 13), [(3, 0), (2, 2), (0, 12)]);
+        assert_eq!(runs(5, 8), [(0, 5), (1, 3), (2, 2), (0, 12)]);
+        assert_eq!(runs(7, 0), []);
+        assert_eq!(runs(0, u32::MAX).len(), 32);
+        assert_eq!(runs(u32::MAX - 1, 1), [(0, u32::MAX - 1)]);
+    }
+
+    #[test]
+    fn maximal_nodes_cover_the_run_and_no_two_are_siblings() {
+        for first in 0..40 {
+            for count in 0..40 {
+                let nodes = PassRange { first, count }.maximal_nodes(0, 0);
+                let mut next = first;
+                for node in &nodes {
+                    assert!(node.exists());
+                    assert_eq!(node.passes().first, next);
+                    next += node.passes().count;
+                }
+                assert_eq!(next, first + count);
+                assert!(nodes.windows(2).all(|pair| pair[0].index % 2 == 1 || pair[0].sibling() != pair[1]));
+            }
+        }
+    }
+
+    #[test]
+    fn addresses_past_the_last_pass_do_not_exist() {
+        let exists = |level, index| NodeAddress { frame: 0, tile: 0, level, index }.exists();
+        assert!(exists(0, 0) && exists(0, u32::MAX - 1) && exists(30, 2) && exists(31, 0));
+        assert!(!exists(0, u32::MAX) && !exists(31, 1) && !exists(32, 0) && !exists(u32::MAX, 0) && !exists(30, 3));
+    }
+}

@@ -1,0 +1,424 @@
+//! A frame's image: the mean of its samples, its standard error, and how it was made.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::address::{Tile, TileGrid};
+use super::openexr::OpenExrError;
+use super::sampling::Sampling;
+use super::tree::TileSum;
+use crate::counters::Counters;
+
+/// How an image was made: enough to make it again, bit for bit, from the same scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ImageMetadata {
+    /// Hash of the canonical scene with all overrides applied, in hexadecimal.
+    pub scene_hash: String,
+    /// The frame.
+    pub frame: u32,
+    /// Seed of the scene.
+    pub seed: u64,
+    /// The integrator and its settings, as in the scene.
+    pub integrator: serde_json::Value,
+    /// How samples were grouped.
+    pub sampling: Sampling,
+    /// Edge of a tile in pixels.
+    pub tile_size: u32,
+    /// Passes of each tile, in the order of the tiles; 0 for a tile that is not there yet.
+    pub tile_passes: Vec<u32>,
+    /// The program that made it.
+    pub build: String,
+    /// Light that the integrator cannot see, in words.
+    pub missing_light: Vec<String>,
+    /// What was done.
+    pub counters: Counters,
+    /// Time that it took, seconds.
+    pub elapsed_seconds: Option<f64>,
+}
+
+/// The layers of an image, one entry for each pixel in rows from the top left. All values are finite.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ImageLayers {
+    /// Mean radiance of the samples, W/(m2 sr); zero where there is none.
+    pub mean: Vec<[f32; 3]>,
+    /// Standard error of the mean, `sqrt(M / (n (n - 1)))` with the second moment M of n block means. Zero at pixels
+    /// of fewer than two blocks, for which it is not known; absent when that is all of them.
+    pub standard_error: Option<Vec<[f32; 3]>>,
+    /// Samples.
+    pub samples: Option<Vec<u32>>,
+    /// Mean diffuse reflectance of what camera rays meet first.
+    pub albedo: Option<Vec<[f32; 3]>>,
+    /// Mean normal in world space of what camera rays meet first.
+    pub normal: Option<Vec<[f32; 3]>>,
+    /// Mean distance to what camera rays meet first, metres.
+    pub depth: Option<Vec<f32>>,
+    /// Means of two disjoint, independent halves of the samples.
+    pub halves: Option<[Vec<[f32; 3]>; 2]>,
+}
+
+/// A finished or unfinished image of a frame, or a reference.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameImage {
+    width: u32,
+    height: u32,
+    layers: ImageLayers,
+    metadata: Option<ImageMetadata>,
+}
+
+/// Why there is no image.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ImageError {
+    /// The bytes are no OpenEXR file, too large, or damaged.
+    #[error(transparent)]
+    OpenExr(#[from] OpenExrError),
+    /// There is no picture in the file.
+    #[error("no part has the channels R, G and B; the channels are {found}")]
+    NoPicture {
+        /// The channels that there are.
+        found: String,
+    },
+    /// Some channels of a layer are there and some are not.
+    #[error("channel {channel} is missing or does not hold floats")]
+    MissingChannel {
+        /// The channel.
+        channel: &'static str,
+    },
+    /// The attribute `clerestory` is not the metadata of an image.
+    #[error("the attribute clerestory is not the metadata of an image: {message}")]
+    BadMetadata {
+        /// What is wrong.
+        message: String,
+    },
+    /// An image must have pixels.
+    #[error("the image has {width} x {height} pixels; each must be 1 to 2147483647")]
+    BadSize {
+        /// Pixels across.
+        width: u64,
+        /// Pixels down.
+        height: u64,
+    },
+    /// A layer has too few or too many pixels.
+    #[error("layer {layer} has {found} pixels; the image has {expected}")]
+    WrongPixelCount {
+        /// The layer.
+        layer: &'static str,
+        /// Pixels in it.
+        found: usize,
+        /// Pixels of the image.
+        expected: usize,
+    },
+    /// A value is infinite or not a number.
+    #[error("layer {layer} is not finite at pixel ({x}, {y})")]
+    NotFinite {
+        /// The layer.
+        layer: &'static str,
+        /// Column.
+        x: u32,
+        /// Row.
+        y: u32,
+    },
+    /// A standard error is negative.
+    #[error("layer stderr is negative at pixel ({x}, {y})")]
+    NegativeStandardError {
+        /// Column.
+        x: u32,
+        /// Row.
+        y: u32,
+    },
+    /// The metadata count the tiles of another image.
+    #[error("the metadata count {found} tiles of {tile_size} pixels; this image has {expected}")]
+    WrongTileCount {
+        /// Edge of a tile.
+        tile_size: u32,
+        /// Tiles counted.
+        found: u64,
+        /// Tiles of this size that the image has.
+        expected: u64,
+    },
+    /// A tile does not fit the grid of the image.
+    #[error("tile {index} is {found:?}; in this image it is {expected:?}")]
+    WrongTile {
+        /// Its number.
+        index: u32,
+        /// Its pixels.
+        found: Tile,
+        /// What they should be.
+        expected: Option<Tile>,
+    },
+}
+
+impl FrameImage {
+    /// An image of these layers.
+    ///
+    /// # Errors
+    ///
+    /// [`ImageError`] when there are no pixels, a layer is of another size, a value is not finite, a standard error is
+    /// negative, or the metadata are those of an image of another size.
+    pub fn new(
+        width: u32,
+        height: u32,
+        layers: ImageLayers,
+        metadata: Option<ImageMetadata>,
+    ) -> Result<Self, ImageError> {
+        let limit = i32::MAX as u32;
+        if width == 0 || height == 0 || width > limit || height > limit {
+            return Err(ImageError::BadSize { width: width.into(), height: height.into() });
+        }
+        let pixels = width as usize * height as usize;
+        let check = |layer: &'static str, values: &[f32], channels: usize| {
+            if values.len() != pixels * channels {
+                let found = values.len() / channels;
+                return Err(ImageError::WrongPixelCount { layer, found, expected: pixels });
+            }
+            match values.iter().position(|value| !value.is_finite()) {
+                None => Ok(()),
+                Some(index) => {
+                    let (x, y) = pixel(index / channels, width);
+                    Err(ImageError::NotFinite { layer, x, y })
+                }
+            }
+        };
+        check("RGB", layers.mean.as_flattened(), 3)?;
+        if let Some(standard_error) = &layers.standard_error {
+            check("stderr", standard_error.as_flattened(), 3)?;
+            if let Some(index) = standard_error.as_flattened().iter().position(|&value| value < 0.0) {
+                let (x, y) = pixel(index / 3, width);
+                return Err(ImageError::NegativeStandardError { x, y });
+            }
+        }
+        if let Some(samples) = layers.samples.as_ref().filter(|samples| samples.len() != pixels) {
+            return Err(ImageError::WrongPixelCount { layer: "samples", found: samples.len(), expected: pixels });
+        }
+        for (name, layer) in [("albedo", &layers.albedo), ("normal", &layers.normal)] {
+            layer.iter().try_for_each(|layer| check(name, layer.as_flattened(), 3))?;
+        }
+        layers.depth.iter().try_for_each(|depth| check("depth", depth, 1))?;
+        layers.halves.iter().flatten().try_for_each(|half| check("half", half.as_flattened(), 3))?;
+        if let Some(ImageMetadata { tile_size, tile_passes, .. }) = &metadata {
+            let along = |length: u32| if *tile_size == 0 { 0 } else { u64::from(length.div_ceil(*tile_size)) };
+            let expected = along(width) * along(height);
+            let found = tile_passes.len() as u64;
+            if *tile_size == 0 || found != expected {
+                return Err(ImageError::WrongTileCount { tile_size: *tile_size, found, expected });
+            }
+        }
+        Ok(Self { width, height, layers, metadata })
+    }
+
+    /// The image that these sums make. Tiles without a sum are black and have no samples. Sets the pass counts of the
+    /// metadata.
+    ///
+    /// # Errors
+    ///
+    /// [`ImageError`] when the grid has no pixels or a sum is of another grid.
+    pub fn assemble(grid: &TileGrid, sums: &[TileSum], mut metadata: ImageMetadata) -> Result<Self, ImageError> {
+        let pixels = grid.width as usize * grid.height as usize;
+        let mut layers = ImageLayers {
+            mean: vec![[0.0; 3]; pixels],
+            samples: Some(vec![0; pixels]),
+            standard_error: sums.iter().any(|sum| sum.blocks() >= 2).then(|| vec![[0.0; 3]; pixels]),
+            albedo: Some(vec![[0.0; 3]; pixels]),
+            normal: Some(vec![[0.0; 3]; pixels]),
+            depth: Some(vec![0.0; pixels]),
+            halves: None,
+        };
+        metadata.tile_size = grid.tile_size;
+        metadata.tile_passes = vec![0; grid.len() as usize];
+        for sum in sums {
+            let expected = grid.tile(sum.tile_index).filter(|tile| *tile == sum.tile);
+            let Some(tile) = expected else {
+                let expected = grid.tile(sum.tile_index);
+                return Err(ImageError::WrongTile { index: sum.tile_index, found: sum.tile, expected });
+            };
+            metadata.tile_passes[sum.tile_index as usize] = sum.passes;
+            layers.fill_tile(grid.width, tile, sum);
+        }
+        Self::new(grid.width, grid.height, layers, Some(metadata))
+    }
+
+    /// Pixels across.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Pixels down.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// Its layers.
+    pub fn layers(&self) -> &ImageLayers {
+        &self.layers
+    }
+
+    /// How it was made, if that is known.
+    pub fn metadata(&self) -> Option<&ImageMetadata> {
+        self.metadata.as_ref()
+    }
+}
+
+impl ImageLayers {
+    /// Writes the means of a tile into the image, all of whose layers but the standard error are there.
+    fn fill_tile(&mut self, image_width: u32, tile: Tile, sum: &TileSum) {
+        let samples = sum.samples();
+        let scale = 1.0 / samples.max(1) as f64;
+        let blocks = f64::from(sum.blocks());
+        let error_scale = 1.0 / (blocks * (blocks - 1.0));
+        let first_hit_scale = 1.0 / f64::from(sum.sampling.first_hit_samples(sum.passes).max(1));
+        let mean_of = |sums: [f32; 3], scale: f64| sums.map(|sum| (f64::from(sum) * scale) as f32);
+
+        for index in 0..tile.pixels() {
+            let (x, y) = tile.pixel(index);
+            let pixel = y as usize * image_width as usize + x as usize;
+            self.mean[pixel] = mean_of(sum.layers.beauty[index], scale);
+            if let Some(counts) = &mut self.samples {
+                counts[pixel] = u32::try_from(samples).unwrap_or(u32::MAX);
+            }
+            if let (Some(errors), Some(moment), 2..) = (&mut self.standard_error, &sum.layers.moment, sum.blocks()) {
+                errors[pixel] = moment[index].map(|moment| (f64::from(moment) * error_scale).sqrt() as f32);
+            }
+            if let Some(first_hit) = &sum.layers.first_hit {
+                if let Some(albedo) = &mut self.albedo {
+                    albedo[pixel] = mean_of(first_hit.albedo[index], first_hit_scale);
+                }
+                if let Some(normal) = &mut self.normal {
+                    normal[pixel] = mean_of(first_hit.normal[index], first_hit_scale);
+                }
+                if let Some(depth) = &mut self.depth {
+                    depth[pixel] = (f64::from(first_hit.depth[index]) * first_hit_scale) as f32;
+                }
+            }
+        }
+    }
+}
+
+/// Column and row of pixel `index`.
+fn pixel(index: usize, width: u32) -> (u32, u32) {
+    ((index % width as usize) as u32, (index / width as usize) as u32)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::film::address::NodeAddress;
+    use crate::film::node::{Node, PassSums};
+    use crate::film::sampler::{SampleStream, SamplerSettings};
+    use crate::film::test_nodes::noise_node;
+    use crate::film::tree::FilmTile;
+
+    const GRID: TileGrid = TileGrid { width: 7, height: 5, tile_size: 4 };
+
+    fn sampling() -> Sampling {
+        Sampling::new(4, 16).unwrap()
+    }
+
+    fn metadata() -> ImageMetadata {
+        ImageMetadata {
+            scene_hash: "5ce7e".to_owned(),
+            frame: 0,
+            seed: u64::MAX,
+            integrator: serde_json::json!({ "fnee": { "trials": 1000 } }),
+            sampling: sampling(),
+            tile_size: 0,
+            tile_passes: Vec::new(),
+            build: "test".to_owned(),
+            missing_light: vec!["light \u{201c}key\u{201d}: reflections inside the pane".to_owned()],
+            counters: Counters { rays: 12, ..Counters::default() },
+            elapsed_seconds: Some(0.1),
+        }
+    }
+
+    fn tile_sum(index: u32, passes: u32) -> TileSum {
+        let tile = GRID.tile(index).unwrap();
+        let mut film = FilmTile::new(0, index, tile, sampling());
+        for pass in 0..passes {
+            let address = NodeAddress { frame: 0, tile: index, level: 0, index: pass };
+            film.insert(noise_node(address, tile, sampling())).unwrap();
+        }
+        film.sum(passes).unwrap()
+    }
+
+    /// An unfinished image with all layers.
+    pub(crate) fn image() -> FrameImage {
+        let sums = [tile_sum(0, 13), tile_sum(1, 3), tile_sum(3, 8)];
+        FrameImage::assemble(&GRID, &sums, metadata()).unwrap()
+    }
+
+    #[test]
+    fn means_and_counts_are_those_of_the_sums() {
+        let image = image();
+        let sum = tile_sum(3, 8);
+        // The first pixel of tile 3 is (4, 4).
+        let pixel = 4 * 7 + 4;
+        let layers = image.layers();
+        assert_eq!(layers.mean[pixel], sum.layers.beauty[0].map(|sum| sum / 32.0));
+        let first_hit = sum.layers.first_hit.as_ref().unwrap();
+        assert_eq!(layers.albedo.as_ref().unwrap()[pixel], first_hit.albedo[0].map(|sum| sum / 16.0));
+        assert_eq!(layers.depth.as_ref().unwrap()[pixel], first_hit.depth[0] / 16.0);
+        let counts = layers.samples.as_ref().unwrap();
+        assert_eq!((counts[0], counts[6], counts[pixel]), (52, 12, 32));
+        assert_eq!((counts[pixel - 1], layers.mean[pixel - 1]), (0, [0.0; 3]));
+        let errors = layers.standard_error.as_ref().unwrap();
+        assert!(errors[0][0] > 0.0 && errors[pixel][2] > 0.0);
+        assert_eq!(errors[6], [0.0; 3], "three passes are less than a block");
+    }
+
+    #[test]
+    fn standard_error_is_absent_before_the_second_block() {
+        let image = FrameImage::assemble(&GRID, &[tile_sum(0, 7)], metadata()).unwrap();
+        assert!(image.layers().standard_error.is_none());
+    }
+
+    #[test]
+    fn standard_error_is_the_spread_of_the_mean() {
+        // Each sample is uniform in [0, 1]; the squared deviation of the mean in units of the standard error, from 32
+        // blocks, is the square of Student's t with 31 degrees of freedom: mean 31/29, variance 2 (31/29)^2 30/27.
+        let tile = Tile { x: 0, y: 0, width: 64, height: 64 };
+        let sampling = Sampling::new(2, 4).unwrap();
+        let mut film = FilmTile::new(0, 0, tile, sampling);
+        for pass in 0..64 {
+            let noise = |x, y| {
+                let settings = SamplerSettings { seed: 3, samples_per_block: 1 };
+                let mut trials = SampleStream::new(&settings, 0, [x, y], pass).trials();
+                [0, 1].map(|_| DVec3::from_array([0; 3].map(|_| trials.next_f64()))).into_iter().sum::<DVec3>()
+            };
+            let beauty = (0..tile.pixels()).map(|index| tile.pixel(index)).map(|(x, y)| noise(x, y)).collect();
+            let first_hit = sampling.is_in_first_block(pass).then(|| crate::film::node::FirstHitSums {
+                albedo: vec![DVec3::ZERO; tile.pixels()],
+                normal: vec![DVec3::ZERO; tile.pixels()],
+                depth: vec![0.0; tile.pixels()],
+            });
+            let address = NodeAddress { frame: 0, tile: 0, level: 0, index: pass };
+            film.insert(Node::leaf(address, tile, sampling, &PassSums { beauty, first_hit }).unwrap()).unwrap();
+        }
+        let grid = TileGrid { width: 64, height: 64, tile_size: 64 };
+        let image = FrameImage::assemble(&grid, &[film.sum(64).unwrap()], metadata()).unwrap();
+        let means = image.layers().mean.as_flattened();
+        let errors = image.layers().standard_error.as_ref().unwrap().as_flattened();
+        let squares: f64 =
+            means.iter().zip(errors).map(|(mean, error)| f64::from((mean - 0.5) / error)).map(|t| t * t).sum();
+        let count = means.len() as f64;
+        let (mean, variance) = (31.0 / 29.0, 2.0 * (31.0f64 / 29.0) * (31.0 / 29.0) * 30.0 / 27.0);
+        let deviation = (squares / count - mean) / (variance / count).sqrt();
+        assert!(deviation.abs() < 5.0, "mean square {} deviates by {deviation} standard deviations", squares / count);
+    }
+
+    #[test]
+    fn metadata_of_an_image_of_another_size_are_refused() {
+        let image = image();
+        for (tile_size, tiles) in [(4, 3), (0, 0), (0, 4), (1, 4)] {
+            let metadata = ImageMetadata { tile_size, tile_passes: vec![1; tiles], ..metadata() };
+            let found = FrameImage::new(7, 5, image.layers.clone(), Some(metadata));
+            assert!(matches!(found, Err(ImageError::WrongTileCount { .. })), "{tile_size}, {tiles}");
+        }
+    }
+
+    #[test]
+    fn a_tile_that_is_not_of_the_grid_is_refused() {
+        let sum = TileSum { tile_index: 1, ..tile_sum(0, 1) };
+        let error = FrameImage::assemble(&GRID, &[sum], metadata()).unwrap_err();
+        assert!(matches!(error, ImageError::WrongTile { index: 1, .. }), "{error}");
+    }
+}

@@ -1,0 +1,35 @@
+//! The film: sampler, passes, tiles, nodes, the merge tree, OpenEXR and error metrics.
+//!
+//! The film of a frame is a fixed binary tree for each tile, anchored at pass 0. Its leaves are the passes; a node is
+//! the sum of its two children in that order, whoever computes it. A tile with P passes is the sum of its maximal
+//! aligned nodes, from left to right. So the image does not depend on who rendered what, or when.
+
+pub mod address;
+pub mod image;
+mod image_file;
+pub mod metrics;
+pub mod node;
+mod openexr;
+pub mod partial;
+mod partial_error;
+pub mod preview;
+pub mod sampler;
+pub mod sampling;
+pub mod store;
+#[cfg(test)]
+mod test_nodes;
+pub mod tree;
+
+pub use address::{NodeAddress, PassRange, Tile, TileGrid};
+pub use image::{FrameImage, ImageError, ImageLayers, ImageMetadata};
+pub use metrics::{CompareError, Metrics, compare};
+pub use node::{FirstHitLayers, FirstHitSums, MergeError, Node, NodeError, NodeLayers, NonFinite, PassSums};
+pub use openexr::{DecodeBudget, OpenExrError};
+pub(crate) use openexr::{OpenExr, Plane};
+pub use partial::{Expectation, PartialHeader};
+pub use partial_error::PartialError;
+pub use preview::{Exposure, PreviewError, PreviewSettings, ToneCurve, encode_png};
+pub use sampler::{SampleStream, SamplerSettings, TrialStream};
+pub use sampling::{Sampling, SamplingError};
+pub use store::StoreError;
+pub use tree::{FilmTile, InsertError, SumError, TileSum};

@@ -1,0 +1,431 @@
+//! Reads and writes OpenEXR files through the crate `exr`, keeping clear of its sharp edges.
+//!
+//! The crate's high-level reader allocates what the header claims before it checks anything, and an allocation that
+//! fails ends the process. So a file is opened in two steps: its header, which is cheap, and then its blocks, one at a
+//! time and only after everything that they will need has been compared with a [`DecodeBudget`].
+//!
+//! The crate keeps custom attributes in a hash map, so that a file with two of them has different bytes each time it
+//! is written. Each part therefore has exactly one, named `clerestory`, and it holds JSON.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Cursor;
+
+use exr::block::reader::Reader;
+use exr::block::writer::ChunksWriter;
+use exr::block::{self, UncompressedBlock};
+use exr::meta::BlockDescription;
+use exr::meta::attribute::{
+    AttributeValue, ChannelDescription, Compression, IntegerBounds, LineOrder, SampleType, Text,
+};
+use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
+use exr::prelude::{Vec2, f16};
+use rayon::prelude::*;
+use thiserror::Error;
+
+use super::address::Tile;
+
+/// The name of the custom attribute.
+const ATTRIBUTE: &str = "clerestory";
+
+/// How much memory a file may make the reader take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DecodeBudget {
+    /// Bytes of decoded pixels, over all parts and channels that are read.
+    pub pixel_bytes: u64,
+}
+
+/// Why an OpenEXR file is not read.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum OpenExrError {
+    /// The first bytes are not those of an OpenEXR file.
+    #[error("not an OpenEXR file: it does not begin with 76 2f 31 01")]
+    NotOpenExr,
+    /// The header claims more than the budget allows. Nothing was decoded.
+    #[error("the image is too large: {width} x {height} pixels need {needed} bytes; at most {allowed} are allowed")]
+    TooLarge {
+        /// Pixels across the part that exceeds the budget.
+        width: u64,
+        /// Pixels down that part.
+        height: u64,
+        /// Bytes for all parts up to that one.
+        needed: u64,
+        /// The budget.
+        allowed: u64,
+    },
+    /// A feature of OpenEXR that is not read here.
+    #[error("{0} is not supported")]
+    Unsupported(String),
+    /// The file contradicts itself or ends too early.
+    #[error("the OpenEXR file is damaged: {0}")]
+    Damaged(String),
+}
+
+impl From<exr::error::Error> for OpenExrError {
+    fn from(error: exr::error::Error) -> Self {
+        match error {
+            exr::error::Error::NotSupported(what) => Self::Unsupported(what.into_owned()),
+            other => Self::Damaged(other.to_string()),
+        }
+    }
+}
+
+/// The values of a channel that is written, one for each pixel in rows from the top left.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Samples<'a> {
+    /// 32-bit floats.
+    Float(&'a [f32]),
+    /// One of three interleaved channels of 32-bit floats.
+    FloatOfTriple(&'a [[f32; 3]], usize),
+    /// 32-bit unsigned integers.
+    Integer(&'a [u32]),
+}
+
+/// A part that is written.
+#[derive(Clone, Debug)]
+pub(super) struct OutputPart<'a> {
+    /// Its name; parts of one file have different names.
+    pub(super) name: String,
+    /// The JSON of its attribute, of which all characters that are not ASCII are escaped.
+    pub(super) json: String,
+    /// Where its pixels lie in the image.
+    pub(super) window: Tile,
+    /// Channels by name.
+    pub(super) channels: BTreeMap<String, Samples<'a>>,
+}
+
+impl<'a> OutputPart<'a> {
+    /// Adds three interleaved channels.
+    pub(super) fn add_triples(&mut self, names: [&str; 3], values: &'a [[f32; 3]]) {
+        for (index, name) in names.into_iter().enumerate() {
+            self.channels.insert(name.to_owned(), Samples::FloatOfTriple(values, index));
+        }
+    }
+}
+
+/// The header of a part that is read.
+#[derive(Clone, Debug)]
+pub(crate) struct InputPart {
+    /// The JSON of its attribute, if it has one.
+    pub(super) json: Option<String>,
+    /// Column and row of its top left pixel in the image.
+    pub(super) position: [i32; 2],
+    /// Pixels across and down.
+    pub(crate) size: [u64; 2],
+    /// The names of its channels and what they hold, in the order of the file.
+    pub(super) channels: Vec<(String, ChannelKind)>,
+    /// How its blocks are compressed.
+    pub(super) compression: Compression,
+}
+
+/// What a channel holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ChannelKind {
+    /// 32-bit floats.
+    Float,
+    /// 16-bit floats.
+    Half,
+    /// 32-bit unsigned integers.
+    Integer,
+}
+
+/// The values of a channel that was read.
+#[derive(Clone, Debug)]
+pub(crate) enum Plane {
+    /// Floats of 32 bits, or of 16 bits widened.
+    Float(Vec<f32>),
+    /// 32-bit unsigned integers.
+    Integer(Vec<u32>),
+}
+
+/// Writes a file of scan lines, with as many threads as there are; its bytes depend on the arguments only.
+///
+/// # Errors
+///
+/// [`OpenExrError`] when there is no part, a part has no pixels or two parts have the same name.
+pub(super) fn write(
+    image_size: [u32; 2],
+    parts: &[OutputPart<'_>],
+    compression: Compression,
+) -> Result<Vec<u8>, OpenExrError> {
+    let display_window = IntegerBounds::new((0, 0), (image_size[0] as usize, image_size[1] as usize));
+    let headers = parts.iter().map(|part| output_header(part, display_window, compression)).collect();
+    let mut bytes = Cursor::new(Vec::new());
+    block::write(&mut bytes, headers, true, |meta, writer| {
+        let indices: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
+        let chunks: Vec<_> = indices
+            .into_par_iter()
+            .map(|(index_in_header, block)| {
+                let part = &parts[block.layer];
+                let samples: Vec<Samples<'_>> = part.channels.values().copied().collect();
+                let channels = &meta.headers[block.layer].channels;
+                let block = UncompressedBlock::from_lines(channels, block, |line| {
+                    let location = line.location;
+                    let first = location.position.y() * part.window.width as usize + location.position.x();
+                    let pixels = first..first + location.sample_count;
+                    // The buffer of a line has a fixed size, which is that of the values.
+                    match samples[location.channel] {
+                        Samples::Float(values) => fill(line.value, values[pixels].iter().copied()),
+                        Samples::FloatOfTriple(values, index) => {
+                            fill(line.value, values[pixels].iter().map(|triple| triple[index]));
+                        }
+                        Samples::Integer(values) => fill(line.value, values[pixels].iter().copied()),
+                    }
+                });
+                Ok((index_in_header, block.compress_to_chunk(&meta.headers)?))
+            })
+            .collect::<Result<_, exr::error::Error>>()?;
+        chunks.into_iter().try_for_each(|(index_in_header, chunk)| writer.write_chunk(index_in_header, chunk))
+    })?;
+    Ok(bytes.into_inner())
+}
+
+/// Fills the bytes of a line with its values in the machine's own byte order, as `exr` wants them.
+fn fill<T: bytemuck::Pod>(bytes: &mut [u8], values: impl Iterator<Item = T>) {
+    for (bytes, value) in bytes.chunks_exact_mut(size_of::<T>()).zip(values) {
+        bytes.copy_from_slice(bytemuck::bytes_of(&value));
+    }
+}
+
+fn output_header(part: &OutputPart<'_>, display_window: IntegerBounds, compression: Compression) -> Header {
+    let channels = part.channels.iter().map(|(name, samples)| ChannelDescription {
+        name: Text::from(name.as_str()),
+        sample_type: match samples {
+            Samples::Float(_) | Samples::FloatOfTriple(..) => SampleType::F32,
+            Samples::Integer(_) => SampleType::U32,
+        },
+        quantize_linearly: false,
+        sampling: Vec2(1, 1),
+    });
+    let name = Text::from(part.name.as_str());
+    let size = (part.window.width as usize, part.window.height as usize);
+    let json = AttributeValue::Text(Text::from(part.json.as_str()));
+    Header::new(name.clone(), size, channels.collect())
+        .with_encoding(compression, BlockDescription::ScanLines, LineOrder::Increasing)
+        .with_shared_attributes(ImageAttributes::new(display_window))
+        .with_attributes(LayerAttributes {
+            layer_position: Vec2(part.window.x as i32, part.window.y as i32),
+            other: [(Text::from(ATTRIBUTE), json)].into_iter().collect(),
+            ..LayerAttributes::named(name)
+        })
+}
+
+/// JSON with every character that is not ASCII escaped, as a text attribute needs it.
+pub(super) fn ascii_json<T: serde::Serialize>(value: &T) -> Result<String, serde_json::Error> {
+    let json = serde_json::to_string(value)?;
+    let mut ascii = String::with_capacity(json.len());
+    for character in json.chars() {
+        if character.is_ascii() {
+            ascii.push(character);
+        } else {
+            for unit in character.encode_utf16(&mut [0; 2]) {
+                ascii.push_str(&format!("\\u{unit:04x}"));
+            }
+        }
+    }
+    Ok(ascii)
+}
+
+/// A file of which only the header has been read.
+#[derive(Debug)]
+pub(crate) struct OpenExr<'a> {
+    reader: Reader<Cursor<&'a [u8]>>,
+    parts: Vec<InputPart>,
+}
+
+impl<'a> OpenExr<'a> {
+    /// Reads the header.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenExrError`] when it is not one.
+    pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, OpenExrError> {
+        if !bytes.starts_with(&exr::meta::magic_number::BYTES) {
+            return Err(OpenExrError::NotOpenExr);
+        }
+        let reader = block::read(Cursor::new(bytes), false)?;
+        let parts = reader.headers().iter().map(input_part).collect::<Result<_, _>>()?;
+        Ok(Self { reader, parts })
+    }
+
+    /// The headers of the parts.
+    pub(crate) fn parts(&self) -> &[InputPart] {
+        &self.parts
+    }
+
+    /// Decodes the channels that `is_wanted` names (by number of the part and name), for each part by name.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenExrError`] when they need more than the budget or the data are damaged or incomplete.
+    pub(crate) fn decode(
+        self,
+        budget: DecodeBudget,
+        is_wanted: impl Fn(usize, &str) -> bool,
+    ) -> Result<Vec<BTreeMap<String, Plane>>, OpenExrError> {
+        let headers = self.reader.headers();
+        let mut needed = 0u64;
+        for (index, (part, header)) in self.parts.iter().zip(headers).enumerate() {
+            let wanted = part.channels.iter().filter(|(name, _)| is_wanted(index, name)).count() as u64;
+            let [width, height] = part.size;
+            let planes = width.saturating_mul(height).saturating_mul(4 * wanted);
+            needed = needed.saturating_add(planes).saturating_add(largest_block_bytes(header));
+            if needed > budget.pixel_bytes {
+                return Err(OpenExrError::TooLarge { width, height, needed, allowed: budget.pixel_bytes });
+            }
+        }
+
+        // Of each part, the planes in the order of its channels; `None` for a channel that is not wanted.
+        let mut planes: Vec<Vec<Option<Plane>>> = Vec::new();
+        for (index, part) in self.parts.iter().enumerate() {
+            let pixels = (part.size[0] * part.size[1]) as usize;
+            let plane = |(name, kind): &(String, ChannelKind)| {
+                is_wanted(index, name).then(|| match kind {
+                    ChannelKind::Float | ChannelKind::Half => Plane::Float(vec![0.0; pixels]),
+                    ChannelKind::Integer => Plane::Integer(vec![0; pixels]),
+                })
+            };
+            planes.push(part.channels.iter().map(plane).collect());
+        }
+
+        let meta = self.reader.meta_data().clone();
+        let mut seen = BTreeSet::new();
+        let mut missing_pixels: Vec<u64> = self.parts.iter().map(|part| part.size[0] * part.size[1]).collect();
+        for chunk in self.reader.all_chunks(false)? {
+            let chunk = chunk?;
+            let part = chunk.layer_index;
+            if planes[part].iter().all(Option::is_none) {
+                missing_pixels[part] = 0;
+                continue;
+            }
+            let block = UncompressedBlock::decompress_chunk(chunk, &meta, false)?;
+            let index = block.index;
+            if index.level != Vec2(0, 0) {
+                continue;
+            }
+            if !seen.insert((part, index.pixel_position.y(), index.pixel_position.x())) {
+                return Err(OpenExrError::Damaged(format!("block at {:?} is there twice", index.pixel_position)));
+            }
+            missing_pixels[part] = missing_pixels[part].saturating_sub(index.pixel_size.area() as u64);
+            let width = self.parts[part].size[0] as usize;
+            for line in block.lines(&meta.headers[part].channels) {
+                let location = line.location;
+                let first = location.position.y() * width + location.position.x();
+                let pixels = first..first + location.sample_count;
+                let kind = meta.headers[part].channels.list[location.channel].sample_type;
+                match (&mut planes[part][location.channel], kind) {
+                    (None, _) => {}
+                    (Some(Plane::Float(plane)), SampleType::F16) => {
+                        read(line.value, &mut plane[pixels], |bits: u16| f16::from_bits(bits).to_f32());
+                    }
+                    (Some(Plane::Float(plane)), _) => read(line.value, &mut plane[pixels], |value: f32| value),
+                    (Some(Plane::Integer(plane)), _) => read(line.value, &mut plane[pixels], |value: u32| value),
+                }
+            }
+        }
+        if missing_pixels.iter().any(|&missing| missing > 0) {
+            return Err(OpenExrError::Damaged("some blocks of pixels are missing".to_owned()));
+        }
+
+        let named = |(part, planes): (&InputPart, Vec<Option<Plane>>)| {
+            let names = part.channels.iter().map(|(name, _)| name.clone());
+            names.zip(planes).filter_map(|(name, plane)| Some((name, plane?))).collect()
+        };
+        Ok(self.parts.iter().zip(planes).map(named).collect())
+    }
+}
+
+/// Reads the bytes of a line, which are in the machine's own byte order.
+fn read<T: bytemuck::AnyBitPattern, V>(bytes: &[u8], values: &mut [V], convert: impl Fn(T) -> V) {
+    for (bytes, value) in bytes.chunks_exact(size_of::<T>()).zip(values) {
+        *value = convert(bytemuck::pod_read_unaligned(bytes));
+    }
+}
+
+fn input_part(header: &Header) -> Result<InputPart, OpenExrError> {
+    if header.deep {
+        return Err(OpenExrError::Unsupported("deep data".to_owned()));
+    }
+    if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
+        // Its decoder allocates whatever a block claims, before any check, and the process ends when that fails.
+        return Err(OpenExrError::Unsupported("DWA compression".to_owned()));
+    }
+    let mut channels = Vec::new();
+    for channel in &header.channels.list {
+        if channel.sampling != Vec2(1, 1) {
+            return Err(OpenExrError::Unsupported(format!("subsampling of channel {}", channel.name)));
+        }
+        let kind = match channel.sample_type {
+            SampleType::F32 => ChannelKind::Float,
+            SampleType::F16 => ChannelKind::Half,
+            SampleType::U32 => ChannelKind::Integer,
+        };
+        channels.push((channel.name.to_string(), kind));
+    }
+    let json = match header.own_attributes.other.get(&Text::from(ATTRIBUTE)) {
+        Some(AttributeValue::Text(text)) => Some(text.to_string()),
+        _ => None,
+    };
+    Ok(InputPart {
+        json,
+        position: [header.own_attributes.layer_position.x(), header.own_attributes.layer_position.y()],
+        size: [header.layer_size.width() as u64, header.layer_size.height() as u64],
+        channels,
+        compression: header.compression,
+    })
+}
+
+/// Bytes of the largest block that the header allows, which `exr` may allocate at once.
+fn largest_block_bytes(header: &Header) -> u64 {
+    let size = header.max_block_pixel_size();
+    (size.width() as u64).saturating_mul(size.height() as u64).saturating_mul(header.channels.bytes_per_pixel as u64)
+}
+
+/// Three channels side by side, each got by its name.
+pub(super) fn interleave<E>(
+    names: [&'static str; 3],
+    mut plane: impl FnMut(&'static str) -> Result<Vec<f32>, E>,
+) -> Result<Vec<[f32; 3]>, E> {
+    let [first, second, third] = names;
+    let (first, second, third) = (plane(first)?, plane(second)?, plane(third)?);
+    Ok(first.into_iter().zip(second).zip(third).map(|((first, second), third)| [first, second, third]).collect())
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// Little-endian bytes of the integers of an attribute.
+    pub(crate) fn attribute(values: &[i32]) -> Vec<u8> {
+        values.iter().flat_map(|value| value.to_le_bytes()).collect()
+    }
+
+    /// Replaces the value of the first attribute of this name by one of the same size.
+    pub(crate) fn patch(bytes: &mut [u8], name: &str, value: &[u8]) {
+        let name = [name.as_bytes(), &[0]].concat();
+        let start = bytes.windows(name.len()).position(|window| window == name).expect("the attribute is there");
+        let kind = start + name.len();
+        let kind_length = bytes[kind..].iter().position(|&byte| byte == 0).expect("the name of the type ends");
+        let size = kind + kind_length + 1;
+        assert_eq!(bytes[size..size + 4], (value.len() as u32).to_le_bytes());
+        bytes[size + 4..size + 4 + value.len()].copy_from_slice(value);
+    }
+
+    /// The most address space that this process has had, to see that nothing large was asked for.
+    pub(crate) fn address_space_bytes() -> u64 {
+        if !cfg!(target_os = "linux") {
+            return 0;
+        }
+        let status = std::fs::read_to_string("/proc/self/status").expect("the system describes the process");
+        let peak = status.lines().find_map(|line| line.strip_prefix("VmPeak:")).expect("it says the peak");
+        let kibibytes: u64 = peak.trim().trim_end_matches(" kB").parse().expect("the peak is a number");
+        kibibytes * 1024
+    }
+
+    #[test]
+    fn json_for_an_attribute_is_ascii_and_reads_back() {
+        let text = "verre antique: \u{e9}t\u{e9}, \u{1F6E0}, \"quoted\"\n";
+        let json = ascii_json(&text).unwrap();
+        assert!(json.is_ascii());
+        assert_eq!(serde_json::from_str::<String>(&json).unwrap(), text);
+    }
+}

@@ -1,0 +1,503 @@
+//! Partials: the nodes that a worker sends for a lease, as one multi-part OpenEXR file of 32-bit floats.
+//!
+//! Each node is a part. Its data window is its tile's place in the image; its channels are the sums of the node, as
+//! they are in memory, so that the bits survive the journey; its attribute `clerestory` says which node of which job it
+//! is. What arrives is not trusted: the headers of all parts are compared with what was leased before a pixel is
+//! decoded, and then every value is checked.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use exr::meta::attribute::Compression;
+use serde::{Deserialize, Serialize};
+
+use super::address::{NodeAddress, TileGrid};
+use super::node::{FirstHitLayers, Node, NodeLayers};
+use super::openexr::{self, ChannelKind, DecodeBudget, InputPart, OpenExr, OpenExrError, OutputPart, Plane, Samples};
+use super::partial_error::PartialError;
+use super::sampling::Sampling;
+
+/// The version of the header that this build writes and reads.
+pub(super) const FORMAT_VERSION: u32 = 1;
+
+/// How parts are compressed: run lengths take out black pixels and zero moments at several times the speed of ZIP, which
+/// makes noise no smaller than that. Measured in `docs/film.md`.
+pub(super) const COMPRESSION: Compression = Compression::RLE;
+
+/// What is common to the nodes of a partial.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PartialHeader {
+    /// The job.
+    pub job: String,
+    /// Hash of the canonical scene, in hexadecimal.
+    pub scene_hash: String,
+    /// The program that rendered.
+    pub build: String,
+}
+
+/// What a partial must be to be taken.
+#[derive(Clone, Debug)]
+pub struct Expectation {
+    /// The job.
+    pub job: String,
+    /// Hash of the canonical scene, in hexadecimal.
+    pub scene_hash: String,
+    /// How the image is cut into tiles.
+    pub grid: TileGrid,
+    /// How samples are grouped.
+    pub sampling: Sampling,
+    /// The nodes that may be in it.
+    pub allowed: BTreeSet<NodeAddress>,
+}
+
+/// The attribute of a part.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NodeHeader {
+    version: u64,
+    job: String,
+    scene_hash: String,
+    build: String,
+    frame: u32,
+    tile: u32,
+    level: u32,
+    index: u32,
+    first_pass: u64,
+    passes: u64,
+    samples: u64,
+    sampling: Sampling,
+}
+
+/// Only the version, which is read first.
+#[derive(Deserialize)]
+struct HeaderVersion {
+    version: u64,
+}
+
+const BEAUTY: [&str; 3] = ["R", "G", "B"];
+const MOMENT: [&str; 3] = ["moment.R", "moment.G", "moment.B"];
+const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
+const NORMAL: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
+const DEPTH: &str = "depth.Z";
+
+/// The partial with these nodes, for an image of `grid`. The same nodes give the same bytes.
+///
+/// # Errors
+///
+/// [`OpenExrError`] when there is no node, or the same node twice.
+pub fn encode(nodes: &[Node], header: &PartialHeader, grid: &TileGrid) -> Result<Vec<u8>, OpenExrError> {
+    let parts: Vec<OutputPart<'_>> = nodes.iter().map(|node| output_part(node, header)).collect::<Result<_, _>>()?;
+    openexr::write([grid.width, grid.height], &parts, COMPRESSION)
+}
+
+fn output_part<'a>(node: &'a Node, header: &PartialHeader) -> Result<OutputPart<'a>, OpenExrError> {
+    let NodeAddress { frame, tile, level, index } = node.address();
+    let node_header = NodeHeader {
+        version: FORMAT_VERSION.into(),
+        job: header.job.clone(),
+        scene_hash: header.scene_hash.clone(),
+        build: header.build.clone(),
+        frame,
+        tile,
+        level,
+        index,
+        first_pass: node.passes().first.into(),
+        passes: node.passes().count.into(),
+        samples: node.samples(),
+        sampling: node.sampling(),
+    };
+    let json = openexr::ascii_json(&node_header).map_err(|error| OpenExrError::Damaged(error.to_string()))?;
+    let name = format!("frame{frame}.tile{tile}.level{level}.index{index}");
+    let mut part = OutputPart { name, json, window: node.tile(), channels: BTreeMap::new() };
+    let layers = node.layers();
+    part.add_triples(BEAUTY, &layers.beauty);
+    if let Some(moment) = &layers.moment {
+        part.add_triples(MOMENT, moment);
+    }
+    if let Some(first_hit) = &layers.first_hit {
+        part.add_triples(ALBEDO, &first_hit.albedo);
+        part.add_triples(NORMAL, &first_hit.normal);
+        part.channels.insert(DEPTH.to_owned(), Samples::Float(&first_hit.depth));
+    }
+    Ok(part)
+}
+
+/// The nodes of a partial that may come from anyone, in the order of its parts.
+///
+/// # Errors
+///
+/// [`PartialError`] when anything about it is not as expected; nothing of it is then to be used.
+pub fn decode(bytes: &[u8], expected: &Expectation, budget: DecodeBudget) -> Result<Vec<Node>, PartialError> {
+    let file = OpenExr::open(bytes)?;
+    let mut addresses = Vec::new();
+    for (index, part) in file.parts().iter().enumerate() {
+        let address = check_header(index, part, expected)?;
+        if addresses.contains(&address) {
+            return Err(PartialError::RepeatedNode { address });
+        }
+        addresses.push(address);
+    }
+    let planes = file.decode(budget, |_, _| true)?;
+    let nodes = addresses.into_iter().zip(planes);
+    nodes.map(|(address, planes)| node_of_planes(address, planes, expected)).collect()
+}
+
+/// Compares all that is known of a part before its pixels are decoded.
+fn check_header(index: usize, part: &InputPart, expected: &Expectation) -> Result<NodeAddress, PartialError> {
+    let bad_header = |message: String| PartialError::BadHeader { part: index, message };
+    let json = part.json.as_deref().ok_or_else(|| bad_header("it is missing".to_owned()))?;
+    let version = serde_json::from_str::<HeaderVersion>(json).map_err(|error| bad_header(error.to_string()))?.version;
+    if version != u64::from(FORMAT_VERSION) {
+        return Err(PartialError::WrongVersion { part: index, found: version });
+    }
+    let header: NodeHeader = serde_json::from_str(json).map_err(|error| bad_header(error.to_string()))?;
+    if header.job != expected.job {
+        return Err(PartialError::WrongJob { found: header.job, expected: expected.job.clone() });
+    }
+    if header.scene_hash != expected.scene_hash {
+        return Err(PartialError::WrongScene { found: header.scene_hash, expected: expected.scene_hash.clone() });
+    }
+    let address = NodeAddress { frame: header.frame, tile: header.tile, level: header.level, index: header.index };
+    let tile = expected.grid.tile(address.tile).filter(|_| address.exists() && expected.allowed.contains(&address));
+    let tile = tile.ok_or(PartialError::UnexpectedNode { address })?;
+    if header.sampling != expected.sampling {
+        let found = header.sampling;
+        return Err(PartialError::WrongSampling { address, found, expected: expected.sampling });
+    }
+    let samples = u64::from(address.passes().count) * u64::from(expected.sampling.samples_per_pass());
+    for (field, found, expected) in [
+        ("first_pass", header.first_pass, u64::from(address.passes().first)),
+        ("passes", header.passes, u64::from(address.passes().count)),
+        ("samples", header.samples, samples),
+    ] {
+        if found != expected {
+            return Err(PartialError::WrongCount { address, field, found, expected });
+        }
+    }
+    let window_is_tile =
+        part.position == [tile.x as i32, tile.y as i32] && part.size == [u64::from(tile.width), u64::from(tile.height)];
+    if !window_is_tile {
+        let (position, size) = (part.position, part.size);
+        return Err(PartialError::WrongDimensions { address, position, size, expected: tile });
+    }
+    if part.compression != COMPRESSION {
+        return Err(PartialError::WrongCompression { address, found: part.compression.to_string() });
+    }
+    check_channels(address, part, expected.sampling)?;
+    Ok(address)
+}
+
+fn check_channels(address: NodeAddress, part: &InputPart, sampling: Sampling) -> Result<(), PartialError> {
+    let mut names = BEAUTY.to_vec();
+    if sampling.has_moment(address) {
+        names.extend(MOMENT);
+    }
+    if sampling.has_first_hit(address) {
+        names.extend(ALBEDO.iter().chain(&NORMAL).chain([&DEPTH]));
+    }
+    for &channel in &names {
+        if !part.channels.iter().any(|(name, kind)| name == channel && *kind == ChannelKind::Float) {
+            return Err(PartialError::MissingChannel { address, channel });
+        }
+    }
+    match part.channels.iter().find(|(name, _)| !names.contains(&name.as_str())) {
+        Some((channel, _)) => Err(PartialError::UnexpectedChannel { address, channel: channel.clone() }),
+        None if part.channels.len() > names.len() => {
+            Err(PartialError::UnexpectedChannel { address, channel: "of a name that is there twice".to_owned() })
+        }
+        None => Ok(()),
+    }
+}
+
+fn node_of_planes(
+    address: NodeAddress,
+    mut planes: BTreeMap<String, Plane>,
+    expected: &Expectation,
+) -> Result<Node, PartialError> {
+    let sampling = expected.sampling;
+    let mut plane = |channel: &'static str| match planes.remove(channel) {
+        Some(Plane::Float(values)) => Ok(values),
+        Some(Plane::Integer(_)) | None => Err(PartialError::MissingChannel { address, channel }),
+    };
+    let beauty = openexr::interleave(BEAUTY, &mut plane)?;
+    let moment = if sampling.has_moment(address) { Some(openexr::interleave(MOMENT, &mut plane)?) } else { None };
+    let first_hit = if sampling.has_first_hit(address) {
+        Some(FirstHitLayers {
+            albedo: openexr::interleave(ALBEDO, &mut plane)?,
+            normal: openexr::interleave(NORMAL, &mut plane)?,
+            depth: plane(DEPTH)?,
+        })
+    } else {
+        None
+    };
+    let tile = expected.grid.tile(address.tile).ok_or(PartialError::UnexpectedNode { address })?;
+    Node::from_layers(address, tile, sampling, NodeLayers { beauty, moment, first_hit })
+        .map_err(|source| PartialError::BadValue { address, source })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::film::address::Tile;
+    use crate::film::openexr::tests::{address_space_bytes, attribute, patch};
+    use crate::film::test_nodes::{bits, noise_node, odd_node};
+
+    const GRID: TileGrid = TileGrid { width: 7, height: 6, tile_size: 4 };
+    const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 1 << 20 };
+
+    fn sampling() -> Sampling {
+        Sampling::new(4, 16).unwrap()
+    }
+
+    fn address(tile: u32, level: u32, index: u32) -> NodeAddress {
+        NodeAddress { frame: 1, tile, level, index }
+    }
+
+    fn node(address: NodeAddress) -> Node {
+        noise_node(address, GRID.tile(address.tile).unwrap(), sampling())
+    }
+
+    fn nodes() -> Vec<Node> {
+        [address(0, 3, 0), address(1, 0, 9), address(2, 2, 1), address(3, 1, 1)].map(node).to_vec()
+    }
+
+    fn header() -> PartialHeader {
+        PartialHeader {
+            job: "job-7".to_owned(),
+            scene_hash: "5ce7e".to_owned(),
+            build: "test \u{1F6E0} build".to_owned(),
+        }
+    }
+
+    fn expectation(nodes: &[Node]) -> Expectation {
+        Expectation {
+            job: header().job,
+            scene_hash: header().scene_hash,
+            grid: GRID,
+            sampling: sampling(),
+            allowed: nodes.iter().map(Node::address).collect(),
+        }
+    }
+
+    fn encoded(nodes: &[Node]) -> Vec<u8> {
+        encode(nodes, &header(), &GRID).unwrap()
+    }
+
+    #[track_caller]
+    fn assert_refused(bytes: &[u8], expected: &Expectation, message: &str) {
+        let error = decode(bytes, expected, BUDGET).unwrap_err().to_string();
+        assert!(error.contains(message), "{error:?} does not say {message:?}");
+    }
+
+    #[test]
+    fn nodes_come_back_with_the_same_bits() {
+        for nodes in [nodes(), nodes()[..1].to_vec()] {
+            let bytes = encoded(&nodes);
+            let found = decode(&bytes, &expectation(&nodes), BUDGET).unwrap();
+            assert_eq!(found, nodes);
+            assert!(found.iter().map(bits).eq(nodes.iter().map(bits)));
+        }
+    }
+
+    #[test]
+    fn subnormal_and_extreme_values_and_negative_zero_come_back_with_the_same_bits() {
+        let node = odd_node();
+        let grid = TileGrid { width: 16, height: 8, tile_size: 4 };
+        let tile = grid.tile(6).unwrap();
+        assert_eq!(tile, Tile { x: 8, y: 4, width: 4, height: 4 });
+        let node = Node::from_layers(
+            NodeAddress { tile: 2, ..node.address() },
+            Tile { x: 8, y: 0, width: 4, height: 2 },
+            node.sampling(),
+            node.layers().clone(),
+        )
+        .unwrap();
+        let grid = TileGrid { width: 16, height: 2, tile_size: 4 };
+        let bytes = encode(std::slice::from_ref(&node), &header(), &grid).unwrap();
+        let expected = Expectation { grid, ..expectation(std::slice::from_ref(&node)) };
+        let found = decode(&bytes, &expected, BUDGET).unwrap();
+        assert_eq!(bits(&found[0]), bits(&node));
+    }
+
+    #[test]
+    fn the_same_nodes_give_the_same_bytes() {
+        let nodes = nodes();
+        let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let bytes = encoded(&nodes);
+        assert_eq!(one_thread.install(|| encoded(&nodes)), bytes);
+        assert_eq!(encoded(&nodes), bytes);
+    }
+
+    #[test]
+    fn a_part_of_what_was_leased_is_taken() {
+        let nodes = nodes();
+        let found = decode(&encoded(&nodes[1..2]), &expectation(&nodes), BUDGET).unwrap();
+        assert_eq!(found, nodes[1..2]);
+    }
+
+    #[test]
+    fn what_is_not_as_expected_is_refused_by_name() {
+        let nodes = nodes();
+        let bytes = encoded(&nodes);
+        let good = expectation(&nodes);
+        let job = Expectation { job: "job-8".to_owned(), ..good.clone() };
+        assert_refused(&bytes, &job, "the partial is of job job-7; it was sent for job job-8");
+        let scene = Expectation { scene_hash: "0ther".to_owned(), ..good.clone() };
+        assert_refused(&bytes, &scene, "a scene with hash 5ce7e; the job's scene has 0ther");
+        let fewer = expectation(&nodes[1..]);
+        assert_refused(&bytes, &fewer, "level: 3, index: 0 } was not leased");
+        let sampling = Expectation { sampling: Sampling::new(8, 16).unwrap(), ..good.clone() };
+        assert_refused(&bytes, &sampling, "was rendered with Sampling { samples_per_pass: 4");
+        let grid = Expectation { grid: TileGrid { width: 8, ..GRID }, ..good.clone() };
+        assert_refused(&bytes, &grid, "has a data window of 3 x 4 pixels at (4, 0); its tile is 4 x 4 at (4, 0)");
+        let budget = DecodeBudget { pixel_bytes: 1000 };
+        assert!(matches!(
+            decode(&bytes, &good, budget),
+            Err(PartialError::OpenExr(OpenExrError::TooLarge { allowed: 1000, .. }))
+        ));
+        assert_refused(b"PNG or anything else", &good, "not an OpenEXR file");
+        assert_refused(&bytes[..bytes.len() - 1], &good, "damaged");
+        assert_refused(&bytes[..100], &good, "damaged");
+    }
+
+    #[test]
+    fn nodes_that_are_no_longer_in_the_grid_are_refused() {
+        let nodes = nodes();
+        let grid = Expectation { grid: TileGrid { width: 4, height: 4, tile_size: 4 }, ..expectation(&nodes) };
+        assert_refused(&encoded(&nodes[3..]), &grid, "tile: 3, level: 1, index: 1 } was not leased");
+    }
+
+    /// The partial of `node` with its header or channels changed.
+    fn forged<'a>(node: &'a Node, change: impl Fn(&mut OutputPart<'a>)) -> Vec<u8> {
+        let mut part = output_part(node, &header()).unwrap();
+        change(&mut part);
+        openexr::write([GRID.width, GRID.height], &[part], COMPRESSION).unwrap()
+    }
+
+    #[test]
+    fn forged_headers_are_refused_by_name() {
+        let nodes = nodes();
+        let good = expectation(&nodes);
+        let check = |from: &str, to: &str, message: &str| {
+            let bytes = forged(&nodes[0], |part| {
+                assert!(part.json.contains(from), "{}", part.json);
+                part.json = part.json.replace(from, to);
+            });
+            assert_refused(&bytes, &good, message);
+        };
+        check(r#""version":1"#, r#""version":2"#, "part 0: the header has version 2; this build reads version 1");
+        check(r#""version":1,"#, "", "missing field `version`");
+        check(r#""passes":8"#, r#""passes":16"#, "claims passes 16; it must be 8");
+        check(r#""first_pass":0"#, r#""first_pass":8"#, "claims first_pass 8; it must be 0");
+        check(r#""samples":32"#, r#""samples":-32"#, "expected u64");
+        check(r#""samples":32"#, r#""samples":33"#, "claims samples 33; it must be 32");
+        check(r#""samples":32"#, r#""pixels":32"#, "unknown field `pixels`");
+        check(r#""level":3"#, r#""level":40"#, "level: 40, index: 0 } was not leased");
+        check(r#""samples_per_block":16"#, r#""samples_per_block":17"#, "samples_per_block is 17");
+        let all = forged(&nodes[0], |part| part.json = "{".to_owned());
+        assert_refused(&all, &good, "part 0: the attribute clerestory is not the header of a node: EOF");
+    }
+
+    #[test]
+    fn forged_channels_and_values_are_refused_by_name() {
+        let nodes = nodes();
+        let good = expectation(&nodes);
+        let missing = forged(&nodes[0], |part| _ = part.channels.remove("moment.G"));
+        assert_refused(&missing, &good, "lacks the 32-bit float channel moment.G");
+        let added = forged(&nodes[1], |part| _ = part.channels.insert("A".to_owned(), part.channels["R"]));
+        assert_refused(&added, &good, "has a channel A, which it must not have");
+        let integers = vec![0; nodes[1].tile().pixels()];
+        let integer = forged(&nodes[1], |part| _ = part.channels.insert("R".to_owned(), Samples::Integer(&integers)));
+        assert_refused(&integer, &good, "lacks the 32-bit float channel R");
+
+        for (value, message) in
+            [(f32::NAN, "value NaN"), (f32::INFINITY, "value inf"), (f32::NEG_INFINITY, "value -inf")]
+        {
+            let mut values = vec![1.0; nodes[0].tile().pixels()];
+            values[5] = value;
+            for channel in ["G", "moment.B", "albedo.R", "normal.Z", "depth.Z"] {
+                let bytes =
+                    forged(&nodes[0], |part| _ = part.channels.insert(channel.to_owned(), Samples::Float(&values)));
+                assert_refused(&bytes, &good, message);
+                assert_refused(&bytes, &good, "at pixel (1, 1)");
+            }
+        }
+        let negative = vec![-1.0; nodes[0].tile().pixels()];
+        let moment =
+            forged(&nodes[0], |part| _ = part.channels.insert("moment.R".to_owned(), Samples::Float(&negative)));
+        assert_refused(&moment, &good, "layer moment is negative at pixel (0, 0)");
+    }
+
+    #[test]
+    fn a_node_that_is_there_twice_is_refused() {
+        let nodes = nodes();
+        let parts =
+            ["a", "b"].map(|name| OutputPart { name: name.to_owned(), ..output_part(&nodes[1], &header()).unwrap() });
+        let bytes = openexr::write([GRID.width, GRID.height], &parts, COMPRESSION).unwrap();
+        assert_refused(&bytes, &expectation(&nodes), "level: 0, index: 9 } is there twice");
+    }
+
+    #[test]
+    fn another_compression_is_refused() {
+        let nodes = nodes();
+        let part = output_part(&nodes[1], &header()).unwrap();
+        let bytes = openexr::write([GRID.width, GRID.height], &[part], Compression::PIZ).unwrap();
+        assert_refused(&bytes, &expectation(&nodes), "it must be");
+    }
+
+    #[test]
+    fn a_header_that_claims_sixty_thousand_pixels_each_way_is_refused_without_allocating() {
+        let nodes = nodes();
+        let mut bytes = encoded(&nodes[..1]);
+        let window = attribute(&[0, 0, 60_000, 60_000]);
+        patch(&mut bytes, "dataWindow", &window);
+        patch(&mut bytes, "displayWindow", &window);
+        patch(&mut bytes, "chunkCount", &attribute(&[60_001]));
+        let before = address_space_bytes();
+        assert_refused(
+            &bytes,
+            &expectation(&nodes),
+            "has a data window of 60001 x 60001 pixels at (0, 0); its tile is 4 x 4",
+        );
+        assert!(address_space_bytes() - before < 1 << 20, "memory was allocated");
+    }
+
+    /// A change that a broken or hostile sender might make.
+    fn mutation() -> impl Strategy<Value = Vec<(prop::sample::Index, u8)>> {
+        prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+
+        #[test]
+        fn a_changed_partial_is_an_error_or_nodes_never_a_crash(
+            changes in mutation(),
+            length in prop::option::of(any::<prop::sample::Index>()),
+        ) {
+            let nodes = nodes();
+            let mut bytes = encoded(&nodes[1..3]);
+            for (position, value) in changes {
+                let position = position.index(bytes.len());
+                bytes[position] = value;
+            }
+            if let Some(length) = length {
+                bytes.truncate(length.index(bytes.len()));
+            }
+            let before = address_space_bytes();
+            if let Ok(found) = decode(&bytes, &expectation(&nodes), BUDGET) {
+                prop_assert!(found.iter().all(|node| node.layers().beauty.as_flattened().iter().all(|v| v.is_finite())));
+            }
+            prop_assert!(address_space_bytes() - before < 16 << 20);
+        }
+
+        #[test]
+        fn random_bytes_are_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            let nodes = nodes();
+            prop_assert!(decode(&bytes, &expectation(&nodes), BUDGET).is_err());
+            let with_magic = [&[0x76, 0x2f, 0x31, 0x01, 2, 0, 0, 0][..], &bytes].concat();
+            prop_assert!(decode(&with_magic, &expectation(&nodes), BUDGET).is_err());
+        }
+    }
+}

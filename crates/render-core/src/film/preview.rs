@@ -1,0 +1,181 @@
+//! Previews: an image as an 8-bit PNG.
+//!
+//! Radiance is scaled by the exposure, put through the tone curve, and encoded as sRGB (IEC 61966-2-1). The same image
+//! gives the same bytes on every machine.
+
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::image::FrameImage;
+
+/// How bright a preview is.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Exposure {
+    /// Radiance is multiplied by 2 to this power; 0 shows radiance 1 as white.
+    Stops(f64),
+    /// The log-average luminance becomes 0.18, a middle grey (Reinhard et al. 2002, "Photographic Tone Reproduction for
+    /// Digital Images", equation 1). Pixels darker than a thousandth of the mean luminance are left out of the average,
+    /// so that black surroundings do not count.
+    Automatic,
+}
+
+/// How radiance becomes brightness.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ToneCurve {
+    /// None: what is brighter than 1 is cut off.
+    Srgb,
+    /// Highlights are rolled off by a fit to the ACES film curve (Narkowicz 2015, "ACES Filmic Tone Mapping Curve"):
+    /// `x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14)`.
+    Filmic,
+}
+
+/// How a preview is made.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PreviewSettings {
+    /// How bright.
+    pub exposure: Exposure,
+    /// The tone curve.
+    pub curve: ToneCurve,
+}
+
+/// Why there is no preview.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum PreviewError {
+    /// The PNG could not be written.
+    #[error("the preview cannot be written as PNG: {0}")]
+    Png(String),
+}
+
+/// The PNG of an image.
+///
+/// # Errors
+///
+/// [`PreviewError`] when the image is too large for the format.
+pub fn encode_png(image: &FrameImage, settings: &PreviewSettings) -> Result<Vec<u8>, PreviewError> {
+    let scale = match settings.exposure {
+        Exposure::Stops(stops) => libm::exp2(stops),
+        Exposure::Automatic => automatic_scale(&image.layers().mean),
+    };
+    let thresholds = SrgbThresholds::new();
+    let codes: Vec<u8> = image
+        .layers()
+        .mean
+        .as_flattened()
+        .iter()
+        .map(|&radiance| {
+            let exposed = (f64::from(radiance) * scale).clamp(0.0, 1e6);
+            thresholds.code(match settings.curve {
+                ToneCurve::Srgb => exposed,
+                ToneCurve::Filmic => filmic(exposed),
+            })
+        })
+        .collect();
+    let mut png = Vec::new();
+    PngEncoder::new(&mut png)
+        .write_image(&codes, image.width(), image.height(), ExtendedColorType::Rgb8)
+        .map_err(|error| PreviewError::Png(error.to_string()))?;
+    Ok(png)
+}
+
+fn filmic(x: f64) -> f64 {
+    x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
+}
+
+fn automatic_scale(pixels: &[[f32; 3]]) -> f64 {
+    let luminances = || pixels.iter().map(|pixel| luminance(*pixel)).filter(|&luminance| luminance > 0.0);
+    let darkest = 1e-3 * luminances().sum::<f64>() / pixels.len().max(1) as f64;
+    let (mut sum, mut count) = (0.0, 0.0);
+    for luminance in luminances().filter(|&luminance| luminance >= darkest) {
+        sum += libm::log(luminance);
+        count += 1.0;
+    }
+    if count == 0.0 { 1.0 } else { 0.18 / libm::exp(sum / count) }
+}
+
+/// Luminance of linear Rec. 709.
+fn luminance([red, green, blue]: [f32; 3]) -> f64 {
+    0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)
+}
+
+/// The linear values between which each 8-bit sRGB code lies: looked up, that is far faster than a power per value.
+struct SrgbThresholds([f64; 255]);
+
+impl SrgbThresholds {
+    fn new() -> Self {
+        Self(std::array::from_fn(|code| {
+            let encoded = (code as f64 + 0.5) / 255.0;
+            if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
+        }))
+    }
+
+    /// The code nearest to the sRGB encoding of a linear value.
+    fn code(&self, linear: f64) -> u8 {
+        self.0.partition_point(|&threshold| threshold <= linear) as u8
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::image::ImageLayers;
+
+    fn image(mean: Vec<[f32; 3]>) -> FrameImage {
+        let width = mean.len() as u32;
+        FrameImage::new(width, 1, ImageLayers { mean, ..ImageLayers::default() }, None).unwrap()
+    }
+
+    fn codes(image: &FrameImage, exposure: Exposure, curve: ToneCurve) -> Vec<[u8; 3]> {
+        let png = encode_png(image, &PreviewSettings { exposure, curve }).unwrap();
+        let decoded = image::load_from_memory(&png).unwrap().into_rgb8();
+        assert_eq!(decoded.dimensions(), (image.width(), image.height()));
+        decoded.pixels().map(|pixel| pixel.0).collect()
+    }
+
+    #[test]
+    fn linear_values_become_the_codes_of_the_srgb_standard() {
+        // 0.18 is 118, 0.5 is 188 (tables of IEC 61966-2-1); what is out of range is cut off.
+        let picture = image(vec![[0.0, 0.18, 0.5], [1.0, 2.0, -1.0], [0.002, f32::MAX, f32::MIN]]);
+        let found = codes(&picture, Exposure::Stops(0.0), ToneCurve::Srgb);
+        assert_eq!(found, [[0, 118, 188], [255, 255, 0], [7, 255, 0]]);
+    }
+
+    #[test]
+    fn a_stop_doubles_the_light() {
+        let picture = image(vec![[0.1, 0.2, 0.4]]);
+        let brighter = codes(&picture, Exposure::Stops(1.0), ToneCurve::Srgb);
+        assert_eq!(brighter, codes(&image(vec![[0.2, 0.4, 0.8]]), Exposure::Stops(0.0), ToneCurve::Srgb));
+    }
+
+    #[test]
+    fn the_filmic_curve_keeps_detail_that_the_plain_one_cuts_off() {
+        let picture = image(vec![[0.0, 1.0, 4.0]]);
+        let [[black, white, bright]] = codes(&picture, Exposure::Stops(0.0), ToneCurve::Filmic)[..] else { panic!() };
+        // (2.51 + 0.03) / (2.43 + 0.59 + 0.14) = 0.8038 is 232.
+        assert_eq!((black, white), (0, 232));
+        assert!(bright > white && bright < 255);
+    }
+
+    #[test]
+    fn automatic_exposure_shows_the_lit_part_as_middle_grey_in_any_unit() {
+        for unit in [1e-6, 1.0, 1e6] {
+            let mut pixels = vec![[0.0; 3]; 50];
+            pixels.extend(vec![[unit; 3]; 10]);
+            let found = codes(&image(pixels), Exposure::Automatic, ToneCurve::Srgb);
+            assert_eq!((found[0], found[55]), ([0; 3], [118; 3]));
+        }
+    }
+
+    #[test]
+    fn a_black_image_has_a_black_preview() {
+        assert_eq!(codes(&image(vec![[0.0; 3]; 3]), Exposure::Automatic, ToneCurve::Filmic), [[0; 3]; 3]);
+        let png = encode_png(
+            &image(vec![[0.0; 3]]),
+            &PreviewSettings { exposure: Exposure::Stops(f64::NAN), curve: ToneCurve::Srgb },
+        );
+        assert!(png.is_ok());
+    }
+}

@@ -1,0 +1,143 @@
+//! The hierarchy of boxes that decides which primitives a ray is tested against.
+//!
+//! It is a compressed wide one (Ylitie, Karras, Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed
+//! Wide BVHs*, HPG 2017) from obvhs, and computes in single precision, while the tests of the primitives are in double
+//! precision. So that it never loses a primitive that they would find:
+//! - the scene is centred and scaled by a power of two to an extent of 2^14 to 2^15 units, and rays start where they
+//!   enter it;
+//! - boxes are padded by 1/8 unit, about five times the rounding of the box test at this size (a few units in the last
+//!   place of 2^15), and a thousand times the 1e-4 units below which obvhs does not see the exit of a box;
+//! - a hit at distance t cuts the search only behind t plus the padding.
+
+use std::time::Duration;
+
+use glam::{DVec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::cwbvh::CwBvh;
+use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::ray::{Ray as HierarchyRay, RayHit};
+
+use super::{Interval, Ray};
+
+/// Binary logarithm of the largest extent of the scene in units of the hierarchy.
+const EXTENT_LOG2: i32 = 15;
+
+/// Padding of boxes in units of the hierarchy.
+const PADDING: f64 = 0.125;
+
+/// Levels of the hierarchy that obvhs can walk; in a deeper one it would lose nodes silently.
+pub(crate) const MOST_LEVELS: usize = 31;
+
+/// A hierarchy over boxes; there is at least one.
+#[derive(Clone, Debug)]
+pub(crate) struct Hierarchy {
+    tree: CwBvh,
+    bounds: [DVec3; 2],
+    centre: DVec3,
+    scale: f64,
+}
+
+/// A ray on its way through a hierarchy.
+struct Walk<'a> {
+    tree: &'a CwBvh,
+    ray: HierarchyRay,
+    start: f64,
+    scale: f64,
+}
+
+impl Hierarchy {
+    /// The hierarchy over boxes, given by two corners each; `None` when there are none.
+    pub(crate) fn over(boxes: &[[DVec3; 2]]) -> Option<Self> {
+        if boxes.is_empty() {
+            return None;
+        }
+        let bounds =
+            boxes.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[min, max], b| [min.min(b[0]), max.max(b[1])]);
+        let extent = (bounds[1] - bounds[0]).max_element();
+        let scale = if extent > 0.0 { libm::scalbn(1.0, EXTENT_LOG2 - 1 - libm::ilogb(extent)) } else { 1.0 };
+        let centre = 0.5 * (bounds[0] + bounds[1]);
+        let unit = |p: DVec3| (p - centre) * scale;
+        let padded: Vec<_> = boxes
+            .iter()
+            .map(|[min, max]| Aabb::new(single(unit(*min) - PADDING), single(unit(*max) + PADDING)))
+            .collect();
+        let tree = build_cwbvh(&padded, BvhBuildParams::medium_build(), &mut Duration::default());
+        Some(Self { tree, bounds, centre, scale })
+    }
+
+    /// Corners of the box around everything.
+    pub(crate) fn bounds(&self) -> [DVec3; 2] {
+        self.bounds
+    }
+
+    /// The numbers of the boxes in the order in which the leaves hold them.
+    pub(crate) fn leaves(&self) -> &[u32] {
+        &self.tree.primitive_indices
+    }
+
+    /// Number of levels; must not exceed [`MOST_LEVELS`].
+    pub(crate) fn levels(&self) -> usize {
+        levels_below(&self.tree, 0)
+    }
+
+    /// Hands to `test` the places, in the order of the leaves, of all boxes that may hold something within
+    /// `max_distance` along the ray. Whenever `test` returns a distance, nothing farther away is looked for any more.
+    pub(crate) fn visit(&self, ray: &Ray, max_distance: f64, mut test: impl FnMut(usize) -> Option<f64>) {
+        let Some(walk) = self.enter(ray, max_distance) else { return };
+        walk.tree.ray_traverse(walk.ray, &mut RayHit::none(), |_, leaf| {
+            test(leaf).map_or(f32::INFINITY, |distance| walk.cut(distance))
+        });
+    }
+
+    /// Whether `test` says yes to one of the places, in the order of the leaves, of the boxes that may hold something
+    /// within `max_distance` along the ray.
+    pub(crate) fn any(&self, ray: &Ray, max_distance: f64, mut test: impl FnMut(usize) -> bool) -> bool {
+        let Some(walk) = self.enter(ray, max_distance) else { return false };
+        !walk.tree.ray_traverse_miss(walk.ray, |_, leaf| if test(leaf) { 0.0 } else { f32::INFINITY })
+    }
+
+    /// The ray in units of the hierarchy, from where it enters the bounds; `None` when it misses them.
+    fn enter(&self, ray: &Ray, max_distance: f64) -> Option<Walk<'_>> {
+        let margin = PADDING / self.scale;
+        let mut within = Interval::new(0.0, max_distance);
+        for axis in 0..3 {
+            let (origin, direction) = (ray.origin[axis], ray.direction[axis]);
+            let (low, high) = (self.bounds[0][axis] - margin - origin, self.bounds[1][axis] + margin - origin);
+            if direction != 0.0 {
+                let (a, b) = (low / direction, high / direction);
+                within = within.intersection(Interval::new(a.min(b), a.max(b)));
+            } else if low > 0.0 || high < 0.0 {
+                return None;
+            }
+        }
+        if within.is_empty() {
+            return None;
+        }
+        let start = within.min;
+        // Adding 0 turns -0 into 0, whose inverse obvhs would take for the wrong infinity.
+        let direction = single(ray.direction) + Vec3A::ZERO;
+        let origin = single((ray.at(start) - self.centre) * self.scale);
+        let mut walk =
+            Walk { tree: &self.tree, start, scale: self.scale, ray: HierarchyRay::new(origin, direction, 0.0, 0.0) };
+        walk.ray.tmax = walk.cut(within.max);
+        Some(walk)
+    }
+}
+
+impl Walk<'_> {
+    /// The end of the search for anything not farther than `distance`.
+    fn cut(&self, distance: f64) -> f32 {
+        (((distance - self.start) * self.scale).max(0.0) + PADDING) as f32
+    }
+}
+
+fn single(v: DVec3) -> Vec3A {
+    Vec3A::new(v.x as f32, v.y as f32, v.z as f32)
+}
+
+fn levels_below(tree: &CwBvh, node: usize) -> usize {
+    let children = tree.nodes[node].imask.count_ones() as usize;
+    let first = tree.nodes[node].child_base_idx as usize;
+    1 + (first..first + children).map(|child| levels_below(tree, child)).max().unwrap_or(0)
+}

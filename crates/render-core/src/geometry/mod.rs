@@ -1,0 +1,27 @@
+//! Shapes and the rays that meet them: height-field panes, triangles, and the hierarchy over both.
+//!
+//! Everything is in double precision and in metres. Only the hierarchy's boxes are in single precision, recentred,
+//! rescaled and padded. What a ray has just left is skipped by identity ([`Leaving`]), never by an epsilon.
+
+pub mod accelerator;
+mod bernstein;
+mod crossing;
+pub mod frame;
+pub mod height_field;
+mod hierarchy;
+pub mod interval;
+pub mod pane;
+mod pyramid;
+pub mod ray;
+mod spline;
+#[cfg(test)]
+pub(crate) mod testing;
+mod thickness;
+mod triangle;
+
+pub use accelerator::{Accelerator, AcceleratorError, Hit, Surface};
+pub use frame::Frame;
+pub use height_field::{HeightField, HeightFieldError, SurfaceJet};
+pub use interval::{Interval, Rect};
+pub use pane::{Pane, PaneBoundary, PaneError, PaneHit};
+pub use ray::{Face, Leaving, Ray};

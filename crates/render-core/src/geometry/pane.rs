@@ -1,0 +1,524 @@
+//! A window pane: a slab between two height fields.
+//!
+//! In its own frame the glass fills `h1(x, y) <= z <= thickness + h2(x, y)` over the outline, a rectangle of the given
+//! size around the origin. The front face is towards -z, the back face towards +z. The side walls between them are the
+//! edge, which is opaque and black: it sits in the lead or the frame.
+//!
+//! A ray knows on which side of a face it is, because the caller knows whether it is in the glass; see
+//! the module `crossing` for what follows from this.
+
+use glam::{DVec2, DVec3};
+use thiserror::Error;
+
+use super::crossing::{Crossing, Side, Start};
+use super::height_field::HeightField;
+use super::thickness::thin_spot;
+use super::{Face, Frame, Interval, Ray, Rect};
+use crate::counters::Counters;
+
+/// A pane of glass.
+#[derive(Clone, Debug)]
+pub struct Pane {
+    /// What the scene calls it.
+    pub name: String,
+    /// Where it hangs.
+    pub frame: Frame,
+    /// Width and height in metres.
+    pub size: DVec2,
+    /// Distance between the faces where both are at height zero, in metres.
+    pub thickness: f64,
+    /// Index of refraction of the glass; that of air is 1.
+    pub index_of_refraction: f64,
+    /// Absorption coefficient of the glass by colour, in 1/metre.
+    pub absorption: DVec3,
+    /// Displacement h1 of the front face.
+    pub front: HeightField,
+    /// Displacement h2 of the back face.
+    pub back: HeightField,
+}
+
+/// Why there can be no such pane.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum PaneError {
+    /// The thickness is not a positive finite number.
+    #[error("a pane of thickness {0} metres: the thickness must be positive and finite")]
+    Thickness(f64),
+    /// The index of refraction is not a finite number of at least 1.
+    #[error("a pane of index of refraction {0}: the index must be finite and at least 1")]
+    IndexOfRefraction(f64),
+    /// An absorption coefficient is negative or not finite.
+    #[error("a pane of absorption {0} per metre: absorption must be finite and not negative")]
+    Absorption(f64),
+    /// A face is not as large as the pane.
+    #[error("a face of {face} metres on a pane of {pane} metres: both must have the same size")]
+    FaceSize {
+        /// Size of the face.
+        face: DVec2,
+        /// Size of the pane.
+        pane: DVec2,
+    },
+    /// The faces touch or cross.
+    #[error(
+        "the faces of a pane of thickness {thickness} metres come as near as {gap} metres at x = {}, y = {}: the \
+         thickness must exceed the depth of the relief", at.x, at.y
+    )]
+    TooThin {
+        /// The pane's thickness.
+        thickness: f64,
+        /// Where the faces touch, in metres from the centre.
+        at: DVec2,
+        /// Lower bound of the distance between the faces there: not positive.
+        gap: f64,
+    },
+}
+
+/// What bounds the glass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PaneBoundary {
+    /// A refracting face.
+    Face(Face),
+    /// A side wall, opaque and black.
+    Edge,
+}
+
+/// Where a ray meets the boundary of a pane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PaneHit {
+    /// Distance along the ray in metres.
+    pub distance: f64,
+    /// The point in the pane's frame; on a face, it is on the height field to the last digits.
+    pub point: DVec3,
+    /// What was met.
+    pub boundary: PaneBoundary,
+    /// Gradient of the face's height there; zero on the edge.
+    pub gradient: DVec2,
+    /// Whether the ray was in the glass.
+    pub inside: bool,
+}
+
+impl Pane {
+    /// The pane with the given parts.
+    ///
+    /// # Errors
+    /// [`PaneError`] when a number is out of range, a face has another size than the pane, or the thickness of the glass
+    /// cannot be proven to be positive everywhere.
+    #[expect(clippy::too_many_arguments, reason = "a pane has that many parts, and all of them are needed")]
+    pub fn new(
+        name: String,
+        frame: Frame,
+        size: DVec2,
+        thickness: f64,
+        index_of_refraction: f64,
+        absorption: DVec3,
+        front: HeightField,
+        back: HeightField,
+    ) -> Result<Self, PaneError> {
+        if !(thickness.is_finite() && thickness > 0.0) {
+            return Err(PaneError::Thickness(thickness));
+        }
+        if !(index_of_refraction.is_finite() && index_of_refraction >= 1.0) {
+            return Err(PaneError::IndexOfRefraction(index_of_refraction));
+        }
+        if let Some(bad) = absorption.to_array().into_iter().find(|a| !(a.is_finite() && *a >= 0.0)) {
+            return Err(PaneError::Absorption(bad));
+        }
+        for face in [front.size(), back.size()] {
+            if face != size {
+                return Err(PaneError::FaceSize { face, pane: size });
+            }
+        }
+        if let Some((at, gap)) = thin_spot(&front, &back, thickness) {
+            return Err(PaneError::TooThin { thickness, at, gap });
+        }
+        Ok(Self { name, frame, size, thickness, index_of_refraction, absorption, front, back })
+    }
+
+    /// The rectangle that the pane covers, in its frame.
+    pub fn outline(&self) -> Rect {
+        Rect::new(-0.5 * self.size, 0.5 * self.size)
+    }
+
+    /// The height field of a face.
+    pub fn surface(&self, face: Face) -> &HeightField {
+        match face {
+            Face::Front => &self.front,
+            Face::Back => &self.back,
+        }
+    }
+
+    /// The z of a face where its height is zero.
+    pub fn base_height(&self, face: Face) -> f64 {
+        match face {
+            Face::Front => 0.0,
+            Face::Back => self.thickness,
+        }
+    }
+
+    /// The first boundary met by a ray that starts outside the glass, up to `max_distance`; the ray is in the pane's
+    /// frame. A ray that leaves a face into the air says so by `leaving`; it may meet the same face again further on.
+    /// A ray that starts between the faces nevertheless (say, from a triangle stuck into the glass) meets the edge at
+    /// distance 0.
+    pub fn intersect_outside(
+        &self,
+        ray: &Ray,
+        max_distance: f64,
+        leaving: Option<Face>,
+        counters: &mut Counters,
+    ) -> Option<PaneHit> {
+        let within = self.stretch_over_outline(ray);
+        if let Some(face) = leaving {
+            // A start on the border of the outline may be rounded to beyond it; the ray's way out tells all the same.
+            let range = Interval::new(0.0, within.max.min(max_distance));
+            return self.cross(face, ray, range, outer_side(face), Start::OnSurface, false, counters);
+        }
+        let range = within.intersection(Interval::new(0.0, max_distance));
+        if range.is_empty() || self.passes_by(ray, range) {
+            return None;
+        }
+        let entry = ray.at(range.min);
+        match self.side_of_glass(entry, counters) {
+            Some(face) => self.cross(face, ray, range, outer_side(face), Start::Free, false, counters),
+            None => Some(self.edge(range.min, entry, false)),
+        }
+    }
+
+    /// The first boundary met by a ray that starts in the glass; the ray is in the pane's frame. A ray that starts on a
+    /// face says so by `leaving`; it may meet the same face again further on.
+    pub fn intersect_inside(&self, ray: &Ray, leaving: Option<Face>, counters: &mut Counters) -> Option<PaneHit> {
+        let end = self.stretch_over_outline(ray).max.max(0.0);
+        let nearest_first = if ray.direction.z < 0.0 { [Face::Front, Face::Back] } else { [Face::Back, Face::Front] };
+        let mut nearest: Option<PaneHit> = None;
+        for face in nearest_first {
+            let start = if leaving == Some(face) { Start::OnSurface } else { Start::Free };
+            let range = Interval::new(0.0, nearest.map_or(end, |hit| hit.distance));
+            nearest = self.cross(face, ray, range, inner_side(face), start, true, counters).or(nearest);
+        }
+        nearest.or_else(|| end.is_finite().then(|| self.edge(end, ray.at(end), true)))
+    }
+
+    /// Corners of a box in the world that holds the pane.
+    pub fn world_bounds(&self) -> [DVec3; 2] {
+        let local = self.local_bounds();
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for corner in 0..8 {
+            let [x, y, z] = [0, 1, 2].map(|axis| local[(corner >> axis) & 1][axis]);
+            let corner = self.frame.point_to_world(DVec3::new(x, y, z));
+            (min, max) = (min.min(corner), max.max(corner));
+        }
+        let slack = 8.0 * f64::EPSILON * (min.abs().max(max.abs()).max_element() + self.size.max_element());
+        [min - slack, max + slack]
+    }
+
+    /// Corners of a box in the pane's frame that holds the glass.
+    pub fn local_bounds(&self) -> [DVec3; 2] {
+        let (outline, depth) = (self.outline(), self.depth());
+        [outline.min.extend(depth.min), outline.max.extend(depth.max)]
+    }
+
+    /// Bounds of z over the glass.
+    fn depth(&self) -> Interval {
+        Interval::new(self.front.all_heights().min, self.thickness + self.back.all_heights().max)
+    }
+
+    /// The stretch of the whole line on which it is over the outline; empty when it never is.
+    fn stretch_over_outline(&self, ray: &Ray) -> Interval {
+        let half = 0.5 * self.size;
+        let mut stretch = Interval::new(f64::NEG_INFINITY, f64::INFINITY);
+        for (half, (origin, direction)) in
+            [(half.x, (ray.origin.x, ray.direction.x)), (half.y, (ray.origin.y, ray.direction.y))]
+        {
+            if direction != 0.0 {
+                let (a, b) = ((-half - origin) / direction, (half - origin) / direction);
+                stretch = stretch.intersection(Interval::new(a.min(b), a.max(b)));
+            } else if origin.abs() > half {
+                return Interval::EMPTY;
+            }
+        }
+        stretch
+    }
+
+    /// Whether the ray stays in front of all glass, or behind it.
+    fn passes_by(&self, ray: &Ray, range: Interval) -> bool {
+        let depth = self.depth();
+        if ray.direction.z == 0.0 {
+            return ray.origin.z < depth.min || ray.origin.z > depth.max;
+        }
+        let z = [range.min, range.max].map(|t| ray.origin.z + ray.direction.z * t);
+        let slack = 4.0 * f64::EPSILON * (ray.origin.z.abs() + depth.magnitude());
+        z[0].max(z[1]) < depth.min - slack || z[0].min(z[1]) > depth.max + slack
+    }
+
+    /// The face on whose outer side a point over the outline is; `None` in the glass.
+    fn side_of_glass(&self, point: DVec3, counters: &mut Counters) -> Option<Face> {
+        let depth = self.depth();
+        if point.z <= depth.min {
+            return Some(Face::Front);
+        }
+        if point.z >= depth.max {
+            return Some(Face::Back);
+        }
+        counters.height_evaluations += 2;
+        if point.z <= self.front.height(point.truncate()) {
+            Some(Face::Front)
+        } else if point.z - self.thickness >= self.back.height(point.truncate()) {
+            Some(Face::Back)
+        } else {
+            None
+        }
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "the one place where both kinds of rays meet a face")]
+    fn cross(
+        &self,
+        face: Face,
+        ray: &Ray,
+        range: Interval,
+        side: Side,
+        start: Start,
+        inside: bool,
+        counters: &mut Counters,
+    ) -> Option<PaneHit> {
+        let base = self.base_height(face);
+        let Crossing { distance, point, gradient } =
+            self.surface(face).first_crossing(base, ray, range, side, start, counters)?;
+        let outline = self.outline();
+        let point = point.truncate().clamp(outline.min, outline.max).extend(point.z);
+        Some(PaneHit { distance, point, boundary: PaneBoundary::Face(face), gradient, inside })
+    }
+
+    fn edge(&self, distance: f64, point: DVec3, inside: bool) -> PaneHit {
+        PaneHit { distance, point, boundary: PaneBoundary::Edge, gradient: DVec2::ZERO, inside }
+    }
+}
+
+/// The side of a face on which the air is.
+fn outer_side(face: Face) -> Side {
+    match face {
+        Face::Front => Side::Below,
+        Face::Back => Side::Above,
+    }
+}
+
+/// The side of a face on which the glass is.
+fn inner_side(face: Face) -> Side {
+    match face {
+        Face::Front => Side::Above,
+        Face::Back => Side::Below,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::testing::{Glass, fixed_seed};
+    use glam::dvec2;
+    use proptest::prelude::*;
+
+    const SAMPLES: usize = 100_000;
+
+    /// A pane of about half a metre times `scale`; its faces are parallel or differ.
+    fn pane(kind: Glass, thickness: f64, parallel: bool, scale: f64) -> Pane {
+        let size = dvec2(0.5, 0.4) * scale;
+        let amplitude = if parallel { 0.004 } else { 0.3 * thickness } * scale;
+        let front = kind.face(size, amplitude, 0.2);
+        let back = if parallel { front.clone() } else { kind.face(size, amplitude, 0.9) };
+        let frame = Frame::new(DVec3::ZERO, DVec3::X, DVec3::Y);
+        Pane::new("pane".into(), frame, size, thickness * scale, 1.5, DVec3::ZERO, front, back).unwrap()
+    }
+
+    fn any_pane() -> impl Strategy<Value = (Pane, f64)> {
+        let kinds = prop::sample::select(Glass::ALL.to_vec());
+        let thickness = prop::sample::select(vec![1e-4, 1e-3, 3e-3]);
+        let scale = prop::sample::select(vec![1e-3, 1.0, 1e3]);
+        (kinds, thickness, prop::bool::ANY, scale).prop_map(|(k, t, parallel, s)| (pane(k, t, parallel, s), s))
+    }
+
+    /// Depth of a point over the outline in the glass; negative outside.
+    fn depth(pane: &Pane, p: DVec3) -> f64 {
+        let xy = p.truncate();
+        (p.z - pane.front.height(xy)).min(pane.thickness - p.z + pane.back.height(xy))
+    }
+
+    /// Where a ray lies over the outline and between the extreme heights of the glass.
+    fn stretch_near_glass(pane: &Pane, ray: &Ray) -> Interval {
+        let [min, max] = pane.local_bounds();
+        (0..3).fold(Interval::new(0.0, f64::INFINITY), |stretch, axis| {
+            let (o, d) = (ray.origin[axis], ray.direction[axis]);
+            let (a, b) = ((min[axis] - o) / d, (max[axis] - o) / d);
+            if a.is_nan() || b.is_nan() { stretch } else { stretch.intersection(Interval::new(a.min(b), a.max(b))) }
+        })
+    }
+
+    /// Compares a hit with the depth at many points of the ray: before the hit the ray stays on its side, which `sign`
+    /// makes positive, and behind it, it is on the other one.
+    fn check(pane: &Pane, scale: f64, ray: &Ray, hit: Option<PaneHit>, sign: f64) -> Result<(), TestCaseError> {
+        // Rounding of points at most 2 m away.
+        let noise = 2e-15 * scale;
+        let near = stretch_near_glass(pane, ray);
+        if !near.is_empty() {
+            let step = (near.max - near.min) / SAMPLES as f64;
+            for i in 1..SAMPLES {
+                let t = near.min + step * i as f64;
+                if hit.is_some_and(|hit| t >= hit.distance) {
+                    break;
+                }
+                let depth = sign * depth(pane, ray.at(t));
+                prop_assert!(depth > -noise, "missed the boundary before {} of {:?}: {:?}", t, ray, hit);
+            }
+        }
+        let Some(hit) = hit else { return Ok(()) };
+        prop_assert_eq!(hit.inside, sign > 0.0);
+        prop_assert!((hit.point - ray.at(hit.distance)).length() < noise, "{:?} of {:?}", hit, ray);
+        prop_assert!(pane.outline().grown(noise).contains(hit.point.truncate()));
+        match hit.boundary {
+            PaneBoundary::Face(face) => {
+                let (height, gradient) = pane.surface(face).slope(hit.point.truncate());
+                prop_assert!((hit.point.z - pane.base_height(face) - height).abs() < noise);
+                prop_assert!((hit.gradient - gradient).length() < 1e-9);
+                let step = (near.max - near.min) / SAMPLES as f64;
+                let beyond = (1..=1000).map(|i| hit.distance + step * f64::from(i) / 1000.0);
+                let least = beyond.map(|t| sign * depth(pane, ray.at(t))).fold(f64::INFINITY, f64::min);
+                prop_assert!(least < noise, "false hit {:?} of {:?}: {}", hit, ray, least);
+            }
+            PaneBoundary::Edge => {
+                let to_edge = (0.5 * pane.size - hit.point.truncate().abs()).min_element();
+                prop_assert!(to_edge.abs() < noise && depth(pane, hit.point) > -noise, "{:?} of {:?}", hit, ray);
+            }
+        }
+        Ok(())
+    }
+
+    fn angle() -> impl Strategy<Value = f64> {
+        0.0..std::f64::consts::TAU
+    }
+
+    /// Points of the outline in units of its size: anywhere, on its border, in its corners.
+    fn place() -> impl Strategy<Value = DVec2> {
+        let coordinate = || prop_oneof![6 => -0.5..0.5f64, 1 => Just(-0.5), 1 => Just(0.5)];
+        (coordinate(), coordinate()).prop_map(|(x, y)| dvec2(x, y))
+    }
+
+    /// Angles to the plane from 1e-4 rad to a right angle, and 0.
+    fn elevation() -> impl Strategy<Value = f64> {
+        prop_oneof![6 => (-4.0..0.19f64).prop_map(|e| libm::pow(10.0, e)), 1 => Just(0.0)]
+    }
+
+    fn direction(azimuth: f64, elevation: f64) -> DVec3 {
+        let across = libm::cos(elevation);
+        DVec3::new(across * libm::cos(azimuth), across * libm::sin(azimuth), libm::sin(elevation))
+    }
+
+    proptest! {
+        #![proptest_config(fixed_seed(400))]
+
+        #[test]
+        fn rays_from_the_air_meet_what_dense_sampling_says(
+            (pane, scale) in any_pane(), place in place(), depth_aimed_at in -1.0..2.0f64, azimuth in angle(),
+            elevation in elevation(), up in prop::bool::ANY,
+        ) {
+            let direction = direction(azimuth, if up { elevation } else { -elevation });
+            let target = (place * pane.size).extend(depth_aimed_at * pane.thickness);
+            let ray = Ray::new(target - direction * scale, direction);
+            let hit = pane.intersect_outside(&ray, f64::INFINITY, None, &mut Counters::default());
+            check(&pane, scale, &ray, hit, -1.0)?;
+        }
+
+        #[test]
+        fn rays_from_within_the_glass_meet_what_dense_sampling_says(
+            (pane, scale) in any_pane(), place in place(), s in 0.01..0.99f64, azimuth in angle(),
+            elevation in elevation(), up in prop::bool::ANY,
+        ) {
+            let xy = place * pane.size * 0.999_999;
+            let z = pane.front.height(xy) * (1.0 - s) + (pane.thickness + pane.back.height(xy)) * s;
+            let ray = Ray::new(xy.extend(z), direction(azimuth, if up { elevation } else { -elevation }));
+            let hit = pane.intersect_inside(&ray, None, &mut Counters::default());
+            prop_assert!(hit.is_some());
+            check(&pane, scale, &ray, hit, 1.0)?;
+        }
+
+        #[test]
+        fn rays_from_a_face_meet_what_dense_sampling_says(
+            (pane, scale) in any_pane(), place in place(), turns in prop::collection::vec((angle(), elevation()), 6),
+            face in prop::sample::select(vec![Face::Front, Face::Back]), into_glass in prop::bool::ANY,
+        ) {
+            // A ray that is thrown on from each face that it meets, at grazing angles to that face too.
+            let xy = place * pane.size;
+            let (height, mut gradient) = pane.surface(face).slope(xy);
+            let (mut from, mut face) = (xy.extend(pane.base_height(face) + height), face);
+            for (azimuth, elevation) in turns {
+                let along = dvec2(libm::cos(azimuth), libm::sin(azimuth));
+                let tangent = along.extend(gradient.dot(along)).normalize();
+                let normal = DVec3::new(-gradient.x, -gradient.y, 1.0).normalize();
+                let normal = if (face == Face::Front) == into_glass { normal } else { -normal };
+                let elevation = elevation.max(1e-9);
+                let direction = tangent * libm::cos(elevation) + normal * libm::sin(elevation);
+                let ray = Ray::new(from, direction.normalize());
+                let mut counters = Counters::default();
+                let hit = if into_glass {
+                    pane.intersect_inside(&ray, Some(face), &mut counters)
+                } else {
+                    pane.intersect_outside(&ray, f64::INFINITY, Some(face), &mut counters)
+                };
+                prop_assert!(hit.is_some() || !into_glass);
+                check(&pane, scale, &ray, hit, if into_glass { 1.0 } else { -1.0 })?;
+                match hit {
+                    Some(PaneHit { boundary: PaneBoundary::Face(met), point, gradient: g, .. }) => {
+                        (from, face, gradient) = (point, met, g);
+                    }
+                    _ => break,
+                }
+            }
+        }
+
+        #[test]
+        fn nothing_is_met_beyond_the_largest_distance(
+            (pane, scale) in any_pane(), place in place(), azimuth in angle(), elevation in elevation(),
+            fraction in 0.5..1.5f64,
+        ) {
+            let direction = direction(azimuth, elevation);
+            let ray = Ray::new((place * pane.size).extend(0.0) - direction * scale, direction);
+            let mut counters = Counters::default();
+            if let Some(hit) = pane.intersect_outside(&ray, f64::INFINITY, None, &mut counters) {
+                let limited = pane.intersect_outside(&ray, hit.distance * fraction, None, &mut counters);
+                prop_assert_eq!(limited.is_some(), fraction >= 1.0);
+            }
+        }
+    }
+
+    #[test]
+    fn glass_of_no_thickness_or_with_bad_numbers_is_refused() {
+        let size = dvec2(0.5, 0.4);
+        let make = |thickness: f64, index: f64, absorption: DVec3, amplitude: f64, face_size: DVec2| {
+            let front = Glass::Bumpy.face(size, amplitude, 0.0);
+            let frame = Frame::new(DVec3::ZERO, DVec3::X, DVec3::Y);
+            let back = HeightField::flat(face_size).unwrap();
+            Pane::new(String::new(), frame, size, thickness, index, absorption, front, back).map(|_| ())
+        };
+        assert_eq!(make(0.003, 1.5, DVec3::ONE, 0.001, size), Ok(()));
+        assert_eq!(make(0.0, 1.5, DVec3::ZERO, 0.0, size), Err(PaneError::Thickness(0.0)));
+        assert_eq!(make(0.003, 0.9, DVec3::ZERO, 0.0, size), Err(PaneError::IndexOfRefraction(0.9)));
+        let negative = DVec3::new(0.0, -2.0, 0.0);
+        assert_eq!(make(0.003, 1.5, negative, 0.0, size), Err(PaneError::Absorption(-2.0)));
+        let wrong = dvec2(0.5, 0.5);
+        assert_eq!(make(0.003, 1.5, DVec3::ZERO, 0.0, wrong), Err(PaneError::FaceSize { face: wrong, pane: size }));
+        assert!(matches!(make(0.001, 1.5, DVec3::ZERO, 0.01, size), Err(PaneError::TooThin { .. })));
+    }
+
+    #[test]
+    fn the_world_box_holds_the_glass() {
+        let mut pane = pane(Glass::Crown, 3e-3, true, 1.0);
+        let x = DVec3::new(0.6, 0.64, 0.48).normalize();
+        pane.frame = Frame::new(DVec3::new(3.0, -2.0, 7.0), x, x.any_orthonormal_vector());
+        let [min, max] = pane.world_bounds();
+        for i in 0..=100 {
+            for j in 0..=100 {
+                let xy = (dvec2(f64::from(i), f64::from(j)) / 100.0 - 0.5) * pane.size;
+                for face in [Face::Front, Face::Back] {
+                    let local = xy.extend(pane.base_height(face) + pane.surface(face).height(xy));
+                    let p = pane.frame.point_to_world(local);
+                    assert!(p.cmpge(min).all() && p.cmple(max).all());
+                }
+            }
+        }
+    }
+}

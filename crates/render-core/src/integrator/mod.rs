@@ -1,0 +1,8 @@
+//! The path tracer, which asks [`crate::specular`] for the light that next event estimation cannot see.
+
+pub mod path;
+pub mod path_filter;
+pub mod render;
+
+pub use path_filter::PathFilter;
+pub use render::{RenderError, Rendered, missing_light, render_node};

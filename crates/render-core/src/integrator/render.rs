@@ -1,0 +1,170 @@
+//! From a scene to a node of the film: all samples of a tile over an aligned run of passes, on all cores.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+use thiserror::Error;
+
+use super::path::{PathSample, PathTracer};
+use crate::{
+    counters::Counters,
+    film::{
+        FirstHitSums, MergeError, Node, NodeAddress, NodeError, PassSums, SampleStream, SamplerSettings, Sampling,
+        Tile, TileGrid,
+    },
+    scene::{Scene, description::IntegratorDescription},
+    specular::{SpecularMethod, cone::Cone, fnee::Fnee},
+};
+
+/// A rendered node, and the work that it took.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    /// The node.
+    pub node: Node,
+    /// What the methods did.
+    pub counters: Counters,
+}
+
+/// Why a node was not rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+pub enum RenderError {
+    /// The caller asked to stop.
+    #[error("rendering was cancelled")]
+    Cancelled,
+    /// The address names no tile of the grid or no node of the tree.
+    #[error("there is no tile {} with a node of level {} and index {} in this image", .0.tile, .0.level, .0.index)]
+    NoSuchNode(NodeAddress),
+    /// A sample is not finite.
+    #[error("a rendered pass is no valid node")]
+    Node(#[from] NodeError),
+    /// Two halves do not fit.
+    #[error("two rendered halves do not merge")]
+    Merge(#[from] MergeError),
+}
+
+/// Renders one node of the merge tree: a pure function of the scene and the address, whatever the number of threads.
+/// Returns soon after `cancelled` becomes true.
+///
+/// # Errors
+///
+/// [`RenderError`] when there is no such node, on cancellation, and when a sample is not finite.
+pub fn render_node(
+    scene: &Scene,
+    grid: &TileGrid,
+    address: NodeAddress,
+    cancelled: &AtomicBool,
+) -> Result<Rendered, RenderError> {
+    let tile = grid.tile(address.tile).ok_or(RenderError::NoSuchNode(address))?;
+    if !address.exists() {
+        return Err(RenderError::NoSuchNode(address));
+    }
+    let method = specular_method(&scene.description().integrator);
+    let renderer = Renderer {
+        scene,
+        tracer: PathTracer::new(scene, method.as_deref(), scene.description().integrator.max_depth()),
+        tile,
+        sampling: scene.sampling(),
+        sampler: SamplerSettings {
+            seed: scene.description().seed,
+            samples_per_block: scene.sampling().samples_per_block(),
+        },
+        cancelled,
+    };
+    renderer.subtree(address)
+}
+
+/// The method that an integrator uses for light through glass.
+fn specular_method(integrator: &IntegratorDescription) -> Option<Box<dyn SpecularMethod>> {
+    match *integrator {
+        IntegratorDescription::Path { .. } => None,
+        IntegratorDescription::Cone { .. } => Some(Box::new(Cone)),
+        IntegratorDescription::Fnee { solver, selection, max_trials, .. } => {
+            Some(Box::new(Fnee { solver, selection, max_trials }))
+        }
+    }
+}
+
+/// What the image lacks: classes of paths of point lights that no sampling can find, for the image's metadata.
+pub fn missing_light(scene: &Scene) -> Vec<String> {
+    scene.description().missing_light()
+}
+
+struct Renderer<'a> {
+    scene: &'a Scene,
+    tracer: PathTracer<'a>,
+    tile: Tile,
+    sampling: Sampling,
+    sampler: SamplerSettings,
+    cancelled: &'a AtomicBool,
+}
+
+/// The samples of one pass in one row of the tile.
+struct Row {
+    samples: Vec<PathSample>,
+    counters: Counters,
+}
+
+impl Renderer<'_> {
+    fn subtree(&self, address: NodeAddress) -> Result<Rendered, RenderError> {
+        let Some([left, right]) = address.children() else { return self.leaf(address) };
+        let (left, right) = rayon::join(|| self.subtree(left), || self.subtree(right));
+        let (left, right) = (left?, right?);
+        let mut counters = left.counters;
+        counters += right.counters;
+        Ok(Rendered { node: Node::merge(left.node, &right.node)?, counters })
+    }
+
+    fn leaf(&self, address: NodeAddress) -> Result<Rendered, RenderError> {
+        let pass = address.passes().first;
+        let rows: Vec<Row> =
+            (0..self.tile.height).into_par_iter().map(|row| self.row(address.frame, pass, row)).collect();
+        if self.cancelled.load(Ordering::Relaxed) {
+            return Err(RenderError::Cancelled);
+        }
+        let mut counters = Counters::default();
+        let mut samples = Vec::with_capacity(self.tile.pixels());
+        for row in rows {
+            counters += row.counters;
+            samples.extend(row.samples);
+        }
+        let triples = |layer: fn(&PathSample) -> DVec3| samples.iter().map(layer).collect::<Vec<_>>();
+        let first_hit = self.sampling.is_in_first_block(pass).then(|| FirstHitSums {
+            albedo: triples(|sample| sample.albedo),
+            normal: triples(|sample| sample.normal),
+            depth: samples.iter().map(|sample| sample.depth).collect(),
+        });
+        let sums = PassSums { beauty: triples(|sample| sample.radiance), first_hit };
+        Ok(Rendered { node: Node::leaf(address, self.tile, self.sampling, &sums)?, counters })
+    }
+
+    /// Sums over the samples of a pass, for each pixel of a row.
+    fn row(&self, frame: u32, pass: u32, row: u32) -> Row {
+        let mut counters = Counters::default();
+        let samples = (0..self.tile.width)
+            .map(|column| {
+                if self.cancelled.load(Ordering::Relaxed) {
+                    return PathSample::default();
+                }
+                self.pixel(frame, pass, [self.tile.x + column, self.tile.y + row], &mut counters)
+            })
+            .collect();
+        Row { samples, counters }
+    }
+
+    fn pixel(&self, frame: u32, pass: u32, pixel: [u32; 2], counters: &mut Counters) -> PathSample {
+        let count = self.sampling.samples_per_pass();
+        let mut sum = PathSample::default();
+        for sample in pass * count..(pass + 1) * count {
+            let mut stream = SampleStream::new(&self.sampler, frame, pixel, sample);
+            let position = DVec2::new(f64::from(pixel[0]), f64::from(pixel[1])) + stream.next_2d();
+            let seen = self.tracer.sample(self.scene.camera().ray(position), &mut stream, counters);
+            sum.radiance += seen.radiance;
+            sum.albedo += seen.albedo;
+            sum.normal += seen.normal;
+            sum.depth += seen.depth;
+            counters.samples += 1;
+        }
+        sum
+    }
+}

@@ -1,0 +1,24 @@
+//! Specular light transport through old glass: from a scene to a node of the film.
+//!
+//! Light and data travel through the modules in this order:
+//!
+//! - [`scene`]: the JSON description, its validation, its assets, and the immutable [`scene::Scene`] built from them;
+//! - [`geometry`]: height-field panes, triangles and the hierarchy over both;
+//! - [`optics`]: Snell, Fresnel, materials and lights;
+//! - [`specular`]: how light from a light reaches a shading point through glass, one file for each method;
+//! - [`integrator`]: the path tracer, which asks [`specular`] for the light that next event estimation cannot see;
+//! - [`film`]: sampler, passes, tiles, nodes, the merge tree, OpenEXR and error metrics.
+//!
+//! # Invariants
+//!
+//! - A sample is a pure function of (scene, frame, pixel, sample index). No state is carried from sample to sample.
+//! - Nothing here reads a clock, the environment, the network or a database; only [`scene::load`] reads files.
+//! - Transcendental functions come from `libm`, so that every machine computes the same bits.
+
+pub mod counters;
+pub mod film;
+pub mod geometry;
+pub mod integrator;
+pub mod optics;
+pub mod scene;
+pub mod specular;

@@ -1,0 +1,125 @@
+//! Lights.
+
+use glam::DVec3;
+
+use crate::geometry::Frame;
+use crate::scene::description::LightDescription;
+
+/// A light of the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Light {
+    /// Its name in the scene file.
+    pub name: String,
+    /// What it is.
+    pub kind: LightKind,
+}
+
+/// The kinds of light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightKind {
+    /// A point of equal intensity in all directions.
+    Point {
+        /// Where it is, metres.
+        position: DVec3,
+        /// Radiant intensity, W/sr.
+        intensity: DVec3,
+    },
+    /// A sphere of uniform radiance.
+    Sphere {
+        /// Its centre, metres.
+        centre: DVec3,
+        /// Its radius, metres.
+        radius: f64,
+        /// Emitted radiance, W/(m2 sr).
+        radiance: DVec3,
+    },
+    /// A rectangle of uniform radiance that shines along its frame's z axis.
+    Rectangle {
+        /// Origin at the centre, x and y along the edges.
+        frame: Frame,
+        /// Half the extent along x and y, metres.
+        half_size: [f64; 2],
+        /// Emitted radiance, W/(m2 sr).
+        radiance: DVec3,
+    },
+    /// A distant disc of uniform radiance.
+    Sun {
+        /// Unit vector from the scene towards its middle.
+        direction: DVec3,
+        /// Cosine of the angular radius.
+        cos_radius: f64,
+        /// Sine of the angular radius.
+        sin_radius: f64,
+        /// Emitted radiance, W/(m2 sr).
+        radiance: DVec3,
+    },
+}
+
+impl Light {
+    /// The light of a valid description.
+    pub fn new(description: &LightDescription) -> Self {
+        let kind = match *description {
+            LightDescription::Point { position, intensity, .. } => {
+                LightKind::Point { position: DVec3::from(position), intensity: DVec3::from(intensity) }
+            }
+            LightDescription::Sphere { centre, radius, radiance, .. } => {
+                LightKind::Sphere { centre: DVec3::from(centre), radius, radiance: DVec3::from(radiance) }
+            }
+            LightDescription::Rectangle { centre, edge_u, edge_v, radiance, .. } => {
+                let (edge_u, edge_v) = (DVec3::from(edge_u), DVec3::from(edge_v));
+                let normal = edge_u.cross(edge_v).normalize();
+                let x = edge_u.normalize();
+                LightKind::Rectangle {
+                    // The second edge is perpendicular only as far as decimal numbers could say.
+                    frame: Frame::new(DVec3::from(centre), x, normal.cross(x)),
+                    half_size: [edge_u.length() / 2.0, edge_v.length() / 2.0],
+                    radiance: DVec3::from(radiance),
+                }
+            }
+            LightDescription::Sun { direction, angular_radius, radiance, .. } => {
+                let (sin_radius, cos_radius) = libm::sincos(angular_radius.to_radians());
+                LightKind::Sun {
+                    direction: DVec3::from(direction).normalize(),
+                    cos_radius,
+                    sin_radius,
+                    radiance: DVec3::from(radiance),
+                }
+            }
+        };
+        Self { name: description.name().to_owned(), kind }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rectangle_shines_along_its_edges_cross_product() {
+        let light = Light::new(&LightDescription::Rectangle {
+            name: "panel".to_owned(),
+            centre: [1.0, 2.0, 3.0],
+            edge_u: [0.0, 0.0, 4.0],
+            edge_v: [2.0, 0.0, 0.0],
+            radiance: [1.0; 3],
+        });
+        let LightKind::Rectangle { frame, half_size, .. } = light.kind else { panic!("{light:?} is no rectangle") };
+        assert_eq!(frame.axes.z_axis, DVec3::Y);
+        assert_eq!(frame.point_to_world(DVec3::new(half_size[0], half_size[1], 0.0)), DVec3::new(2.0, 2.0, 5.0));
+    }
+
+    #[test]
+    fn a_sun_keeps_its_angular_radius_and_points_at_it() {
+        let light = Light::new(&LightDescription::Sun {
+            name: "sun".to_owned(),
+            direction: [0.0, 3.0, 4.0],
+            angular_radius: 30.0,
+            radiance: [1.0; 3],
+        });
+        let LightKind::Sun { direction, cos_radius, sin_radius, .. } = light.kind else {
+            panic!("{light:?} is no sun")
+        };
+        assert!((direction - DVec3::new(0.0, 0.6, 0.8)).length() < 1e-15);
+        assert!((sin_radius - 0.5).abs() < 1e-15 && (cos_radius - 0.75f64.sqrt()).abs() < 1e-15);
+    }
+}

@@ -1,0 +1,320 @@
+//! From a description and its assets to a scene that can be rendered.
+
+use glam::DVec3;
+
+use super::build_meshes::{Meshes, decode_textures};
+use super::build_panes::build_panes;
+use super::bundle::SceneBundle;
+use super::camera::Camera;
+use super::description::{SamplingDescription, SceneDescription};
+use super::error::{AssetProblem, SceneError};
+use super::hash::SceneHash;
+use super::json_path::JsonPath;
+use super::surface::MeshSurface;
+use crate::film::Sampling;
+use crate::geometry::{Accelerator, Pane};
+use crate::integrator::PathFilter;
+use crate::optics::Light;
+
+/// A scene that can be rendered. It does not change any more.
+#[derive(Debug)]
+pub struct Scene {
+    hash: SceneHash,
+    description: SceneDescription,
+    camera: Camera,
+    accelerator: Accelerator,
+    path_filter: Option<PathFilter>,
+    sampling: Sampling,
+    pane_ball: (DVec3, f64),
+    lights: Vec<Light>,
+    meshes: Vec<MeshSurface>,
+    normals: Vec<DVec3>,
+}
+
+impl Scene {
+    /// Builds a scene: decodes its assets, computes its profiles and sorts its triangles and panes into a hierarchy.
+    ///
+    /// # Errors
+    ///
+    /// When an asset makes no sense, or the faces of a pane touch.
+    pub fn build(bundle: &SceneBundle) -> Result<Self, SceneError> {
+        let description = bundle.description();
+        let textures = decode_textures(bundle)?;
+        let panes = build_panes(bundle)?;
+        let mut meshes = Meshes::new(bundle, &textures);
+        for (index, mesh) in description.meshes.iter().enumerate() {
+            meshes.add(index, mesh)?;
+        }
+        let Meshes { positions, triangles, surfaces, .. } = meshes;
+        let accelerator = Accelerator::build(&positions, &triangles, panes)
+            .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
+        Ok(Self {
+            hash: bundle.scene_hash(),
+            camera: Camera::new(&description.camera, description.film),
+            lights: description.lights.iter().map(Light::new).collect(),
+            normals: triangles.iter().map(|&triangle| normal(&positions, triangle)).collect(),
+            meshes: surfaces,
+            pane_ball: pane_ball(accelerator.panes()),
+            accelerator,
+            path_filter: description.compiled_path_filter()?,
+            sampling: sampling(description)?,
+            description: description.clone(),
+        })
+    }
+
+    /// The identity of the scene.
+    pub fn hash(&self) -> SceneHash {
+        self.hash
+    }
+
+    /// What it was built from: settings of integrator and film, and the names of things.
+    pub fn description(&self) -> &SceneDescription {
+        &self.description
+    }
+
+    /// The camera.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The light path expression to which rendering is restricted.
+    pub fn path_filter(&self) -> Option<&PathFilter> {
+        self.path_filter.as_ref()
+    }
+
+    /// How samples are grouped.
+    pub fn sampling(&self) -> Sampling {
+        self.sampling
+    }
+
+    /// Centre and radius, metres, of a ball around all panes; radius 0 without panes.
+    pub fn pane_ball(&self) -> (DVec3, f64) {
+        self.pane_ball
+    }
+
+    /// The hierarchy over triangles and panes.
+    pub fn accelerator(&self) -> &Accelerator {
+        &self.accelerator
+    }
+
+    /// The panes, in the order of the scene file.
+    pub fn panes(&self) -> &[Pane] {
+        self.accelerator.panes()
+    }
+
+    /// The lights, in the order of the scene file.
+    pub fn lights(&self) -> &[Light] {
+        &self.lights
+    }
+
+    /// The meshes, in the order of the scene file and of their triangles.
+    pub fn meshes(&self) -> &[MeshSurface] {
+        &self.meshes
+    }
+
+    /// Diffuse reflectance, each channel 0 to 1, at a point of a triangle. The weights of its second and third corner
+    /// are `barycentric`.
+    pub fn reflectance(&self, triangle: u32, barycentric: [f64; 2]) -> DVec3 {
+        let mesh = self.meshes.partition_point(|mesh| mesh.first_triangle <= triangle) - 1;
+        self.meshes[mesh].reflectance(triangle, barycentric)
+    }
+
+    /// The unit normal of a triangle, on the side from which its corners are seen counterclockwise.
+    pub fn triangle_normal(&self, triangle: u32) -> DVec3 {
+        self.normals[triangle as usize]
+    }
+
+    /// The smallest and the largest corner of a box around all triangles and panes, metres; `None` when there are none.
+    pub fn bounds(&self) -> Option<[DVec3; 2]> {
+        self.accelerator.bounds()
+    }
+}
+
+/// How samples are grouped.
+fn sampling(description: &SceneDescription) -> Result<Sampling, SceneError> {
+    let SamplingDescription { samples_per_pass, samples_per_block } = description.sampling;
+    Sampling::new(samples_per_pass, samples_per_block).map_err(|error| {
+        SceneError::value(&JsonPath::Root.member("sampling"), format_args!("{error}"), "numbers that fit")
+    })
+}
+
+/// A ball around all panes.
+fn pane_ball(panes: &[Pane]) -> (DVec3, f64) {
+    let bounds = panes.iter().map(Pane::world_bounds);
+    let Some([min, max]) = bounds.reduce(|[min, max], [other_min, other_max]| [min.min(other_min), max.max(other_max)])
+    else {
+        return (DVec3::ZERO, 0.0);
+    };
+    ((min + max) * 0.5, (max - min).length() * 0.5)
+}
+
+/// The unit normal of a triangle that has an area.
+fn normal(positions: &[DVec3], triangle: [u32; 3]) -> DVec3 {
+    let [a, b, c] = triangle.map(|vertex| positions[vertex as usize]);
+    (b - a).cross(c - a).normalize()
+}
+
+/// The bytes of a file that the scene names.
+pub(super) fn asset_bytes<'a>(bundle: &'a SceneBundle, name: &str) -> Result<&'a [u8], AssetProblem> {
+    bundle.assets().get(name).map(|asset| &asset.bytes()[..]).ok_or(AssetProblem::Missing)
+}
+
+/// Checks that all things of a kind together are not too many.
+pub(super) fn check_budget(count: usize, limit: usize, unit: &str, member: &str) -> Result<(), SceneError> {
+    if count <= limit {
+        return Ok(());
+    }
+    let root = JsonPath::Root;
+    Err(SceneError::value(&root.member(member), format_args!("{count} {unit}"), format_args!("at most {limit}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use glam::{DVec2, DVec3};
+    use serde_json::{Value, json};
+
+    use super::super::malformed_scenes::valid_scene;
+    use super::super::picture_samples::{encode_exr, encode_png};
+    use super::super::{Asset, SceneBundle, SceneDescription};
+    use super::*;
+    use crate::counters::Counters;
+    use crate::geometry::{Leaving, Surface};
+
+    fn build(scene: &Value, assets: &[(&str, Vec<u8>)]) -> Result<Scene, SceneError> {
+        let description = SceneDescription::parse(scene.to_string().as_bytes())?;
+        let assets: BTreeMap<String, Asset> =
+            assets.iter().map(|(name, bytes)| ((*name).to_owned(), Asset::new(bytes.clone()))).collect();
+        Scene::build(&SceneBundle::from_parts(description, assets)?)
+    }
+
+    #[track_caller]
+    fn check_refused(scene: &Value, assets: &[(&str, Vec<u8>)], path: &str, fragment: &str) {
+        let error = build(scene, assets).expect_err("this scene cannot be built");
+        assert_eq!(error.path(), path, "{error}");
+        assert!(error.to_string().contains(fragment), "no {fragment:?} in: {error}");
+    }
+
+    fn with_mesh(source: Value) -> Value {
+        let mut scene = valid_scene();
+        scene["meshes"][0]["source"] = source;
+        scene
+    }
+
+    #[test]
+    fn the_camera_sees_what_the_file_describes() {
+        let mut scene = valid_scene();
+        scene["meshes"][0]["rotate"] = json!([0, 90, 0]);
+        scene["meshes"][0]["translate"] = json!([0, 0, 1]);
+        scene["camera"]["perspective"]["position"] = json!([-2, 0, 1]);
+        scene["camera"]["perspective"]["look_at"] = json!([0, 0, 1]);
+        let scene = build(&scene, &[]).unwrap();
+        let ray = scene.camera().ray(DVec2::new(15.0, 11.0));
+        let accelerator = scene.accelerator();
+        let hit = accelerator.closest_hit(&ray, f64::INFINITY, Leaving::Nothing, &mut Counters::default()).unwrap();
+        let Surface::Triangle { index, barycentric } = hit.surface else { panic!("{hit:?} is no triangle") };
+        assert!((ray.at(hit.distance).x).abs() < 1e-12);
+        assert!((scene.triangle_normal(index) - DVec3::X).length() < 1e-12);
+        assert_eq!(scene.reflectance(index, barycentric), DVec3::new(0.6, 0.5, 0.4));
+    }
+
+    #[test]
+    fn a_texture_lies_on_its_mesh_as_its_coordinates_say() {
+        let mut scene = valid_scene();
+        let texture = json!({"diffuse": {"reflectance": {"texture": {"file": "t.exr"}}}});
+        scene["materials"]["painted"] = texture;
+        scene["meshes"].as_array_mut().unwrap().push(json!({
+            "name": "wall", "material": "painted", "source": {"obj": {"file": "wall.obj"}}
+        }));
+        // The first face has no area; the picture's left column is black and its right column white.
+        let wall =
+            "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 2/2\nf 1/1 2/2 3/3 4/4\n";
+        let picture = encode_exr(2, 1, &[("Y", &[0.0, 1.0])]);
+        let scene = build(&scene, &[("t.exr", picture), ("wall.obj", wall.as_bytes().to_vec())]).unwrap();
+        let wall = &scene.meshes()[1];
+        assert_eq!((wall.name(), wall.triangles(), wall.omitted_triangles()), ("wall", 2, 1));
+        // Triangle 2 of the scene has the corners (0, 0), (1, 0) and (1, 1).
+        assert_eq!(scene.reflectance(2, [0.0, 0.25]), DVec3::ZERO);
+        assert_eq!(scene.reflectance(2, [0.5, 0.25]), DVec3::ONE);
+        assert_eq!(scene.reflectance(2, [0.5, 0.0]), DVec3::splat(0.5));
+    }
+
+    #[test]
+    fn a_pane_hangs_where_its_axes_say_and_has_its_profiles() {
+        let mut scene = valid_scene();
+        scene["panes"][0]["x_axis"] = json!([0, 2, 0]);
+        scene["panes"][0]["y_axis"] = json!([0, 5, 3]);
+        let built = build(&scene, &[]).unwrap();
+        let pane = &built.panes()[0];
+        assert_eq!(pane.frame.vector_to_world(DVec3::X), DVec3::Y);
+        assert_eq!(pane.frame.vector_to_world(DVec3::Y), DVec3::Z);
+        assert_eq!(pane.frame.vector_to_world(DVec3::Z), DVec3::X);
+        // The bump of the back face is 0.1 mm high in the middle; its spline smooths it a little.
+        let height = pane.back.height(DVec2::ZERO);
+        assert!((0.97e-4..1e-4).contains(&height), "{height}");
+    }
+
+    #[test]
+    fn height_maps_become_the_coefficients_of_the_face() {
+        let mut scene = valid_scene();
+        scene["panes"][0]["front"] = json!({"height_map": {"file": "h.exr", "scale": 1e-3, "offset": 1e-4}});
+        let heights = [0.1, 0.1, 0.1, 0.1];
+        let built = build(&scene, &[("h.exr", encode_exr(2, 2, &[("Y", &heights)]))]).unwrap();
+        assert!((built.panes()[0].front.height(DVec2::new(0.1, -0.1)) - 2e-4).abs() < 1e-11);
+    }
+
+    #[test]
+    fn what_only_the_assets_show_is_refused_with_its_place() {
+        let ply = json!({"ply": {"file": "m.ply"}});
+        let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+        let faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+        let triangle =
+            |vertices: &str, face: &str| vec![("m.ply", format!("{header}{faces}{vertices}{face}").into_bytes())];
+        let corners = "0 0 0\n1 0 0\n0 1 0\n";
+        assert!(build(&with_mesh(ply.clone()), &triangle(corners, "3 0 1 2\n")).is_ok());
+
+        let source = "meshes[0].source";
+        check_refused(&with_mesh(ply.clone()), &triangle(corners, "3 0 1 3\n"), source, "indices below 3");
+        check_refused(&with_mesh(ply.clone()), &triangle(corners, "3 0 1 1\n"), source, "none with an area");
+        check_refused(&with_mesh(ply.clone()), &triangle("0 0 0\n1e9 0 0\n0 1 0\n", "3 0 1 2\n"), source, "1000000 m");
+        let file = "meshes[0].source.ply.file";
+        check_refused(&with_mesh(ply.clone()), &[("m.ply", b"solid".to_vec())], file, "not a readable PLY file");
+        check_refused(&with_mesh(ply.clone()), &[], file, "\"m.ply\" is missing");
+        let empty = format!("{header}end_header\n").replace("vertex 3", "vertex 0");
+        check_refused(&with_mesh(ply.clone()), &[("m.ply", empty.into_bytes())], source, "0 triangles");
+
+        let mut painted = with_mesh(ply);
+        painted["materials"]["stone"]["diffuse"]["reflectance"] = json!({"texture": {"file": "t.png"}});
+        let assets = |picture: Vec<u8>| [triangle(corners, "3 0 1 2\n"), vec![("t.png", picture)]].concat();
+        let picture = encode_png(image::DynamicImage::new_rgb8(2, 2));
+        check_refused(&painted, &assets(picture.clone()), source, "material \"stone\" has a texture");
+        let texture = "materials.stone.diffuse.reflectance.texture.file";
+        check_refused(&painted, &assets(picture[..40].to_vec()), texture, "not a readable PNG file");
+    }
+
+    #[test]
+    fn glass_of_no_thickness_is_refused_with_its_place() {
+        let mut scene = valid_scene();
+        scene["panes"][1]["thickness"] = json!(3e-5);
+        scene["panes"][1]["front"] = json!({"bump": {"centre": [0, 0], "radius": [0.1, 0.1], "amplitude": 3e-5}});
+        check_refused(&scene, &[], "panes[1].thickness", "x = ");
+
+        scene["panes"][1]["back"] = json!({"height_map": {"file": "h.exr"}});
+        let heights = encode_exr(2, 1, &[("Y", &[0.0, f32::INFINITY])]);
+        check_refused(&scene, &[("h.exr", heights)], "panes[1].back.height_map.file", "column 1 of row 0");
+    }
+
+    #[test]
+    fn scenes_that_would_take_too_much_memory_are_refused_before_it_is_taken() {
+        let mut scene = valid_scene();
+        let mut pane = scene["panes"][1].clone();
+        pane["front"] = json!({"hammered": {"wavelength": 0.0094, "amplitude": 1e-6}});
+        let panes = (0..60).map(|index| {
+            pane["name"] = json!(format!("pane {index}"));
+            pane.clone()
+        });
+        scene["panes"] = panes.collect();
+        check_refused(&scene, &[], "panes", "spline coefficients in all panes, must be at most 33554432");
+    }
+}

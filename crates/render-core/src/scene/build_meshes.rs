@@ -1,0 +1,189 @@
+//! The triangles of a scene: decoded, placed, and with what they reflect.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3, UVec3};
+
+use super::assets::texture_path;
+use super::build::{asset_bytes, check_budget};
+use super::bundle::SceneBundle;
+use super::description::{MaterialDescription, MeshDescription, MeshSource, ReflectanceDescription};
+use super::error::{AssetProblem, SceneError};
+use super::json_path::JsonPath;
+use super::limits::{MAX_COORDINATE, MAX_TEXELS, MAX_TRIANGLES};
+use super::mesh::{Placement, TriangleMesh, is_degenerate};
+use super::obj::decode_obj;
+use super::ply::decode_ply;
+use super::surface::{MeshSurface, Reflectance};
+use super::texture::Texture;
+
+/// Textures by the names of their files.
+pub(super) type Textures<'a> = BTreeMap<&'a str, Arc<Texture>>;
+
+/// Decodes the textures of all materials, each file once.
+pub(super) fn decode_textures(bundle: &SceneBundle) -> Result<Textures<'_>, SceneError> {
+    let mut textures = BTreeMap::new();
+    let mut texels = 0;
+    for (name, MaterialDescription::Diffuse { reflectance }) in &bundle.description().materials {
+        let ReflectanceDescription::Texture { file } = reflectance else { continue };
+        if textures.contains_key(file.as_str()) {
+            continue;
+        }
+        let texture = asset_bytes(bundle, file).and_then(Texture::decode).map_err(|problem| SceneError::Asset {
+            path: texture_path(name),
+            name: file.clone(),
+            problem,
+        })?;
+        texels += texture.len();
+        check_budget(texels, MAX_TEXELS, "texels in all textures", "materials")?;
+        textures.insert(file.as_str(), Arc::new(texture));
+    }
+    Ok(textures)
+}
+
+/// Triangles of all meshes.
+pub(super) struct Meshes<'a> {
+    bundle: &'a SceneBundle,
+    textures: &'a Textures<'a>,
+    /// Decoded files, which several meshes may share.
+    files: BTreeMap<(&'static str, &'a str), Arc<TriangleMesh>>,
+    /// Positions of all vertices in the scene.
+    pub(super) positions: Vec<DVec3>,
+    /// All triangles that have an area.
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// What they reflect, one for each mesh.
+    pub(super) surfaces: Vec<MeshSurface>,
+}
+
+impl<'a> Meshes<'a> {
+    /// No mesh yet.
+    pub(super) fn new(bundle: &'a SceneBundle, textures: &'a Textures<'a>) -> Self {
+        let files = BTreeMap::new();
+        Self { bundle, textures, files, positions: Vec::new(), triangles: Vec::new(), surfaces: Vec::new() }
+    }
+
+    /// Adds mesh `index` of the scene file.
+    pub(super) fn add(&mut self, index: usize, description: &'a MeshDescription) -> Result<(), SceneError> {
+        let mesh = self.decode(index, description)?;
+        check_budget(self.triangles.len() + mesh.triangles.len(), MAX_TRIANGLES, "triangles", "meshes")?;
+        check_budget(self.positions.len() + mesh.positions.len(), 3 * MAX_TRIANGLES, "vertices", "meshes")?;
+        let first_vertex = self.positions.len() as u32;
+        let first_triangle = self.triangles.len() as u32;
+        self.place_vertices(index, &mesh, Placement::of(description))?;
+        let kept = self.place_triangles(index, &mesh, first_vertex)?;
+        let reflectance = self.reflectance(index, description, &mesh, &kept)?;
+        let triangles = kept.len() as u32;
+        self.surfaces.push(MeshSurface {
+            name: description.name.clone(),
+            first_triangle,
+            triangles,
+            omitted_triangles: mesh.triangles.len() as u32 - triangles,
+            reflectance,
+        });
+        Ok(())
+    }
+
+    fn decode(&mut self, index: usize, description: &'a MeshDescription) -> Result<Arc<TriangleMesh>, SceneError> {
+        type Decode = fn(&[u8]) -> Result<TriangleMesh, AssetProblem>;
+        let (kind, file, decode): (_, _, Decode) = match &description.source {
+            MeshSource::Inline { positions, triangles, texture_coordinates } => {
+                return Ok(Arc::new(TriangleMesh {
+                    positions: positions.iter().copied().map(DVec3::from).collect(),
+                    triangles: triangles.clone(),
+                    texture_coordinates: texture_coordinates.iter().copied().map(DVec2::from).collect(),
+                }));
+            }
+            MeshSource::Ply { file } => ("ply", file, decode_ply),
+            MeshSource::Obj { file } => ("obj", file, decode_obj),
+        };
+        if let Some(mesh) = self.files.get(&(kind, file.as_str())) {
+            return Ok(mesh.clone());
+        }
+        let mesh = asset_bytes(self.bundle, file).and_then(decode).map_err(|problem| SceneError::Asset {
+            path: format!("meshes[{index}].source.{kind}.file"),
+            name: file.clone(),
+            problem,
+        })?;
+        let mesh = Arc::new(mesh);
+        self.files.insert((kind, file), mesh.clone());
+        Ok(mesh)
+    }
+
+    fn place_vertices(&mut self, index: usize, mesh: &TriangleMesh, placement: Placement) -> Result<(), SceneError> {
+        for &position in &mesh.positions {
+            let placed = placement.apply(position);
+            if !is_within(&placed.to_array()) {
+                let expected = format!("within {MAX_COORDINATE} m along each axis");
+                return Err(mesh_error(index, format_args!("a vertex at {placed} m"), expected));
+            }
+            self.positions.push(placed);
+        }
+        Ok(())
+    }
+
+    /// Adds the triangles that have an area, and returns which of the mesh they are.
+    fn place_triangles(
+        &mut self,
+        index: usize,
+        mesh: &TriangleMesh,
+        first_vertex: u32,
+    ) -> Result<Vec<[u32; 3]>, SceneError> {
+        let mut kept = Vec::new();
+        for (number, &triangle) in mesh.triangles.iter().enumerate() {
+            if triangle.iter().any(|&vertex| vertex as usize >= mesh.positions.len()) {
+                let found = format!("triangle {number} with the vertices {}", UVec3::from(triangle));
+                return Err(mesh_error(index, found, format_args!("indices below {}", mesh.positions.len())));
+            }
+            let placed = triangle.map(|vertex| vertex + first_vertex);
+            if !is_degenerate(placed.map(|vertex| self.positions[vertex as usize])) {
+                self.triangles.push(placed);
+                kept.push(triangle);
+            }
+        }
+        if kept.is_empty() {
+            let found = format!("{} triangles, none with an area", mesh.triangles.len());
+            return Err(mesh_error(index, found, "at least one triangle with an area"));
+        }
+        Ok(kept)
+    }
+
+    fn reflectance(
+        &self,
+        index: usize,
+        description: &MeshDescription,
+        mesh: &TriangleMesh,
+        triangles: &[[u32; 3]],
+    ) -> Result<Reflectance, SceneError> {
+        let material = self.bundle.description().materials.get(&description.material);
+        let texture = match material {
+            Some(MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Colour(colour) }) => {
+                return Ok(Reflectance::Uniform(DVec3::from(*colour)));
+            }
+            Some(MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Texture { file } }) => {
+                self.textures.get(file.as_str())
+            }
+            None => None,
+        };
+        let texture = texture.expect("validation knows every material, and every texture is decoded").clone();
+        let coordinates = &mesh.texture_coordinates;
+        if coordinates.len() != mesh.positions.len() || !coordinates.iter().all(|pair| is_within(&pair.to_array())) {
+            let expected = format!("one in every vertex: material \"{}\" has a texture", description.material);
+            return Err(mesh_error(index, "no usable texture coordinates", expected));
+        }
+        let corners = triangles.iter().map(|triangle| triangle.map(|vertex| coordinates[vertex as usize])).collect();
+        Ok(Reflectance::Textured { texture, corners })
+    }
+}
+
+/// Whether coordinates are finite and not too far away.
+fn is_within(coordinates: &[f64]) -> bool {
+    coordinates.iter().all(|coordinate| coordinate.abs() <= MAX_COORDINATE)
+}
+
+fn mesh_error(index: usize, found: impl fmt::Display, expected: impl fmt::Display) -> SceneError {
+    let root = JsonPath::Root;
+    let meshes = root.member("meshes");
+    SceneError::value(&meshes.element(index).member("source"), found, expected)
+}

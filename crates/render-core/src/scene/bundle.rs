@@ -1,0 +1,229 @@
+//! A scene with the bytes of its assets: what is hashed, sent to the farm, and built.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::Path;
+use std::sync::Arc;
+
+use super::assets::{asset_names, asset_uses};
+use super::description::SceneDescription;
+use super::error::{AssetProblem, SceneError};
+use super::hash::{ContentHash, SceneHash};
+use super::limits::{MAX_ASSET_BYTES, MAX_SCENE_BYTES};
+
+/// The bytes of a file that a scene names.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Asset {
+    hash: ContentHash,
+    bytes: Arc<[u8]>,
+}
+
+impl Asset {
+    /// An asset of these bytes.
+    pub fn new(bytes: impl Into<Arc<[u8]>>) -> Self {
+        let bytes = bytes.into();
+        Self { hash: ContentHash::of(&bytes), bytes }
+    }
+
+    /// The hash of its bytes.
+    pub fn hash(&self) -> ContentHash {
+        self.hash
+    }
+
+    /// Its bytes.
+    pub fn bytes(&self) -> &Arc<[u8]> {
+        &self.bytes
+    }
+}
+
+/// A valid description and exactly the assets that it names. Their contents are judged when the scene is built.
+#[derive(Clone, Debug)]
+pub struct SceneBundle {
+    description: SceneDescription,
+    assets: BTreeMap<String, Asset>,
+    hash: SceneHash,
+}
+
+impl SceneBundle {
+    /// Puts a scene together. Assets that the description does not name are left out.
+    ///
+    /// # Errors
+    ///
+    /// When the description is not valid, or an asset is missing or too large.
+    pub fn from_parts(description: SceneDescription, mut assets: BTreeMap<String, Asset>) -> Result<Self, SceneError> {
+        description.validate()?;
+        for (path, name) in asset_uses(&description) {
+            let problem = match assets.get(name) {
+                None => AssetProblem::Missing,
+                Some(asset) if asset.bytes.len() as u64 > MAX_ASSET_BYTES => too_large(asset.bytes.len() as u64),
+                Some(_) => continue,
+            };
+            return Err(SceneError::Asset { path, name: name.to_owned(), problem });
+        }
+        let names = asset_names(&description);
+        assets.retain(|name, _| names.contains(name.as_str()));
+        let hashes = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash)).collect();
+        let hash = SceneHash::of(&description, &hashes);
+        Ok(Self { description, assets, hash })
+    }
+
+    /// The description.
+    pub fn description(&self) -> &SceneDescription {
+        &self.description
+    }
+
+    /// The assets by name.
+    pub fn assets(&self) -> &BTreeMap<String, Asset> {
+        &self.assets
+    }
+
+    /// The identity of the scene: everything that can change a pixel goes into it, and no white space or order of
+    /// members in the scene file does.
+    pub fn scene_hash(&self) -> SceneHash {
+        self.hash
+    }
+
+    /// The same scene with a changed description, such as another seed.
+    ///
+    /// # Errors
+    ///
+    /// When the new description is not valid or names an asset that is not there.
+    pub fn with_description(self, description: SceneDescription) -> Result<Self, SceneError> {
+        Self::from_parts(description, self.assets)
+    }
+}
+
+/// Reads a scene file and the files that it names.
+///
+/// # Errors
+///
+/// When a file cannot be read or is too large, or the description is not valid.
+pub fn load(file: &Path) -> Result<SceneBundle, SceneError> {
+    let unreadable = |source| SceneError::Unreadable { file: file.to_owned(), source };
+    let json = read_at_most(file, MAX_SCENE_BYTES as u64).map_err(unreadable)?;
+    let description = SceneDescription::parse(&json)?;
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let mut assets = BTreeMap::new();
+    for (path, name) in asset_uses(&description) {
+        if !assets.contains_key(name) {
+            let asset = load_asset(&folder.join(name)).map_err(|problem| SceneError::Asset {
+                path,
+                name: name.to_owned(),
+                problem,
+            })?;
+            assets.insert(name.to_owned(), asset);
+        }
+    }
+    SceneBundle::from_parts(description, assets)
+}
+
+fn load_asset(file: &Path) -> Result<Asset, AssetProblem> {
+    let bytes = read_at_most(file, MAX_ASSET_BYTES)?;
+    if bytes.len() as u64 > MAX_ASSET_BYTES {
+        return Err(too_large(fs::metadata(file)?.len()));
+    }
+    Ok(Asset::new(bytes))
+}
+
+/// Reads a regular file. Of one that is longer than `limit`, only `limit + 1` bytes: enough to know.
+fn read_at_most(file: &Path, limit: u64) -> std::io::Result<Vec<u8>> {
+    // Opening a pipe would wait for a writer, so the kind of file is looked at first.
+    if !fs::metadata(file)?.is_file() {
+        return Err(std::io::Error::other("not a regular file"));
+    }
+    let mut bytes = Vec::new();
+    File::open(file)?.take(limit + 1).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+fn too_large(bytes: u64) -> AssetProblem {
+    AssetProblem::TooLarge { found: format!("{bytes} bytes"), limit: format!("{MAX_ASSET_BYTES} bytes") }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::super::malformed_scenes::valid_scene;
+    use super::*;
+
+    fn bundle(scene: &Value) -> Result<SceneBundle, SceneError> {
+        let assets = BTreeMap::from([("floor.ply".to_owned(), Asset::new(*b"ply"))]);
+        SceneBundle::from_parts(SceneDescription::parse(scene.to_string().as_bytes())?, assets)
+    }
+
+    fn with_file(name: &str) -> Value {
+        let mut scene = valid_scene();
+        scene["meshes"][0]["source"] = json!({"ply": {"file": name}});
+        scene
+    }
+
+    #[test]
+    fn the_hash_does_not_see_how_a_scene_is_written() {
+        let compact = bundle(&valid_scene()).unwrap();
+        let canonical = super::super::canonical_json(compact.description());
+        let spaced = serde_json::to_string_pretty(&valid_scene()).unwrap().replace("0.002", "2e-3");
+        for text in [canonical, spaced] {
+            let description = SceneDescription::parse(text.as_bytes()).unwrap();
+            let rewritten = SceneBundle::from_parts(description, BTreeMap::new()).unwrap();
+            assert_eq!(rewritten.scene_hash(), compact.scene_hash());
+        }
+        let mut with_defaults = valid_scene();
+        with_defaults["seed"] = json!(0);
+        with_defaults["panes"][0]["absorption"] = json!([0, 0, 0]);
+        with_defaults["integrator"]["fnee"]["max_trials"] = json!(1000);
+        assert_eq!(bundle(&with_defaults).unwrap().scene_hash(), compact.scene_hash());
+    }
+
+    #[test]
+    fn the_hash_sees_every_value_and_every_byte_of_an_asset() {
+        let original = bundle(&with_file("floor.ply")).unwrap();
+        let mut moved = with_file("floor.ply");
+        moved["panes"][0]["centre"][0] = json!(1e-300);
+        assert_ne!(bundle(&moved).unwrap().scene_hash(), original.scene_hash());
+
+        let seeded = original.clone().with_description(original.description().clone().with_seed(1)).unwrap();
+        assert_ne!(seeded.scene_hash(), original.scene_hash());
+
+        let assets = BTreeMap::from([("floor.ply".to_owned(), Asset::new(*b"plx"))]);
+        let other_bytes = SceneBundle::from_parts(original.description().clone(), assets).unwrap();
+        assert_ne!(other_bytes.scene_hash(), original.scene_hash());
+    }
+
+    #[test]
+    fn only_the_assets_that_are_named_belong_to_a_scene() {
+        assert!(bundle(&valid_scene()).unwrap().assets().is_empty());
+        let error = bundle(&with_file("other.ply")).unwrap_err().to_string();
+        assert!(error.contains("meshes[0].source.ply.file: file \"other.ply\" is missing"), "{error}");
+    }
+
+    #[test]
+    fn a_scene_is_loaded_with_the_files_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("scene.json");
+        let error = load(&file).unwrap_err().to_string();
+        assert!(error.contains("cannot read the scene file"), "{error}");
+
+        fs::write(&file, with_file("meshes/floor.ply").to_string()).unwrap();
+        let error = load(&file).unwrap_err().to_string();
+        assert!(error.contains("\"meshes/floor.ply\" cannot be read"), "{error}");
+
+        fs::create_dir(folder.path().join("meshes")).unwrap();
+        fs::write(folder.path().join("meshes/floor.ply"), "ply").unwrap();
+        let loaded = load(&file).unwrap();
+        assert_eq!(loaded.assets()["meshes/floor.ply"].hash(), ContentHash::of(b"ply"));
+    }
+
+    #[test]
+    fn changing_the_integrator_keeps_its_depth() {
+        let description = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
+        let mut deep = description.clone();
+        deep.integrator = super::super::description::IntegratorDescription::Path { max_depth: 5 };
+        let cone = deep.with_integrator_named("cone").unwrap();
+        assert_eq!((cone.integrator.name(), cone.integrator.max_depth()), ("cone", 5));
+        let error = cone.with_integrator_named("magic").unwrap_err().to_string();
+        assert!(error.contains("integrator: found \"magic\", must be \"path\", \"cone\" or \"fnee\""), "{error}");
+        assert!(description.with_size(0, 5).unwrap_err().to_string().contains("film.width"));
+    }
+}

@@ -1,0 +1,481 @@
+//! The scene file, version 1: the types that its JSON is read into.
+//!
+//! A choice is written as an object with one member named after it (`{"sphere": {...}}`), so that every error can name
+//! the exact JSON path; a choice without parameters is a string (`"flat"`). Unknown members are errors. Ranges that a
+//! JSON Schema can express stand here; `validate` checks them and everything else.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use schemars::JsonSchema;
+use serde::de::{Error as _, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+
+/// The version of the scene format that this build reads.
+pub const SCENE_FORMAT_VERSION: u32 = 1;
+
+/// Three numbers: a point or direction in metres, or linear Rec.709 red, green, blue.
+pub type Triple = [f64; 3];
+
+/// A scene: geometry, materials, panes, lights, camera, integrator settings and seed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SceneDescription {
+    /// Version of the format; 1.
+    #[schemars(range(min = 1, max = 1))]
+    pub version: u32,
+    /// A short name, shown in lists; at most 200 bytes.
+    #[schemars(length(min = 1, max = 200))]
+    pub name: String,
+    /// Seed of every random number.
+    #[serde(default)]
+    pub seed: u64,
+    /// Size of the image.
+    pub film: FilmDescription,
+    /// The camera.
+    pub camera: CameraDescription,
+    /// The integrator and its settings.
+    pub integrator: IntegratorDescription,
+    /// Light path expression over D (diffuse), R (specular reflection), T (specular transmission) and L (light), from
+    /// the camera to the light, for instance `D TT L`: only matching paths are rendered. Default: all paths.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub path_filter: Option<String>,
+    /// How samples are grouped.
+    #[serde(default)]
+    pub sampling: SamplingDescription,
+    /// Materials by name.
+    #[serde(default, deserialize_with = "materials_with_unique_names")]
+    pub materials: BTreeMap<String, MaterialDescription>,
+    /// Triangle meshes.
+    #[serde(default)]
+    pub meshes: Vec<MeshDescription>,
+    /// Window panes, at most 4096.
+    #[serde(default)]
+    #[schemars(length(max = 4096))]
+    pub panes: Vec<PaneDescription>,
+    /// Lights, at most 4096.
+    #[serde(default)]
+    #[schemars(length(max = 4096))]
+    pub lights: Vec<LightDescription>,
+}
+
+/// Size of the image in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FilmDescription {
+    /// Pixels across, 1 to 16384.
+    #[schemars(range(min = 1, max = 16384))]
+    pub width: u32,
+    /// Pixels down, 1 to 16384.
+    #[schemars(range(min = 1, max = 16384))]
+    pub height: u32,
+}
+
+/// The camera. Pixels are square; row 0 is the top of the picture. `up` must not be parallel to the line of sight;
+/// right in the picture is (`look_at` - `position`) cross `up`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum CameraDescription {
+    /// A pinhole camera.
+    Perspective {
+        /// The pinhole.
+        position: Triple,
+        /// A point in the middle of the picture.
+        look_at: Triple,
+        /// A direction that points up in the picture.
+        up: Triple,
+        /// Angle between the top and the bottom of the picture, degrees; more than 0, at most 179.
+        #[schemars(range(max = 179.0), extend("exclusiveMinimum" = 0))]
+        vertical_field_of_view: f64,
+    },
+    /// Parallel rays.
+    Orthographic {
+        /// A point on the plane from which the rays start; its ray is the middle of the picture.
+        position: Triple,
+        /// A point in the middle of the picture.
+        look_at: Triple,
+        /// A direction that points up in the picture.
+        up: Triple,
+        /// Height of the picture in the scene, metres.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        height: f64,
+    },
+}
+
+/// The integrator and its settings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum IntegratorDescription {
+    /// Path tracing alone: light through glass is found by chance, light of point lights through glass not at all.
+    Path {
+        /// Largest number of vertices between camera and light, 1 to 1000.
+        #[serde(default = "default_max_depth")]
+        #[schemars(range(min = 1, max = 1000))]
+        max_depth: u32,
+    },
+    /// Path tracing, with light through panes found by sampling the cone from which the light can come.
+    Cone {
+        /// Largest number of vertices between camera and light, 1 to 1000.
+        #[serde(default = "default_max_depth")]
+        #[schemars(range(min = 1, max = 1000))]
+        max_depth: u32,
+    },
+    /// Path tracing, with light through panes found by Fermat next event estimation.
+    Fnee {
+        /// Largest number of vertices between camera and light, 1 to 1000.
+        #[serde(default = "default_max_depth")]
+        #[schemars(range(min = 1, max = 1000))]
+        max_depth: u32,
+        /// How stationary paths are searched for.
+        #[serde(default)]
+        solver: FneeSolver,
+        /// Which panes are searched.
+        #[serde(default)]
+        selection: PaneSelection,
+        /// Largest number of trials when an inverse probability is estimated, 1 to 1000000.
+        #[serde(default = "default_max_trials")]
+        #[schemars(range(min = 1, max = 1_000_000))]
+        max_trials: u32,
+    },
+}
+
+/// How Fermat next event estimation searches for stationary paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FneeSolver {
+    /// Seeds in the deflection window and a solver that finds minima, saddles and maxima alike.
+    #[default]
+    Complete,
+    /// Huan et al. 2023, Algorithm 1, with uniform seeds over both faces: finds minima almost exclusively.
+    Published,
+}
+
+/// Which panes Fermat next event estimation searches for paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PaneSelection {
+    /// Every pane through which light can arrive.
+    #[default]
+    All,
+    /// The pane that the straight line to the light meets first.
+    Sharp,
+    /// A pane at random whenever anything blocks the straight line to the light.
+    Bleed,
+}
+
+fn default_max_depth() -> u32 {
+    16
+}
+
+pub(super) fn default_max_trials() -> u32 {
+    1000
+}
+
+/// How samples are grouped. Both numbers decide the order of summation and so the last bits of the image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SamplingDescription {
+    /// Samples per pixel in a pass, 1 to 65536.
+    #[schemars(range(min = 1, max = 65_536))]
+    pub samples_per_pass: u32,
+    /// Samples per pixel that share one scramble of the low-discrepancy sequence: a power of two times
+    /// `samples_per_pass`, at most 65536. The standard error is estimated from the means of such blocks.
+    #[schemars(range(min = 1, max = 65_536))]
+    pub samples_per_block: u32,
+}
+
+impl Default for SamplingDescription {
+    fn default() -> Self {
+        Self { samples_per_pass: 16, samples_per_block: 256 }
+    }
+}
+
+/// A surface material.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum MaterialDescription {
+    /// Lambertian reflection on both sides.
+    Diffuse {
+        /// Fraction of light reflected.
+        reflectance: ReflectanceDescription,
+    },
+}
+
+/// Diffuse reflectance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ReflectanceDescription {
+    /// The same everywhere; each channel between 0 and 1.
+    Colour(#[schemars(inner(range(min = 0.0, max = 1.0)))] Triple),
+    /// A picture, looked up by the mesh's texture coordinates (u, v), repeated, filtered bilinearly. u = 0 is the left
+    /// border and v = 0 the bottom border of the picture, as in OBJ files.
+    Texture {
+        /// PNG (8 or 16 bits, sRGB) or EXR (linear, channels R, G, B or Y, 0 to 1) file, relative to the scene file.
+        file: String,
+    },
+}
+
+/// A triangle mesh.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MeshDescription {
+    /// A short name, used in messages; no two meshes share one.
+    #[schemars(length(min = 1, max = 200))]
+    pub name: String,
+    /// Name of a material.
+    pub material: String,
+    /// Where the triangles come from.
+    pub source: MeshSource,
+    /// Uniform scale, applied first.
+    #[serde(default = "one")]
+    #[schemars(extend("exclusiveMinimum" = 0))]
+    pub scale: f64,
+    /// Rotation about the fixed axes x, then y, then z, degrees, applied after the scale; positive angles turn
+    /// counterclockwise for whoever looks against the axis.
+    #[serde(default)]
+    pub rotate: Triple,
+    /// Translation, metres, applied last.
+    #[serde(default)]
+    pub translate: Triple,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// Where the triangles of a mesh come from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum MeshSource {
+    /// Written into the scene file.
+    Inline {
+        /// Vertex positions, metres.
+        #[schemars(length(min = 3))]
+        positions: Vec<Triple>,
+        /// Vertex indices from 0, three for each triangle.
+        #[schemars(length(min = 1))]
+        triangles: Vec<[u32; 3]>,
+        /// Texture coordinates, one for each vertex.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        texture_coordinates: Vec<[f64; 2]>,
+    },
+    /// A Stanford PLY file, relative to the scene file.
+    Ply {
+        /// The file.
+        file: String,
+    },
+    /// A Wavefront OBJ file, relative to the scene file; its materials are ignored.
+    Obj {
+        /// The file.
+        file: String,
+    },
+}
+
+/// A window pane: a slab of glass with two displaced faces in an opaque, black edge.
+///
+/// In the pane's frame the front face is `z = h1(x, y)` and the back face `z = thickness + h2(x, y)`, for
+/// `|x| <= width/2`, `|y| <= height/2`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PaneDescription {
+    /// A short name, used in messages; no two panes share one.
+    #[schemars(length(min = 1, max = 200))]
+    pub name: String,
+    /// Centre of the undisplaced front face.
+    pub centre: Triple,
+    /// Direction of the pane's x axis.
+    pub x_axis: Triple,
+    /// Direction of the pane's y axis; made perpendicular to `x_axis`. z is x cross y.
+    pub y_axis: Triple,
+    /// Extent along x, metres; 0.001 to 100.
+    #[schemars(range(min = 0.001, max = 100.0))]
+    pub width: f64,
+    /// Extent along y, metres; 0.001 to 100.
+    #[schemars(range(min = 0.001, max = 100.0))]
+    pub height: f64,
+    /// Distance between the undisplaced faces, metres; more than 0, at most 1. The displaced faces must not touch.
+    #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
+    pub thickness: f64,
+    /// Index of refraction of the glass, 1 to 3.
+    #[serde(default = "default_index_of_refraction")]
+    #[schemars(range(min = 1.0, max = 3.0))]
+    pub index_of_refraction: f64,
+    /// Absorption coefficient of red, green and blue light, per metre: light that travels `d` metres in the glass is
+    /// multiplied by `exp(-absorption * d)`.
+    #[serde(default)]
+    #[schemars(inner(range(min = 0.0)))]
+    pub absorption: Triple,
+    /// Profile of the front face.
+    #[serde(default)]
+    pub front: ProfileDescription,
+    /// Profile of the back face.
+    #[serde(default)]
+    pub back: ProfileDescription,
+}
+
+fn default_index_of_refraction() -> f64 {
+    1.52
+}
+
+/// The height field of a face, in metres along the pane's z axis: a uniform cubic B-spline over a grid of coefficients.
+///
+/// The procedural profiles compute those coefficients; `docs/scene-format.md` gives their formulas. Front and back face
+/// of a pane differ even when their parameters and seeds are equal.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ProfileDescription {
+    /// No displacement.
+    #[default]
+    Flat,
+    /// Concentric rings of crown glass.
+    Crown {
+        /// Centre of the rings in the pane's x and y, metres; often outside the pane.
+        centre: [f64; 2],
+        /// Distance between rings, metres.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        wavelength: f64,
+        /// Amplitude of the rings, metres.
+        amplitude: f64,
+        /// Seed of the irregularities.
+        #[serde(default)]
+        seed: u64,
+    },
+    /// Parallel ripples of cylinder-blown glass.
+    Cylinder {
+        /// Direction of the cylinder's axis from x towards y, degrees: the ripples run along it.
+        axis: f64,
+        /// Distance between ripples, metres.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        wavelength: f64,
+        /// Amplitude of the ripples, metres.
+        amplitude: f64,
+        /// Seed of the irregularities.
+        #[serde(default)]
+        seed: u64,
+    },
+    /// One Gaussian dent or bump.
+    Bump {
+        /// Centre in the pane's x and y, metres.
+        centre: [f64; 2],
+        /// Standard deviations along its own axes, metres.
+        #[schemars(inner(range(min = 0.0)))]
+        radius: [f64; 2],
+        /// Direction of its first axis from x towards y, degrees.
+        #[serde(default)]
+        rotation: f64,
+        /// Height at the centre, metres; negative for a dent.
+        amplitude: f64,
+    },
+    /// Irregular dimples of hammered or rolled cathedral glass.
+    Hammered {
+        /// Typical distance between dimples, metres.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        wavelength: f64,
+        /// Amplitude, metres.
+        amplitude: f64,
+        /// Seed of the pattern.
+        #[serde(default)]
+        seed: u64,
+    },
+    /// Measured heights; the values are the coefficients of the spline.
+    HeightMap {
+        /// EXR with a channel `Y` or `R` (heights, times `scale`) or 16-bit grey PNG (0 to 1, times `scale`). Column i
+        /// of row j, counted from the top of the file, is the coefficient at `u = (i+1/2)/columns`,
+        /// `v = (j+1/2)/rows`; `x = (u-1/2) width`, `y = (v-1/2) height`.
+        file: String,
+        /// Metres for each unit in the file.
+        #[serde(default = "one")]
+        scale: f64,
+        /// Added after scaling, metres.
+        #[serde(default)]
+        offset: f64,
+    },
+}
+
+/// A light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum LightDescription {
+    /// A point that shines equally in all directions.
+    Point {
+        /// A short name, used in messages; no two lights share one.
+        #[schemars(length(min = 1, max = 200))]
+        name: String,
+        /// Where it is.
+        position: Triple,
+        /// Radiant intensity, W/sr.
+        #[schemars(inner(range(min = 0.0)))]
+        intensity: Triple,
+    },
+    /// A sphere of uniform radiance.
+    Sphere {
+        /// A short name, used in messages; no two lights share one.
+        #[schemars(length(min = 1, max = 200))]
+        name: String,
+        /// Its centre.
+        centre: Triple,
+        /// Its radius, metres.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        radius: f64,
+        /// Emitted radiance, W/(m2 sr).
+        #[schemars(inner(range(min = 0.0)))]
+        radiance: Triple,
+    },
+    /// A rectangle that shines to the side to which `edge_u` cross `edge_v` points; its other side is black.
+    Rectangle {
+        /// A short name, used in messages; no two lights share one.
+        #[schemars(length(min = 1, max = 200))]
+        name: String,
+        /// Its centre.
+        centre: Triple,
+        /// One edge, metres.
+        edge_u: Triple,
+        /// The other edge, metres, perpendicular to `edge_u`.
+        edge_v: Triple,
+        /// Emitted radiance, W/(m2 sr).
+        #[schemars(inner(range(min = 0.0)))]
+        radiance: Triple,
+    },
+    /// A distant disc: a direction with an angular radius.
+    Sun {
+        /// A short name, used in messages; no two lights share one.
+        #[schemars(length(min = 1, max = 200))]
+        name: String,
+        /// Direction from the scene towards the sun.
+        direction: Triple,
+        /// Half the angle under which the disc is seen, degrees, 0.001 to 90; the real sun's is 0.267.
+        #[schemars(range(min = 0.001, max = 90.0))]
+        angular_radius: f64,
+        /// Emitted radiance, W/(m2 sr).
+        #[schemars(inner(range(min = 0.0)))]
+        radiance: Triple,
+    },
+}
+
+/// Reads a map of materials. A name that stands there twice is an error; a plain map would keep the last.
+fn materials_with_unique_names<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<BTreeMap<String, MaterialDescription>, D::Error> {
+    struct Materials;
+
+    impl<'de> Visitor<'de> for Materials {
+        type Value = BTreeMap<String, MaterialDescription>;
+
+        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+            formatter.write_str("an object of materials by name")
+        }
+
+        fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Self::Value, A::Error> {
+            let mut materials = BTreeMap::new();
+            while let Some((name, material)) = members.next_entry()? {
+                if materials.contains_key(&name) {
+                    return Err(A::Error::custom(format_args!("duplicate material `{name}`")));
+                }
+                materials.insert(name, material);
+            }
+            Ok(materials)
+        }
+    }
+
+    deserializer.deserialize_map(Materials)
+}

@@ -1,0 +1,143 @@
+//! What can be wrong with a scene.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use super::description::SCENE_FORMAT_VERSION;
+use super::json_path::{JsonPath, ROOT};
+
+/// A scene that cannot be used. Every error names the place in the scene file, what stands there and what would be
+/// right.
+#[derive(Debug, Error)]
+pub enum SceneError {
+    /// The text is not JSON.
+    #[error("{ROOT}: not valid JSON: {message}")]
+    Syntax {
+        /// What the JSON reader says, with line and column.
+        message: String,
+    },
+    /// The file is of a version that this build does not read.
+    #[error("version: version {found} is not supported, this build reads {SCENE_FORMAT_VERSION}")]
+    UnsupportedVersion {
+        /// The version in the file.
+        found: String,
+    },
+    /// A member is unknown, missing, written twice or of the wrong type.
+    #[error("{path}: {message}")]
+    Structure {
+        /// Place in the scene file.
+        path: String,
+        /// What was found and what was expected.
+        message: String,
+    },
+    /// A value of the right type that makes no sense.
+    #[error("{path}: found {found}, must be {expected}")]
+    Value {
+        /// Place in the scene file.
+        path: String,
+        /// What stands there.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+    /// A file that the scene names cannot be used.
+    #[error("{path}: file \"{name}\" {problem}")]
+    Asset {
+        /// Place in the scene file that names it.
+        path: String,
+        /// Its name as written there.
+        name: String,
+        /// What is wrong with it.
+        problem: AssetProblem,
+    },
+    /// The scene file itself cannot be read.
+    #[error("{ROOT}: cannot read the scene file {}: {source}", file.display())]
+    Unreadable {
+        /// The scene file.
+        file: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+}
+
+/// What can be wrong with a file that a scene names.
+#[derive(Debug, Error)]
+pub enum AssetProblem {
+    /// It was not supplied with the scene.
+    #[error("is missing: it must be supplied with the scene")]
+    Missing,
+    /// The operating system cannot read it.
+    #[error("cannot be read: {0}")]
+    Unreadable(#[from] std::io::Error),
+    /// It, or what it decodes to, is larger than what this build accepts.
+    #[error("has {found}, must have at most {limit}")]
+    TooLarge {
+        /// How much it holds.
+        found: String,
+        /// How much is allowed.
+        limit: String,
+    },
+    /// Its content makes no sense.
+    #[error("{0}")]
+    Malformed(String),
+}
+
+impl AssetProblem {
+    /// Content that makes no sense: a phrase that goes on after the name of the file. Messages of decoders may quote
+    /// the file, so they are cut to a line.
+    pub(super) fn malformed(message: impl fmt::Display) -> Self {
+        Self::Malformed(one_line(&message.to_string()))
+    }
+}
+
+impl SceneError {
+    /// The place in the scene file, such as `panes[2].front.crown.wavelength`; `$` for the file as a whole.
+    pub fn path(&self) -> &str {
+        match self {
+            Self::Syntax { .. } | Self::Unreadable { .. } => ROOT,
+            Self::UnsupportedVersion { .. } => "version",
+            Self::Structure { path, .. } | Self::Value { path, .. } | Self::Asset { path, .. } => path,
+        }
+    }
+
+    /// A value of the right type that makes no sense.
+    pub(super) fn value(path: &JsonPath<'_>, found: impl fmt::Display, expected: impl fmt::Display) -> Self {
+        Self::Value { path: path.to_string(), found: one_line(&found.to_string()), expected: expected.to_string() }
+    }
+
+    /// What the reader says of text that is JSON but not a scene, at its place.
+    pub(super) fn from_json(error: serde_path_to_error::Error<serde_json::Error>) -> Self {
+        let path = match error.path().to_string().as_str() {
+            "." => ROOT.to_owned(),
+            path => one_line(path),
+        };
+        let message = one_line(&error.inner().to_string());
+        if !error.inner().is_syntax() {
+            return Self::Structure { path, message };
+        }
+        // The text is known to be JSON. What the reader still calls a syntax error is one of these.
+        let message = if message.starts_with("number out of range") {
+            format!("{message}, must be a finite number")
+        } else if message.starts_with("trailing characters") {
+            message.replacen("trailing characters", "too many elements", 1)
+        } else {
+            "must be one choice: a string, or an object with exactly one member, named after the choice".to_owned()
+        };
+        Self::Structure { path, message }
+    }
+}
+
+/// At most this many characters of a user's text are repeated in a message.
+const MAX_QUOTED: usize = 300;
+
+/// `text` on one line and of bounded length.
+fn one_line(text: &str) -> String {
+    let mut line: String = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    if let Some((end, _)) = line.char_indices().nth(MAX_QUOTED) {
+        line.truncate(end);
+        line.push_str("...");
+    }
+    line
+}

@@ -1,0 +1,200 @@
+//! What identifies a scene: hashes of its assets, its canonical JSON, and the hash over both.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::Value;
+use thiserror::Error;
+
+use super::description::SceneDescription;
+
+/// BLAKE3 hash of the bytes of an asset.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ContentHash([u8; 32]);
+
+/// BLAKE3 hash of a scene: its canonical JSON and the names and hashes of its assets.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct SceneHash([u8; 32]);
+
+impl ContentHash {
+    /// The hash of `bytes`.
+    pub fn of(bytes: &[u8]) -> Self {
+        Self(*blake3::hash(bytes).as_bytes())
+    }
+
+    /// The hash with these bytes.
+    pub const fn from_bytes(bytes: [u8; 32]) -> Self {
+        Self(bytes)
+    }
+
+    /// Its bytes.
+    pub const fn as_bytes(&self) -> &[u8; 32] {
+        &self.0
+    }
+}
+
+impl SceneHash {
+    /// The hash of a scene with the assets of these names and hashes.
+    pub(super) fn of(description: &SceneDescription, assets: &BTreeMap<&str, ContentHash>) -> Self {
+        let json = canonical_json(description);
+        let mut hasher = blake3::Hasher::new_derive_key("clerestory scene hash, version 1");
+        hasher.update(&(json.len() as u64).to_le_bytes());
+        hasher.update(json.as_bytes());
+        for (name, hash) in assets {
+            hasher.update(&(name.len() as u64).to_le_bytes());
+            hasher.update(name.as_bytes());
+            hasher.update(hash.as_bytes());
+        }
+        Self(*hasher.finalize().as_bytes())
+    }
+
+    /// The hash with these bytes.
+    pub const fn from_bytes(bytes: [u8; 32]) -> Self {
+        Self(bytes)
+    }
+
+    /// Its bytes.
+    pub const fn as_bytes(&self) -> &[u8; 32] {
+        &self.0
+    }
+}
+
+/// The one way in which a scene is written when it is hashed: members in alphabetical order, no white space, every
+/// default written out, and the shortest decimal numbers that read back as the same floating-point numbers.
+pub fn canonical_json(description: &SceneDescription) -> String {
+    let value = serde_json::to_value(description).expect("every member of a scene has a form in JSON");
+    let mut json = String::new();
+    write_canonical(&value, &mut json);
+    json
+}
+
+/// Appends `value`. The order of members does not depend on how `serde_json` was configured.
+fn write_canonical(value: &Value, json: &mut String) {
+    match value {
+        Value::Array(elements) => {
+            json.push('[');
+            for (index, element) in elements.iter().enumerate() {
+                if index > 0 {
+                    json.push(',');
+                }
+                write_canonical(element, json);
+            }
+            json.push(']');
+        }
+        Value::Object(members) => {
+            let members: BTreeMap<&String, &Value> = members.iter().collect();
+            json.push('{');
+            for (index, (name, member)) in members.into_iter().enumerate() {
+                if index > 0 {
+                    json.push(',');
+                }
+                json.push_str(&Value::from(name.as_str()).to_string());
+                json.push(':');
+                write_canonical(member, json);
+            }
+            json.push('}');
+        }
+        scalar => json.push_str(&scalar.to_string()),
+    }
+}
+
+/// A text that is not a hash.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("found \"{found}\", must be a hash of 64 hexadecimal digits")]
+pub struct ParseHashError {
+    found: String,
+}
+
+fn parse_hash(text: &str) -> Result<[u8; 32], ParseHashError> {
+    let mut bytes = [0; 32];
+    match hex::decode_to_slice(text, &mut bytes) {
+        Ok(()) => Ok(bytes),
+        Err(_) => Err(ParseHashError { found: text.chars().take(80).collect() }),
+    }
+}
+
+impl fmt::Display for ContentHash {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(&hex::encode(self.0))
+    }
+}
+
+impl fmt::Display for SceneHash {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(&hex::encode(self.0))
+    }
+}
+
+impl fmt::Debug for ContentHash {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "ContentHash({self})")
+    }
+}
+
+impl fmt::Debug for SceneHash {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "SceneHash({self})")
+    }
+}
+
+impl FromStr for ContentHash {
+    type Err = ParseHashError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        parse_hash(text).map(Self)
+    }
+}
+
+impl FromStr for SceneHash {
+    type Err = ParseHashError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        parse_hash(text).map(Self)
+    }
+}
+
+impl Serialize for ContentHash {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl Serialize for SceneHash {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+impl<'de> Deserialize<'de> for ContentHash {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
+    }
+}
+
+impl<'de> Deserialize<'de> for SceneHash {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(serde::de::Error::custom)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hash_reads_back_what_it_writes() {
+        let hash = ContentHash::of(b"glass");
+        assert_eq!(hash.to_string().parse(), Ok(hash));
+        assert_eq!(serde_json::from_str::<ContentHash>(&serde_json::to_string(&hash).unwrap()).unwrap(), hash);
+        assert!("00".parse::<ContentHash>().unwrap_err().to_string().contains("64 hexadecimal digits"));
+    }
+
+    #[test]
+    fn canonical_numbers_are_the_shortest_that_read_back() {
+        let mut json = String::new();
+        write_canonical(&serde_json::json!({"b": 0.1, "a": [1e-7, 1.0, 3]}), &mut json);
+        assert_eq!(json, r#"{"a":[1e-7,1.0,3],"b":0.1}"#);
+    }
+}

@@ -1,0 +1,263 @@
+//! What authors of scenes get wrong, and what they are told.
+
+use serde_json::{Value, json};
+
+use super::SceneDescription;
+
+/// A small valid scene with one of everything.
+pub(super) fn valid_scene() -> Value {
+    json!({
+        "version": 1,
+        "name": "test",
+        "film": {"width": 32, "height": 24},
+        "camera": {"perspective": {
+            "position": [0, 0, -2], "look_at": [0, 0, 0], "up": [0, 1, 0], "vertical_field_of_view": 40
+        }},
+        "integrator": {"fnee": {}},
+        "materials": {"stone": {"diffuse": {"reflectance": {"colour": [0.6, 0.5, 0.4]}}}},
+        "meshes": [
+            {"name": "floor", "material": "stone", "source": {"inline": {
+                "positions": [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]],
+                "triangles": [[0, 1, 2], [0, 2, 3]]
+            }}}
+        ],
+        "panes": [
+            {
+                "name": "left", "centre": [0, 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+                "width": 0.3, "height": 0.4, "thickness": 0.002,
+                "front": {"crown": {"centre": [0.2, 0.3], "wavelength": 0.02, "amplitude": 2e-5}},
+                "back": {"bump": {"centre": [0, 0], "radius": [0.05, 0.04], "amplitude": 1e-4}}
+            },
+            {
+                "name": "right", "centre": [0.5, 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+                "width": 0.3, "height": 0.4, "thickness": 0.002,
+                "front": {"hammered": {"wavelength": 0.02, "amplitude": 2e-5}},
+                "back": {"cylinder": {"axis": 80, "wavelength": 0.04, "amplitude": 2e-5}}
+            }
+        ],
+        "lights": [
+            {"point": {"name": "lamp", "position": [0, 0, 5], "intensity": [1, 1, 1]}},
+            {"sphere": {"name": "globe", "centre": [0, 0, 5], "radius": 0.1, "radiance": [1, 1, 1]}},
+            {"rectangle": {
+                "name": "panel", "centre": [0, 0, 5], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0], "radiance": [1, 1, 1]
+            }},
+            {"sun": {"name": "sun", "direction": [0, 0.6, 0.8], "angular_radius": 0.27, "radiance": [1, 1, 1]}}
+        ]
+    })
+}
+
+/// The valid scene with the value at a JSON pointer replaced, or with a member added there.
+pub(super) fn with(pointer: &str, value: Value) -> String {
+    let mut scene = valid_scene();
+    let (parent, name) = pointer.rsplit_once('/').unwrap();
+    match scene.pointer_mut(parent).unwrap() {
+        Value::Object(members) => drop(members.insert(name.to_owned(), value)),
+        Value::Array(elements) => elements[name.parse::<usize>().unwrap()] = value,
+        other => panic!("{other} has no members"),
+    }
+    scene.to_string()
+}
+
+/// The valid scene without the member at a JSON pointer.
+fn without(pointer: &str) -> String {
+    let mut scene = valid_scene();
+    let (parent, name) = pointer.rsplit_once('/').unwrap();
+    scene.pointer_mut(parent).unwrap().as_object_mut().unwrap().remove(name).unwrap();
+    scene.to_string()
+}
+
+/// The valid scene with `text`, which stands there once, replaced by `other`.
+fn replaced(text: &str, other: &str) -> String {
+    let scene = valid_scene().to_string();
+    assert_eq!(scene.matches(text).count(), 1, "{text}");
+    scene.replace(text, other)
+}
+
+#[track_caller]
+fn check(json: &str, path: &str, fragments: &[&str]) {
+    let error = SceneDescription::parse(json.as_bytes()).expect_err("this scene is malformed");
+    let message = error.to_string();
+    assert_eq!(error.path(), path, "{message}");
+    assert!(message.starts_with(path), "{message}");
+    for fragment in fragments {
+        assert!(message.contains(fragment), "no {fragment:?} in: {message}");
+    }
+}
+
+#[test]
+fn the_scene_that_the_others_are_made_of_is_valid() {
+    let parsed = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
+    assert_eq!(parsed.panes.len(), 2);
+}
+
+#[test]
+fn text_that_is_not_a_scene_is_refused() {
+    check("", "$", &["not valid JSON", "EOF"]);
+    check("{\"version\": 1,", "$", &["not valid JSON", "line 1 column 14"]);
+    check("[1, 2]", "$", &["must be an object"]);
+    check(&format!("{} x", valid_scene()), "$", &["trailing characters"]);
+    check(&"[".repeat(100_000), "$", &["EOF"]);
+    check(&" ".repeat((8 << 20) + 1), "$", &["8388609 bytes", "PLY"]);
+}
+
+#[test]
+fn another_version_is_named_before_anything_else_is_judged() {
+    let future = r#"{"version": 2, "galaxies": [], "name": 7}"#;
+    check(future, "version", &["version 2 is not supported, this build reads 1"]);
+    check(&with("/version", json!(1.5)), "version", &["version 1.5 is not supported"]);
+    check(&with("/version", json!("1")), "version", &["invalid type: string \"1\", expected u32"]);
+    check(&without("/version"), "$", &["missing field `version`"]);
+}
+
+#[test]
+fn members_that_are_unknown_missing_or_of_the_wrong_type_are_named() {
+    check(&with("/pane", json!([])), "pane", &["unknown field `pane`", "`panes`", "`lights`"]);
+    check(&with("/panes/1/tilt", json!(3)), "panes[1].tilt", &["unknown field `tilt`", "`thickness`"]);
+    check(
+        &with("/panes/0/front/crown/colour", json!(3)),
+        "panes[0].front.crown.colour",
+        &["unknown field `colour`", "`wavelength`"],
+    );
+    check(&with("/panes/0/front", json!({"crow": {}})), "panes[0].front", &["unknown variant `crow`", "`crown`"]);
+    check(&without("/panes/0/width"), "panes[0]", &["missing field `width`"]);
+    check(&without("/camera/perspective/up"), "camera.perspective", &["missing field `up`"]);
+    check(&with("/film/width", json!("wide")), "film.width", &["string \"wide\"", "expected u32"]);
+    check(&with("/film/width", json!(-3)), "film.width", &["integer `-3`", "expected u32"]);
+    check(&with("/film/width", json!(3.5)), "film.width", &["3.5", "expected u32"]);
+    check(&with("/panes/0/centre", json!([0, 1])), "panes[0].centre", &["length 2", "array of length 3"]);
+    check(&with("/panes/0/centre", json!([0, 1, 2, 3])), "panes[0].centre", &["too many elements"]);
+    check(&with("/panes/0/centre/1", json!(null)), "panes[0].centre[1]", &["null", "expected f64"]);
+    check(&with("/seed", json!(-1)), "seed", &["integer `-1`", "expected u64"]);
+    check(&with("/integrator", json!({"fnee": {"solver": "best"}})), "integrator.fnee.solver", &["`published`"]);
+}
+
+#[test]
+fn members_that_stand_there_twice_are_refused() {
+    check(&replaced("\"name\":\"test\"", "\"name\":\"test\",\"name\":\"again\""), "$", &["duplicate field `name`"]);
+    let stone = "\"stone\":{\"diffuse\":{\"reflectance\":{\"colour\":[0,0,0]}}}";
+    check(
+        &with("/materials", json!("here")).replace("\"here\"", &format!("{{{stone},{stone}}}")),
+        "materials",
+        &["duplicate material `stone`"],
+    );
+    check(
+        &with("/integrator", json!("here")).replace("\"here\"", "{\"path\":{},\"cone\":{}}"),
+        "integrator",
+        &["exactly one member, named after the choice"],
+    );
+    check(&with("/integrator", json!(7)), "integrator", &["exactly one member, named after the choice"]);
+    check(&with("/integrator", json!({})), "integrator", &["exactly one member, named after the choice"]);
+}
+
+#[test]
+fn other_spellings_of_the_same_values_are_refused() {
+    check(&with("/film", json!([32, 24])), "film", &["found an array, must be an object"]);
+    check(&with("/panes/1/back", json!({"flat": null})), "panes[1].back", &["found an object, must be \"flat\""]);
+}
+
+#[test]
+fn numbers_that_no_double_can_hold_are_refused() {
+    let huge = with("/panes/1/thickness", json!("here")).replace("\"here\"", "1e999");
+    check(&huge, "panes[1].thickness", &["number out of range", "must be a finite number"]);
+    let not_a_number = with("/panes/1/thickness", json!("here")).replace("\"here\"", "NaN");
+    check(&not_a_number, "$", &["not valid JSON"]);
+}
+
+#[test]
+fn values_out_of_range_are_named_with_what_would_be_right() {
+    let cases: &[(&str, Value, &str, &[&str])] = &[
+        ("/name", json!(""), "name", &["\"\"", "1 to 200 bytes"]),
+        ("/film/width", json!(0), "film.width", &["found 0", "1 to 16384"]),
+        ("/film/height", json!(16385), "film.height", &["found 16385", "1 to 16384"]),
+        ("/camera/perspective/look_at", json!([0, 0, -2]), "camera.perspective.look_at", &["another point"]),
+        ("/camera/perspective/up", json!([0, 0, 3]), "camera.perspective.up", &["[0.0, 0.0, 3.0]", "not parallel"]),
+        ("/camera/perspective/up", json!([0, 0, 0]), "camera.perspective.up", &["length above"]),
+        (
+            "/camera/perspective/vertical_field_of_view",
+            json!(180),
+            "camera.perspective.vertical_field_of_view",
+            &["found 180.0", "more than 0 and at most 179"],
+        ),
+        ("/integrator", json!({"path": {"max_depth": 0}}), "integrator.path.max_depth", &["1 to 1000"]),
+        ("/integrator", json!({"fnee": {"max_trials": 0}}), "integrator.fnee.max_trials", &["1 to 1000000"]),
+        (
+            "/sampling",
+            json!({"samples_per_pass": 16, "samples_per_block": 48}),
+            "sampling.samples_per_block",
+            &["found 48", "a power of two times samples_per_pass (16)"],
+        ),
+        ("/path_filter", json!("D TX L"), "path_filter", &["\"D TX L\"", "'X'"]),
+        ("/path_filter", json!("D (TT"), "path_filter", &["such as \"D TT L\"", "cannot be read"]),
+        ("/sampling", json!({"samples_per_pass": 0}), "sampling.samples_per_pass", &["found 0"]),
+        (
+            "/materials/stone/diffuse/reflectance/colour/1",
+            json!(1.2),
+            "materials.stone.diffuse.reflectance.colour[1]",
+            &["found 1.2", "0 to 1"],
+        ),
+        ("/meshes/0/material", json!("wood"), "meshes[0].material", &["\"wood\"", "(stone)"]),
+        ("/meshes/0/scale", json!(0), "meshes[0].scale", &["found 0.0"]),
+        (
+            "/meshes/0/source/inline/triangles",
+            json!([]),
+            "meshes[0].source.inline.triangles",
+            &["no triangle", "at least one"],
+        ),
+        (
+            "/meshes/0/source/inline/triangles/1",
+            json!([0, 2, 4]),
+            "meshes[0].source.inline.triangles[1]",
+            &["[0, 2, 4]", "below 4"],
+        ),
+        (
+            "/meshes/0/source/inline/triangles/1",
+            json!([0, 2, 2]),
+            "meshes[0].source.inline.triangles[1]",
+            &["not on one line"],
+        ),
+        (
+            "/meshes/0/source/inline/positions/3/0",
+            json!(1e7),
+            "meshes[0].source.inline.positions[3][0]",
+            &["found 10000000.0", "-1000000 to 1000000"],
+        ),
+        (
+            "/meshes/0/source/inline/texture_coordinates",
+            json!([[0, 0]]),
+            "meshes[0].source.inline.texture_coordinates",
+            &["1 pairs", "4 pairs"],
+        ),
+        ("/panes/1/name", json!("left"), "panes[1].name", &["\"left\"", "no earlier one"]),
+        ("/panes/0/width", json!(0), "panes[0].width", &["found 0.0", "0.001 to 100"]),
+        ("/panes/0/height", json!(-1), "panes[0].height", &["found -1.0"]),
+        ("/panes/0/thickness", json!(0), "panes[0].thickness", &["found 0.0", "more than 0"]),
+        ("/panes/0/index_of_refraction", json!(0.9), "panes[0].index_of_refraction", &["found 0.9", "1 to 3"]),
+        ("/panes/0/absorption", json!([0, -1, 0]), "panes[0].absorption[1]", &["found -1.0"]),
+        ("/panes/0/x_axis", json!([0, 0, 0]), "panes[0].x_axis", &["length above"]),
+        ("/panes/0/y_axis", json!([2, 0, 0]), "panes[0].y_axis", &["not parallel to x_axis"]),
+        ("/panes/0/front/crown/wavelength", json!(1e-4), "panes[0].front.crown.wavelength", &["found 0.0001", "1024"]),
+        ("/panes/0/front/crown/amplitude", json!(1), "panes[0].front.crown.amplitude", &["-0.002 to 0.002"]),
+        ("/panes/0/back/bump/radius/0", json!(0), "panes[0].back.bump.radius[0]", &["found 0.0"]),
+        ("/lights/1/sphere/name", json!("lamp"), "lights[1].sphere.name", &["no earlier one"]),
+        ("/lights/0/point/intensity/2", json!(-1), "lights[0].point.intensity[2]", &["found -1.0"]),
+        ("/lights/1/sphere/radius", json!(0), "lights[1].sphere.radius", &["more than 0"]),
+        ("/lights/1/sphere/radiance/0", json!(-0.5), "lights[1].sphere.radiance[0]", &["found -0.5"]),
+        ("/lights/2/rectangle/edge_v", json!([1, 1, 0]), "lights[2].rectangle.edge_v", &["perpendicular to edge_u"]),
+        ("/lights/3/sun/direction", json!([0, 0, 0]), "lights[3].sun.direction", &["length above"]),
+        ("/lights/3/sun/angular_radius", json!(0), "lights[3].sun.angular_radius", &["0.001 to 90"]),
+    ];
+    for (pointer, value, path, fragments) in cases {
+        check(&with(pointer, value.clone()), path, fragments);
+    }
+}
+
+#[test]
+fn names_of_files_stay_below_the_scene_file() {
+    let path = "meshes[0].source.ply.file";
+    for name in ["", "/etc/passwd", "../up.ply", "a/../../b.ply", "a//b.ply", "./a.ply", "c:\\a.ply", "a\nb.ply"] {
+        let mesh = json!({"ply": {"file": name}});
+        check(&with("/meshes/0/source", mesh), path, &["a path relative to the scene file"]);
+    }
+    let mesh = json!({"ply": {"file": "meshes/floor.v2.ply"}});
+    assert!(SceneDescription::parse(with("/meshes/0/source", mesh).as_bytes()).is_ok());
+}

@@ -1,0 +1,47 @@
+//! Scenes: the JSON description, its validation, its assets, and the immutable scene built from them.
+//!
+//! `description` holds the types of the file; `docs/scene-format.md` is its manual. A description plus the bytes of
+//! the assets that it names is a [`SceneBundle`]: what is hashed, sent to the farm, and built.
+
+pub mod assets;
+mod build;
+mod build_meshes;
+mod build_panes;
+pub mod bundle;
+pub mod camera;
+pub mod description;
+pub mod error;
+pub mod hash;
+mod height_map;
+#[cfg(test)]
+mod hostile_scenes;
+mod json_path;
+pub mod limits;
+#[cfg(test)]
+mod malformed_scenes;
+mod mesh;
+mod missing_light;
+mod obj;
+mod parse;
+mod picture;
+#[cfg(test)]
+mod picture_samples;
+mod ply;
+mod profile;
+pub mod schema;
+#[cfg(test)]
+mod shipped_scenes;
+mod surface;
+mod texture;
+mod validate;
+mod visibility;
+
+pub use assets::asset_names;
+pub use build::Scene;
+pub use bundle::{Asset, SceneBundle, load};
+pub use camera::Camera;
+pub use description::SceneDescription;
+pub use error::{AssetProblem, SceneError};
+pub use hash::{ContentHash, SceneHash, canonical_json};
+pub use schema::scene_schema;
+pub use surface::MeshSurface;

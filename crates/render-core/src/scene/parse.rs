@@ -1,0 +1,151 @@
+//! From the text of a scene file to a valid description, and the changes that a command line may ask for.
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use serde_json::Value;
+
+use super::description::{
+    FilmDescription, FneeSolver, IntegratorDescription, PaneSelection, SCENE_FORMAT_VERSION, SceneDescription,
+};
+use super::error::SceneError;
+use super::json_path::JsonPath;
+use super::limits::MAX_SCENE_BYTES;
+
+impl SceneDescription {
+    /// Reads and validates a scene file.
+    ///
+    /// # Errors
+    ///
+    /// The first thing that is wrong, with its place, what stands there and what would be right.
+    pub fn parse(json: &[u8]) -> Result<Self, SceneError> {
+        if json.len() > MAX_SCENE_BYTES {
+            let found = format!("{} bytes", json.len());
+            let expected = format!("at most {MAX_SCENE_BYTES} bytes: large meshes belong into PLY files");
+            return Err(SceneError::value(&JsonPath::Root, found, expected));
+        }
+        check_syntax_and_version(json)?;
+        let description: Self = serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_slice(json))
+            .map_err(SceneError::from_json)?;
+        check_shape(json, &description)?;
+        description.validate()?;
+        Ok(description)
+    }
+
+    /// The same scene with another integrator at its default settings; `max_depth` stays.
+    ///
+    /// # Errors
+    ///
+    /// When no integrator has that name.
+    pub fn with_integrator_named(self, name: &str) -> Result<Self, SceneError> {
+        let max_depth = self.integrator.max_depth();
+        let integrator = match name {
+            "path" => IntegratorDescription::Path { max_depth },
+            "cone" => IntegratorDescription::Cone { max_depth },
+            "fnee" => match self.integrator {
+                IntegratorDescription::Fnee { .. } => self.integrator,
+                _ => IntegratorDescription::Fnee {
+                    max_depth,
+                    solver: FneeSolver::default(),
+                    selection: PaneSelection::default(),
+                    max_trials: super::description::default_max_trials(),
+                },
+            },
+            other => {
+                let path = JsonPath::Root;
+                return Err(SceneError::value(
+                    &path.member("integrator"),
+                    format_args!("\"{other}\""),
+                    "\"path\", \"cone\" or \"fnee\"",
+                ));
+            }
+        };
+        Ok(Self { integrator, ..self })
+    }
+
+    /// The same scene with another seed.
+    pub fn with_seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    /// The same scene with another size of the image, in pixels.
+    ///
+    /// # Errors
+    ///
+    /// When an edge is out of range.
+    pub fn with_size(self, width: u32, height: u32) -> Result<Self, SceneError> {
+        let description = Self { film: FilmDescription { width, height }, ..self };
+        description.validate()?;
+        Ok(description)
+    }
+}
+
+impl IntegratorDescription {
+    /// Its name in the scene file.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Path { .. } => "path",
+            Self::Cone { .. } => "cone",
+            Self::Fnee { .. } => "fnee",
+        }
+    }
+
+    /// Largest number of vertices between camera and light.
+    pub fn max_depth(&self) -> u32 {
+        match *self {
+            Self::Path { max_depth } | Self::Cone { max_depth } | Self::Fnee { max_depth, .. } => max_depth,
+        }
+    }
+}
+
+/// Refuses text that is not JSON, and a file of another version before anything else in it is judged: all versions of
+/// the format have the member `version`.
+fn check_syntax_and_version(json: &[u8]) -> Result<(), SceneError> {
+    #[derive(Deserialize)]
+    struct VersionOnly {
+        version: Option<Value>,
+    }
+    serde_json::from_slice::<IgnoredAny>(json).map_err(|error| SceneError::Syntax { message: error.to_string() })?;
+    if !json.trim_ascii_start().starts_with(b"{") {
+        return Err(SceneError::value(&JsonPath::Root, "JSON that is no object", "an object: a scene"));
+    }
+    match serde_json::from_slice(json) {
+        Ok(VersionOnly { version: Some(version) })
+            if version.is_number() && version.as_u64() != Some(u64::from(SCENE_FORMAT_VERSION)) =>
+        {
+            Err(SceneError::UnsupportedVersion { found: version.to_string() })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses other spellings of the same scene. The JSON reader takes an array of values for an object, and
+/// `{"flat": null}` for `"flat"`; the schema and other readers do not.
+fn check_shape(json: &[u8], description: &SceneDescription) -> Result<(), SceneError> {
+    let found: Value =
+        serde_json::from_slice(json).map_err(|error| SceneError::Syntax { message: error.to_string() })?;
+    let expected = serde_json::to_value(description).expect("every member of a scene has a form in JSON");
+    compare_shapes(&found, &expected, &JsonPath::Root)
+}
+
+fn compare_shapes(found: &Value, expected: &Value, path: &JsonPath<'_>) -> Result<(), SceneError> {
+    match (found, expected) {
+        (Value::Object(found), Value::Object(expected)) => found.iter().try_for_each(|(name, member)| {
+            expected.get(name).map_or(Ok(()), |expected| compare_shapes(member, expected, &path.member(name)))
+        }),
+        (Value::Array(found), Value::Array(expected)) => (0..)
+            .zip(found.iter().zip(expected))
+            .try_for_each(|(index, (found, expected))| compare_shapes(found, expected, &path.element(index))),
+        (found, Value::Object(_)) => Err(SceneError::value(path, kind(found), "an object")),
+        (found, Value::Array(_)) => Err(SceneError::value(path, kind(found), "an array")),
+        (Value::Object(_), expected) => Err(SceneError::value(path, "an object", expected)),
+        _ => Ok(()),
+    }
+}
+
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Object(_) => "an object",
+        Value::Array(_) => "an array",
+        _ => "a single value",
+    }
+}

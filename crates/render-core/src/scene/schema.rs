@@ -1,0 +1,74 @@
+//! The JSON Schema of scene files, generated from the types, for editors and for other programs that write scenes.
+
+use schemars::Schema;
+use schemars::generate::SchemaSettings;
+
+use super::description::SceneDescription;
+
+/// The JSON Schema (draft 2020-12) of scene files. What it cannot say is checked by [`SceneDescription::validate`].
+pub fn scene_schema() -> Schema {
+    let mut schema = SchemaSettings::draft2020_12().into_generator().into_root_schema_for::<SceneDescription>();
+    schema.insert("title".to_owned(), "Clerestory scene, version 1".into());
+    schema
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use serde_json::{Value, json};
+
+    use super::super::malformed_scenes::{valid_scene, with};
+    use super::*;
+
+    fn validator() -> jsonschema::Validator {
+        jsonschema::validator_for(scene_schema().as_value()).unwrap()
+    }
+
+    #[test]
+    fn the_published_schema_is_that_of_the_types() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/scene.schema.json");
+        let generated = serde_json::to_string_pretty(&scene_schema()).unwrap() + "\n";
+        if std::env::var_os("UPDATE_SCHEMA").is_some() {
+            fs::write(&file, &generated).unwrap();
+        }
+        let published = fs::read_to_string(&file).unwrap();
+        assert!(
+            published == generated,
+            "docs/scene.schema.json is out of date; update it with: \
+             UPDATE_SCHEMA=1 cargo nextest run --release -p clerestory-render-core published_schema"
+        );
+    }
+
+    #[test]
+    fn the_schema_accepts_valid_scenes() {
+        assert_eq!(validator().validate(&valid_scene()).map_err(|error| error.to_string()), Ok(()));
+    }
+
+    #[test]
+    fn the_schema_refuses_what_it_can_express() {
+        let cases = [
+            ("/version", json!(2)),
+            ("/film/width", json!(0)),
+            ("/panes/0/width", json!(0)),
+            ("/panes/0/thickness", json!(0)),
+            ("/panes/0/index_of_refraction", json!(4)),
+            ("/panes/0/front", json!({"crow": {}})),
+            ("/panes/0/centre", json!([0, 1])),
+            ("/panes/0/absorption", json!([-1, 0, 0])),
+            ("/materials/stone/diffuse/reflectance/colour/0", json!(1.5)),
+            ("/lights/1/sphere/radius", json!(0)),
+            ("/lights/3/sun/angular_radius", json!(0)),
+            ("/seed", json!(-1)),
+        ];
+        let validator = validator();
+        for (pointer, value) in cases {
+            let scene: Value = serde_json::from_str(&with(pointer, value)).unwrap();
+            assert!(!validator.is_valid(&scene), "{pointer}");
+        }
+        let mut scene = valid_scene();
+        scene["panes"][0]["tilt"] = json!(1);
+        assert!(!validator.is_valid(&scene));
+    }
+}

@@ -1,0 +1,61 @@
+//! The scenes that ship follow the schema and can be built.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::{Scene, SceneBundle, SceneDescription, load, scene_schema};
+
+/// All JSON files in and below a folder that hold a scene.
+fn scene_files(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            files.extend(scene_files(&path));
+        } else if path.extension().is_some_and(|extension| extension == "json") {
+            files.push(path);
+        }
+    }
+    files.retain(|file| read(file).get("camera").is_some());
+    files.sort();
+    files
+}
+
+fn read(file: &Path) -> Value {
+    serde_json::from_slice(&fs::read(file).unwrap()).unwrap()
+}
+
+fn shipped() -> Vec<PathBuf> {
+    scene_files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes"))
+}
+
+#[test]
+fn shipped_scenes_follow_the_schema() {
+    let validator = jsonschema::validator_for(scene_schema().as_value()).unwrap();
+    assert!(!shipped().is_empty());
+    for file in shipped() {
+        let valid = validator.validate(&read(&file)).map_err(|error| format!("{}: {error}", error.instance_path()));
+        assert_eq!(valid, Ok(()), "{}", file.display());
+    }
+}
+
+#[test]
+fn shipped_scenes_can_be_built() {
+    for file in shipped() {
+        let bundle = load(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        Scene::build(&bundle).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+    }
+}
+
+#[test]
+fn the_example_of_the_manual_can_be_built() {
+    let manual = include_str!("../../../../docs/scene-format.md");
+    let (_, rest) = manual.split_once("```json\n").unwrap();
+    let (example, _) = rest.split_once("```").unwrap();
+    let description = SceneDescription::parse(example.as_bytes()).unwrap();
+    let scene = Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap();
+    assert_eq!(scene.panes().len(), 1);
+}

@@ -1,0 +1,482 @@
+//! What the types of a scene file cannot say: ranges, references between members, and geometry that makes sense.
+//!
+//! What needs the contents of assets is checked when the scene is built.
+
+use std::collections::BTreeSet;
+use std::fmt;
+
+use glam::{DVec3, UVec3};
+
+use super::assets::check_asset_name;
+use super::description::{
+    CameraDescription, IntegratorDescription, LightDescription, MaterialDescription, MeshDescription, MeshSource,
+    PaneDescription, ProfileDescription, ReflectanceDescription, SCENE_FORMAT_VERSION, SamplingDescription,
+    SceneDescription, Triple,
+};
+use super::error::SceneError;
+use super::json_path::JsonPath;
+use super::limits::{
+    MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHT_COORDINATE, MAX_LIGHTS, MAX_NAME_BYTES, MAX_PANES, MAX_TRIANGLES,
+};
+use super::mesh::is_degenerate;
+use super::profile;
+use crate::integrator::PathFilter;
+
+type Check = Result<(), SceneError>;
+
+/// Two directions are parallel when the sine of the angle between them is below this.
+const MIN_SINE: f64 = 1e-6;
+
+/// A path filter names a few events.
+const MAX_PATH_FILTER_BYTES: usize = 1000;
+
+/// Most samples that share one scramble: the sequence has no more points.
+const MAX_SAMPLES_PER_BLOCK: u32 = 1 << 16;
+
+impl SceneDescription {
+    /// Checks everything that can be checked without the assets.
+    ///
+    /// # Errors
+    ///
+    /// The first thing that is wrong, with its place, what stands there and what would be right.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        let root = JsonPath::Root;
+        if self.version != SCENE_FORMAT_VERSION {
+            return Err(SceneError::UnsupportedVersion { found: self.version.to_string() });
+        }
+        check_name(&self.name, &root.member("name"))?;
+        let film = root.member("film");
+        check_range(self.film.width, 1, MAX_IMAGE_EDGE, &film.member("width"))?;
+        check_range(self.film.height, 1, MAX_IMAGE_EDGE, &film.member("height"))?;
+        check_camera(&self.camera, &root.member("camera"))?;
+        check_integrator(&self.integrator, &root.member("integrator"))?;
+        self.compiled_path_filter()?;
+        check_sampling(self.sampling, &root.member("sampling"))?;
+        self.check_materials(&root.member("materials"))?;
+        self.check_meshes(&root.member("meshes"))?;
+        check_count(self.panes.len(), MAX_PANES, &root.member("panes"))?;
+        let mut names = Names::default();
+        for (index, pane) in self.panes.iter().enumerate() {
+            let panes = root.member("panes");
+            check_pane(pane, &panes.element(index))?;
+            names.add(&pane.name, &panes.element(index))?;
+        }
+        check_count(self.lights.len(), MAX_LIGHTS, &root.member("lights"))?;
+        let mut names = Names::default();
+        for (index, light) in self.lights.iter().enumerate() {
+            let lights = root.member("lights");
+            let light_path = lights.element(index);
+            check_light(light, &light_path.member(light.kind()))?;
+            names.add(light.name(), &light_path.member(light.kind()))?;
+        }
+        Ok(())
+    }
+
+    /// The path filter, if there is one, ready for use.
+    pub(super) fn compiled_path_filter(&self) -> Result<Option<PathFilter>, SceneError> {
+        let Some(expression) = &self.path_filter else { return Ok(None) };
+        let root = JsonPath::Root;
+        let error = |expected: String| SceneError::value(&root.member("path_filter"), Quoted(expression), expected);
+        if expression.len() > MAX_PATH_FILTER_BYTES {
+            return Err(error(format!("at most {MAX_PATH_FILTER_BYTES} bytes")));
+        }
+        let compiled = PathFilter::parse(expression);
+        compiled.map(Some).map_err(|reason| error(format!("a light path expression such as \"D TT L\": {reason}")))
+    }
+
+    fn check_materials(&self, path: &JsonPath<'_>) -> Check {
+        for (name, material) in &self.materials {
+            let material_path = path.member(name);
+            check_name(name, &material_path)?;
+            let MaterialDescription::Diffuse { reflectance } = material;
+            let diffuse = material_path.member("diffuse");
+            let reflectance_path = diffuse.member("reflectance");
+            match reflectance {
+                ReflectanceDescription::Colour(colour) => {
+                    check_triple(*colour, 0.0, 1.0, &reflectance_path.member("colour"))?;
+                }
+                ReflectanceDescription::Texture { file } => {
+                    check_asset_name(file, &reflectance_path.member("texture").member("file"))?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_meshes(&self, path: &JsonPath<'_>) -> Check {
+        let mut names = Names::default();
+        for (index, mesh) in self.meshes.iter().enumerate() {
+            self.check_mesh(mesh, &path.element(index))?;
+            names.add(&mesh.name, &path.element(index))?;
+        }
+        Ok(())
+    }
+
+    fn check_mesh(&self, mesh: &MeshDescription, path: &JsonPath<'_>) -> Check {
+        check_name(&mesh.name, &path.member("name"))?;
+        let Some(material) = self.materials.get(&mesh.material) else {
+            let known: Vec<&str> = self.materials.keys().map(String::as_str).collect();
+            let expected = format!("the name of one of the materials ({})", known.join(", "));
+            return Err(SceneError::value(&path.member("material"), Quoted(&mesh.material), expected));
+        };
+        check_range(mesh.scale, 1e-6, 1e6, &path.member("scale"))?;
+        check_triple(mesh.rotate, -36_000.0, 36_000.0, &path.member("rotate"))?;
+        check_triple(mesh.translate, -MAX_COORDINATE, MAX_COORDINATE, &path.member("translate"))?;
+        let source = path.member("source");
+        match &mesh.source {
+            MeshSource::Inline { positions, triangles, texture_coordinates } => {
+                let inline = source.member("inline");
+                check_inline_triangles(positions, triangles, &inline)?;
+                check_texture_coordinates(texture_coordinates, positions.len(), material, &inline)
+            }
+            MeshSource::Ply { file } => check_asset_name(file, &source.member("ply").member("file")),
+            MeshSource::Obj { file } => check_asset_name(file, &source.member("obj").member("file")),
+        }
+    }
+}
+
+impl LightDescription {
+    /// Its name.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Point { name, .. }
+            | Self::Sphere { name, .. }
+            | Self::Rectangle { name, .. }
+            | Self::Sun { name, .. } => name,
+        }
+    }
+
+    /// What it is, as written in the scene file.
+    pub fn kind(&self) -> &'static str {
+        match self {
+            Self::Point { .. } => "point",
+            Self::Sphere { .. } => "sphere",
+            Self::Rectangle { .. } => "rectangle",
+            Self::Sun { .. } => "sun",
+        }
+    }
+}
+
+fn check_camera(camera: &CameraDescription, path: &JsonPath<'_>) -> Check {
+    match camera {
+        CameraDescription::Perspective { position, look_at, up, vertical_field_of_view } => {
+            let path = path.member("perspective");
+            check_view(*position, *look_at, *up, &path)?;
+            check_above(*vertical_field_of_view, 0.0, 179.0, &path.member("vertical_field_of_view"))
+        }
+        CameraDescription::Orthographic { position, look_at, up, height } => {
+            let path = path.member("orthographic");
+            check_view(*position, *look_at, *up, &path)?;
+            check_above(*height, 0.0, MAX_COORDINATE, &path.member("height"))
+        }
+    }
+}
+
+fn check_view(position: Triple, look_at: Triple, up: Triple, path: &JsonPath<'_>) -> Check {
+    check_triple(position, -MAX_COORDINATE, MAX_COORDINATE, &path.member("position"))?;
+    check_triple(look_at, -MAX_COORDINATE, MAX_COORDINATE, &path.member("look_at"))?;
+    let view = DVec3::from(look_at) - DVec3::from(position);
+    let Some(view) = view.try_normalize() else {
+        let expected = format!("another point than position ({})", Numbers(&position));
+        return Err(SceneError::value(&path.member("look_at"), Numbers(&look_at), expected));
+    };
+    let up_direction = check_direction(up, &path.member("up"))?;
+    if up_direction.cross(view).length() < MIN_SINE {
+        let expected = "a direction that is not parallel to the line from position to look_at";
+        return Err(SceneError::value(&path.member("up"), Numbers(&up), expected));
+    }
+    Ok(())
+}
+
+fn check_integrator(integrator: &IntegratorDescription, path: &JsonPath<'_>) -> Check {
+    let path = path.member(integrator.name());
+    check_range(integrator.max_depth(), 1, 1000, &path.member("max_depth"))?;
+    match integrator {
+        IntegratorDescription::Fnee { max_trials, .. } => {
+            check_range(*max_trials, 1, 1_000_000, &path.member("max_trials"))
+        }
+        IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => Ok(()),
+    }
+}
+
+fn check_sampling(sampling: SamplingDescription, path: &JsonPath<'_>) -> Check {
+    let SamplingDescription { samples_per_pass, samples_per_block } = sampling;
+    check_range(samples_per_pass, 1, MAX_SAMPLES_PER_BLOCK, &path.member("samples_per_pass"))?;
+    check_range(samples_per_block, 1, MAX_SAMPLES_PER_BLOCK, &path.member("samples_per_block"))?;
+    let passes = samples_per_block / samples_per_pass;
+    if !samples_per_block.is_multiple_of(samples_per_pass) || !passes.is_power_of_two() {
+        let expected = format!("a power of two times samples_per_pass ({samples_per_pass})");
+        return Err(SceneError::value(&path.member("samples_per_block"), samples_per_block, expected));
+    }
+    Ok(())
+}
+
+fn check_inline_triangles(positions: &[Triple], triangles: &[[u32; 3]], path: &JsonPath<'_>) -> Check {
+    let positions_path = path.member("positions");
+    for (index, position) in positions.iter().enumerate() {
+        check_triple(*position, -MAX_COORDINATE, MAX_COORDINATE, &positions_path.element(index))?;
+    }
+    let triangles_path = path.member("triangles");
+    if triangles.is_empty() {
+        return Err(SceneError::value(&triangles_path, "no triangle", "at least one"));
+    }
+    check_count(triangles.len(), MAX_TRIANGLES, &triangles_path)?;
+    for (index, triangle) in triangles.iter().enumerate() {
+        let triangle_path = triangles_path.element(index);
+        let found = || UVec3::from(*triangle);
+        let corners = triangle.map(|vertex| positions.get(vertex as usize).copied().map(DVec3::from));
+        let [Some(a), Some(b), Some(c)] = corners else {
+            let expected = format!("indices below {}, the number of positions", positions.len());
+            return Err(SceneError::value(&triangle_path, found(), expected));
+        };
+        if is_degenerate([a, b, c]) {
+            return Err(SceneError::value(&triangle_path, found(), "three corners that are not on one line"));
+        }
+    }
+    Ok(())
+}
+
+fn check_texture_coordinates(
+    coordinates: &[[f64; 2]],
+    vertices: usize,
+    material: &MaterialDescription,
+    path: &JsonPath<'_>,
+) -> Check {
+    let path = path.member("texture_coordinates");
+    for (index, pair) in coordinates.iter().enumerate() {
+        check_pair(*pair, -MAX_COORDINATE, MAX_COORDINATE, &path.element(index))?;
+    }
+    if coordinates.is_empty() && !material.needs_texture_coordinates() {
+        return Ok(());
+    }
+    if coordinates.len() != vertices {
+        let found = format!("{} pairs", coordinates.len());
+        return Err(SceneError::value(&path, found, format!("{vertices} pairs, one for each position")));
+    }
+    Ok(())
+}
+
+impl MaterialDescription {
+    /// Whether the meshes of this material must have texture coordinates.
+    pub(super) fn needs_texture_coordinates(&self) -> bool {
+        let Self::Diffuse { reflectance } = self;
+        matches!(reflectance, ReflectanceDescription::Texture { .. })
+    }
+}
+
+fn check_pane(pane: &PaneDescription, path: &JsonPath<'_>) -> Check {
+    check_name(&pane.name, &path.member("name"))?;
+    check_triple(pane.centre, -MAX_COORDINATE, MAX_COORDINATE, &path.member("centre"))?;
+    let x = check_direction(pane.x_axis, &path.member("x_axis"))?;
+    let y = check_direction(pane.y_axis, &path.member("y_axis"))?;
+    if x.cross(y).length() < MIN_SINE {
+        let expected = format!("a direction that is not parallel to x_axis ({})", Numbers(&pane.x_axis));
+        return Err(SceneError::value(&path.member("y_axis"), Numbers(&pane.y_axis), expected));
+    }
+    check_range(pane.width, 1e-3, 100.0, &path.member("width"))?;
+    check_range(pane.height, 1e-3, 100.0, &path.member("height"))?;
+    check_above(pane.thickness, 0.0, 1.0, &path.member("thickness"))?;
+    check_range(pane.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))?;
+    check_triple(pane.absorption, 0.0, 1e9, &path.member("absorption"))?;
+    check_profile(&pane.front, pane, &path.member("front"))?;
+    check_profile(&pane.back, pane, &path.member("back"))
+}
+
+fn check_profile(description: &ProfileDescription, pane: &PaneDescription, path: &JsonPath<'_>) -> Check {
+    let path = path.member(description.name());
+    let check_amplitude =
+        |amplitude: f64| check_range(amplitude, -pane.thickness, pane.thickness, &path.member("amplitude"));
+    match description {
+        ProfileDescription::Flat => Ok(()),
+        ProfileDescription::Crown { centre, wavelength, amplitude, .. } => {
+            check_pair(*centre, -MAX_COORDINATE, MAX_COORDINATE, &path.member("centre"))?;
+            check_amplitude(*amplitude)?;
+            check_wavelength(*wavelength, description, pane, &path.member("wavelength"))
+        }
+        ProfileDescription::Cylinder { axis, wavelength, amplitude, .. } => {
+            check_range(*axis, -360.0, 360.0, &path.member("axis"))?;
+            check_amplitude(*amplitude)?;
+            check_wavelength(*wavelength, description, pane, &path.member("wavelength"))
+        }
+        ProfileDescription::Bump { centre, radius, rotation, amplitude } => {
+            check_pair(*centre, -MAX_COORDINATE, MAX_COORDINATE, &path.member("centre"))?;
+            let radius_path = path.member("radius");
+            for (index, component) in radius.iter().enumerate() {
+                check_wavelength(*component, description, pane, &radius_path.element(index))?;
+            }
+            check_range(*rotation, -360.0, 360.0, &path.member("rotation"))?;
+            check_amplitude(*amplitude)
+        }
+        ProfileDescription::Hammered { wavelength, amplitude, .. } => {
+            check_amplitude(*amplitude)?;
+            check_wavelength(*wavelength, description, pane, &path.member("wavelength"))
+        }
+        ProfileDescription::HeightMap { file, scale, offset } => {
+            check_asset_name(file, &path.member("file"))?;
+            check_range(*scale, -1e6, 1e6, &path.member("scale"))?;
+            check_range(*offset, -1.0, 1.0, &path.member("offset"))
+        }
+    }
+}
+
+impl ProfileDescription {
+    /// What it is, as written in the scene file.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Flat => "flat",
+            Self::Crown { .. } => "crown",
+            Self::Cylinder { .. } => "cylinder",
+            Self::Bump { .. } => "bump",
+            Self::Hammered { .. } => "hammered",
+            Self::HeightMap { .. } => "height_map",
+        }
+    }
+}
+
+/// A length that the coefficients of a profile must resolve.
+fn check_wavelength(
+    wavelength: f64,
+    description: &ProfileDescription,
+    pane: &PaneDescription,
+    path: &JsonPath<'_>,
+) -> Check {
+    let edge = pane.width.max(pane.height);
+    let shortest = profile::shortest_wavelength(description, edge);
+    if !wavelength.is_finite() || wavelength < shortest || wavelength > MAX_COORDINATE {
+        let expected = format!(
+            "{shortest:.3e} to {MAX_COORDINATE}: {} coefficients across the {edge} m of this pane resolve no less",
+            profile::MAX_COEFFICIENTS_PER_AXIS
+        );
+        return Err(SceneError::value(path, Number(wavelength), expected));
+    }
+    Ok(())
+}
+
+fn check_light(light: &LightDescription, path: &JsonPath<'_>) -> Check {
+    check_name(light.name(), &path.member("name"))?;
+    let check_place = |place: Triple, name: &str| {
+        check_triple(place, -MAX_LIGHT_COORDINATE, MAX_LIGHT_COORDINATE, &path.member(name))
+    };
+    let check_power = |power: Triple, name: &str| check_triple(power, 0.0, 1e30, &path.member(name));
+    match light {
+        LightDescription::Point { position, intensity, .. } => {
+            check_place(*position, "position")?;
+            check_power(*intensity, "intensity")
+        }
+        LightDescription::Sphere { centre, radius, radiance, .. } => {
+            check_place(*centre, "centre")?;
+            check_above(*radius, 0.0, MAX_LIGHT_COORDINATE, &path.member("radius"))?;
+            check_power(*radiance, "radiance")
+        }
+        LightDescription::Rectangle { centre, edge_u, edge_v, radiance, .. } => {
+            check_place(*centre, "centre")?;
+            let u = check_direction(*edge_u, &path.member("edge_u"))?;
+            let v = check_direction(*edge_v, &path.member("edge_v"))?;
+            if u.dot(v).abs() > MIN_SINE {
+                let expected = format!("a vector perpendicular to edge_u ({})", Numbers(edge_u));
+                return Err(SceneError::value(&path.member("edge_v"), Numbers(edge_v), expected));
+            }
+            check_power(*radiance, "radiance")
+        }
+        LightDescription::Sun { direction, angular_radius, radiance, .. } => {
+            check_direction(*direction, &path.member("direction"))?;
+            check_range(*angular_radius, 1e-3, 90.0, &path.member("angular_radius"))?;
+            check_power(*radiance, "radiance")
+        }
+    }
+}
+
+fn check_name(name: &str, path: &JsonPath<'_>) -> Check {
+    if name.is_empty() || name.len() > MAX_NAME_BYTES || name.chars().any(char::is_control) {
+        let expected = format!("1 to {MAX_NAME_BYTES} bytes without control characters");
+        return Err(SceneError::value(path, Quoted(name), expected));
+    }
+    Ok(())
+}
+
+/// Names of one kind of thing, no two of them alike.
+#[derive(Default)]
+struct Names<'a>(BTreeSet<&'a str>);
+
+impl<'a> Names<'a> {
+    /// Adds the name of the thing at `path`.
+    fn add(&mut self, name: &'a str, path: &JsonPath<'_>) -> Check {
+        if self.0.insert(name) {
+            return Ok(());
+        }
+        Err(SceneError::value(&path.member("name"), Quoted(name), "a name that no earlier one has"))
+    }
+}
+
+fn check_count(count: usize, limit: usize, path: &JsonPath<'_>) -> Check {
+    if count > limit {
+        return Err(SceneError::value(path, format_args!("{count} elements"), format_args!("at most {limit}")));
+    }
+    Ok(())
+}
+
+/// Checks `min <= value <= max`; a number that is not finite is out of every range.
+fn check_range<T: PartialOrd + fmt::Debug + fmt::Display + Copy>(
+    value: T,
+    min: T,
+    max: T,
+    path: &JsonPath<'_>,
+) -> Check {
+    if min <= value && value <= max {
+        return Ok(());
+    }
+    Err(SceneError::value(path, Number(value), format_args!("{min} to {max}")))
+}
+
+/// Checks `min < value <= max`.
+fn check_above(value: f64, min: f64, max: f64, path: &JsonPath<'_>) -> Check {
+    if min < value && value <= max {
+        return Ok(());
+    }
+    Err(SceneError::value(path, Number(value), format_args!("more than {min} and at most {max}")))
+}
+
+fn check_triple(triple: Triple, min: f64, max: f64, path: &JsonPath<'_>) -> Check {
+    (0..).zip(triple).try_for_each(|(index, component)| check_range(component, min, max, &path.element(index)))
+}
+
+fn check_pair(pair: [f64; 2], min: f64, max: f64, path: &JsonPath<'_>) -> Check {
+    (0..).zip(pair).try_for_each(|(index, component)| check_range(component, min, max, &path.element(index)))
+}
+
+/// Checks that a vector has a direction, and returns it.
+fn check_direction(vector: Triple, path: &JsonPath<'_>) -> Result<DVec3, SceneError> {
+    check_triple(vector, -MAX_LIGHT_COORDINATE, MAX_LIGHT_COORDINATE, path)?;
+    let length = DVec3::from(vector).length();
+    if length < 1e-9 {
+        return Err(SceneError::value(path, Numbers(&vector), "a vector of a length above 0.000000001"));
+    }
+    Ok(DVec3::from(vector) / length)
+}
+
+/// A number as it reads back.
+struct Number<T>(T);
+
+impl<T: fmt::Debug> fmt::Display for Number<T> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{:?}", self.0)
+    }
+}
+
+/// An array of numbers.
+struct Numbers<'a>(&'a [f64]);
+
+impl fmt::Display for Numbers<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{:?}", self.0)
+    }
+}
+
+/// A text in quotation marks.
+struct Quoted<'a>(&'a str);
+
+impl fmt::Display for Quoted<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "\"{}\"", self.0)
+    }
+}

@@ -1,0 +1,77 @@
+//! What lies between two points of a scene: triangles, panes and lights.
+
+use glam::DVec3;
+
+use super::Scene;
+use crate::{
+    counters::Counters,
+    geometry::{Face, Leaving, Ray, Surface},
+    optics::Source,
+    specular::ShadingPoint,
+};
+
+impl Scene {
+    /// Whether anything blocks the ray before `max_distance`, apart from the pane and the light that are named.
+    pub fn blocked(
+        &self,
+        ray: &Ray,
+        max_distance: f64,
+        leaving: Leaving,
+        ignored_pane: Option<u32>,
+        target_light: Option<u32>,
+        counters: &mut Counters,
+    ) -> bool {
+        let by_light = (0u32..).zip(self.lights()).any(|(index, light)| {
+            Some(index) != target_light
+                && leaving != Leaving::Light(index)
+                && light.intersect(ray).is_some_and(|hit| hit.distance < max_distance && hit.distance.is_finite())
+        });
+        by_light || self.accelerator().occluded(ray, max_distance, leaving, ignored_pane, counters)
+    }
+
+    /// Whether anything but the pane blocks the way from `point` to `entry` on its near face, or stands in the glass
+    /// between `entry` and `exit`.
+    pub fn blocked_through_pane(
+        &self,
+        point: &ShadingPoint,
+        entry: DVec3,
+        pane: u32,
+        near: Face,
+        exit: &DVec3,
+        counters: &mut Counters,
+    ) -> bool {
+        let (first, first_length) = segment(point.position, entry);
+        let (inner, inner_length) = segment(entry, *exit);
+        self.blocked(&first, first_length, point.leaving, Some(pane), None, counters)
+            || self.blocked(&inner, inner_length, Leaving::Pane { index: pane, face: near }, Some(pane), None, counters)
+    }
+
+    /// The pane that the straight line from `point` to `source` meets before anything else.
+    pub fn first_pane_towards(&self, point: &ShadingPoint, source: Source, counters: &mut Counters) -> Option<u32> {
+        let (ray, distance) = straight(point.position, source);
+        let hit = self.accelerator().closest_hit(&ray, distance, point.leaving, counters)?;
+        match hit.surface {
+            Surface::Pane { index, .. } => Some(index),
+            Surface::Triangle { .. } => None,
+        }
+    }
+
+    /// Whether anything blocks the straight line from `point` to `source`.
+    pub fn is_blocked_towards(&self, point: &ShadingPoint, source: Source, counters: &mut Counters) -> bool {
+        let (ray, distance) = straight(point.position, source);
+        self.accelerator().occluded(&ray, distance, point.leaving, None, counters)
+    }
+}
+
+fn segment(from: DVec3, to: DVec3) -> (Ray, f64) {
+    let offset = to - from;
+    let length = offset.length();
+    (Ray::new(from, offset / length), length)
+}
+
+fn straight(from: DVec3, source: Source) -> (Ray, f64) {
+    match source {
+        Source::Point(position) => segment(from, position),
+        Source::Direction(direction) => (Ray::new(from, direction), f64::INFINITY),
+    }
+}

@@ -1,0 +1,300 @@
+//! `fnee`: Fermat next event estimation (Huan et al. 2023).
+//!
+//! A point S is drawn on the light. A seed starts Newton's method on the optical length of the path O, X1, X2, S; where
+//! it converges, the path carries light weighted by the generalised geometry factor and by the inverse of the
+//! probability with which a seed leads to this path. That inverse is estimated without bias by counting how many
+//! independent seeds it takes to find the same path again (Booth 2007; Zeltner et al. 2020, section 4.3).
+//!
+//! [`FneeSolver::Published`] follows the paper: uniform seeds over both faces, backtracking on the optical length.
+//! [`FneeSolver::Complete`] seeds X1 in the deflection window, refracts the seed to the far face, and finds minima,
+//! saddles and maxima alike. It first tries a fixed grid of seeds: what they lead to is a function of the problem, so it
+//! counts with weight one; only a path that a further, random seed leads to and the grid did not is weighted by trials.
+//! That keeps the estimate unbiased and takes nearly all of the trials' variance out of it.
+//!
+//! An estimate that exceeds `max_trials` is cut off there, which loses light; the counter `truncated` says how often.
+
+use glam::{DVec2, DVec3};
+
+use super::{
+    Arrival, ShadingPoint, SpecularMethod, coverage,
+    fermat::Connection,
+    newton::{Root, SearchRegion, solve_complete, solve_published},
+    side::{PaneSide, Transmission},
+    window::{SourceBounds, deflection_window},
+};
+use crate::{
+    counters::Counters,
+    film::{SampleStream, TrialStream},
+    geometry::{Leaving, Ray, Rect},
+    optics::{Source, SourceSample},
+    scene::{
+        Scene,
+        description::{FneeSolver, PaneSelection},
+    },
+};
+
+/// Fermat next event estimation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Fnee {
+    /// How stationary paths are searched for.
+    pub solver: FneeSolver,
+    /// Which panes are searched.
+    pub selection: PaneSelection,
+    /// Largest number of trials of one estimate of an inverse probability.
+    pub max_trials: u32,
+}
+
+/// The search for paths from one point to one source through one pane, in the pane's frame.
+#[derive(Clone, Copy, Debug)]
+pub struct PathSearch<'a> {
+    side: PaneSide<'a>,
+    connection: Connection<'a>,
+    window: Rect,
+    region: SearchRegion,
+    solver: FneeSolver,
+}
+
+/// Seeds along each side of the window of which all must agree.
+const FIRST_GRID: u32 = 2;
+
+/// Seeds along each side of the window when there may be several paths. On the reference panes a finer grid finds next
+/// to nothing more.
+const FULL_GRID: u32 = 5;
+
+/// The vertices replayed by tracing may differ from the solved ones by this part of the pane's thickness.
+const REPLAY_TOLERANCE: f64 = 1e-3;
+
+impl<'a> PathSearch<'a> {
+    /// Prepares the search; `None` when no path can exist.
+    pub fn new(side: PaneSide<'a>, origin: DVec3, source: Source, solver: FneeSolver) -> Option<Self> {
+        let bounds = match source {
+            Source::Point(centre) => SourceBounds::Ball { centre, radius: 0.0 },
+            Source::Direction(direction) => SourceBounds::Cap { direction, sin_radius: 0.0 },
+        };
+        let window = deflection_window(&side, origin, &bounds)?;
+        let region = SearchRegion::around(&window, side.pane.thickness);
+        Some(Self { side, connection: Connection::new(&side, origin, source), window, region, solver })
+    }
+
+    /// The pane from the side of the shading point.
+    pub fn side(&self) -> &PaneSide<'a> {
+        &self.side
+    }
+
+    /// Runs the solver from one seed. `random` gives numbers in [0, 1): two for the complete solver, four for the
+    /// published one.
+    pub fn solve(&self, mut random: impl FnMut() -> DVec2, counters: &mut Counters) -> Option<Root> {
+        let within = |rect: &Rect, random: DVec2| rect.min + (rect.max - rect.min) * random;
+        match self.solver {
+            FneeSolver::Complete => {
+                let seed = self.connection.thin_seed(within(&self.window, random()), counters)?;
+                solve_complete(&self.connection, seed, &self.region, counters)
+            }
+            FneeSolver::Published => {
+                let outline = self.side.pane.outline();
+                let seed = [within(&outline, random()), within(&outline, random())];
+                solve_published(&self.connection, seed, &self.region, counters)
+            }
+        }
+    }
+
+    /// The roots that a fixed set of seeds leads to: a function of the problem alone, so their probability is one.
+    /// Four seeds that agree are taken to be enough; otherwise a grid is tried. Empty for the published solver.
+    fn systematic(&self, counters: &mut Counters) -> Vec<Root> {
+        let mut roots = Vec::new();
+        if self.solver == FneeSolver::Published {
+            return roots;
+        }
+        if !self.solve_grid(FIRST_GRID, &mut roots, counters) || roots.len() != 1 {
+            self.solve_grid(FULL_GRID, &mut roots, counters);
+        }
+        roots
+    }
+
+    /// Solves from a grid of seeds over the window and adds the roots that are new; whether every seed converged.
+    fn solve_grid(&self, cells: u32, roots: &mut Vec<Root>, counters: &mut Counters) -> bool {
+        let mut all_converged = true;
+        for cell in 0..cells * cells {
+            let centre = DVec2::new(f64::from(cell % cells) + 0.5, f64::from(cell / cells) + 0.5);
+            match self.solve(|| centre / f64::from(cells), counters) {
+                Some(root) if !roots.iter().any(|known| self.same(known, &root)) => roots.push(root),
+                Some(_) => {}
+                None => all_converged = false,
+            }
+        }
+        all_converged
+    }
+
+    /// Whether two roots are the same path.
+    pub fn same(&self, first: &Root, second: &Root) -> bool {
+        self.region.same(first, second)
+    }
+
+    /// What the pane lets through along a root; `None` when the root is no path of light that the method owns: outside
+    /// the outline, not crossing both faces, or blocked by the pane's own relief.
+    pub fn transmission(&self, root: &Root, counters: &mut Counters) -> Option<Transmission> {
+        let outline = self.side.pane.outline();
+        if !(outline.contains(root.theta[0]) && outline.contains(root.theta[1]) && root.path.crosses(self.side.sign)) {
+            return None;
+        }
+        if !coverage::owns(&self.side, root.path.directions) {
+            return None;
+        }
+        let through = self.side.transmit(&Ray::new(self.connection.origin, root.path.directions[0]), counters)?;
+        let limit = REPLAY_TOLERANCE * self.side.pane.thickness;
+        let near = (through.entry - root.path.vertices[0]).length() < limit;
+        let far = (through.exit - root.path.vertices[1]).length() < limit;
+        (near && far).then_some(through)
+    }
+
+    /// Number of independent seeds until `root` is found again: an unbiased estimate of one over its probability. Cut
+    /// off at `max_trials`.
+    fn inverse_probability(
+        &self,
+        root: &Root,
+        max_trials: u32,
+        trials: &mut TrialStream,
+        counters: &mut Counters,
+    ) -> f64 {
+        for trial in 1..=max_trials {
+            counters.trials += 1;
+            let found = self.solve(|| DVec2::new(trials.next_f64(), trials.next_f64()), counters);
+            if found.is_some_and(|found| self.same(root, &found)) {
+                return f64::from(trial);
+            }
+        }
+        counters.truncated += 1;
+        f64::from(max_trials)
+    }
+}
+
+impl SpecularMethod for Fnee {
+    fn gather(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        light: u32,
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+        arrive: &mut dyn FnMut(Arrival),
+    ) {
+        let panes = scene.accelerator().panes();
+        let (centre, radius) = scene.pane_ball();
+        let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
+        let (chosen, inverse_selection) = match self.selection {
+            PaneSelection::All => (0..panes.len(), 1.0),
+            PaneSelection::Sharp => match scene.first_pane_towards(point, sample.source, counters) {
+                Some(pane) => (pane as usize..pane as usize + 1, 1.0),
+                None => return,
+            },
+            PaneSelection::Bleed => {
+                let pick = ((stream.next_1d() * panes.len() as f64) as usize).min(panes.len().saturating_sub(1));
+                if panes.is_empty() || !scene.is_blocked_towards(point, sample.source, counters) {
+                    return;
+                }
+                (pick..pick + 1, panes.len() as f64)
+            }
+        };
+        for index in chosen {
+            let random = stream.next_2d();
+            let mut trials = stream.trials();
+            let sampled = SampledLight { index: light, sample: &sample };
+            self.connect(scene, point, &sampled, index as u32, random, &mut trials, counters, &mut |arrival| {
+                arrive(Arrival { weight: arrival.weight * inverse_selection, ..arrival });
+            });
+        }
+    }
+
+    fn selects(&self, scene: &Scene, point: &ShadingPoint, source: Source, pane: u32, counters: &mut Counters) -> bool {
+        match self.selection {
+            PaneSelection::All => true,
+            PaneSelection::Sharp => scene.first_pane_towards(point, source, counters) == Some(pane),
+            PaneSelection::Bleed => scene.is_blocked_towards(point, source, counters),
+        }
+    }
+}
+
+/// A light, and the point on it that was drawn.
+struct SampledLight<'a> {
+    index: u32,
+    sample: &'a SourceSample,
+}
+
+impl Fnee {
+    /// Light from one source point through one pane.
+    #[expect(clippy::too_many_arguments, reason = "one estimate depends on all of them, and none belong together")]
+    fn connect(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        light: &SampledLight<'_>,
+        index: u32,
+        random: DVec2,
+        trials: &mut TrialStream,
+        counters: &mut Counters,
+        arrive: &mut dyn FnMut(Arrival),
+    ) {
+        let pane = &scene.accelerator().panes()[index as usize];
+        let frame = &pane.frame;
+        let source = match light.sample.source {
+            Source::Point(position) => Source::Point(frame.point_to_local(position)),
+            Source::Direction(direction) => Source::Direction(frame.vector_to_local(direction)),
+        };
+        let origin = frame.point_to_local(point.position);
+        let Some(side) = PaneSide::facing(pane, origin) else { return };
+        if !side.rises_above(origin, frame.vector_to_local(point.normal)) {
+            return;
+        }
+        let Some(search) = PathSearch::new(side, origin, source, self.solver) else { return };
+        let known = search.systematic(counters);
+        for root in &known {
+            if let Some(arrival) = arrival(scene, point, light, index, &search, root, counters) {
+                arrive(arrival);
+            }
+        }
+        // The first seed is stratified over the pixel's samples; further coordinates and trials are not.
+        let mut first = Some(random);
+        let seed = || first.take().unwrap_or_else(|| DVec2::new(trials.next_f64(), trials.next_f64()));
+        let Some(root) = search.solve(seed, counters) else { return };
+        if known.iter().any(|known| search.same(known, &root)) {
+            return;
+        }
+        let Some(arrival) = arrival(scene, point, light, index, &search, &root, counters) else { return };
+        let inverse = search.inverse_probability(&root, self.max_trials, trials, counters);
+        arrive(Arrival { weight: arrival.weight * inverse, ..arrival });
+    }
+}
+
+/// The light that arrives along a root, if it is a path that the method owns and nothing is in the way.
+fn arrival(
+    scene: &Scene,
+    point: &ShadingPoint,
+    light: &SampledLight<'_>,
+    index: u32,
+    search: &PathSearch<'_>,
+    root: &Root,
+    counters: &mut Counters,
+) -> Option<Arrival> {
+    let frame = &search.side.pane.frame;
+    let direction = frame.vector_to_world(root.path.directions[0]);
+    if direction.dot(point.normal) <= 0.0 {
+        return None;
+    }
+    let last = frame.vector_to_world(root.path.directions[2]);
+    let light_cosine = light.sample.normal.map_or(1.0, |normal| -normal.dot(last));
+    if light_cosine <= 0.0 {
+        return None;
+    }
+    let through = search.transmission(root, counters)?;
+    let [entry, exit] = root.path.vertices.map(|vertex| frame.point_to_world(vertex));
+    let leaving = Leaving::Pane { index, face: search.side.far };
+    let outside = Ray::new(exit, last);
+    if scene.blocked_through_pane(point, entry, index, search.side.near, &exit, counters)
+        || scene.blocked(&outside, root.path.lengths[2], leaving, None, Some(light.index), counters)
+    {
+        return None;
+    }
+    counters.unique_solutions += 1;
+    let factor = root.path.geometry_factor(root.determinant) * light_cosine;
+    Some(Arrival { direction, weight: light.sample.weight * through.transmittance * factor })
+}

@@ -1,0 +1,58 @@
+//! How light reaches a shading point through glass: one question, one file for each method that answers it.
+//!
+//! The path tracer asks [`SpecularMethod::gather`]: which light arrives at this point, from this light, through a pane?
+//! [`cone`] samples directions and sees whether they reach the light; [`fnee`] solves for the paths that do. Both own the
+//! same paths ([`coverage`]) and look for them in the same window ([`window`]).
+
+pub mod cone;
+pub mod coverage;
+pub mod fermat;
+pub mod fnee;
+pub mod newton;
+pub mod side;
+#[cfg(test)]
+mod testing;
+pub mod window;
+
+use glam::DVec3;
+
+use crate::{counters::Counters, film::SampleStream, geometry::Leaving, optics::Source, scene::Scene};
+
+/// A point of a surface that is not specular, where light is gathered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadingPoint {
+    /// Where it is.
+    pub position: DVec3,
+    /// Unit normal on the side from which the camera path came.
+    pub normal: DVec3,
+    /// The surface on which it lies.
+    pub leaving: Leaving,
+}
+
+/// Light that arrives at a shading point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arrival {
+    /// Unit direction towards the light's last vertex.
+    pub direction: DVec3,
+    /// Estimate of radiance times solid angle [W/m2]; the cosine at the shading point is not included.
+    pub weight: DVec3,
+}
+
+/// A method that finds the light that arrives through a pane.
+pub trait SpecularMethod: Send + Sync {
+    /// Estimates the light of `light` (an index into the scene) that arrives at `point` by the paths that the method
+    /// owns, and hands each piece to `arrive`. The expectation of the sum over all pieces is the light that arrives.
+    fn gather(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        light: u32,
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+        arrive: &mut dyn FnMut(Arrival),
+    );
+
+    /// Whether the method looks for paths from `point` to `source` through `pane`: a function of these alone, so that
+    /// the path tracer can own exactly the paths that the method does not look for.
+    fn selects(&self, scene: &Scene, point: &ShadingPoint, source: Source, pane: u32, counters: &mut Counters) -> bool;
+}

@@ -1,0 +1,116 @@
+//! A pane seen from the side on which a shading point lies, and the exact path of a ray through both of its faces.
+
+use glam::{DVec2, DVec3};
+
+use crate::{
+    counters::Counters,
+    geometry::{Face, HeightField, Pane, PaneBoundary, Ray},
+    optics::dielectric::{absorption, refract},
+};
+
+/// Rays that cross a pane's plane at less than this cosine belong to the path tracer: at 89.9 degrees the bounds on
+/// deflection grow past every pane.
+pub const GRAZING_COSINE: f64 = 1e-3;
+
+/// A pane seen from one side. `near` is the face that looks at the shading point.
+#[derive(Clone, Copy, Debug)]
+pub struct PaneSide<'a> {
+    /// The pane.
+    pub pane: &'a Pane,
+    /// The face on the side of the shading point.
+    pub near: Face,
+    /// The other face.
+    pub far: Face,
+    /// 1 when the shading point lies in front, -1 when it lies behind: the sign of z along the way to the light.
+    pub sign: f64,
+}
+
+/// A ray that went in through one face of a pane and out through the other. All in the pane's frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Transmission {
+    /// Where it went in.
+    pub entry: DVec3,
+    /// Where it came out.
+    pub exit: DVec3,
+    /// Unit direction in the glass.
+    pub inner_direction: DVec3,
+    /// Unit direction after the pane.
+    pub direction: DVec3,
+    /// Fresnel transmittance of both faces times absorption in the glass.
+    pub transmittance: DVec3,
+}
+
+impl<'a> PaneSide<'a> {
+    /// The pane as seen from `point` (in the pane's frame); `None` for points between the highest and the lowest point
+    /// of either face, to which the specular methods give no light (see [`super::coverage`]).
+    pub fn facing(pane: &'a Pane, point: DVec3) -> Option<Self> {
+        if point.z < pane.front.all_heights().min {
+            Some(Self { pane, near: Face::Front, far: Face::Back, sign: 1.0 })
+        } else if point.z > pane.thickness + pane.back.all_heights().max {
+            Some(Self { pane, near: Face::Back, far: Face::Front, sign: -1.0 })
+        } else {
+            None
+        }
+    }
+
+    /// Whether any point of the pane lies in front of the plane through `point` with the normal `normal`, both in the
+    /// pane's frame: light through a pane that lies behind a surface cannot reach it.
+    pub fn rises_above(&self, point: DVec3, normal: DVec3) -> bool {
+        let half = self.pane.size * 0.5;
+        let reach = normal.x.abs() * half.x + normal.y.abs() * half.y;
+        let heights = self.near_surface().all_heights();
+        let rise = |height: f64| normal.z * (self.near_base() + height - point.z);
+        let depth = rise(heights.min).max(rise(heights.max));
+        reach + depth - normal.x * point.x - normal.y * point.y > 0.0
+    }
+
+    /// Height field of the near face.
+    pub fn near_surface(&self) -> &'a HeightField {
+        self.pane.surface(self.near)
+    }
+
+    /// Height field of the far face.
+    pub fn far_surface(&self) -> &'a HeightField {
+        self.pane.surface(self.far)
+    }
+
+    /// z of the undisplaced near face.
+    pub fn near_base(&self) -> f64 {
+        self.pane.base_height(self.near)
+    }
+
+    /// z of the undisplaced far face.
+    pub fn far_base(&self) -> f64 {
+        self.pane.base_height(self.far)
+    }
+
+    /// Traces a ray, given in the pane's frame, from outside through both faces. `None` when it misses the near face,
+    /// meets the edge, leaves by the face by which it entered, or is totally reflected.
+    pub fn transmit(&self, ray: &Ray, counters: &mut Counters) -> Option<Transmission> {
+        let index = self.pane.index_of_refraction;
+        let entry = self.pane.intersect_outside(ray, f64::INFINITY, None, counters)?;
+        if entry.boundary != PaneBoundary::Face(self.near) {
+            return None;
+        }
+        let inner = refract(ray.direction, unit_normal(entry.gradient), 1.0, index)?;
+        let inner_ray = Ray::new(entry.point, inner.direction);
+        let exit = self.pane.intersect_inside(&inner_ray, Some(self.near), counters)?;
+        if exit.boundary != PaneBoundary::Face(self.far) {
+            return None;
+        }
+        let outer = refract(inner.direction, unit_normal(exit.gradient), index, 1.0)?;
+        Some(Transmission {
+            entry: entry.point,
+            exit: exit.point,
+            inner_direction: inner.direction,
+            direction: outer.direction,
+            transmittance: absorption(self.pane.absorption, exit.distance)
+                * (inner.transmittance * outer.transmittance),
+        })
+    }
+}
+
+/// Unit normal of the surface `z = h(x, y)`, towards +z.
+pub fn unit_normal(gradient: DVec2) -> DVec3 {
+    DVec3::new(-gradient.x, -gradient.y, 1.0).normalize()
+}

@@ -1,0 +1,18 @@
+//! What a worker needs to know.
+
+use std::num::NonZeroUsize;
+
+/// Settings of a worker.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Address of the coordinator, for instance `http://127.0.0.1:7171`.
+    pub coordinator: String,
+    /// The farm's token, where it has one.
+    pub token: Option<String>,
+    /// A name for people, for instance the machine's.
+    pub name: String,
+    /// Threads that render.
+    pub threads: NonZeroUsize,
+    /// Which build of Clerestory this is; written into every partial.
+    pub build: String,
+}

@@ -1,0 +1,32 @@
+//! Why a worker ends.
+
+use std::error::Error;
+
+use clerestory_api::ClientError;
+
+/// Why a worker cannot work. Everything that may pass (a coordinator that is away, a lease that is lost, a scene that
+/// cannot be built) is not an error of the worker: it goes on.
+#[derive(Debug, thiserror::Error)]
+pub enum WorkerError {
+    /// The coordinator's address or the token cannot be used.
+    #[error("cannot set up the connection to the coordinator")]
+    Connection(#[source] ClientError),
+    /// The coordinator does not let this worker in.
+    #[error("the coordinator refuses this worker")]
+    Refused(#[source] ClientError),
+    /// The threads that render could not be started.
+    #[error("cannot start the threads that render")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+/// An error and its causes in one line.
+pub(crate) fn with_causes(error: &dyn Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(next) = cause {
+        text.push_str(": ");
+        text.push_str(&next.to_string());
+        cause = next.source();
+    }
+    text
+}

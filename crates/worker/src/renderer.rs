@@ -1,0 +1,97 @@
+//! Nodes of a lease, rendered one after another on a pool of threads.
+
+use std::any::Any;
+use std::num::NonZeroUsize;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use clerestory_render_core::film::{Node, NodeAddress};
+use clerestory_render_core::integrator::{RenderError, Rendered, render_node};
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use tokio::sync::mpsc;
+use tracing::info;
+
+use crate::job_cache::JobPlan;
+
+/// A node, and what it took.
+pub(crate) struct RenderedNode {
+    /// The node.
+    pub(crate) node: Node,
+    /// Time spent rendering it, summed over cores.
+    pub(crate) core_time: Duration,
+}
+
+/// Why the nodes of a lease were not rendered.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum LeaseError {
+    #[error("told to stop")]
+    Stopped,
+    #[error("the image has no frame {0}")]
+    NoSuchFrame(u32),
+    #[error("cannot render {address:?}")]
+    Render { address: NodeAddress, source: RenderError },
+    #[error("rendering {address:?} panicked: {message}")]
+    Panic { address: NodeAddress, message: String },
+}
+
+/// The threads that render.
+pub(crate) struct Renderer {
+    pool: ThreadPool,
+}
+
+impl Renderer {
+    pub(crate) fn new(threads: NonZeroUsize) -> Result<Self, ThreadPoolBuildError> {
+        let name = |index| format!("render-{index}");
+        Ok(Self { pool: ThreadPoolBuilder::new().num_threads(threads.get()).thread_name(name).build()? })
+    }
+
+    /// Renders `nodes` in their order and sends each as it is complete. Blocks; call it from a thread that may.
+    pub(crate) fn render(
+        &self,
+        plan: &JobPlan,
+        nodes: &[clerestory_api::NodeAddress],
+        cancelled: &AtomicBool,
+        complete: &mpsc::Sender<RenderedNode>,
+    ) -> Result<(), LeaseError> {
+        let start = Instant::now();
+        let mut samples = 0;
+        for node in nodes {
+            let address = NodeAddress { frame: node.frame, tile: node.tile, level: node.level, index: node.index };
+            if address.frame != 0 {
+                return Err(LeaseError::NoSuchFrame(address.frame));
+            }
+            let node_start = Instant::now();
+            let Rendered { node, counters } = self.render_node(plan, address, cancelled)?;
+            samples += counters.samples;
+            let core_time = node_start.elapsed() * u32::try_from(self.pool.current_num_threads()).unwrap_or(u32::MAX);
+            if complete.blocking_send(RenderedNode { node, core_time }).is_err() {
+                return Err(LeaseError::Stopped);
+            }
+        }
+        let seconds = start.elapsed().as_secs_f64();
+        info!(job = %plan.job, nodes = nodes.len(), seconds, rate = samples as f64 / seconds, "rendered a lease");
+        Ok(())
+    }
+
+    fn render_node(
+        &self,
+        plan: &JobPlan,
+        address: NodeAddress,
+        cancelled: &AtomicBool,
+    ) -> Result<Rendered, LeaseError> {
+        let work = || self.pool.install(|| render_node(&plan.scene, &plan.grid, address, cancelled));
+        // Nothing is written that a panic could leave half done: the scene is immutable and the node is dropped.
+        match catch_unwind(AssertUnwindSafe(work)) {
+            Ok(Ok(rendered)) => Ok(rendered),
+            Ok(Err(RenderError::Cancelled)) => Err(LeaseError::Stopped),
+            Ok(Err(source)) => Err(LeaseError::Render { address, source }),
+            Err(payload) => Err(LeaseError::Panic { address, message: panic_message(&*payload) }),
+        }
+    }
+}
+
+fn panic_message(payload: &(dyn Any + Send)) -> String {
+    let text = payload.downcast_ref::<&str>().map(|text| (*text).to_owned());
+    text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_else(|| "no message".to_owned())
+}

@@ -1,0 +1,40 @@
+//! Calls that are repeated while the coordinator is away.
+
+use std::time::Duration;
+
+use backon::{ExponentialBuilder, Retryable};
+use clerestory_api::ClientError;
+use tracing::warn;
+
+use crate::error::with_causes;
+
+/// First pause between attempts.
+const SHORTEST_PAUSE: Duration = Duration::from_millis(100);
+
+/// Longest pause between attempts, before jitter adds up to as much again.
+const LONGEST_PAUSE: Duration = Duration::from_secs(3);
+
+/// Pauses that double from attempt to attempt, with jitter so that a farm of workers does not come back all at once.
+pub(crate) fn pauses() -> ExponentialBuilder {
+    ExponentialBuilder::default()
+        .with_min_delay(SHORTEST_PAUSE)
+        .with_max_delay(LONGEST_PAUSE)
+        .with_jitter()
+        .without_max_times()
+}
+
+/// Repeats `call` until the coordinator answers it for good: with a success, or with an error that will not pass.
+pub(crate) async fn until_answered<T, Answer>(
+    what: &'static str,
+    call: impl FnMut() -> Answer,
+) -> Result<T, ClientError>
+where
+    Answer: Future<Output = Result<T, ClientError>>,
+{
+    call.retry(pauses())
+        .when(ClientError::is_transient)
+        .notify(|error, pause| {
+            warn!(what, ?pause, reason = with_causes(error), "the coordinator does not answer, trying again");
+        })
+        .await
+}

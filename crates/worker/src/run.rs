@@ -1,0 +1,135 @@
+//! The life of a worker.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use backon::BackoffBuilder;
+use clerestory_api::{Client, ClientError, Lease, LeaseRequest, ProblemCode, WorkerRegistration};
+use tokio::task::JoinSet;
+use tokio_util::sync::CancellationToken;
+use tokio_util::task::AbortOnDropHandle;
+use tracing::{error, info, warn};
+
+use crate::error::with_causes;
+use crate::job_cache::JobCache;
+use crate::lease::{Ending, LeaseWork};
+use crate::registration::{Registration, is_unknown_worker};
+use crate::renderer::Renderer;
+use crate::retry::{pauses, until_answered};
+use crate::uploader::uploader;
+use crate::{Config, WorkerError};
+
+/// How long the coordinator may let a claim wait for work.
+const LONG_POLL: Duration = Duration::from_secs(15);
+
+/// Pause after a claim that brought nothing, for coordinators that answer at once because they are shutting down.
+const IDLE_PAUSE: Duration = Duration::from_millis(100);
+
+/// How long after the shutdown signal the worker goes on trying to hand over what it has.
+const SHUTDOWN_GRACE: Duration = Duration::from_secs(5);
+
+/// Works for a coordinator until `shutdown` completes; then uploads the complete nodes that it has, gives the rest of its
+/// lease back, and returns within a few seconds.
+///
+/// A coordinator that is away is waited for, without end.
+///
+/// # Errors
+///
+/// When the address or the token cannot be used, the coordinator refuses the worker, or threads cannot be started.
+pub async fn run(config: Config, shutdown: impl Future<Output = ()> + Send + 'static) -> Result<(), WorkerError> {
+    let client = Client::new(&config.coordinator, config.token.as_deref()).map_err(WorkerError::Connection)?;
+    let renderer = Arc::new(Renderer::new(config.threads)?);
+    let stop = CancellationToken::new();
+    let signal = stop.clone();
+    let _watch = AbortOnDropHandle::new(tokio::spawn(async move {
+        shutdown.await;
+        signal.cancel();
+    }));
+
+    let introduction = WorkerRegistration {
+        name: config.name,
+        cores: u32::try_from(config.threads.get()).unwrap_or(u32::MAX),
+        build: config.build.clone(),
+        probe_digest: None,
+    };
+    let Some(registration) = stop.run_until_cancelled(Registration::new(client.clone(), introduction)).await else {
+        return Ok(());
+    };
+    let registration = registration.map_err(WorkerError::Refused)?;
+    let worker = Worker { client, registration, renderer, build: config.build, stop: stop.clone() };
+    tokio::select! {
+        result = worker.work() => result,
+        () = worker.registration.keep_alive() => Ok(()),
+        () = async { stop.cancelled().await; tokio::time::sleep(SHUTDOWN_GRACE).await } => {
+            warn!("ending without an answer from the coordinator; what it has not acknowledged will be rendered again");
+            Ok(())
+        }
+    }
+}
+
+struct Worker {
+    client: Client,
+    registration: Registration,
+    renderer: Arc<Renderer>,
+    build: String,
+    stop: CancellationToken,
+}
+
+impl Worker {
+    /// Works through leases until told to stop, and then sees the last uploads through.
+    async fn work(&self) -> Result<(), WorkerError> {
+        let mut jobs = JobCache::new(self.client.clone());
+        let (outbox, uploads) = uploader(self.client.clone());
+        let _uploads = AbortOnDropHandle::new(tokio::spawn(uploads));
+        let mut settling = JoinSet::new();
+        let mut penalty = pauses().build();
+        while let Some(claimed) = self.stop.run_until_cancelled(self.claim()).await {
+            let Some(lease) = claimed? else {
+                self.stop.run_until_cancelled(tokio::time::sleep(IDLE_PAUSE)).await;
+                continue;
+            };
+            info!(lease = %lease.id, job = %lease.job, nodes = lease.nodes.len(), "claimed a lease");
+            let work = LeaseWork::new(lease, self.client.clone(), outbox.clone(), self.build.clone(), &self.stop);
+            let (ending, rest) = work.render(&mut jobs, &self.renderer).await;
+            settling.spawn(rest);
+            while settling.try_join_next().is_some() {}
+            match ending {
+                Ending::Complete | Ending::Over | Ending::Stopped => penalty = pauses().build(),
+                Ending::Failed(reason) => {
+                    error!(reason, "could not render a lease, giving it back");
+                    // What failed here may fail again at once; do not spin.
+                    if let Some(pause) = penalty.next() {
+                        self.stop.run_until_cancelled(tokio::time::sleep(pause)).await;
+                    }
+                }
+            }
+        }
+        while settling.join_next().await.is_some() {}
+        info!("handed over everything, ending");
+        Ok(())
+    }
+
+    /// Waits for a lease. `None` when there is none for now.
+    async fn claim(&self) -> Result<Option<Lease>, WorkerError> {
+        let worker = self.registration.identity().await;
+        let wait_ms = u32::try_from(LONG_POLL.as_millis()).unwrap_or(u32::MAX);
+        let request = LeaseRequest { worker, max_nodes: None, wanted_ms: None, wait_ms };
+        match until_answered("claim a lease", || self.client.claim_lease(&request)).await {
+            Ok(lease) => Ok(lease),
+            Err(failure) if is_unknown_worker(&failure) => {
+                self.registration.replace(worker).await.map_err(WorkerError::Refused)?;
+                Ok(None)
+            }
+            Err(failure) if is_unauthorized(&failure) => Err(WorkerError::Refused(failure)),
+            Err(failure) => {
+                error!(reason = with_causes(&failure), "the coordinator refused a claim");
+                tokio::time::sleep(LONG_POLL).await;
+                Ok(None)
+            }
+        }
+    }
+}
+
+fn is_unauthorized(failure: &ClientError) -> bool {
+    failure.problem().is_some_and(|problem| problem.code == ProblemCode::Unauthorized)
+}

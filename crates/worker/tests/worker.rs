@@ -1,0 +1,397 @@
+//! A worker against a coordinator that misbehaves in every way that a real one does.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
+
+use std::collections::{BTreeMap, VecDeque};
+use std::num::NonZeroUsize;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::Duration;
+
+use axum::body::Bytes;
+use axum::extract::{DefaultBodyLimit, Path, State};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, post, put};
+use axum::{Json, Router};
+use clerestory_api::{
+    FENCING_TOKEN_HEADER, JobId, JobScene, Lease, LeaseId, LeaseRenewal, LeaseReturn, NodeAddress, NodeAnswer,
+    NodeVerdict, PROBLEM_MEDIA_TYPE, PartialAnswer, WorkerId, WorkerRegistration, WorkerState, WorkerView,
+};
+use clerestory_render_core::film::{self, DecodeBudget, Expectation, Node, Sampling, TileGrid, partial};
+use clerestory_render_core::scene::{SceneBundle, SceneDescription};
+use clerestory_worker::{Config, run};
+use serde_json::{Value, json};
+use tokio::net::TcpListener;
+use tokio::sync::{Notify, oneshot};
+
+/// Longest time that any of these tests may take before it counts as stuck.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// What the fake coordinator answers, and what it has been told.
+#[derive(Default)]
+struct Fake {
+    scene: Value,
+    scene_hash: String,
+    /// Answers to claims, first to last; afterwards there is no work.
+    claims: VecDeque<Claim>,
+    /// Uploads that are answered with an error, before the first that is taken.
+    failing_uploads: u32,
+    /// Workers that are known; a claim of another is refused.
+    known: Vec<WorkerId>,
+    lease_is_over: bool,
+    uploads: Vec<Upload>,
+    returns: Vec<(LeaseId, LeaseReturn)>,
+    leases: BTreeMap<LeaseId, Lease>,
+    outstanding: BTreeMap<LeaseId, u32>,
+    registrations: Vec<WorkerRegistration>,
+}
+
+enum Claim {
+    Lease(Lease),
+    Garbage(&'static str),
+    ForgetWorker,
+}
+
+#[derive(Clone)]
+struct Upload {
+    lease: LeaseId,
+    token: String,
+    nodes: Vec<NodeAddress>,
+}
+
+#[derive(Clone, Default)]
+struct Farm {
+    fake: Arc<Mutex<Fake>>,
+    changed: Arc<Notify>,
+}
+
+impl Farm {
+    fn lock(&self) -> MutexGuard<'_, Fake> {
+        self.fake.lock().unwrap()
+    }
+
+    /// Waits until the coordinator has been told enough.
+    async fn until(&self, condition: impl Fn(&Fake) -> bool) {
+        let waiting = async {
+            loop {
+                let changed = self.changed.notified();
+                if condition(&self.lock()) {
+                    return;
+                }
+                changed.await;
+            }
+        };
+        tokio::time::timeout(PATIENCE, waiting).await.expect("the coordinator was not told what it should have been");
+    }
+
+    /// Starts the coordinator and a worker.
+    async fn start(&self) -> RunningWorker {
+        let router = Router::new()
+            .route("/api/v1/workers", post(register))
+            .route("/api/v1/workers/{id}/heartbeat", post(|| async { StatusCode::NO_CONTENT }))
+            .route("/api/v1/leases", post(claim))
+            .route("/api/v1/leases/{id}/renew", post(renew))
+            .route("/api/v1/leases/{id}/partial", put(upload))
+            .route("/api/v1/leases/{id}/return", post(give_back))
+            .route("/api/v1/jobs/{id}/scene", get(scene))
+            .layer(DefaultBodyLimit::disable())
+            .with_state(self.clone());
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let coordinator = format!("http://{}", listener.local_addr().unwrap());
+        tokio::spawn(async { axum::serve(listener, router).await });
+        let config = Config {
+            coordinator,
+            token: None,
+            name: "test".into(),
+            threads: NonZeroUsize::new(2).unwrap(),
+            build: "test build".into(),
+        };
+        let (stop, stopped) = oneshot::channel::<()>();
+        let ended = tokio::spawn(run(config, async {
+            let _ = stopped.await;
+        }));
+        RunningWorker { stop, ended }
+    }
+}
+
+struct RunningWorker {
+    stop: oneshot::Sender<()>,
+    ended: tokio::task::JoinHandle<Result<(), clerestory_worker::WorkerError>>,
+}
+
+impl RunningWorker {
+    async fn stop(self) {
+        let _ = self.stop.send(());
+        tokio::time::timeout(PATIENCE, self.ended).await.expect("the worker does not end").unwrap().unwrap();
+    }
+}
+
+/// A farm with a scene of 16x16 pixels in tiles of 8, one sample in a pass.
+fn farm() -> Farm {
+    let text = json!({
+        "version": 1,
+        "name": "one wall",
+        "film": {"width": 16, "height": 16},
+        "camera": {"perspective": {
+            "position": [0, 0, 3], "look_at": [0, 0, 0], "up": [0, 1, 0], "vertical_field_of_view": 40
+        }},
+        "integrator": {"path": {"max_depth": 4}},
+        "sampling": {"samples_per_pass": 1, "samples_per_block": 1},
+        "materials": {"white": {"diffuse": {"reflectance": {"colour": [0.8, 0.8, 0.8]}}}},
+        "meshes": [{"name": "wall", "material": "white", "source": {"inline": {
+            "positions": [[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]],
+            "triangles": [[0, 1, 2], [0, 2, 3]]
+        }}}],
+        "lights": [{"point": {"name": "lamp", "position": [1, 1, 2], "intensity": [5, 5, 5]}}]
+    });
+    let description = SceneDescription::parse(text.to_string().as_bytes()).unwrap();
+    let bundle = SceneBundle::from_parts(description, BTreeMap::new()).unwrap();
+    let farm = Farm::default();
+    farm.lock().scene = text;
+    farm.lock().scene_hash = bundle.scene_hash().to_string();
+    farm
+}
+
+fn lease(number: u64, nodes: Vec<NodeAddress>) -> Lease {
+    let id: LeaseId = format!("00000000-0000-7000-8000-{number:012}").parse().unwrap();
+    let job: JobId = "00000000-0000-7000-8000-00000000000a".parse().unwrap();
+    Lease { id, token: number, job, scene_hash: String::new(), nodes, deadline_ms: 0, expires_in_ms: 600 }
+}
+
+/// All tiles over the passes `[index * 2^level, (index + 1) * 2^level)`.
+fn wave(level: u32, index: u32) -> Vec<NodeAddress> {
+    (0..4).map(|tile| NodeAddress { frame: 0, tile, level, index }).collect()
+}
+
+/// More work than the patience of any test.
+fn endless() -> Vec<NodeAddress> {
+    (0..1_000_000).map(|index| NodeAddress { frame: 0, tile: 0, level: 0, index }).collect()
+}
+
+fn problem(status: u16, code: &str) -> Response {
+    let body = json!({"type": "about:blank", "title": code, "status": status, "detail": "by test", "code": code});
+    (StatusCode::from_u16(status).unwrap(), [("content-type", PROBLEM_MEDIA_TYPE)], body.to_string()).into_response()
+}
+
+async fn register(State(farm): State<Farm>, Json(registration): Json<WorkerRegistration>) -> Json<WorkerView> {
+    let mut fake = farm.lock();
+    let id: WorkerId = format!("00000000-0000-7000-8000-{:012}", fake.registrations.len()).parse().unwrap();
+    let (name, cores, build) = (registration.name.clone(), registration.cores, registration.build.clone());
+    fake.registrations.push(registration);
+    fake.known = vec![id];
+    farm.changed.notify_waiters();
+    Json(WorkerView {
+        id,
+        name,
+        cores,
+        build,
+        state: WorkerState::Idle,
+        job: None,
+        leased_nodes: 0,
+        accepted_nodes: 0,
+        refused_partials: 0,
+        samples: 0,
+        core_ms: 0,
+        samples_per_second: None,
+        registered_ms: 0,
+        seen_ms: 0,
+    })
+}
+
+async fn claim(State(farm): State<Farm>, Json(request): Json<Value>) -> Response {
+    let mut fake = farm.lock();
+    let worker: WorkerId = request["worker"].as_str().unwrap().parse().unwrap();
+    if !fake.known.contains(&worker) {
+        return problem(404, "unknown_worker");
+    }
+    match fake.claims.pop_front() {
+        Some(Claim::Lease(lease)) => {
+            fake.outstanding.insert(lease.id, lease.nodes.len() as u32);
+            fake.leases.insert(lease.id, lease.clone());
+            fake.lease_is_over &= lease.token == 1;
+            Json(lease).into_response()
+        }
+        Some(Claim::Garbage(body)) => ([("content-type", "application/json")], body).into_response(),
+        Some(Claim::ForgetWorker) => {
+            fake.known.clear();
+            problem(404, "unknown_worker")
+        }
+        None => StatusCode::NO_CONTENT.into_response(),
+    }
+}
+
+async fn renew(State(farm): State<Farm>) -> Response {
+    if farm.lock().lease_is_over {
+        return problem(409, "lease_expired");
+    }
+    Json(LeaseRenewal { deadline_ms: 0, expires_in_ms: 600 }).into_response()
+}
+
+async fn scene(State(farm): State<Farm>, Path(job): Path<String>) -> Json<JobScene> {
+    let fake = farm.lock();
+    Json(JobScene {
+        job: job.parse().unwrap(),
+        scene: fake.scene.clone(),
+        scene_hash: fake.scene_hash.clone(),
+        assets: BTreeMap::new(),
+        tile_size: 8,
+        passes: 1 << 20,
+    })
+}
+
+async fn upload(State(farm): State<Farm>, Path(id): Path<String>, headers: HeaderMap, body: Bytes) -> Response {
+    let lease: LeaseId = id.parse().unwrap();
+    let mut fake = farm.lock();
+    if let Some(left) = fake.failing_uploads.checked_sub(1) {
+        fake.failing_uploads = left;
+        return StatusCode::SERVICE_UNAVAILABLE.into_response();
+    }
+    let nodes = nodes_of(&body, &fake.scene_hash, &fake.leases[&lease]);
+    let outstanding = fake.outstanding.get_mut(&lease).unwrap();
+    *outstanding = outstanding.saturating_sub(nodes.len() as u32);
+    let outstanding = *outstanding;
+    let answers = nodes.iter().map(|node| NodeAnswer { node: *node, verdict: NodeVerdict::Accepted, reason: None });
+    let answer = PartialAnswer { nodes: answers.collect(), outstanding };
+    let token = headers[FENCING_TOKEN_HEADER].to_str().unwrap().to_owned();
+    fake.uploads.push(Upload { lease, token, nodes });
+    farm.changed.notify_waiters();
+    Json(answer).into_response()
+}
+
+async fn give_back(State(farm): State<Farm>, Path(id): Path<String>, Json(body): Json<LeaseReturn>) -> StatusCode {
+    farm.lock().returns.push((id.parse().unwrap(), body));
+    farm.changed.notify_waiters();
+    StatusCode::NO_CONTENT
+}
+
+fn uploaded(fake: &Fake, lease: &Lease) -> Vec<NodeAddress> {
+    let mut nodes: Vec<_> =
+        fake.uploads.iter().filter(|upload| upload.lease == lease.id).flat_map(|upload| upload.nodes.clone()).collect();
+    nodes.sort();
+    nodes
+}
+
+#[tokio::test]
+async fn the_nodes_of_each_lease_arrive_under_its_token_and_nothing_is_given_back() {
+    let farm = farm();
+    let (first, second) = (lease(1, wave(0, 0)), lease(2, wave(2, 1)));
+    farm.lock().claims = VecDeque::from([Claim::Lease(first.clone()), Claim::Lease(second.clone())]);
+    let worker = farm.start().await;
+    farm.until(|fake| uploaded(fake, &first) == first.nodes && uploaded(fake, &second) == second.nodes).await;
+    worker.stop().await;
+    let fake = farm.lock();
+    assert!(fake.uploads.iter().all(|upload| upload.token == if upload.lease == first.id { "1" } else { "2" }));
+    assert_eq!(fake.returns, []);
+    assert_eq!((fake.registrations[0].cores, fake.registrations[0].build.as_str()), (2, "test build"));
+}
+
+#[tokio::test]
+async fn a_result_is_kept_until_the_coordinator_is_back() {
+    let farm = farm();
+    let lease = lease(1, wave(0, 0));
+    farm.lock().claims.push_back(Claim::Lease(lease.clone()));
+    farm.lock().failing_uploads = 4;
+    let worker = farm.start().await;
+    farm.until(|fake| uploaded(fake, &lease) == lease.nodes).await;
+    worker.stop().await;
+    assert_eq!(farm.lock().returns, []);
+}
+
+#[tokio::test]
+async fn a_worker_that_has_been_forgotten_registers_again_and_goes_on() {
+    let farm = farm();
+    let lease = lease(1, wave(0, 0));
+    farm.lock().claims = VecDeque::from([Claim::ForgetWorker, Claim::Lease(lease.clone())]);
+    let worker = farm.start().await;
+    farm.until(|fake| uploaded(fake, &lease) == lease.nodes).await;
+    worker.stop().await;
+    assert_eq!(farm.lock().registrations.len(), 2);
+}
+
+#[tokio::test]
+async fn a_lease_that_is_over_is_abandoned_for_the_next() {
+    let farm = farm();
+    let (lost, next) = (lease(1, endless()), lease(2, wave(0, 0)));
+    farm.lock().claims = VecDeque::from([Claim::Lease(lost.clone()), Claim::Lease(next.clone())]);
+    farm.lock().lease_is_over = true;
+    let worker = farm.start().await;
+    farm.until(|fake| uploaded(fake, &next) == next.nodes).await;
+    worker.stop().await;
+    assert!(uploaded(&farm.lock(), &lost).len() < lost.nodes.len());
+}
+
+#[tokio::test]
+async fn told_to_stop_it_uploads_what_is_complete_and_returns_the_rest() {
+    let farm = farm();
+    let lease = lease(1, endless());
+    farm.lock().claims.push_back(Claim::Lease(lease.clone()));
+    let worker = farm.start().await;
+    farm.until(|fake| !fake.uploads.is_empty()).await;
+    worker.stop().await;
+    let fake = farm.lock();
+    let done = uploaded(&fake, &lease);
+    assert_eq!(done, lease.nodes[..done.len()], "a complete node was not uploaded");
+    assert_eq!(fake.returns, [(lease.id, LeaseReturn { token: 1, failure: None })]);
+}
+
+#[tokio::test]
+async fn a_scene_that_cannot_be_built_is_reported_and_the_worker_goes_on() {
+    let farm = farm();
+    let (broken, next) = (lease(1, wave(0, 0)), lease(2, wave(0, 0)));
+    farm.lock().claims = VecDeque::from([Claim::Lease(broken.clone()), Claim::Lease(next.clone())]);
+    let good = std::mem::replace(&mut farm.lock().scene["meshes"][0]["material"], json!("gold"));
+    let worker = farm.start().await;
+    farm.until(|fake| !fake.returns.is_empty()).await;
+    farm.lock().scene["meshes"][0]["material"] = good;
+    farm.until(|fake| uploaded(fake, &next) == next.nodes).await;
+    worker.stop().await;
+    let fake = farm.lock();
+    let (id, returned) = &fake.returns[0];
+    assert_eq!(*id, broken.id);
+    assert!(returned.failure.as_ref().is_some_and(|failure| failure.contains("gold")), "{returned:?}");
+}
+
+#[tokio::test]
+async fn nonsense_from_the_coordinator_does_not_end_the_worker() {
+    let farm = farm();
+    let last = lease(9, wave(0, 0));
+    let strange = |number, node| Claim::Lease(lease(number, vec![node]));
+    farm.lock().claims = VecDeque::from([
+        Claim::Garbage("{\"id\": 5"),
+        Claim::Garbage("[]"),
+        strange(1, NodeAddress { frame: 0, tile: 4, level: 0, index: 0 }),
+        strange(2, NodeAddress { frame: 1, tile: 0, level: 0, index: 0 }),
+        strange(3, NodeAddress { frame: 0, tile: 0, level: 77, index: 1 }),
+        strange(4, NodeAddress { frame: 0, tile: u32::MAX, level: 31, index: u32::MAX }),
+        Claim::Lease(lease(5, Vec::new())),
+        Claim::Lease(last.clone()),
+    ]);
+    let worker = farm.start().await;
+    farm.until(|fake| uploaded(fake, &last) == last.nodes).await;
+    worker.stop().await;
+    let reasons = farm.lock().returns.iter().filter(|(_, body)| body.failure.is_some()).count();
+    assert_eq!(reasons, 4);
+}
+
+/// The nodes in a partial, which must be some of those leased.
+fn nodes_of(body: &[u8], scene_hash: &str, lease: &Lease) -> Vec<NodeAddress> {
+    let leased = |node: &NodeAddress| film::NodeAddress {
+        frame: node.frame,
+        tile: node.tile,
+        level: node.level,
+        index: node.index,
+    };
+    let expected = Expectation {
+        job: lease.job.to_string(),
+        scene_hash: scene_hash.to_owned(),
+        grid: TileGrid { width: 16, height: 16, tile_size: 8 },
+        sampling: Sampling::new(1, 1).unwrap(),
+        allowed: lease.nodes.iter().map(leased).collect(),
+    };
+    let nodes = partial::decode(body, &expected, DecodeBudget { pixel_bytes: 1 << 30 }).unwrap();
+    let wire = |node: &Node| {
+        let film::NodeAddress { frame, tile, level, index } = node.address();
+        NodeAddress { frame, tile, level, index }
+    };
+    nodes.iter().map(wire).collect()
+}

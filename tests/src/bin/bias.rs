@@ -1,0 +1,114 @@
+//! The long bias test: every method on every reference, with full power, and against planted faults.
+
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use clerestory_tests::bias::{BLOCK_POWER, BiasReport, compare};
+use clerestory_tests::comparisons::{Comparison, REPLICATES, comparison};
+use clerestory_tests::forward_tracer::Fault;
+use clerestory_tests::reference::ReferenceError;
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Renders every reference scene with every method that can, until a bias of the stated size would be noticed; then
+/// tests for bias, and whether planted faults are noticed.
+#[derive(Parser)]
+struct Arguments {
+    /// Only comparisons whose name, such as `fnee crown-point`, contains this.
+    #[arg(default_value = "")]
+    filter: String,
+    /// At most so many samples for each pixel in each of the 32 replicates.
+    #[arg(long, default_value_t = 4096)]
+    max_samples: u32,
+    /// Photons of references that are traced for the purpose.
+    #[arg(long, default_value_t = 30_000_000)]
+    photons: u64,
+}
+
+/// Standard error of the image mean that is aimed at: so that a mean within [`MEAN_LIMIT`] is no accident.
+const MEAN_TARGET: f64 = 0.0002;
+
+/// Largest deviation of the mean.
+const MEAN_LIMIT: f64 = 0.0005;
+
+/// Samples for each pixel in each replicate from which the necessary number is estimated.
+const PILOT: u32 = 8;
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let mut names = Vec::new();
+    for case in ["flat", "bump", "crown", "cathedral"] {
+        for (integrator, light) in [
+            ("fnee", "point"),
+            ("fnee", "sphere"),
+            ("cone", "sphere"),
+            ("cone", "sun"),
+            ("cone", "distant"),
+            ("fnee", "sun"),
+            ("cone", "near"),
+            ("path", "near"),
+        ] {
+            names.push((case, light, integrator));
+        }
+    }
+    let chosen: Vec<Comparison> = names
+        .into_iter()
+        .map(|(case, light, integrator)| comparison(case, light, integrator))
+        .filter(|comparison| comparison.name.contains(&arguments.filter))
+        .collect();
+    let style = ProgressStyle::with_template("{spinner} {pos}/{len} {msg} {elapsed} (about {eta} left)")
+        .expect("the template is valid");
+    let progress = ProgressBar::new(chosen.len() as u64).with_style(style);
+    progress.enable_steady_tick(Duration::from_millis(200));
+    let mut failures = 0;
+    for comparison in &chosen {
+        progress.set_message(comparison.name.clone());
+        match examine(comparison, &arguments, &progress) {
+            Ok(true) => {}
+            Ok(false) => failures += 1,
+            Err(error) => {
+                progress.suspend(|| eprintln!("error: {}: {error}", comparison.name));
+                failures += 1;
+            }
+        }
+        progress.inc(1);
+    }
+    progress.finish_and_clear();
+    println!("{} comparisons, {failures} without the right verdict", chosen.len());
+    if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Whether one method agrees with its reference, with power, and differs from faulty references.
+fn examine(comparison: &Comparison, arguments: &Arguments, progress: &ProgressBar) -> Result<bool, ReferenceError> {
+    let reference = comparison.reference(arguments.photons, Fault::None)?;
+    let folds = comparison.folds();
+    let pilot = compare(&comparison.replicates(PILOT, 1).0, &reference, &folds);
+    let samples = necessary_samples(&pilot).min(arguments.max_samples);
+    let start = Instant::now();
+    // Other seeds: what chose the number of samples must not be part of the result.
+    let (replicates, counters) = comparison.replicates(samples, 1 + REPLICATES);
+    let seconds = start.elapsed().as_secs_f64();
+    let report = compare(&replicates, &reference, &folds);
+    let good = report.agrees() && report.has_power() && report.mean_deviation() <= MEAN_LIMIT;
+    progress.suspend(|| {
+        println!("{} {}: {report}", if good { "ok  " } else { "FAIL" }, comparison.name);
+        println!(
+            "     {REPLICATES} x {samples} samples a pixel, {seconds:.0} s, {} of {} probabilities cut off",
+            counters.truncated, counters.unique_solutions
+        );
+    });
+    let mut all_noticed = true;
+    for fault in comparison.faults() {
+        let report = compare(&replicates, &comparison.reference(arguments.photons / 10, fault)?, &folds);
+        let noticed = !report.agrees();
+        all_noticed &= noticed;
+        progress.suspend(|| println!("{}   against {fault:?}: {report}", if noticed { "ok  " } else { "FAIL" }));
+    }
+    Ok(good && all_noticed)
+}
+
+fn necessary_samples(pilot: &BiasReport) -> u32 {
+    let excess = (pilot.block_error / BLOCK_POWER).max(pilot.mean_error / MEAN_TARGET);
+    // A fifth more than the pilot says, since it is itself uncertain.
+    (f64::from(PILOT) * excess * excess * 1.2).ceil().clamp(f64::from(PILOT), 65536.0) as u32
+}

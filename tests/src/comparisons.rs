@@ -1,0 +1,153 @@
+//! What is held against which reference: every method on every reference scene that it can render.
+//!
+//! The reference scenes have small and far lights, which path tracing alone does not find. For it, each pane gets a
+//! large light near by and a receiver close behind, in a picture of fewer pixels; the forward tracer makes the reference
+//! when it is needed.
+
+use std::path::{Path, PathBuf};
+
+use clerestory_render_core::counters::Counters;
+use clerestory_render_core::scene::description::{
+    CameraDescription, LightDescription, SamplingDescription, SceneDescription,
+};
+use clerestory_render_core::scene::{Scene, SceneBundle, load};
+use glam::DVec3;
+
+use crate::folds::fold_pixels;
+use crate::forward_tracer::{Fault, Tracing, trace};
+use crate::reference::{Image, Reference, ReferenceError};
+use crate::rendering::Rendering;
+use crate::traced_scene::TracedScene;
+
+/// Number of independently seeded pictures of ours.
+pub const REPLICATES: u64 = 32;
+
+/// A method on a scene.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// Name of the case, of the light and of the method.
+    pub name: String,
+    bundle: SceneBundle,
+    traced: TracedScene,
+    stored: Option<PathBuf>,
+}
+
+/// The folder of the reference scenes.
+pub fn reference_folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/references")
+}
+
+/// The comparison of `integrator` with the reference of a case (`crown`, `bump`, `flat`, `cathedral`) and a light
+/// (`point`, `sphere`, `sun`, `distant` for a sphere at 5 km that is compared with the sun, or `near` for a large light
+/// near by).
+///
+/// # Panics
+///
+/// When the repository's own scenes cannot be read, or there is no such integrator.
+pub fn comparison(case: &str, light: &str, integrator: &str) -> Comparison {
+    let folder = reference_folder();
+    let similar = match light {
+        "distant" | "near" => "sun",
+        stored => stored,
+    };
+    let stored = (light != "near").then(|| folder.join(format!("{case}-{similar}-reference.exr")));
+    let bundle = load(&folder.join(format!("{case}-{similar}.json"))).expect("the reference scenes are valid");
+    let mut description = bundle.description().clone();
+    match light {
+        "near" => move_near(&mut description, case),
+        "distant" => bring_the_sun_to(&mut description, 5000.0),
+        _ => {}
+    }
+    let description = description.with_integrator_named(integrator).expect("an integrator");
+    let bundle = bundle.with_description(description).expect("the changed scene is valid");
+    let traced = TracedScene::build(&bundle, &folder).expect("the reference scenes can be traced");
+    Comparison { name: format!("{integrator} {case}-{light}"), bundle, traced, stored }
+}
+
+/// A sphere instead of the sun, under the same angle.
+fn bring_the_sun_to(description: &mut SceneDescription, distance: f64) {
+    for light in &mut description.lights {
+        if let LightDescription::Sun { name, direction, angular_radius, radiance } = light {
+            *light = LightDescription::Sphere {
+                name: name.clone(),
+                centre: (DVec3::from(*direction).normalize() * distance).into(),
+                radius: libm::sin(angular_radius.to_radians()) * distance,
+                radiance: *radiance,
+            };
+        }
+    }
+}
+
+/// A large light at 0.8 m and the receiver at 0.1 m from the pane.
+fn move_near(description: &mut SceneDescription, case: &str) {
+    const RECEIVER_DISTANCE: f64 = 0.1;
+    let CameraDescription::Orthographic { position, look_at, .. } = &mut description.camera else {
+        unreachable!("the reference scenes have orthographic cameras")
+    };
+    let shift = DVec3::new(0.0, 0.0, -RECEIVER_DISTANCE) - DVec3::from(*look_at);
+    *position = (DVec3::from(*position) + shift).into();
+    *look_at = (DVec3::from(*look_at) + shift).into();
+    for mesh in description.meshes.iter_mut().filter(|mesh| mesh.name == "receiver") {
+        mesh.translate = shift.into();
+    }
+    description.film.width = 32;
+    description.film.height = 32;
+    let (name, centre, radiance) = ("lamp".to_owned(), [0.15, 0.1, 0.8], [3.0, 2.5, 2.0]);
+    description.lights = vec![match case {
+        "crown" | "cathedral" => LightDescription::Sphere { name, centre, radius: 0.35, radiance },
+        _ => LightDescription::Rectangle { name, centre, edge_u: [0.0, 0.6, 0.0], edge_v: [0.7, 0.0, 0.0], radiance },
+    }];
+}
+
+impl Comparison {
+    /// The reference: the stored one, or, where there is none or a fault is wanted, one that is traced now.
+    ///
+    /// # Errors
+    ///
+    /// When the stored reference cannot be read.
+    pub fn reference(&self, photons: u64, fault: Fault) -> Result<Reference, ReferenceError> {
+        match (&self.stored, fault) {
+            (Some(file), Fault::None) => Reference::read(file),
+            (Some(file), Fault::Scaled) => Ok(Reference::read(file)?.scaled(1.005)),
+            _ => {
+                let batches = trace(&self.traced, &Tracing { photons, batches: 32, seed: 11, fault });
+                Ok(Reference::from_batches(&batches))
+            }
+        }
+    }
+
+    /// The faults that a test on this scene has to notice. A flat pane, and a light so large that it washes the caustic
+    /// out, have no saddles to lose.
+    pub fn faults(&self) -> Vec<Fault> {
+        let has_saddles = self.stored.is_some() && !self.name.contains("flat");
+        let saddles = has_saddles.then_some(Fault::DroppedSaddles);
+        [Fault::MissingFresnelFactor, Fault::Scaled].into_iter().chain(saddles).collect()
+    }
+
+    /// The pixels at the folds of the caustics of point lights.
+    pub fn folds(&self) -> Vec<bool> {
+        fold_pixels(&self.traced)
+    }
+
+    /// Renders [`REPLICATES`] pictures with `samples` samples for each pixel, with different seeds from `first_seed` on.
+    ///
+    /// # Panics
+    ///
+    /// When the renderer fails on a scene of the repository.
+    pub fn replicates(&self, samples: u32, first_seed: u64) -> (Vec<Image>, Counters) {
+        let mut counters = Counters::default();
+        let images = (first_seed..first_seed + REPLICATES)
+            .map(|seed| {
+                let mut description = self.bundle.description().clone().with_seed(seed);
+                description.sampling = SamplingDescription { samples_per_pass: samples, samples_per_block: samples };
+                let bundle = self.bundle.clone().with_description(description).expect("another seed is valid");
+                let scene = Scene::build(&bundle).expect("the reference scenes can be built");
+                let mut rendering = Rendering::new(&scene);
+                rendering.render_pass().expect("the reference scenes render");
+                counters += *rendering.counters();
+                rendering.image()
+            })
+            .collect();
+        (images, counters)
+    }
+}

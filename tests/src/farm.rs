@@ -1,0 +1,201 @@
+//! A farm of real processes: the built binary `clerestory` as coordinator, as workers, and as a user's command.
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use clerestory_api::{Client, JobId, JobView};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use tempfile::TempDir;
+
+/// Longest wait for anything that a farm should do.
+const PATIENCE: Duration = Duration::from_secs(240);
+
+/// A coordinator with its data, and the workers that were started for it. They end with the value.
+pub struct Farm {
+    data: TempDir,
+    token: Option<String>,
+    options: Vec<String>,
+    address: String,
+    coordinator: Process,
+    workers: Vec<Process>,
+}
+
+impl Farm {
+    /// A coordinator on a free port of the loopback interface, with further options of `clerestory coordinator`, and
+    /// no worker.
+    ///
+    /// # Panics
+    ///
+    /// When it does not start.
+    pub fn start(token: Option<&str>, options: &[&str]) -> Self {
+        let data = tempfile::tempdir().expect("a temporary folder");
+        let token = token.map(str::to_owned);
+        let options: Vec<String> = options.iter().map(|&option| option.to_owned()).collect();
+        let (coordinator, address) = start_coordinator("127.0.0.1:0", data.path(), token.as_deref(), &options);
+        Self { data, token, options, address, coordinator, workers: Vec::new() }
+    }
+
+    /// Address of the coordinator and its page.
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// Starts a worker with one thread.
+    pub fn start_worker(&mut self, name: &str) {
+        let mut command = self.command(&["worker", "--name", name, "--threads", "1", "--stop-with-stdin"]);
+        self.workers.push(Process::spawn(&mut command));
+    }
+
+    /// Kills the worker that was started as number `index`, as a power cut would.
+    pub fn kill_worker(&mut self, index: usize) {
+        self.workers[index].kill();
+    }
+
+    /// Asks the worker that was started as number `index` to stop, and waits until it does.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot be asked.
+    pub fn stop_worker(&mut self, index: usize) -> ExitStatus {
+        let child = &mut self.workers[index].0;
+        let pid = Pid::from_raw(child.id().try_into().expect("a process number"));
+        kill(pid, Signal::SIGTERM).expect("the worker runs");
+        child.wait().expect("the worker ends")
+    }
+
+    /// Kills the coordinator, as a power cut would.
+    pub fn kill_coordinator(&mut self) {
+        self.coordinator.kill();
+    }
+
+    /// Starts a coordinator again, on the same port and with the same data.
+    pub fn restart_coordinator(&mut self) {
+        let listen = self.address.trim_start_matches("http://").trim_end_matches('/').to_owned();
+        (self.coordinator, self.address) =
+            start_coordinator(&listen, self.data.path(), self.token.as_deref(), &self.options);
+    }
+
+    /// Submits a scene as a user does, and returns the identity of the job.
+    ///
+    /// # Panics
+    ///
+    /// When it is refused.
+    pub fn submit(&self, scene: &Path, options: &[&str]) -> String {
+        let mut command = self.command(&["submit"]);
+        let output = succeeded(command.arg(scene).args(options));
+        String::from_utf8(output.stdout).expect("text").trim().to_owned()
+    }
+
+    /// The newest job.
+    ///
+    /// # Panics
+    ///
+    /// When the farm does not answer, or has no job.
+    pub fn newest_job(&self) -> JobView {
+        let output = succeeded(&mut self.command(&["jobs", "--json"]));
+        let jobs: Vec<JobView> = serde_json::from_slice(&output.stdout).expect("a list of jobs");
+        jobs.into_iter().next().expect("a job")
+    }
+
+    /// Asks about the newest job until `enough` says so.
+    ///
+    /// # Panics
+    ///
+    /// When that does not happen within minutes.
+    pub fn wait_until(&self, what: &str, enough: impl Fn(&JobView) -> bool) -> JobView {
+        let start = Instant::now();
+        loop {
+            let job = self.newest_job();
+            if enough(&job) {
+                return job;
+            }
+            assert!(start.elapsed() < PATIENCE, "still not {what}: {job:?}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    /// The image of a job as it is now, as OpenEXR.
+    ///
+    /// # Panics
+    ///
+    /// When the farm does not answer.
+    pub fn image(&self, job: JobId) -> Vec<u8> {
+        let client = Client::new(&self.address, self.token.as_deref()).expect("an address");
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
+        runtime.block_on(client.image(job)).expect("an image").to_vec()
+    }
+
+    /// The command `clerestory` with arguments, as a user of this farm calls it.
+    pub fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = clerestory();
+        command.args(arguments).env("CLERESTORY_COORDINATOR", &self.address);
+        command.envs(self.token.iter().map(|token| ("CLERESTORY_TOKEN", token)));
+        command
+    }
+}
+
+/// The command `clerestory`, as cargo built it beside this test.
+///
+/// # Panics
+///
+/// When it has not been built.
+pub fn clerestory() -> Command {
+    let test = std::env::current_exe().expect("a test has a file");
+    let binary: PathBuf = test.ancestors().nth(2).expect("a test lies in target/PROFILE/deps").join("clerestory");
+    assert!(binary.exists(), "{} is not there: run `cargo build --release` first", binary.display());
+    let mut command = Command::new(binary);
+    // Whatever the shell of the developer says about farms is not for the test.
+    for (name, _) in std::env::vars_os().filter(|(name, _)| name.to_string_lossy().starts_with("CLERESTORY_")) {
+        command.env_remove(name);
+    }
+    command.env("CLERESTORY_LOG", "warn");
+    command
+}
+
+/// Runs a command that must succeed.
+///
+/// # Panics
+///
+/// When it fails, with what it said.
+pub fn succeeded(command: &mut Command) -> Output {
+    let output = command.output().expect("the command starts");
+    assert!(output.status.success(), "{command:?} fails: {}", String::from_utf8_lossy(&output.stderr));
+    output
+}
+
+fn start_coordinator(listen: &str, data: &Path, token: Option<&str>, options: &[String]) -> (Process, String) {
+    let mut command = clerestory();
+    command.args(["coordinator", "--listen", listen, "--stop-with-stdin", "--data"]).arg(data).args(options);
+    command.envs(token.map(|token| ("CLERESTORY_TOKEN", token)));
+    let mut coordinator = Process::spawn(command.stdout(Stdio::piped()));
+    let mut address = String::new();
+    let output = coordinator.0.stdout.take().expect("its output is piped");
+    BufReader::new(output).read_line(&mut address).expect("text");
+    assert!(address.starts_with("http://"), "the coordinator says its address first, not `{address}`");
+    (coordinator, address.trim().to_owned())
+}
+
+/// A process that is killed with the value; or, when this process is killed, ends because its standard input does.
+struct Process(Child);
+
+impl Process {
+    fn spawn(command: &mut Command) -> Self {
+        Self(command.stdin(Stdio::piped()).spawn().expect("the binary starts"))
+    }
+
+    fn kill(&mut self) {
+        self.0.kill().expect("the process can be killed");
+        self.0.wait().expect("the process ends");
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}

@@ -1,0 +1,75 @@
+//! Where the caustic of a point light is singular.
+//!
+//! The light that a pane throws onto a surface is a map from the pane's face to the picture. Where that map turns over,
+//! its image folds, and the irradiance grows like the inverse square root of the distance to the fold: integrable, but
+//! of infinite variance for an estimator that evaluates it at points. The fold is found from the map itself, as the
+//! places where the sign of its Jacobian determinant changes, and not from the contrast of a picture, which would also
+//! mark the shadow of the pane's edge and would miss a fold inside a bright region.
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use crate::forward_tracer::{Fault, photon};
+use crate::traced_scene::{TracedLight, TracedScene};
+
+/// Cells of the face along each axis. The profiles have at most 256 coefficients along an axis, so that a cell is a
+/// quarter of the finest detail.
+const CELLS: usize = 1024;
+
+/// How far a fold reaches into the pixels around it.
+const MARGIN: f64 = 1.0;
+
+/// For each pixel of the picture, whether the fold of a point light's caustic passes within a pixel of it. No pixel is
+/// marked by lights with an extent.
+pub fn fold_pixels(scene: &TracedScene) -> Vec<bool> {
+    let [width, height] = scene.film;
+    let mut marked = vec![false; width * height];
+    for light in scene.lights.iter().filter(|light| matches!(light, TracedLight::Point { .. })) {
+        for pane in 0..scene.panes.len() {
+            for place in fold_places(scene, light, pane) {
+                let low = (place - MARGIN).max(DVec2::ZERO);
+                let high = place + MARGIN;
+                for y in low.y as usize..=(high.y as usize).min(height - 1) {
+                    for x in low.x as usize..=(high.x as usize).min(width - 1) {
+                        marked[y * width + x] = true;
+                    }
+                }
+            }
+        }
+    }
+    marked
+}
+
+/// Places in the picture where neighbouring cells of the face have opposite orientation.
+fn fold_places(scene: &TracedScene, light: &TracedLight, pane: usize) -> Vec<DVec2> {
+    let vertices: Vec<Vec<Option<DVec2>>> = (0..=CELLS)
+        .into_par_iter()
+        .map(|j| {
+            let parameter = |k: usize| k as f64 / CELLS as f64;
+            (0..=CELLS)
+                .map(|i| {
+                    let face = [parameter(i), parameter(j)];
+                    photon(scene, light, pane, face, [0.0; 2], Fault::None).map(|splat| splat.position)
+                })
+                .collect()
+        })
+        .collect();
+    let turned = |i: usize, j: usize| {
+        let (a, b, c) = (vertices[j][i]?, vertices[j][i + 1]?, vertices[j + 1][i]?);
+        Some((b - a).perp_dot(c - a) < 0.0)
+    };
+    let mut places = Vec::new();
+    for j in 0..CELLS - 1 {
+        for i in 0..CELLS - 1 {
+            let here = turned(i, j);
+            let changes = |other: Option<bool>| matches!((here, other), (Some(a), Some(b)) if a != b);
+            if changes(turned(i + 1, j)) {
+                places.extend([vertices[j][i + 1], vertices[j + 1][i + 1]].into_iter().flatten());
+            }
+            if changes(turned(i, j + 1)) {
+                places.extend([vertices[j + 1][i], vertices[j + 1][i + 1]].into_iter().flatten());
+            }
+        }
+    }
+    places
+}

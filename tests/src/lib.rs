@@ -1,0 +1,24 @@
+//! Whole-system tests, and the ground truth and statistics that the renderer is held against.
+//!
+//! Nothing here shares code with the renderer's geometry, optics or specular solvers, so that a fault in one of them
+//! cannot hide in both:
+//!
+//! - [`spline`], [`traced_scene`] and [`forward_tracer`]: light traced forward from the lights, in double precision;
+//! - [`mod@reference`]: images with independent halves and a standard error, as OpenEXR;
+//! - [`bias`]: whether a renderer's replicates agree with a reference, and with what power;
+//! - [`comparisons`]: which method is held against which reference;
+//! - [`farm`]: a farm of real processes, and [`browser`]: what a user sees of it;
+//! - [`rendering`]: scenes rendered in this process;
+//! - [`folds`]: where the caustic of a point light is singular.
+
+pub mod bias;
+pub mod browser;
+pub mod comparisons;
+pub mod farm;
+pub mod folds;
+pub mod forward_tracer;
+pub mod random;
+pub mod reference;
+pub mod rendering;
+pub mod spline;
+pub mod traced_scene;

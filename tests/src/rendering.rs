@@ -1,0 +1,73 @@
+//! Rendering scenes in this process, pass by pass.
+
+use std::sync::atomic::AtomicBool;
+
+use clerestory_render_core::{
+    counters::Counters,
+    film::{NodeAddress, TileGrid},
+    integrator::{RenderError, render_node},
+    scene::Scene,
+};
+use glam::DVec3;
+
+use crate::reference::Image;
+
+/// A scene being rendered: the sums over the passes so far.
+pub struct Rendering<'a> {
+    scene: &'a Scene,
+    grid: TileGrid,
+    passes: u32,
+    sums: Vec<DVec3>,
+    counters: Counters,
+}
+
+impl<'a> Rendering<'a> {
+    /// Nothing rendered yet.
+    pub fn new(scene: &'a Scene) -> Self {
+        let film = scene.description().film;
+        let grid = TileGrid { width: film.width, height: film.height, tile_size: film.width.max(film.height) };
+        let pixels = film.width as usize * film.height as usize;
+        Self { scene, grid, passes: 0, sums: vec![DVec3::ZERO; pixels], counters: Counters::default() }
+    }
+
+    /// Renders the next pass on all cores.
+    ///
+    /// # Errors
+    ///
+    /// When a sample is not finite.
+    pub fn render_pass(&mut self) -> Result<(), RenderError> {
+        let address = NodeAddress { frame: 0, tile: 0, level: 0, index: self.passes };
+        let rendered = render_node(self.scene, &self.grid, address, &AtomicBool::new(false))?;
+        for (sum, pass) in self.sums.iter_mut().zip(&rendered.node.layers().beauty) {
+            *sum += DVec3::from(pass.map(f64::from));
+        }
+        self.counters += rendered.counters;
+        self.passes += 1;
+        Ok(())
+    }
+
+    /// Passes rendered so far.
+    pub fn passes(&self) -> u32 {
+        self.passes
+    }
+
+    /// Samples rendered so far, in each pixel.
+    pub fn samples(&self) -> u32 {
+        self.passes * self.scene.sampling().samples_per_pass()
+    }
+
+    /// The work so far.
+    pub fn counters(&self) -> &Counters {
+        &self.counters
+    }
+
+    /// The mean over all samples so far.
+    pub fn image(&self) -> Image {
+        let scale = 1.0 / f64::from(self.samples().max(1));
+        Image {
+            width: self.grid.width as usize,
+            height: self.grid.height as usize,
+            pixels: self.sums.iter().map(|&sum| sum * scale).collect(),
+        }
+    }
+}

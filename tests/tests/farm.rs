@@ -1,0 +1,113 @@
+//! One process, or a farm of any size in which anything dies: the same bits.
+
+use std::path::{Path, PathBuf};
+
+use clerestory_api::JobState;
+use clerestory_tests::farm::{Farm, clerestory, succeeded};
+use tempfile::TempDir;
+
+/// Thirteen passes, which is no power of two, of an image that neither tile size divides.
+const ORDER: [&str; 4] = ["--size", "72x72", "--spp", "208"];
+
+fn scene() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/references/crown-sphere.json")
+}
+
+/// The image that one process makes.
+fn rendered_alone(folder: &TempDir, name: &str, options: &[&str]) -> PathBuf {
+    let image = folder.path().join(name);
+    succeeded(clerestory().arg("render").arg(scene()).args(options).arg("-o").arg(&image));
+    image
+}
+
+/// The image of the farm's newest job, once it is done.
+fn rendered_by(farm: &Farm, folder: &TempDir) -> PathBuf {
+    let job = farm.wait_until("done", |job| !matches!(job.state, JobState::Queued | JobState::Running));
+    assert_eq!(job.state, JobState::Done, "{:?}", job.failure);
+    let image = folder.path().join(format!("{}.exr", job.id));
+    std::fs::write(&image, farm.image(job.id)).expect("a writable folder");
+    image
+}
+
+#[track_caller]
+fn assert_same_bits(first: &Path, second: &Path) {
+    let output = succeeded(clerestory().arg("compare").arg(first).arg(second).arg("--json"));
+    let comparison: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(comparison["bit_identical"], true, "{comparison}");
+}
+
+#[test]
+fn farms_of_any_size_make_the_same_bits_as_one_process() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = rendered_alone(&folder, "alone.exr", &ORDER);
+    for (workers, tile, lease_nodes) in [(1, "64", "1"), (2, "16", "9"), (5, "16", "3")] {
+        let mut farm = Farm::start(None, &["--lease-nodes", lease_nodes]);
+        for worker in 0..workers {
+            farm.start_worker(&format!("worker {worker}"));
+        }
+        farm.submit(&scene(), &[&ORDER[..], &["--tile", tile]].concat());
+        assert_same_bits(&rendered_by(&farm, &folder), &alone);
+    }
+}
+
+#[test]
+fn killing_a_worker_and_then_the_coordinator_changes_no_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = rendered_alone(&folder, "alone.exr", &ORDER);
+    let mut farm = Farm::start(None, &["--lease-nodes", "4", "--lease-seconds", "2"]);
+    farm.start_worker("doomed");
+    farm.start_worker("survivor");
+    farm.submit(&scene(), &[&ORDER[..], &["--tile", "16"]].concat());
+    farm.wait_until("begun", |job| job.progress > 0.05);
+    farm.kill_worker(0);
+    let before = farm.wait_until("going on without the worker", |job| job.progress > 0.3);
+    assert_eq!(before.state, JobState::Running, "the job must still run when the coordinator is killed");
+    farm.kill_coordinator();
+    farm.restart_coordinator();
+    let after = farm.newest_job();
+    assert!(after.progress >= before.progress, "acknowledged work was lost: {after:?}");
+    assert_same_bits(&rendered_by(&farm, &folder), &alone);
+}
+
+#[test]
+fn a_worker_that_is_asked_to_stop_gives_its_work_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = rendered_alone(&folder, "alone.exr", &ORDER);
+    // Leases that would outlast the test: only giving them back lets the other worker finish.
+    let mut farm = Farm::start(None, &["--lease-nodes", "40", "--lease-seconds", "3600"]);
+    farm.start_worker("polite");
+    farm.submit(&scene(), &[&ORDER[..], &["--tile", "16"]].concat());
+    farm.wait_until("begun", |job| job.progress > 0.05);
+    assert!(farm.stop_worker(0).success());
+    farm.start_worker("successor");
+    assert_same_bits(&rendered_by(&farm, &folder), &alone);
+}
+
+#[test]
+fn a_time_limited_image_is_made_again_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let limited = rendered_alone(&folder, "limited.exr", &["--size", "72x72", "--tile", "16", "--time", "2"]);
+    let again = rendered_alone(&folder, "again.exr", &["--like", limited.to_str().unwrap()]);
+    assert_same_bits(&again, &limited);
+}
+
+#[test]
+fn the_farm_needs_a_token_off_loopback_and_says_how_to_make_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = clerestory();
+    let output = command.args(["coordinator", "--listen", "0.0.0.0:0", "--data"]).arg(folder.path()).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success());
+    assert!(message.contains("token") && message.contains("openssl rand"), "{message}");
+}
+
+#[test]
+fn a_farm_with_a_token_serves_those_who_have_it() {
+    let farm = Farm::start(Some("correct-horse-battery-staple"), &[]);
+    farm.submit(&scene(), &["--size", "16x16", "--spp", "16"]);
+    let mut stranger = clerestory();
+    let output = stranger.args(["jobs"]).env("CLERESTORY_COORDINATOR", farm.address()).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success());
+    assert!(message.contains("token"), "{message}");
+}

@@ -1,0 +1,183 @@
+//! Every connection of a receiver point to a point light through old glass, against lists found by brute force.
+
+use std::{fs, path::Path};
+
+use clerestory_render_core::{
+    counters::Counters,
+    geometry::Face,
+    optics::{LightKind, Source},
+    scene::{self, Scene, description::FneeSolver},
+    specular::{fnee::PathSearch, newton::Root, side::PaneSide},
+};
+use clerestory_tests::random::Random;
+use serde::Deserialize;
+
+#[derive(Deserialize)]
+struct SolutionList {
+    points: Vec<ListedPoint>,
+}
+
+#[derive(Deserialize)]
+struct ListedPoint {
+    #[serde(rename = "O")]
+    origin: [f64; 3],
+    solutions: Vec<ListedSolution>,
+}
+
+#[derive(Deserialize)]
+struct ListedSolution {
+    back_uv: [f64; 2],
+    front_uv: [f64; 2],
+    #[serde(rename = "E_per_unit_intensity")]
+    irradiance: f64,
+}
+
+/// A vertex this near the outline, in units of the pane's size, lies on it but for rounding: some points of the lists are
+/// images of border vertices.
+const ON_THE_BORDER: f64 = 1e-12;
+
+struct FoundSolution {
+    root: Root,
+    irradiance: f64,
+}
+
+/// Seeds tried at each point: with a window seed every listed path has a basin of more than a hundredth of the window
+/// but for those at folds, so none is missed by chance.
+const SEEDS: u32 = 2000;
+
+fn references() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/references")
+}
+
+fn load_case(case: &str) -> Scene {
+    let bundle = scene::load(&references().join(format!("{case}-point.json"))).expect("the scene ships");
+    Scene::build(&bundle).expect("the scene is valid")
+}
+
+fn load_list(file: &str) -> SolutionList {
+    let text = fs::read_to_string(references().join("solutions").join(file)).expect("the list ships");
+    serde_json::from_str(&text).expect("the list is valid")
+}
+
+fn find_all(scene: &Scene, point: &ListedPoint, solver: FneeSolver, counters: &mut Counters) -> Vec<FoundSolution> {
+    let pane = &scene.accelerator().panes()[0];
+    let LightKind::Point { position, .. } = scene.lights()[0].kind else { panic!("a point light") };
+    let origin = pane.frame.point_to_local(point.origin.into());
+    let source = Source::Point(pane.frame.point_to_local(position));
+    let side = PaneSide::facing(pane, origin).expect("receivers lie in front of their pane");
+    let Some(search) = PathSearch::new(side, origin, source, solver) else { return Vec::new() };
+    let mut random = Random::new(7, 0);
+    let mut found: Vec<FoundSolution> = Vec::new();
+    for _ in 0..SEEDS {
+        let seed = || seed_coordinates(&mut random);
+        let Some(root) = search.solve(seed, counters) else { continue };
+        if found.iter().any(|solution| search.same(&solution.root, &root)) {
+            continue;
+        }
+        let Some(through) = search.transmission(&root, counters) else { continue };
+        let cosine = root.path.directions[0].z.abs() * receiver_cosine(scene, &root);
+        let irradiance = through.transmittance.x * root.path.geometry_factor(root.determinant) * cosine;
+        found.push(FoundSolution { root, irradiance });
+    }
+    found
+}
+
+fn on_the_border(root: &Root, size: glam::DVec2) -> bool {
+    root.theta.iter().any(|vertex| {
+        let margin = (0.5 - (*vertex / size).abs()).min_element();
+        margin.abs() < ON_THE_BORDER
+    })
+}
+
+fn seed_coordinates(random: &mut Random) -> glam::DVec2 {
+    glam::DVec2::new(random.uniform(), random.uniform())
+}
+
+/// Cosine at the receiver over the cosine to the pane's axis.
+fn receiver_cosine(scene: &Scene, root: &Root) -> f64 {
+    let normal = scene.triangle_normal(0);
+    let pane = &scene.accelerator().panes()[0];
+    let direction = pane.frame.vector_to_world(root.path.directions[0]);
+    direction.dot(normal).abs() / root.path.directions[0].z.abs()
+}
+
+#[track_caller]
+fn check(case: &str, list: &str) {
+    let scene = load_case(case);
+    let size = scene.accelerator().panes()[0].size;
+    let mut complete = Counters::default();
+    let mut published = Counters::default();
+    let (mut listed, mut missed_by_published) = (0, 0);
+    for (index, point) in load_list(list).points.iter().enumerate() {
+        let found = find_all(&scene, point, FneeSolver::Complete, &mut complete);
+        let on_border = found.iter().filter(|solution| on_the_border(&solution.root, size)).count();
+        assert!(
+            (point.solutions.len()..=point.solutions.len() + on_border).contains(&found.len()),
+            "{list}, point {index}: found {:?} ({on_border} on the border), listed {:?}",
+            found.iter().map(|solution| solution.irradiance).collect::<Vec<_>>(),
+            point.solutions.iter().map(|solution| solution.irradiance).collect::<Vec<_>>(),
+        );
+        let by_published = find_all(&scene, point, FneeSolver::Published, &mut published);
+        for expected in &point.solutions {
+            let matches = |solution: &&FoundSolution| {
+                let uv = solution.root.theta.map(|position| position / size + 0.5);
+                let far = |uv: glam::DVec2, expected: [f64; 2]| (uv - glam::DVec2::from(expected)).length() > 1e-6;
+                !far(uv[0], expected.front_uv) && !far(uv[1], expected.back_uv)
+            };
+            let solution = found.iter().find(matches).unwrap_or_else(|| {
+                panic!("{list}, point {index}: no path through {:?} {:?}", expected.front_uv, expected.back_uv)
+            });
+            let error = (solution.irradiance / expected.irradiance - 1.0).abs();
+            assert!(error < 1e-5, "{list}, point {index}: irradiance off by {error:e}");
+            listed += 1;
+            missed_by_published += usize::from(!by_published.iter().any(|solution| matches(&solution)));
+        }
+    }
+    println!(
+        "{list}: all {listed} listed paths found by `complete`, {missed_by_published} missed by `published`; \
+         {:.1} and {:.1} height evaluations for each converged call, {:.1} and {:.1} percent of calls converged",
+        evaluations_per_success(&complete),
+        evaluations_per_success(&published),
+        100.0 * success(&complete),
+        100.0 * success(&published),
+    );
+}
+
+fn evaluations_per_success(counters: &Counters) -> f64 {
+    counters.height_evaluations as f64 / counters.converged as f64
+}
+
+fn success(counters: &Counters) -> f64 {
+    counters.converged as f64 / counters.solver_calls as f64
+}
+
+#[test]
+fn all_paths_through_the_flat_pane_are_found() {
+    check("flat", "flat.json");
+}
+
+#[test]
+fn all_paths_through_the_crown_pane_are_found() {
+    check("crown", "crown.json");
+    check("crown", "crown-folds.json");
+}
+
+#[test]
+fn all_paths_through_the_bump_pane_are_found() {
+    check("bump", "bump.json");
+    check("bump", "bump-folds.json");
+}
+
+#[test]
+fn all_paths_through_the_cathedral_pane_are_found() {
+    check("cathedral", "cathedral.json");
+    check("cathedral", "cathedral-folds.json");
+}
+
+#[test]
+fn the_near_face_of_a_receiver_in_front_is_the_front() {
+    let scene = load_case("crown");
+    let pane = &scene.accelerator().panes()[0];
+    let side = PaneSide::facing(pane, glam::DVec3::new(0.0, 0.0, -1.0));
+    assert_eq!(side.map(|side| side.near), Some(Face::Front));
+}
