@@ -158,7 +158,7 @@ mod pane_traversal {
     #[divan::bench]
     fn baseline_front_face_by_marching(bencher: Bencher<'_, '_>) {
         let (field, rays) = (field(), rays(DVec3::Z, 0.2));
-        let heights = field.all_heights();
+        let heights = field.all_bounds().height;
         bencher.counter(ItemsCount::new(RAYS)).bench(|| {
             for ray in &rays {
                 let below = |t: f64| ray.at(t).z < field.height(ray.at(t).truncate());

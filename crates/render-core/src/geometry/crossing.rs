@@ -81,13 +81,13 @@ impl HeightField {
         };
         let origin = ray.origin - DVec3::new(0.0, 0.0, base);
         let mut path = Path { field: self, origin, direction: ray.direction, sign };
-        let trend = path.trend(self.all_slopes());
+        let trend = path.trend(self.all_bounds().gradient);
         let on_surface = start == Start::OnSurface;
         if on_surface && matches!(trend, Trend::Away) {
             return None;
         }
         let whole = Stretch { from: range.min, to: range.max, on_surface, crossed: false };
-        let stretch = path.clipped(&whole, self.all_heights())?;
+        let stretch = path.clipped(&whole, self.all_bounds().height)?;
         // Measured from where it may first meet the surface, the ray keeps all its digits for the short way that is left.
         let shift = stretch.from;
         path.origin += path.direction * shift;
@@ -148,8 +148,9 @@ impl Path<'_> {
             let (p, q) = (self.at(stretch.from), self.at(stretch.to));
             let footprint = Rect::new(p.min(q), p.max(q));
             let length = stretch.to - stretch.from;
-            stretch = self.clipped(&stretch, self.field.height_bounds(&footprint))?;
-            match self.trend(self.field.slope_bounds(&footprint)) {
+            let bounds = self.field.bounds(&footprint);
+            stretch = self.clipped(&stretch, bounds.height)?;
+            match self.trend(bounds.gradient) {
                 Trend::Away => return None,
                 Trend::Towards => return self.only_crossing(&stretch, counters),
                 Trend::Unknown => {}

@@ -11,8 +11,10 @@
 use glam::{DVec2, dvec2};
 use thiserror::Error;
 
-use super::pyramid::{CellRange, Pyramid};
-use super::spline::{bernstein_slope_weights, bernstein_weights, curvature_weights, slope_weights, weights};
+use super::pyramid::{self, CellRange, Pyramid};
+use super::spline::{
+    bernstein_curvature_weights, bernstein_slope_weights, bernstein_weights, curvature_weights, slope_weights, weights,
+};
 use super::{Interval, Rect};
 
 /// Copies of the outermost value on each side of the grid: with these, the cells from -2 to n read their taps without
@@ -32,6 +34,17 @@ pub struct SurfaceJet {
     pub gradient: DVec2,
     /// The second derivatives by xx, xy and yy, in 1/metre.
     pub hessian: [f64; 3],
+}
+
+/// Bounds of a height field and of its derivatives over a region; the units are those of [`SurfaceJet`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct JetBounds {
+    /// Of h.
+    pub height: Interval,
+    /// Of dh/dx and dh/dy.
+    pub gradient: [Interval; 2],
+    /// Of the second derivatives by xx, xy and yy.
+    pub hessian: [Interval; 3],
 }
 
 /// Why a grid is no height field.
@@ -83,12 +96,10 @@ pub struct HeightField {
     end: DVec2,
     stride: usize,
     coefficients: Vec<f64>,
-    heights: Pyramid,
-    /// Derivatives by the cell coordinates.
-    slopes: [Pyramid; 2],
+    /// Heights, and their first and second derivatives by the cell coordinates.
+    bounds: Pyramid,
     /// Bounds over the whole plane.
-    all_heights: Interval,
-    all_slopes: [Interval; 2],
+    all: JetBounds,
 }
 
 impl HeightField {
@@ -113,25 +124,29 @@ impl HeightField {
         let stride = columns + 2 * PADDING;
         let padded = pad(&coefficients, columns, rows);
         let (value, slope) = (bernstein_weights(0.0, 1.0), bernstein_slope_weights(0.0, 1.0));
-        let heights = pyramid(&padded, [columns, rows], |patch| hull(patch, &tensor(patch, &value, &value)));
-        let slopes = [
-            pyramid(&padded, [columns, rows], |patch| hull(patch, &tensor(patch, &slope, &value))),
-            pyramid(&padded, [columns, rows], |patch| hull(patch, &tensor(patch, &value, &slope))),
-        ];
+        let curvature = bernstein_curvature_weights(0.0, 1.0);
+        let bounds = pyramid(&padded, [columns, rows], |patch| {
+            [
+                hull(patch, &tensor(patch, &value, &value)),
+                hull(patch, &tensor(patch, &slope, &value)),
+                hull(patch, &tensor(patch, &value, &slope)),
+                hull(patch, &tensor(patch, &curvature, &value)),
+                hull(patch, &tensor(patch, &slope, &slope)),
+                hull(patch, &tensor(patch, &value, &curvature)),
+            ]
+        });
         let grid = dvec2(columns as f64, rows as f64);
         let density = grid / size;
         Ok(Self {
             size,
             grid: [columns, rows],
-            all_heights: heights.all(),
-            all_slopes: [scaled(slopes[0].all(), density.x), scaled(slopes[1].all(), density.y)],
+            all: jet_bounds(&bounds.all(), density),
             density,
             origin: (grid + 3.0) * 0.5,
             end: grid + 2.5,
             stride,
             coefficients: padded,
-            heights,
-            slopes,
+            bounds,
         })
     }
 
@@ -202,32 +217,31 @@ impl HeightField {
         }
     }
 
-    /// Bounds of the height over `rect`: every evaluation inside gives a value between them. A rectangle inside another
-    /// never has wider bounds.
-    pub fn height_bounds(&self, rect: &Rect) -> Interval {
-        if rect.is_empty() { Interval::EMPTY } else { self.heights.bounds(&self.cells(rect)) }
-    }
-
-    /// Bounds of dh/dx and dh/dy over `rect`: every evaluation inside gives values between them. A rectangle inside
-    /// another never has wider bounds.
-    pub fn slope_bounds(&self, rect: &Rect) -> [Interval; 2] {
+    /// Bounds over `rect`: every evaluation inside gives values between them. A rectangle inside another never has wider
+    /// bounds; those of an empty one are empty.
+    #[inline]
+    pub fn bounds(&self, rect: &Rect) -> JetBounds {
         if rect.is_empty() {
-            return [Interval::EMPTY; 2];
+            return JetBounds {
+                height: Interval::EMPTY,
+                gradient: [Interval::EMPTY; 2],
+                hessian: [Interval::EMPTY; 3],
+            };
         }
-        let cells = self.cells(rect);
-        [scaled(self.slopes[0].bounds(&cells), self.density.x), scaled(self.slopes[1].bounds(&cells), self.density.y)]
+        jet_bounds(&self.bounds.bounds(&self.cells(rect)), self.density)
     }
 
-    /// Bounds of the height over the whole plane.
+    /// Bounds of dh/dx and dh/dy over `rect`, which must not be empty, as in [`Self::bounds`].
     #[inline]
-    pub fn all_heights(&self) -> Interval {
-        self.all_heights
+    pub(crate) fn slope_bounds(&self, rect: &Rect) -> [Interval; 2] {
+        let [x, y] = self.bounds.slopes(&self.cells(rect));
+        [scaled(x, self.density.x), scaled(y, self.density.y)]
     }
 
-    /// Bounds of dh/dx and dh/dy over the whole plane.
+    /// Bounds over the whole plane.
     #[inline]
-    pub fn all_slopes(&self) -> [Interval; 2] {
-        self.all_slopes
+    pub fn all_bounds(&self) -> &JetBounds {
+        &self.all
     }
 
     /// The padded cell coordinates of `p`: cell (i, j) of the padded grid covers `[i, i + 1] x [j, j + 1]`, and the
@@ -359,7 +373,7 @@ fn tensor<const X: usize, const Y: usize>(
 }
 
 /// The pyramid of bounds over all cells of a padded grid.
-fn pyramid(padded: &[f64], [columns, rows]: [usize; 2], bounds: impl Fn(Patch<'_>) -> Interval) -> Pyramid {
+fn pyramid(padded: &[f64], [columns, rows]: [usize; 2], bounds: impl Fn(Patch<'_>) -> pyramid::Bounds) -> Pyramid {
     let stride = columns + 2 * PADDING;
     let cells = (0..rows + 3).flat_map(|row| (0..columns + 3).map(move |column| row * stride + column));
     Pyramid::new(columns + 3, rows + 3, cells.map(|start| bounds(patch(padded, stride, start))))
@@ -375,10 +389,26 @@ fn hull<const X: usize, const Y: usize>(patch: Patch<'_>, values: &[[f64; X]; Y]
     Interval::new(bounds.min - ROUNDING * largest, bounds.max + ROUNDING * largest)
 }
 
-/// An interval of derivatives by cell coordinates as derivatives by metres, rounded outwards.
-fn scaled(bounds: Interval, density: f64) -> Interval {
-    let outward = |value: f64, step: fn(f64) -> f64| if value == 0.0 { 0.0 } else { step(value * density) };
-    Interval::new(outward(bounds.min, f64::next_down), outward(bounds.max, f64::next_up))
+/// Bounds by cell coordinates as bounds by metres.
+#[inline(always)]
+fn jet_bounds(&[height, x, y, xx, xy, yy]: &pyramid::Bounds, density: DVec2) -> JetBounds {
+    JetBounds {
+        height,
+        gradient: [scaled(x, density.x), scaled(y, density.y)],
+        hessian: [
+            scaled(xx, density.x * density.x),
+            scaled(xy, density.x * density.y),
+            scaled(yy, density.y * density.y),
+        ],
+    }
+}
+
+/// An interval times a factor, with room for the rounding of the product and of the factor.
+#[inline(always)]
+fn scaled(bounds: Interval, factor: f64) -> Interval {
+    const ROOM: f64 = 4.0 * f64::EPSILON;
+    let (min, max) = (bounds.min * factor, bounds.max * factor);
+    Interval::new(min - ROOM * min.abs(), max + ROOM * max.abs())
 }
 
 #[cfg(test)]
@@ -452,8 +482,8 @@ mod tests {
     fn a_grid_of_one_value_is_flat_with_exact_bounds() {
         let field = HeightField::flat(SIZE).unwrap();
         assert_eq!(field.jet(dvec2(0.1, 9.0)), SurfaceJet { height: 0.0, gradient: DVec2::ZERO, hessian: [0.0; 3] });
-        assert_eq!(field.all_heights(), Interval::new(0.0, 0.0));
-        assert_eq!(field.all_slopes(), [Interval::new(0.0, 0.0); 2]);
+        let nothing = Interval::new(0.0, 0.0);
+        assert_eq!(*field.all_bounds(), JetBounds { height: nothing, gradient: [nothing; 2], hessian: [nothing; 3] });
     }
 
     #[test]
@@ -534,13 +564,15 @@ mod tests {
         ) {
             let field = rough(COLUMNS, ROWS, amplitude, SIZE);
             let rect = Rect::new(a.min(b), a.max(b));
-            let (heights, slopes) = (field.height_bounds(&rect), field.slope_bounds(&rect));
+            let bounds = field.bounds(&rect);
+            prop_assert_eq!(field.slope_bounds(&rect), bounds.gradient);
+            let holds = |bounds: Interval, value: f64| bounds.min <= value && value <= bounds.max;
             for (s, t) in inside {
                 let p = (rect.min + (rect.max - rect.min) * dvec2(s, t)).clamp(rect.min, rect.max);
-                let (h, gradient) = field.slope(p);
-                prop_assert!(heights.min <= h && h <= heights.max);
-                prop_assert!(slopes[0].min <= gradient.x && gradient.x <= slopes[0].max);
-                prop_assert!(slopes[1].min <= gradient.y && gradient.y <= slopes[1].max);
+                let jet = field.jet(p);
+                prop_assert!(holds(bounds.height, jet.height));
+                prop_assert!(holds(bounds.gradient[0], jet.gradient.x) && holds(bounds.gradient[1], jet.gradient.y));
+                prop_assert!((0..3).all(|k| holds(bounds.hessian[k], jet.hessian[k])));
             }
         }
 
@@ -548,7 +580,7 @@ mod tests {
         fn bounds_over_one_point_are_those_of_its_cell(p in any_point(0.5)) {
             // The Bernstein hull of a bicubic cell exceeds the range of its 16 control values nowhere.
             let field = rough(COLUMNS, ROWS, 1.0, SIZE);
-            let bounds = field.height_bounds(&Rect::new(p, p));
+            let bounds = field.bounds(&Rect::new(p, p)).height;
             let a = field.cell_coordinates(p);
             let (patch, _, _) = field.within_cell(a, a);
             let low = patch.iter().copied().flatten().copied().fold(f64::INFINITY, f64::min);
@@ -562,9 +594,12 @@ mod tests {
             let field = rough(COLUMNS, ROWS, 1.0, SIZE);
             let inner = Rect::new(a.min(b), a.max(b));
             let outer = Rect::new(inner.min.min(c), inner.max.max(c));
-            let (narrow, wide) = (field.height_bounds(&inner), field.height_bounds(&outer));
-            prop_assert!(wide.min <= narrow.min && narrow.max <= wide.max);
-            for (narrow, wide) in field.slope_bounds(&inner).into_iter().zip(field.slope_bounds(&outer)) {
+            let quantities = |bounds: JetBounds| {
+                let [x, y] = bounds.gradient;
+                let [xx, xy, yy] = bounds.hessian;
+                [bounds.height, x, y, xx, xy, yy]
+            };
+            for (narrow, wide) in quantities(field.bounds(&inner)).into_iter().zip(quantities(field.bounds(&outer))) {
                 prop_assert!(wide.min <= narrow.min && narrow.max <= wide.max);
             }
         }
@@ -573,6 +608,6 @@ mod tests {
     #[test]
     fn an_empty_rectangle_has_empty_bounds() {
         let field = rough(COLUMNS, ROWS, 1.0, SIZE);
-        assert!(field.height_bounds(&Rect::new(dvec2(0.1, 0.0), dvec2(0.0, 0.1))).is_empty());
+        assert!(field.bounds(&Rect::new(dvec2(0.1, 0.0), dvec2(0.0, 0.1))).height.is_empty());
     }
 }

@@ -116,6 +116,25 @@ impl Rect {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
+    /// The two halves across its longer side.
+    pub fn halves(&self) -> [Self; 2] {
+        let size = self.max - self.min;
+        let (mut low, mut high) = (*self, *self);
+        if size.x >= size.y {
+            low.max.x = self.min.x + 0.5 * size.x;
+            high.min.x = low.max.x;
+        } else {
+            low.max.y = self.min.y + 0.5 * size.y;
+            high.min.y = low.max.y;
+        }
+        [low, high]
+    }
+
+    /// The point in the middle.
+    pub fn centre(&self) -> DVec2 {
+        self.min + 0.5 * (self.max - self.min)
+    }
+
     /// Width times height.
     pub fn area(&self) -> f64 {
         let size = self.max - self.min;

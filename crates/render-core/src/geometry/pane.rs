@@ -217,7 +217,7 @@ impl Pane {
 
     /// Bounds of z over the glass.
     fn depth(&self) -> Interval {
-        Interval::new(self.front.all_heights().min, self.thickness + self.back.all_heights().max)
+        Interval::new(self.front.all_bounds().height.min, self.thickness + self.back.all_bounds().height.max)
     }
 
     /// The stretch of the whole line on which it is over the outline; empty when it never is.

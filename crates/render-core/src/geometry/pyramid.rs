@@ -1,12 +1,26 @@
-//! Min-max pyramids: true bounds of a quantity over any block of cells, from a few entries.
+//! Min-max pyramids: true bounds of a height field's jet over any block of cells, from a few entries.
 
 use super::Interval;
+
+/// Bounds of a height and of its first and second derivatives by the cell coordinates, in the order h; x, y; xx, xy, yy.
+pub(crate) type Bounds = [Interval; 6];
 
 /// The largest blocks of entries that one query reads are 3 x 3.
 const ENTRIES_PER_AXIS_LOG2: u32 = 1;
 
-/// Bounds of one quantity over every cell of a grid, and over blocks of 2 x 2, 4 x 4, ... cells. Ends are stored in
-/// single precision, rounded outwards.
+/// Maxima, then as many negated minima, so that entries are united by maxima alone. In single precision, rounded
+/// outwards.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    /// Of the first derivatives. They stand apart because most queries read nothing else.
+    slopes: [f32; 4],
+    /// Of the height and the second derivatives.
+    others: [f32; 8],
+}
+
+const EMPTY: Entry = Entry { slopes: [f32::NEG_INFINITY; 4], others: [f32::NEG_INFINITY; 8] };
+
+/// Bounds over every cell of a grid, and over blocks of 2 x 2, 4 x 4, ... cells.
 #[derive(Clone, Debug)]
 pub(crate) struct Pyramid {
     levels: Vec<Level>,
@@ -16,7 +30,7 @@ pub(crate) struct Pyramid {
 struct Level {
     columns: usize,
     rows: usize,
-    entries: Vec<[f32; 2]>,
+    entries: Vec<Entry>,
 }
 
 /// A block of cells; both ends belong to it.
@@ -28,8 +42,8 @@ pub(crate) struct CellRange {
 
 impl Pyramid {
     /// The pyramid over `columns` x `rows` cells, whose bounds are given row by row.
-    pub(crate) fn new(columns: usize, rows: usize, cells: impl Iterator<Item = Interval>) -> Self {
-        let entries: Vec<_> = cells.map(|bounds| [round_down(bounds.min), round_up(bounds.max)]).collect();
+    pub(crate) fn new(columns: usize, rows: usize, cells: impl Iterator<Item = Bounds>) -> Self {
+        let entries: Vec<_> = cells.map(|bounds| Entry::around(&bounds)).collect();
         debug_assert_eq!(entries.len(), columns * rows);
         let mut levels = vec![Level { columns, rows, entries }];
         while let Some(coarser) = levels.last().and_then(Level::coarser) {
@@ -39,25 +53,37 @@ impl Pyramid {
     }
 
     /// Bounds over a block of cells. A block inside another never has wider bounds.
-    pub(crate) fn bounds(&self, range: &CellRange) -> Interval {
+    pub(crate) fn bounds(&self, range: &CellRange) -> Bounds {
+        let mut united = EMPTY;
+        self.for_each_entry(range, |entry| united.unite(entry));
+        united.bounds()
+    }
+
+    /// Bounds of the first derivatives over a block of cells.
+    #[inline(always)]
+    pub(crate) fn slopes(&self, range: &CellRange) -> [Interval; 2] {
+        let mut united = EMPTY.slopes;
+        self.for_each_entry(range, |entry| unite(&mut united, &entry.slopes));
+        intervals(&united)
+    }
+
+    /// Bounds over all cells.
+    pub(crate) fn all(&self) -> Bounds {
+        self.levels[self.levels.len() - 1].entries[0].bounds()
+    }
+
+    /// Calls `read` with the entries of the finest level on which few of them cover the block.
+    #[inline(always)]
+    fn for_each_entry(&self, range: &CellRange, mut read: impl FnMut(&Entry)) {
         let span = (range.last[0] - range.first[0]).max(range.last[1] - range.first[1]);
         let level = usize::BITS - (span >> ENTRIES_PER_AXIS_LOG2).leading_zeros();
         let Level { columns, entries, .. } = &self.levels[(level as usize).min(self.levels.len() - 1)];
         let (first, last) = (range.first.map(|i| i >> level), range.last.map(|i| i >> level));
-        let (mut min, mut max) = (f32::INFINITY, f32::NEG_INFINITY);
         for row in first[1]..=last[1] {
             for entry in &entries[row * columns + first[0]..=row * columns + last[0]] {
-                min = min.min(entry[0]);
-                max = max.max(entry[1]);
+                read(entry);
             }
         }
-        Interval::new(f64::from(min), f64::from(max))
-    }
-
-    /// Bounds over all cells.
-    pub(crate) fn all(&self) -> Interval {
-        let [min, max] = self.levels[self.levels.len() - 1].entries[0];
-        Interval::new(f64::from(min), f64::from(max))
     }
 }
 
@@ -68,24 +94,55 @@ impl Level {
             return None;
         }
         let (columns, rows) = (self.columns.div_ceil(2), self.rows.div_ceil(2));
-        let mut entries = vec![[f32::INFINITY, f32::NEG_INFINITY]; columns * rows];
+        let mut entries = vec![EMPTY; columns * rows];
         for (row, line) in self.entries.chunks_exact(self.columns).enumerate() {
             for (column, child) in line.iter().enumerate() {
-                let entry = &mut entries[(row / 2) * columns + column / 2];
-                *entry = [entry[0].min(child[0]), entry[1].max(child[1])];
+                entries[(row / 2) * columns + column / 2].unite(child);
             }
         }
         Some(Self { columns, rows, entries })
     }
 }
 
-fn round_down(value: f64) -> f32 {
-    let nearest = value as f32;
-    if f64::from(nearest) > value { nearest.next_down() } else { nearest }
+impl Entry {
+    fn around(&[h, x, y, xx, xy, yy]: &Bounds) -> Self {
+        Self { slopes: rounded_outwards(&[x, y]), others: rounded_outwards(&[h, xx, xy, yy]) }
+    }
+
+    fn unite(&mut self, other: &Self) {
+        unite(&mut self.slopes, &other.slopes);
+        unite(&mut self.others, &other.others);
+    }
+
+    fn bounds(&self) -> Bounds {
+        let ([x, y], [h, xx, xy, yy]) = (intervals(&self.slopes), intervals(&self.others));
+        [h, x, y, xx, xy, yy]
+    }
+}
+
+#[inline(always)]
+fn unite<const N: usize>(into: &mut [f32; N], other: &[f32; N]) {
+    for (a, b) in into.iter_mut().zip(other) {
+        // Not f32::max, whose care for NaN keeps the loop from becoming vector instructions.
+        *a = if *b > *a { *b } else { *a };
+    }
+}
+
+/// The intervals of maxima and negated minima.
+#[inline(always)]
+fn intervals<const N: usize, const M: usize>(ends: &[f32; M]) -> [Interval; N] {
+    debug_assert_eq!(M, 2 * N);
+    std::array::from_fn(|k| Interval::new(-f64::from(ends[N + k]), f64::from(ends[k])))
+}
+
+fn rounded_outwards<const N: usize, const M: usize>(bounds: &[Interval; N]) -> [f32; M] {
+    debug_assert_eq!(M, 2 * N);
+    std::array::from_fn(|k| round_up(if k < N { bounds[k].max } else { -bounds[k - N].min }))
 }
 
 fn round_up(value: f64) -> f32 {
-    -round_down(-value)
+    let nearest = value as f32;
+    if f64::from(nearest) < value { nearest.next_up() } else { nearest }
 }
 
 #[cfg(test)]
@@ -94,8 +151,8 @@ mod tests {
     use crate::geometry::testing::fixed_seed;
     use proptest::prelude::*;
 
-    fn value(column: usize, row: usize) -> f64 {
-        libm::sin((column * 37 + row * 101) as f64)
+    fn value(quantity: usize, column: usize, row: usize) -> f64 {
+        libm::sin((quantity * 13 + column * 37 + row * 101) as f64)
     }
 
     prop_compose! {
@@ -112,30 +169,33 @@ mod tests {
         #[test]
         fn bounds_hold_every_cell_of_the_block_and_shrink_with_it(outer in block(37, 22), inner in block(37, 22)) {
             let pyramid = Pyramid::new(37, 22, (0..37 * 22).map(|i| {
-                let v = value(i % 37, i / 37);
-                Interval::new(v, v)
+                std::array::from_fn(|k| Interval::point(value(k, i % 37, i / 37)))
             }));
-            let bounds = pyramid.bounds(&outer);
-            for row in outer.first[1]..=outer.last[1] {
-                for column in outer.first[0]..=outer.last[0] {
-                    let v = value(column, row);
-                    prop_assert!(bounds.min <= v && v <= bounds.max);
+            let (bounds, all) = (pyramid.bounds(&outer), pyramid.all());
+            for k in 0..6 {
+                for row in outer.first[1]..=outer.last[1] {
+                    for column in outer.first[0]..=outer.last[0] {
+                        let v = value(k, column, row);
+                        prop_assert!(bounds[k].min <= v && v <= bounds[k].max);
+                    }
                 }
+                prop_assert!(all[k].min <= bounds[k].min && bounds[k].max <= all[k].max);
             }
-            prop_assert!(pyramid.all().min <= bounds.min && bounds.max <= pyramid.all().max);
+            prop_assert_eq!(pyramid.slopes(&outer), [bounds[1], bounds[2]]);
             let common = CellRange {
                 first: [inner.first[0].max(outer.first[0]), inner.first[1].max(outer.first[1])],
                 last: [inner.last[0].min(outer.last[0]), inner.last[1].min(outer.last[1])],
             };
             if (0..2).all(|axis| common.first[axis] <= common.last[axis]) {
-                let narrower = pyramid.bounds(&common);
-                prop_assert!(bounds.min <= narrower.min && narrower.max <= bounds.max);
+                for (narrow, wide) in pyramid.bounds(&common).into_iter().zip(bounds) {
+                    prop_assert!(wide.min <= narrow.min && narrow.max <= wide.max);
+                }
             }
         }
 
         #[test]
         fn rounding_to_single_precision_goes_outwards(v in prop::num::f64::NORMAL | prop::num::f64::SUBNORMAL) {
-            prop_assert!(f64::from(round_down(v)) <= v && v <= f64::from(round_up(v)));
+            prop_assert!(-f64::from(round_up(-v)) <= v && v <= f64::from(round_up(v)));
         }
     }
 }

@@ -60,7 +60,7 @@ impl Glass<'_> {
     }
 
     fn thickness_by_bounds(&self, rect: &Rect) -> f64 {
-        let (front, back) = (self.front.height_bounds(rect), self.back.height_bounds(rect));
+        let (front, back) = (self.front.bounds(rect).height, self.back.bounds(rect).height);
         (self.thickness + (back.min - front.max)).next_down()
     }
 

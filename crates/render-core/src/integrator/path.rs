@@ -246,7 +246,8 @@ impl<'a> PathTracer<'a> {
         let geometric = self.scene.triangle_normal(triangle);
         let normal = if geometric.dot(walk.ray.direction) > 0.0 { -geometric } else { geometric };
         let leaving = Leaving::Triangle(triangle);
-        let point = ShadingPoint { position: walk.ray.at(distance), normal, leaving };
+        let bounces = walk.stretch.from.map_or(0, |(before, _)| before.bounces + 1);
+        let point = ShadingPoint { position: walk.ray.at(distance), normal, leaving, bounces };
         let bsdf = self.scene.reflectance(triangle, barycentric) * std::f64::consts::FRAC_1_PI;
         if bsdf == DVec3::ZERO {
             return false;

@@ -20,7 +20,7 @@ use super::{
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete, solve_published},
     side::{PaneSide, Transmission},
-    window::{SourceBounds, deflection_window},
+    window::{SourceBounds, Window},
 };
 use crate::{
     counters::Counters,
@@ -71,7 +71,7 @@ impl<'a> PathSearch<'a> {
             Source::Point(centre) => SourceBounds::Ball { centre, radius: 0.0 },
             Source::Direction(direction) => SourceBounds::Cap { direction, sin_radius: 0.0 },
         };
-        let window = deflection_window(&side, origin, &bounds)?;
+        let window = *Window::new(&side, origin, &bounds)?.rect();
         let region = SearchRegion::around(&window, side.pane.thickness);
         Some(Self { side, connection: Connection::new(&side, origin, source), window, region, solver })
     }

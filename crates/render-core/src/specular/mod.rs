@@ -6,8 +6,10 @@
 
 pub mod cone;
 pub mod coverage;
+mod direction_bounds;
 pub mod fermat;
 pub mod fnee;
+mod landing;
 pub mod newton;
 pub mod side;
 #[cfg(test)]
@@ -27,6 +29,8 @@ pub struct ShadingPoint {
     pub normal: DVec3,
     /// The surface on which it lies.
     pub leaving: Leaving,
+    /// Diffuse vertices of the path before it.
+    pub bounces: u32,
 }
 
 /// Light that arrives at a shading point.

@@ -44,9 +44,9 @@ impl<'a> PaneSide<'a> {
     /// The pane as seen from `point` (in the pane's frame); `None` for points between the highest and the lowest point
     /// of either face, to which the specular methods give no light (see [`super::coverage`]).
     pub fn facing(pane: &'a Pane, point: DVec3) -> Option<Self> {
-        if point.z < pane.front.all_heights().min {
+        if point.z < pane.front.all_bounds().height.min {
             Some(Self { pane, near: Face::Front, far: Face::Back, sign: 1.0 })
-        } else if point.z > pane.thickness + pane.back.all_heights().max {
+        } else if point.z > pane.thickness + pane.back.all_bounds().height.max {
             Some(Self { pane, near: Face::Back, far: Face::Front, sign: -1.0 })
         } else {
             None
@@ -58,7 +58,7 @@ impl<'a> PaneSide<'a> {
     pub fn rises_above(&self, point: DVec3, normal: DVec3) -> bool {
         let half = self.pane.size * 0.5;
         let reach = normal.x.abs() * half.x + normal.y.abs() * half.y;
-        let heights = self.near_surface().all_heights();
+        let heights = self.near_surface().all_bounds().height;
         let rise = |height: f64| normal.z * (self.near_base() + height - point.z);
         let depth = rise(heights.min).max(rise(heights.max));
         reach + depth - normal.x * point.x - normal.y * point.y > 0.0

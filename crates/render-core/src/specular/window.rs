@@ -9,14 +9,19 @@
 //! ```
 //!
 //! so bounds on the slopes bound the deflection, and bounds on the deflection bound where the path can cross the pane.
-//! Interval arithmetic turns this into a rectangle that holds every path, and the rectangle into better bounds on the
-//! slopes: a few rounds contract it to the neighbourhood that matters. The rectangle is a true bound (no path that
-//! [`super::coverage`] owns lies outside), which makes sampling inside it unbiased.
+//! Interval arithmetic (`landing`) turns this into a rectangle that holds every path, and the rectangle into better
+//! bounds on the slopes: a few rounds contract it to the neighbourhood that matters. The same arithmetic contracts any
+//! part of the window further. The rectangle is a true bound (no path that [`super::coverage`] owns lies outside), which
+//! makes sampling inside it unbiased.
 
 use glam::{DVec2, DVec3};
 
-use super::side::{GRAZING_COSINE, PaneSide};
-use crate::geometry::{HeightField, Interval, Rect};
+use super::{
+    direction_bounds::cap_bounds,
+    landing::{Detail, Ends, Landing, MirroredSource, Part, mirrored},
+    side::PaneSide,
+};
+use crate::geometry::{Interval, Rect};
 
 /// The places from which light may come, in the pane's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,292 +45,104 @@ pub enum SourceBounds {
 /// Each round reads the slopes in the window of the round before; the fourth changes next to nothing.
 const ROUNDS: usize = 3;
 
-/// Grown by this part of its size against the rounding of the interval arithmetic.
-const ROUNDING_MARGIN: f64 = 1e-9;
+/// Rectangles are grown by this part of the window's size and of the distance from the shading point, against the
+/// rounding of the interval arithmetic.
+const ROUNDING_MARGINS: [f64; 2] = [1e-9, 1e-13];
 
-/// Bounds, in the plane of the undisplaced near face, on where the line from `origin` along the first segment of any
-/// owned path crosses that plane. `None` when no owned path exists.
-pub fn deflection_window(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<Rect> {
-    let geometry = SideGeometry::new(side, origin)?;
-    let mut window = geometry.outline_seen;
-    for round in 0..ROUNDS {
-        // Most points see no light through most panes: the first round, which finds that, reads no pyramid.
-        let detail = if round == 0 { Detail::WholeFace } else { Detail::Region };
-        window = window.intersection(&geometry.contract(&window, source, detail)?);
-        if window.is_empty() {
-            return None;
+/// Bounds, in the plane of the undisplaced near face, on where the line from a shading point along the first segment of
+/// any owned path to a source crosses that plane.
+#[derive(Clone, Copy, Debug)]
+pub struct Window<'a> {
+    rect: Rect,
+    landing: Landing<'a>,
+    margin: f64,
+}
+
+impl<'a> Window<'a> {
+    /// The window of the point `origin` and a source, all in the pane's frame; `None` when no owned path exists.
+    pub fn new(side: &PaneSide<'a>, origin: DVec3, source: &SourceBounds) -> Option<Self> {
+        let (ends, mut rect) = ends(side, origin, source)?;
+        let mut last = None;
+        for round in 0..ROUNDS {
+            // Most points see no light through most panes: the first round, which finds that, reads no pyramid.
+            let detail = if round == 0 { Detail::WholeFace } else { Detail::Region };
+            let (landing, part) = Landing::new(side, &ends, &rect, detail)?;
+            rect = part.rect;
+            last = Some(landing);
         }
-    }
-    let margin = (window.max - window.min).max_element() * ROUNDING_MARGIN;
-    Some(window.grown(margin))
-}
-
-/// The pane mirrored, if need be, so that light travels towards +z.
-struct SideGeometry<'a> {
-    side: PaneSide<'a>,
-    /// The shading point, mirrored.
-    origin: DVec3,
-    /// Height of the undisplaced near face above the shading point.
-    near: f64,
-    /// Everything between the shading point's view of the outline and the plane of the near face.
-    outline_seen: Rect,
-}
-
-/// For what part of a face bounds are read.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Detail {
-    WholeFace,
-    Region,
-}
-
-/// Heights and slopes of a face, mirrored if need be.
-struct FaceBounds {
-    heights: Interval,
-    slopes: Box2,
-}
-
-impl FaceBounds {
-    fn new(surface: &HeightField, region: &Rect, detail: Detail, sign: f64) -> Self {
-        let (heights, slopes) = match detail {
-            Detail::WholeFace => (surface.all_heights(), surface.all_slopes()),
-            Detail::Region => (surface.height_bounds(region), surface.slope_bounds(region)),
-        };
-        Self { heights: mirrored(heights, sign), slopes: slopes.map(|slope| mirrored(slope, sign)) }
-    }
-}
-
-/// Two intervals: a box of tangential vectors.
-type Box2 = [Interval; 2];
-
-impl<'a> SideGeometry<'a> {
-    fn new(side: &PaneSide<'a>, origin: DVec3) -> Option<Self> {
-        let origin = DVec3::new(origin.x, origin.y, origin.z * side.sign);
-        let near = side.near_base() * side.sign - origin.z;
-        let outline = side.pane.outline();
-        let heights = mirrored(side.near_surface().all_heights(), side.sign);
-        // A point of the face at the height h is seen, from O, in the plane of the face at O + (X - O) near/(near + h).
-        let scale = Interval::new(near / (near + heights.max), near / (near + heights.min));
-        let seen = |min: f64, max: f64, centre: f64| {
-            scale * Interval::new(min - centre, max - centre) + Interval::point(centre)
-        };
-        let x = seen(outline.min.x, outline.max.x, origin.x);
-        let y = seen(outline.min.y, outline.max.y, origin.y);
-        if !(near + heights.min > 0.0 && near > 0.0) {
-            return None;
-        }
-        Some(Self {
-            side: *side,
-            origin,
-            near,
-            outline_seen: Rect::new(DVec2::new(x.min, y.min), DVec2::new(x.max, y.max)),
-        })
+        let [of_size, of_distance] = ROUNDING_MARGINS;
+        let margin = (rect.max - rect.min).max_element() * of_size + ends.near * of_distance;
+        Some(Self { rect: rect.grown(margin), landing: last?, margin })
     }
 
-    /// A window that holds every owned path that crosses the near plane inside `window`.
-    fn contract(&self, window: &Rect, source: &SourceBounds, detail: Detail) -> Option<Rect> {
-        let pane = self.side.pane;
-        let sign = self.side.sign;
-        let index = pane.index_of_refraction;
-        let tangents: Box2 = [
-            Interval::new(window.min.x - self.origin.x, window.max.x - self.origin.x),
-            Interval::new(window.min.y - self.origin.y, window.max.y - self.origin.y),
-        ]
-        .map(|offset| Interval::new(offset.min / self.near, offset.max / self.near));
-        let directions = directions_of_tangents(&tangents);
+    /// The whole window.
+    pub fn rect(&self) -> &Rect {
+        &self.rect
+    }
 
-        let (near_surface, far_surface) = (self.side.near_surface(), self.side.far_surface());
-        let entry = shifted(window, &tangents, mirrored(near_surface.all_heights(), sign));
-        let entry = entry.intersection(&pane.outline());
-        if entry.is_empty() {
-            return None;
-        }
-        let FaceBounds { heights: near_heights, slopes: near_slopes } =
-            FaceBounds::new(near_surface, &entry, detail, sign);
-        let near_strength = refraction_strength(index, &directions, &near_slopes);
-        // n b_t = a_t - g1 grad h1
-        let inner: Box2 = std::array::from_fn(|axis| {
-            let momentum = directions[axis] - near_strength * near_slopes[axis];
-            Interval::new(momentum.min / index, momentum.max / index)
-        });
-        let inner_tangents = tangents_of_directions(&inner, GRAZING_COSINE);
+    /// What of a part of the window can matter; `None` when nothing can.
+    #[inline]
+    pub(super) fn part(&self, part: &Rect) -> Option<Part> {
+        let Part { rect, spread } = self.landing.part(part)?;
+        let rect = rect.grown(self.margin).intersection(part);
+        (!rect.is_empty()).then_some(Part { rect, spread })
+    }
 
-        let gap = self.gap(near_heights, mirrored(far_surface.all_heights(), sign));
-        let exit = shifted(&entry, &inner_tangents, gap).intersection(&pane.outline());
-        if exit.is_empty() {
-            return None;
-        }
-        let FaceBounds { heights: far_heights, slopes: far_slopes } = FaceBounds::new(far_surface, &exit, detail, sign);
-        // The far face's cosine in air is that of w, which the deflection itself bounds: the widest strength is safe.
-        let widest = refraction_strength_widest(index);
-        let loose: Box2 = std::array::from_fn(|axis| {
-            directions[axis] - near_strength * near_slopes[axis] + widest * far_slopes[axis]
-        });
-        let far_strength = refraction_strength(index, &clamped(&loose), &far_slopes);
-        let deflection: Box2 =
-            std::array::from_fn(|axis| far_strength * far_slopes[axis] - near_strength * near_slopes[axis]);
-
-        let tangents = match *source {
-            SourceBounds::Cap { direction, sin_radius } => {
-                let cap = cap_bounds(DVec3::new(direction.x, direction.y, direction.z * sign), sin_radius);
-                let first: Box2 =
-                    std::array::from_fn(|axis| (cap[axis] - deflection[axis]).intersection(directions[axis]));
-                if first.iter().any(Interval::is_empty) {
-                    return None;
-                }
-                tangents_of_directions(&first, GRAZING_COSINE)
-            }
-            SourceBounds::Ball { centre, radius } => {
-                let gap = self.gap(near_heights, far_heights);
-                let exit_height = Interval::point(self.near) + near_heights + gap;
-                let rise = centre.z * sign - self.origin.z;
-                // Height of the source above the exit, along the way of the light.
-                let above = (Interval::new(rise - radius, rise + radius) - exit_height)
-                    .intersection(Interval::new(0.0, f64::INFINITY));
-                if above.is_empty() {
-                    return None;
-                }
-                // q - p for the tangents p at O and q at S, by the mean value theorem on t -> t / sqrt(1 - t^2).
-                let last: Box2 = std::array::from_fn(|axis| directions[axis] + deflection[axis]);
-                let hull = clamped(&std::array::from_fn(|axis| directions[axis].union(last[axis])));
-                let bend = tangent_difference(&hull, &deflection);
-                // S_t - O_t = near' p + gap r + above q = (near' + above) p + gap r + above (q - p)
-                let path = Interval::point(self.near) + near_heights + above;
-                std::array::from_fn(|axis| {
-                    let offset = [centre.x - self.origin.x, centre.y - self.origin.y][axis];
-                    let numerator = Interval::new(offset - radius, offset + radius)
-                        - gap * inner_tangents[axis]
-                        - above * bend[axis];
-                    quotient(numerator, path).intersection(tangents[axis])
-                })
+    /// Cuts the window into at most about `most` parts, by halves, until each is `settled`, and leaves out those from which
+    /// no light can reach the source.
+    pub(super) fn parts(&self, most: usize, settled: impl Fn(&Landing<'a>, &Part) -> bool) -> Vec<Rect> {
+        let mut open = Vec::with_capacity(most);
+        let mut done = Vec::with_capacity(most);
+        let mut first = 0;
+        let mut keep = |rect: &Rect, open: &mut Vec<Rect>, done: &mut Vec<Rect>| {
+            if let Some(part) = self.part(rect) {
+                if settled(&self.landing, &part) { done.push(part.rect) } else { open.push(part.rect) }
             }
         };
-        if tangents.iter().any(Interval::is_empty) {
-            return None;
+        keep(&self.rect, &mut open, &mut done);
+        while first < open.len() && open.len() - first + done.len() < most {
+            let halves = open[first].halves();
+            first += 1;
+            for half in &halves {
+                keep(half, &mut open, &mut done);
+            }
         }
-        let cross = |axis: usize, centre: f64| {
-            Interval::new(centre + self.near * tangents[axis].min, centre + self.near * tangents[axis].max)
-        };
-        let (x, y) = (cross(0, self.origin.x), cross(1, self.origin.y));
-        Some(Rect::new(DVec2::new(x.min, y.min), DVec2::new(x.max, y.max)))
+        done.extend_from_slice(&open[first..]);
+        done
     }
 
-    /// Bounds on the thickness of the glass along z.
-    fn gap(&self, near_heights: Interval, far_heights: Interval) -> Interval {
-        let gap = Interval::point(self.side.pane.thickness) + far_heights - near_heights;
-        Interval::new(gap.min.max(0.0), gap.max)
+    /// The map from the window to the source.
+    pub(super) fn landing(&self) -> &Landing<'a> {
+        &self.landing
     }
 }
 
-/// An interval of z values or slopes as seen when z is mirrored for a negative sign.
-fn mirrored(interval: Interval, sign: f64) -> Interval {
-    if sign > 0.0 { interval } else { -interval }
-}
-
-/// `rect` moved along the tangents by any of the given rises.
-fn shifted(rect: &Rect, tangents: &Box2, rise: Interval) -> Rect {
-    let x = Interval::new(rect.min.x, rect.max.x) + rise * tangents[0];
-    let y = Interval::new(rect.min.y, rect.max.y) + rise * tangents[1];
-    Rect::new(DVec2::new(x.min, y.min), DVec2::new(x.max, y.max))
-}
-
-/// `t / sqrt(1 + |t|^2)` over a box, in each component.
-fn directions_of_tangents(tangents: &Box2) -> Box2 {
-    std::array::from_fn(|axis| {
-        let other = squared(tangents[1 - axis]);
-        // Rises with its own component; the other component pulls it towards zero.
-        let value = |own: f64, other_squared: f64| own / (1.0 + own * own + other_squared).sqrt();
-        let [own_min, own_max] = [tangents[axis].min, tangents[axis].max];
-        Interval::new(
-            value(own_min, if own_min < 0.0 { other.min } else { other.max }),
-            value(own_max, if own_max > 0.0 { other.min } else { other.max }),
-        )
-    })
-}
-
-/// `t / sqrt(1 - |t|^2)` over a box, in each component, for directions whose z is at least `cos_min`.
-fn tangents_of_directions(directions: &Box2, cos_min: f64) -> Box2 {
-    std::array::from_fn(|axis| {
-        let other = squared(directions[1 - axis]);
-        let value =
-            |own: f64, other_squared: f64| own / (1.0 - own * own - other_squared).max(cos_min * cos_min).sqrt();
-        let [own_min, own_max] = [directions[axis].min, directions[axis].max];
-        Interval::new(
-            value(own_min, if own_min < 0.0 { other.max } else { other.min }),
-            value(own_max, if own_max > 0.0 { other.max } else { other.min }),
-        )
-    })
-}
-
-/// Bounds on `Q(t + d) - Q(t)` for `Q(t) = t / sqrt(1 - |t|^2)`, with t and t + d in `hull` and d in `difference`.
-fn tangent_difference(hull: &Box2, difference: &Box2) -> Box2 {
-    let squares = hull.map(squared);
-    let cos_squared = Interval::new(
-        (1.0 - squares[0].max - squares[1].max).max(GRAZING_COSINE * GRAZING_COSINE),
-        (1.0 - squares[0].min - squares[1].min).max(GRAZING_COSINE * GRAZING_COSINE),
-    );
-    let inverse_cube = Interval::new(
-        1.0 / (cos_squared.max * cos_squared.max.sqrt()),
-        1.0 / (cos_squared.min * cos_squared.min.sqrt()),
-    );
-    std::array::from_fn(|axis| {
-        let other = squares[1 - axis];
-        let own = inverse_cube * Interval::new((1.0 - other.max).max(0.0), (1.0 - other.min).max(0.0));
-        let mixed = inverse_cube * (hull[0] * hull[1]);
-        own * difference[axis] + mixed * difference[1 - axis]
-    })
-}
-
-fn squared(interval: Interval) -> Interval {
-    let (a, b) = (interval.min * interval.min, interval.max * interval.max);
-    let contains_zero = interval.min <= 0.0 && interval.max >= 0.0;
-    Interval::new(if contains_zero { 0.0 } else { a.min(b) }, a.max(b))
-}
-
-/// Directions have components between -1 and 1.
-fn clamped(directions: &Box2) -> Box2 {
-    directions.map(|direction| Interval::new(direction.min.clamp(-1.0, 1.0), direction.max.clamp(-1.0, 1.0)))
-}
-
-/// `numerator / denominator` for a denominator that is never negative.
-fn quotient(numerator: Interval, denominator: Interval) -> Interval {
-    let inverse = Interval::new(1.0 / denominator.max, 1.0 / denominator.min.max(f64::MIN_POSITIVE));
-    numerator * inverse
-}
-
-/// Bounds on `g = (sqrt(n^2 - 1 + c^2) - c) / |m|` where c is the cosine, in air, to a normal of the given slopes.
-fn refraction_strength(index: f64, directions: &Box2, slopes: &Box2) -> Interval {
-    let squares = directions.map(squared);
-    let sin_squared = Interval::new(squares[0].min + squares[1].min, (squares[0].max + squares[1].max).min(1.0));
-    let slope_squared =
-        Interval::new(squared(slopes[0]).min + squared(slopes[1]).min, squared(slopes[0]).max + squared(slopes[1]).max);
-    let tilt = (sin_squared.max * slope_squared.max).sqrt();
-    let cosine = Interval::new(
-        (((1.0 - sin_squared.max).max(0.0).sqrt() - tilt) / (1.0 + slope_squared.max).sqrt()).max(0.0),
-        ((1.0 - sin_squared.min).max(0.0).sqrt() + tilt).min(1.0),
-    );
-    // Falls with c.
-    let strength = |cosine: f64| (index * index - 1.0 + cosine * cosine).sqrt() - cosine;
-    Interval::new(
-        strength(cosine.max) / (1.0 + slope_squared.max).sqrt(),
-        strength(cosine.min) / (1.0 + slope_squared.min).sqrt(),
-    )
-}
-
-/// The same for any direction and slope.
-fn refraction_strength_widest(index: f64) -> Interval {
-    Interval::new(0.0, (index * index - 1.0).sqrt())
-}
-
-/// Bounds on the x and y components of the directions of a cap.
-fn cap_bounds(axis: DVec3, sin_radius: f64) -> Box2 {
-    let cos_radius = (1.0 - sin_radius * sin_radius).max(0.0).sqrt();
-    [axis.x, axis.y].map(|component| {
-        // cos(phi -+ r) for the angle phi between the axis and the coordinate axis.
-        let sine = (1.0 - component * component).max(0.0).sqrt();
-        let max = if component >= cos_radius { 1.0 } else { component * cos_radius + sine * sin_radius };
-        let min = if component <= -cos_radius { -1.0 } else { component * cos_radius - sine * sin_radius };
-        Interval::new(min, max)
-    })
+/// The ends of the path as seen from the pane, and everything between the shading point's view of the outline and the
+/// plane of the near face.
+fn ends(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<(Ends, Rect)> {
+    let sign = side.sign;
+    let near = side.near_base() * sign - origin.z * sign;
+    let heights = mirrored(side.near_surface().all_bounds(), sign).height;
+    if !(near + heights.min > 0.0 && near > 0.0) {
+        return None;
+    }
+    // A point of the face at the height h is seen, from O, in the plane of the face at O + (X - O) near/(near + h).
+    let scale = Interval::new(near / (near + heights.max), near / (near + heights.min));
+    let outline = side.pane.outline();
+    let seen =
+        |min: f64, max: f64, centre: f64| scale * Interval::new(min - centre, max - centre) + Interval::point(centre);
+    let x = seen(outline.min.x, outline.max.x, origin.x);
+    let y = seen(outline.min.y, outline.max.y, origin.y);
+    let source = match *source {
+        SourceBounds::Ball { centre, radius } => {
+            let offset = centre - origin;
+            let around = |middle: f64| Interval::new(middle - radius, middle + radius);
+            MirroredSource::Offset([around(offset.x), around(offset.y), around(offset.z * sign)])
+        }
+        SourceBounds::Cap { direction, sin_radius } => MirroredSource::Direction(cap_bounds(direction, sin_radius)),
+    };
+    let seen = Rect::new(DVec2::new(x.min, y.min), DVec2::new(x.max, y.max));
+    Some((Ends { origin: origin.truncate(), near, source }, seen))
 }
 
 #[cfg(test)]
@@ -372,14 +189,23 @@ mod tests {
                 SourceBounds::Ball { centre: light, radius: 0.0 },
                 SourceBounds::Ball { centre: light + offset, radius: offset.length() * (1.0 + 1e-12) },
             ] {
-                let window = deflection_window(&side, origin, &source)
+                let window = Window::new(&side, origin, &source)
                     .unwrap_or_else(|| panic!("case {case}: no window for {source:?} from {origin}"));
-                assert!(
-                    window.contains(target.truncate()),
-                    "case {case}: {target} outside {window:?} for {source:?} from {origin}"
-                );
+                let place = target.truncate();
+                let mut part = *window.rect();
+                for depth in 0..20 {
+                    assert!(
+                        part.contains(place),
+                        "case {case}, depth {depth}: {place} outside {part:?} for {source:?} from {origin}"
+                    );
+                    let kept = window.part(&part);
+                    let Part { rect, .. } =
+                        kept.unwrap_or_else(|| panic!("case {case}, depth {depth}: nothing left of {part:?}"));
+                    let [low, high] = rect.halves();
+                    part = if low.contains(place) { low } else { high };
+                }
                 if matches!(source, SourceBounds::Ball { radius: 0.0, .. }) && direction.z.abs() > 0.5 {
-                    area += window.area() / pane.outline().area();
+                    area += window.rect().area() / pane.outline().area();
                 }
             }
         }
@@ -406,8 +232,8 @@ mod tests {
         let origin = DVec3::new(0.02, 0.03, -1.0);
         let side = PaneSide::facing(&pane, origin).unwrap();
         let source = SourceBounds::Ball { centre: DVec3::new(-0.1, 0.1, 2.0), radius: 0.0 };
-        let window = deflection_window(&side, origin, &source).unwrap();
-        assert!((window.max - window.min).max_element() < 1e-6);
+        let window = Window::new(&side, origin, &source).unwrap();
+        assert!((window.rect().max - window.rect().min).max_element() < 1e-6);
     }
 
     #[test]
@@ -416,8 +242,8 @@ mod tests {
         let origin = DVec3::new(0.0, 0.0, -1.0);
         let side = PaneSide::facing(&pane, origin).unwrap();
         let beside = SourceBounds::Ball { centre: DVec3::new(2.0, 0.0, 1.0), radius: 0.0 };
-        assert_eq!(deflection_window(&side, origin, &beside), None);
+        assert!(Window::new(&side, origin, &beside).is_none());
         let behind = SourceBounds::Ball { centre: DVec3::new(0.0, 0.0, -2.0), radius: 0.1 };
-        assert_eq!(deflection_window(&side, origin, &behind), None);
+        assert!(Window::new(&side, origin, &behind).is_none());
     }
 }
