@@ -49,6 +49,16 @@ pub struct Expectation {
     pub allowed: BTreeSet<NodeAddress>,
 }
 
+impl Expectation {
+    /// What decoding the nodes that may be in it can need at most: all layers of each, and its largest block, which is a
+    /// row of the tile.
+    pub fn budget(&self) -> DecodeBudget {
+        let tiles = self.allowed.iter().filter_map(|node| self.grid.tile(node.tile));
+        let pixels: u64 = tiles.map(|tile| u64::from(tile.width) * (u64::from(tile.height) + 1)).sum();
+        DecodeBudget { pixel_bytes: pixels * NODE_BYTES_PER_PIXEL }
+    }
+}
+
 /// The attribute of a part.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -78,6 +88,9 @@ const MOMENT: [&str; 3] = ["moment.R", "moment.G", "moment.B"];
 const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
 const NORMAL: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
 const DEPTH: &str = "depth.Z";
+
+/// Bytes of a pixel in a node with all its layers: beauty, moment, albedo, normal (three floats each) and depth (one).
+const NODE_BYTES_PER_PIXEL: u64 = 13 * 4;
 
 /// The partial with these nodes, for an image of `grid`. The same nodes give the same bytes.
 ///
@@ -334,6 +347,16 @@ mod tests {
         let nodes = nodes();
         let found = decode(&encoded(&nodes[1..2]), &expectation(&nodes), BUDGET).unwrap();
         assert_eq!(found, nodes[1..2]);
+    }
+
+    #[test]
+    fn nodes_with_all_their_layers_need_no_more_than_expected() {
+        for nodes in [[address(0, 3, 0), address(3, 2, 0)], [address(1, 4, 0), address(2, 5, 0)]] {
+            let nodes = nodes.map(node);
+            assert!(nodes.iter().all(|node| node.layers().moment.is_some() && node.layers().first_hit.is_some()));
+            let expected = expectation(&nodes);
+            assert_eq!(decode(&encoded(&nodes), &expected, expected.budget()).unwrap(), nodes);
+        }
     }
 
     #[test]
