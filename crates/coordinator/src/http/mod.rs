@@ -1,8 +1,9 @@
 //! The HTTP API and the dashboard.
 //!
-//! A request passes these layers, from the outside in: [`problem::explain`] (request id, span, problem documents), panics
-//! caught, [`auth::authorise`] (token, or the name of this machine), requests from other sites' pages refused, limits on
-//! bodies. Handlers read with [`extract`], which names the field that is wrong, and return an [`ApiError`].
+//! A request passes these layers, from the outside in: [`leftover`] (bodies that nobody has read to their end),
+//! [`problem::explain`] (request id, span, problem documents), panics caught, [`auth::authorise`] (token, or the name of
+//! this machine), requests from other sites' pages refused, limits on bodies. Handlers read with [`extract`], which names
+//! the field that is wrong, and return an [`ApiError`].
 
 mod assets;
 mod auth;
@@ -12,6 +13,7 @@ mod extract;
 mod images;
 mod jobs;
 mod leases;
+mod leftover;
 mod openapi;
 mod problem;
 mod workers;
@@ -60,6 +62,7 @@ pub(crate) fn router(farm: Arc<Farm>) -> Router {
         .route("/readyz", get(ready))
         .layer(CatchPanicLayer::new())
         .layer(from_fn(problem::explain))
+        .layer(from_fn(leftover::drop_leftover))
         .layer(fixed(X_CONTENT_TYPE_OPTIONS, "nosniff"))
         .layer(fixed(REFERRER_POLICY, "no-referrer"))
         .layer(fixed(CONTENT_SECURITY_POLICY, PAGE_POLICY))

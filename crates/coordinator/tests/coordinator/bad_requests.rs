@@ -4,6 +4,8 @@ use crate::support::*;
 use clerestory_api::{Client, Problem};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
 use uuid::Uuid;
 
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
@@ -230,6 +232,42 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     farm.worker().await.drain().await;
     farm.finished(job.id).await;
     assert!(bits(&farm.image(job.id).await) == expected_bits(4));
+}
+
+/// Sends a request on a connection, and answers the head and the body of the answer.
+async fn exchange(connection: &mut TcpStream, head: &str, body: &[u8]) -> String {
+    let request = format!("{head}\r\nhost: localhost\r\ncontent-length: {}\r\n\r\n", body.len());
+    connection.write_all(request.as_bytes()).await.unwrap();
+    connection.write_all(body).await.unwrap();
+    let mut answer = Vec::new();
+    loop {
+        assert_ne!(connection.read_buf(&mut answer).await.unwrap(), 0, "{}", String::from_utf8_lossy(&answer));
+        let text = String::from_utf8_lossy(&answer);
+        let Some((head, body)) = text.split_once("\r\n\r\n") else { continue };
+        let length =
+            head.lines().find_map(|line| line.strip_prefix("content-length: ")).map(|text| text.parse().unwrap());
+        if body.len() >= length.unwrap_or(0) {
+            return text.into_owned();
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_connection_lives_on_when_the_answer_comes_before_the_body() {
+    let farm = TestFarm::start_with(|config| config.max_partial_bytes = 1 << 20).await;
+    let mut connection = TcpStream::connect(farm.address.trim_start_matches("http://")).await.unwrap();
+    let body = vec![b' '; 9 << 20];
+    let wrong_type = exchange(&mut connection, "POST /api/v1/jobs HTTP/1.1", &body).await;
+    assert!(wrong_type.starts_with("HTTP/1.1 415 ") && !wrong_type.contains("connection: close"), "{wrong_type}");
+    let lease = format!("PUT /api/v1/leases/{}/partial HTTP/1.1\r\ncontent-type: image/x-exr", Uuid::now_v7());
+    let head = format!("{lease}\r\nclerestory-fencing-token: 1\r\nclerestory-core-ms: 1");
+    let unknown_lease = exchange(&mut connection, &head, &body).await;
+    assert!(
+        unknown_lease.starts_with("HTTP/1.1 404 ") && !unknown_lease.contains("connection: close"),
+        "{unknown_lease}"
+    );
+    let next = exchange(&mut connection, "GET /api/v1/jobs HTTP/1.1", b"").await;
+    assert!(next.starts_with("HTTP/1.1 200 ") && next.ends_with("[]"), "{next}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
