@@ -16,6 +16,7 @@ mod leases;
 mod leftover;
 mod openapi;
 mod problem;
+mod strict_object;
 mod workers;
 
 use std::sync::Arc;
@@ -36,7 +37,7 @@ use crate::farm::Farm;
 pub(crate) use problem::ApiError;
 
 /// Largest body that is not an asset or a partial: a scene with inline meshes.
-const MAX_SMALL_BODY: usize = 16 << 20;
+const MAX_SMALL_BODY: u32 = 16 << 20;
 
 /// What the dashboard's page may load: its own files, and images that it has fetched.
 const PAGE_POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; \
@@ -47,7 +48,7 @@ pub(crate) fn router(farm: Arc<Farm>) -> Router {
     let max_partial = usize::try_from(farm.config.max_partial_bytes).unwrap_or(usize::MAX);
     let api = Router::from(openapi::small())
         .route("/openapi.json", get(async || Json(openapi::description())))
-        .layer(DefaultBodyLimit::max(MAX_SMALL_BODY))
+        .layer(DefaultBodyLimit::max(MAX_SMALL_BODY as usize))
         .merge(Router::from(openapi::partials()).layer(DefaultBodyLimit::max(max_partial)))
         // Assets are counted as they are written.
         .merge(Router::from(openapi::streams()).layer(DefaultBodyLimit::disable()));
