@@ -66,6 +66,32 @@ impl Farm {
         child.wait().expect("the worker ends")
     }
 
+    /// Number of the coordinator's process; `None` when it has ended.
+    ///
+    /// # Panics
+    ///
+    /// When the system does not know the process.
+    pub fn coordinator_process(&mut self) -> Option<u32> {
+        let child = &mut self.coordinator.0;
+        child.try_wait().expect("a process of ours").is_none().then(|| child.id())
+    }
+
+    /// The most memory that the coordinator has had so far.
+    ///
+    /// # Panics
+    ///
+    /// When it has ended, or the system does not describe processes as Linux does.
+    pub fn coordinator_memory(&self) -> PeakMemory {
+        let file = format!("/proc/{}/status", self.coordinator.0.id());
+        let status = std::fs::read_to_string(file).expect("the system describes the coordinator");
+        let bytes = |name: &str| {
+            let value = status.lines().find_map(|line| line.strip_prefix(name)).expect("the coordinator has memory");
+            let kibibytes = value.trim_start_matches(':').trim().trim_end_matches(" kB").parse::<u64>();
+            kibibytes.expect("a number of kibibytes") << 10
+        };
+        PeakMemory { resident: bytes("VmHWM"), address_space: bytes("VmPeak") }
+    }
+
     /// Kills the coordinator, as a power cut would.
     pub fn kill_coordinator(&mut self) {
         self.coordinator.kill();
@@ -135,6 +161,15 @@ impl Farm {
         command.envs(self.token.iter().map(|token| ("CLERESTORY_TOKEN", token)));
         command
     }
+}
+
+/// The most memory that a process has had, in bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct PeakMemory {
+    /// What it had written to or read from.
+    pub resident: u64,
+    /// What it had asked for, whether it used it or not.
+    pub address_space: u64,
 }
 
 /// The command `clerestory`, as cargo built it beside this test.

@@ -8,15 +8,23 @@
 //! - [`bias`]: whether a renderer's replicates agree with a reference, and with what power;
 //! - [`comparisons`]: which method is held against which reference;
 //! - [`farm`]: a farm of real processes, and [`browser`]: what a user sees of it;
+//! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
+//!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`rendering`]: scenes rendered in this process;
 //! - [`folds`]: where the caustic of a point light is singular.
 
 pub mod bias;
 pub mod browser;
+pub mod calls;
 pub mod comparisons;
+pub mod exr_files;
 pub mod farm;
 pub mod folds;
 pub mod forward_tracer;
+pub mod hand_worker;
+pub mod malformed_calls;
+pub mod malformed_partials;
+pub mod malformed_scenes;
 pub mod random;
 pub mod reference;
 pub mod rendering;

@@ -4,12 +4,11 @@
 //! is told. A crash anywhere in between leaves blobs that nobody names, or a worker that uploads again and hears that all
 //! is there.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use bytes::Bytes;
 use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, ProblemCode};
-use clerestory_render_core::film::{self, DecodeBudget, Expectation, Node, NodeAddress, partial};
+use clerestory_render_core::film::{self, Expectation, Node, NodeAddress, partial};
 use futures::stream::{self, StreamExt, TryStreamExt};
 
 use crate::farm::Farm;
@@ -18,9 +17,6 @@ use crate::store::{DeliveredNode, Delivery, JobRecord, LeaseError, WorkFailure};
 
 /// Nodes that are written at the same time.
 const WRITES: usize = 8;
-
-/// Bytes of a pixel in a node with all its layers: beauty, moment, albedo, normal (three floats each) and depth.
-const NODE_BYTES_PER_PIXEL: u64 = 13 * 4;
 
 /// A node as the wire names it.
 pub(crate) fn wire_address(address: &NodeAddress) -> clerestory_api::NodeAddress {
@@ -46,8 +42,7 @@ pub(crate) async fn accept(
         sampling: job.sampling().map_err(ApiError::internal)?,
         allowed,
     };
-    let budget = budget(&job, &expectation.allowed);
-    let decoded = tokio::task::spawn_blocking(move || partial::decode(&body, &expectation, budget));
+    let decoded = tokio::task::spawn_blocking(move || partial::decode(&body, &expectation, expectation.budget()));
     let nodes = match decoded.await.map_err(ApiError::internal)? {
         Ok(nodes) => nodes,
         Err(error) => {
@@ -72,12 +67,6 @@ pub(crate) async fn fail(farm: &Farm, failure: WorkFailure) -> Result<(), ApiErr
     farm.events.workers_changed();
     farm.work.notify_waiters();
     Ok(())
-}
-
-/// What the decoded nodes of a lease can need at most.
-fn budget(job: &JobRecord, nodes: &BTreeSet<NodeAddress>) -> DecodeBudget {
-    let pixels = nodes.iter().filter_map(|node| job.grid.tile(node.tile)).map(|tile| tile.pixels() as u64);
-    DecodeBudget { pixel_bytes: pixels.sum::<u64>() * NODE_BYTES_PER_PIXEL }
 }
 
 async fn store(

@@ -145,7 +145,12 @@ fn of_scene_error(error: SceneError) -> ApiError {
         "" | "$" => "scene".to_owned(),
         path => format!("scene.{path}"),
     };
-    let refused = ApiError::new(ProblemCode::InvalidScene, error.to_string()).field(field);
+    let mut detail = error.to_string();
+    if let (SceneError::Structure { .. }, Some(place)) = (&error, detail.rfind(" at line ")) {
+        // It is the place in the scene as it was taken out of the submission, which nobody sees.
+        detail.truncate(place);
+    }
+    let refused = ApiError::new(ProblemCode::InvalidScene, detail).field(field);
     match error {
         SceneError::Value { found, expected, .. } => refused.value(found).expected(expected),
         SceneError::UnsupportedVersion { found } => {

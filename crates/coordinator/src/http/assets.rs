@@ -37,13 +37,13 @@ pub(super) async fn put(
     let limit = farm.config.max_asset_bytes;
     let announced = headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
     if announced.is_some_and(|announced| announced > limit) {
-        return Err(too_large(limit));
+        return Err(ApiError::body_too_large(limit));
     }
     let size =
         farm.blobs.put_asset(hash, limit, chunks(body.into_data_stream())).await.map_err(|error| match error {
             UploadError::Source(Pause::TooLong) => too_slow(),
             UploadError::Source(Pause::CutOff) => ApiError::new(ProblemCode::InvalidBody, "the body was cut off"),
-            UploadError::TooLarge { limit } => too_large(limit),
+            UploadError::TooLarge { limit } => ApiError::body_too_large(limit),
             UploadError::HashMismatch { found } => {
                 ApiError::new(ProblemCode::HashMismatch, format!("the content has the hash {found}"))
                     .field("hash")
@@ -93,12 +93,8 @@ async fn require(farm: &Farm, hash: ContentHash) -> Result<(), ApiError> {
     if farm.store.has_asset(hash).await? {
         return Ok(());
     }
-    Err(ApiError::new(ProblemCode::UnknownAsset, format!("no asset with the hash {hash} has been uploaded")))
-}
-
-fn too_large(limit: u64) -> ApiError {
-    ApiError::new(ProblemCode::BodyTooLarge, "the asset is larger than allowed")
-        .expected(format!("at most {limit} bytes"))
+    let detail = format!("no asset with the hash {hash} has been uploaded");
+    Err(ApiError::new(ProblemCode::UnknownAsset, detail).field("hash").value(hash))
 }
 
 enum Pause {

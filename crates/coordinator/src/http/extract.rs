@@ -12,11 +12,17 @@ use axum::http::request::Parts;
 use axum::response::IntoResponse;
 use clerestory_api::ProblemCode;
 use serde::de::DeserializeOwned;
+use serde_json::Value;
+use serde_path_to_error::Segment;
 
 use super::problem::ApiError;
+use super::strict_object::StrictObject;
 
 /// How long a body that fits into memory may take to arrive.
 const BODY_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// How the reader begins when it speaks of a number that no double can hold.
+const OUT_OF_RANGE: &str = "number out of range";
 
 /// A JSON body. Unknown fields are errors, because the types of the API deny them.
 pub(crate) struct StrictJson<T>(pub(crate) T);
@@ -24,25 +30,42 @@ pub(crate) struct StrictJson<T>(pub(crate) T);
 impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for StrictJson<T> {
     type Rejection = ApiError;
 
-    async fn from_request(request: Request, state: &S) -> Result<Self, ApiError> {
+    async fn from_request(request: Request, _state: &S) -> Result<Self, ApiError> {
         require_media_type(request.headers(), "application/json")?;
-        let bytes = read_body(request, state).await?;
-        let mut reader = serde_json::Deserializer::from_slice(&bytes);
-        let value = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
-            let path = error.path().to_string();
-            match error.inner().classify() {
-                serde_json::error::Category::Data => of_message(&path, &error.inner().to_string()),
-                _ => {
-                    let detail = format!("the body is not valid JSON: {}", error.inner());
-                    ApiError::new(ProblemCode::InvalidBody, detail).expected("a JSON object")
-                }
-            }
-        })?;
-        reader.end().map_err(|error| {
-            ApiError::new(ProblemCode::InvalidBody, format!("the body goes on after its JSON value: {error}"))
-        })?;
-        Ok(Self(value))
+        let body = read_body(request, super::MAX_SMALL_BODY.into()).await?;
+        // The reader of a type takes an array for an object, and the last of two members with one name.
+        read_json::<StrictObject>(&body)?;
+        read_json(&body).map(Self)
     }
+}
+
+fn read_json<T: DeserializeOwned>(body: &[u8]) -> Result<T, ApiError> {
+    let mut reader = serde_json::Deserializer::from_slice(body);
+    let value = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+        let path = error.path().to_string();
+        let message = error.inner().to_string();
+        if error.inner().is_data() || message.starts_with(OUT_OF_RANGE) {
+            return of_message(&path, &message, value_at(body, error.path()));
+        }
+        let detail = format!("the body is not valid JSON: {message}");
+        ApiError::new(ProblemCode::InvalidBody, detail).field("body").expected("a JSON object")
+    })?;
+    reader.end().map_err(|error| {
+        let detail = format!("the body goes on after its JSON value: {error}");
+        ApiError::new(ProblemCode::InvalidBody, detail).field("body").expected("one JSON object")
+    })?;
+    Ok(value)
+}
+
+/// What stands at a place of a body, as JSON, or as it is if it is a text.
+fn value_at(body: &[u8], path: &serde_path_to_error::Path) -> Option<String> {
+    let body: Value = serde_json::from_slice(body).ok()?;
+    let value = path.iter().try_fold(&body, |value, segment| match segment {
+        Segment::Seq { index } => value.get(index),
+        Segment::Map { key } => value.get(key),
+        Segment::Enum { .. } | Segment::Unknown => None,
+    })?;
+    Some(value.as_str().map_or_else(|| value.to_string(), str::to_owned))
 }
 
 /// Parameters of the query.
@@ -52,18 +75,19 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for StrictQuery<T>
     type Rejection = ApiError;
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
-        match Query::<T>::from_request_parts(parts, state).await {
-            Ok(Query(value)) => Ok(Self(value)),
-            Err(rejection) => {
-                let text = rejection.body_text();
-                let message = text.split_once("query string: ").map_or(text.as_str(), |(_, message)| message);
-                let (path, message) = match message.split_once(": ") {
-                    Some((path, rest)) if !path.contains(' ') => (path, rest),
-                    _ => ("", message),
-                };
-                Err(of_message(path, message))
-            }
-        }
+        let rejection = match Query::<T>::from_request_parts(parts, state).await {
+            Ok(Query(value)) => return Ok(Self(value)),
+            Err(rejection) => rejection,
+        };
+        let text = rejection.body_text();
+        let message = text.split_once("query string: ").map_or(text.as_str(), |(_, message)| message);
+        let (path, message) = match message.split_once(": ") {
+            Some((path, rest)) if !path.contains(' ') => (path, rest),
+            _ => ("", message),
+        };
+        let pairs = Query::<Vec<(String, String)>>::from_request_parts(parts, state).await;
+        let value = pairs.ok().and_then(|Query(pairs)| pairs.into_iter().find(|(name, _)| name == path));
+        Err(of_message(path, message, value.map(|(_, value)| value)))
     }
 }
 
@@ -88,11 +112,11 @@ impl<S: Send + Sync, T: FromStr> FromRequestParts<S> for PathParameter<T> {
     }
 }
 
-/// A whole body, as large as the route allows.
-pub(crate) async fn read_body<S: Send + Sync>(request: Request, state: &S) -> Result<Bytes, ApiError> {
-    match tokio::time::timeout(BODY_TIMEOUT, Bytes::from_request(request, state)).await {
+/// A whole body of a route that reads `limit` bytes.
+pub(crate) async fn read_body(request: Request, limit: u64) -> Result<Bytes, ApiError> {
+    match tokio::time::timeout(BODY_TIMEOUT, Bytes::from_request(request, &())).await {
         Ok(Ok(bytes)) => Ok(bytes),
-        Ok(Err(rejection)) => Err(of_body_rejection(rejection)),
+        Ok(Err(rejection)) => Err(of_body_rejection(rejection, limit)),
         Err(_) => Err(too_slow()),
     }
 }
@@ -122,18 +146,18 @@ pub(crate) fn number_header(headers: &HeaderMap, name: &'static str) -> Result<u
         .ok_or_else(|| ApiError::invalid_field(name, found.as_deref().unwrap_or("absent"), "a whole number, 0 or more"))
 }
 
-fn of_body_rejection(rejection: BytesRejection) -> ApiError {
+fn of_body_rejection(rejection: BytesRejection, limit: u64) -> ApiError {
     match rejection.into_response().status() {
-        StatusCode::PAYLOAD_TOO_LARGE => ApiError::new(ProblemCode::BodyTooLarge, "the body is larger than allowed"),
-        _ => ApiError::new(ProblemCode::InvalidBody, "the body was cut off"),
+        StatusCode::PAYLOAD_TOO_LARGE => ApiError::body_too_large(limit),
+        _ => ApiError::new(ProblemCode::InvalidBody, "the body was cut off").field("body"),
     }
 }
 
 /// From what serde says to field, value and expectation. Its messages are of the forms ``unknown field `a`, expected b``,
-/// ``missing field `a` `` and `invalid type: a, expected b`.
-fn of_message(path: &str, message: &str) -> ApiError {
+/// ``missing field `a` ``, ``duplicate field `a` `` and `invalid type: a, expected b`.
+fn of_message(path: &str, message: &str, value: Option<String>) -> ApiError {
     let (message, _) = message.split_once(" at line ").unwrap_or((message, ""));
-    let (problem, expected) = message.split_once(", expected ").unwrap_or((message, ""));
+    let (problem, expected) = expectation(message);
     let quoted = |prefix: &str| problem.strip_prefix(prefix).map(|name| name.trim_matches('`'));
     let path = path.trim_matches('.');
     let member = |name: &str| match path {
@@ -147,19 +171,49 @@ fn of_message(path: &str, message: &str) -> ApiError {
             .field(member(name))
             .expected(if expected.is_empty() { "no such field" } else { expected });
     }
-    if let Some(name) = quoted("missing field ") {
-        let name = member(name);
-        return ApiError::new(ProblemCode::InvalidField, format!("the field `{name}` is missing"))
-            .field(name)
-            .expected("a value");
+    for (prefix, what, expected) in
+        [("missing field ", "missing", "a value"), ("duplicate field ", "there twice", "one value")]
+    {
+        if let Some(name) = quoted(prefix) {
+            let name = member(name);
+            return ApiError::new(ProblemCode::InvalidField, format!("the field `{name}` is {what}"))
+                .field(name)
+                .expected(expected);
+        }
     }
-    let value = problem.split_once(": ").map_or(problem, |(_, value)| value);
-    let mut error = ApiError::new(ProblemCode::InvalidField, message.to_owned()).value(value);
-    if !path.is_empty() {
-        error = error.field(path);
+    let mut error = match path {
+        "" => ApiError::new(ProblemCode::InvalidBody, format!("the body cannot be used: {problem}")).field("body"),
+        _ => {
+            let detail = format!("the value of `{path}` cannot be used: {problem}");
+            ApiError::new(ProblemCode::InvalidField, detail).field(path)
+        }
+    };
+    if let Some(value) = value {
+        error = error.value(value);
     }
     if !expected.is_empty() {
         error = error.expected(expected);
     }
     error
+}
+
+/// What is wrong and what would be right, the second in the words of people who do not write Rust.
+fn expectation(message: &str) -> (&str, &str) {
+    let (problem, expected) = match message {
+        _ if message.starts_with("UUID parsing failed") => ("it is no UUID", "a UUID"),
+        _ if message.starts_with(OUT_OF_RANGE) => (message, "a number that a double can hold"),
+        _ if message.ends_with("float literal") || message.starts_with("cannot parse float") => (message, "a number"),
+        _ => message.split_once(", expected ").or(message.split_once(": expected ")).unwrap_or((message, "")),
+    };
+    let expected = match expected {
+        "u32" => "a whole number, 0 to 4294967295",
+        "i32" => "a whole number, -2147483648 to 2147483647",
+        "u64" => "a whole number, 0 or more",
+        "i64" => "a whole number",
+        "f64" => "a number",
+        "a string" => "a text",
+        "a map" => "an object",
+        other => other,
+    };
+    (problem, expected)
 }

@@ -18,7 +18,7 @@ use super::extract::{PathParameter, StrictJson, number_header, read_body, requir
 use super::problem::ApiError;
 use crate::acceptance;
 use crate::farm::Farm;
-use crate::store::{ClaimTerms, Grant, WorkFailure};
+use crate::store::{ClaimTerms, Grant, LeaseError, WorkFailure};
 
 /// Longest wait for work to appear.
 const LONGEST_WAIT_MS: u32 = 20_000;
@@ -133,9 +133,12 @@ pub(super) async fn partial(
     let token = number_header(headers, FENCING_TOKEN_HEADER)?;
     let core_ms = number_header(headers, CORE_MILLISECONDS_HEADER)?;
     // A lease that is no good is refused before its body is received.
-    farm.store.lease(lease).await?.check(token, farm.config.clock.now_ms())?;
+    farm.store.lease(lease).await?.check(token, farm.config.clock.now_ms()).map_err(|error| match error {
+        LeaseError::StaleToken(_) => ApiError::from(error).field(FENCING_TOKEN_HEADER),
+        error => error.into(),
+    })?;
     let _permit = farm.partials.acquire().await.map_err(ApiError::internal)?;
-    let body = read_body(request, &()).await?;
+    let body = read_body(request, farm.config.max_partial_bytes).await?;
     Ok(Json(acceptance::accept(&farm, lease, token, core_ms, body).await?))
 }
 

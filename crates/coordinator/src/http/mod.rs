@@ -1,8 +1,9 @@
 //! The HTTP API and the dashboard.
 //!
-//! A request passes these layers, from the outside in: [`problem::explain`] (request id, span, problem documents), panics
-//! caught, [`auth::authorise`] (token, or the name of this machine), requests from other sites' pages refused, limits on
-//! bodies. Handlers read with [`extract`], which names the field that is wrong, and return an [`ApiError`].
+//! A request passes these layers, from the outside in: [`leftover`] (bodies that nobody has read to their end),
+//! [`problem::explain`] (request id, span, problem documents), panics caught, [`auth::authorise`] (token, or the name of
+//! this machine), requests from other sites' pages refused, limits on bodies. Handlers read with [`extract`], which names
+//! the field that is wrong, and return an [`ApiError`].
 
 mod assets;
 mod auth;
@@ -12,8 +13,10 @@ mod extract;
 mod images;
 mod jobs;
 mod leases;
+mod leftover;
 mod openapi;
 mod problem;
+mod strict_object;
 mod workers;
 
 use std::sync::Arc;
@@ -34,7 +37,7 @@ use crate::farm::Farm;
 pub(crate) use problem::ApiError;
 
 /// Largest body that is not an asset or a partial: a scene with inline meshes.
-const MAX_SMALL_BODY: usize = 16 << 20;
+const MAX_SMALL_BODY: u32 = 16 << 20;
 
 /// What the dashboard's page may load: its own files, and images that it has fetched.
 const PAGE_POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; \
@@ -45,7 +48,7 @@ pub(crate) fn router(farm: Arc<Farm>) -> Router {
     let max_partial = usize::try_from(farm.config.max_partial_bytes).unwrap_or(usize::MAX);
     let api = Router::from(openapi::small())
         .route("/openapi.json", get(async || Json(openapi::description())))
-        .layer(DefaultBodyLimit::max(MAX_SMALL_BODY))
+        .layer(DefaultBodyLimit::max(MAX_SMALL_BODY as usize))
         .merge(Router::from(openapi::partials()).layer(DefaultBodyLimit::max(max_partial)))
         // Assets are counted as they are written.
         .merge(Router::from(openapi::streams()).layer(DefaultBodyLimit::disable()));
@@ -60,6 +63,7 @@ pub(crate) fn router(farm: Arc<Farm>) -> Router {
         .route("/readyz", get(ready))
         .layer(CatchPanicLayer::new())
         .layer(from_fn(problem::explain))
+        .layer(from_fn(leftover::drop_leftover))
         .layer(fixed(X_CONTENT_TYPE_OPTIONS, "nosniff"))
         .layer(fixed(REFERRER_POLICY, "no-referrer"))
         .layer(fixed(CONTENT_SECURITY_POLICY, PAGE_POLICY))

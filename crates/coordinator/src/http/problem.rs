@@ -7,7 +7,7 @@ use std::error::Error;
 use std::sync::Arc;
 
 use axum::extract::Request;
-use axum::http::{HeaderValue, StatusCode, header};
+use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use clerestory_api::{ContentHash, PROBLEM_MEDIA_TYPE, Problem, ProblemCode};
@@ -57,6 +57,12 @@ impl ApiError {
             .field(field)
             .value(value)
             .expected(expected)
+    }
+
+    /// A body of more bytes than this endpoint reads.
+    pub(crate) fn body_too_large(limit: u64) -> Self {
+        let problem = Self::new(ProblemCode::BodyTooLarge, "the body is larger than allowed");
+        problem.field("body").expected(format!("at most {limit} bytes"))
     }
 
     /// A fault of ours. The cause goes to the log only.
@@ -139,8 +145,9 @@ impl From<StoreError> for ApiError {
 impl From<WorkerError> for ApiError {
     fn from(error: WorkerError) -> Self {
         match error {
-            WorkerError::Unknown => {
-                Self::new(ProblemCode::UnknownWorker, "no worker has registered under this identity; register again")
+            WorkerError::Unknown(worker) => {
+                let detail = "no worker has registered under this identity; register again";
+                Self::new(ProblemCode::UnknownWorker, detail).field("worker").value(worker)
             }
             WorkerError::Store(error) => error.into(),
         }
@@ -149,15 +156,18 @@ impl From<WorkerError> for ApiError {
 
 impl From<LeaseError> for ApiError {
     fn from(error: LeaseError) -> Self {
-        let code = match error {
-            LeaseError::Unknown => ProblemCode::UnknownLease,
-            LeaseError::StaleToken => ProblemCode::StaleToken,
-            LeaseError::Expired => ProblemCode::LeaseExpired,
-            LeaseError::Returned => ProblemCode::LeaseReturned,
-            LeaseError::JobNotRunning => ProblemCode::JobNotRunning,
-            LeaseError::Store(error) => return error.into(),
-        };
-        Self::new(code, error.to_string())
+        let detail = error.to_string();
+        match error {
+            LeaseError::Unknown(lease) => Self::new(ProblemCode::UnknownLease, detail).field("lease").value(lease),
+            LeaseError::StaleToken(token) => {
+                let problem = Self::new(ProblemCode::StaleToken, detail).field("token").value(token);
+                problem.expected("the token that came with the lease")
+            }
+            LeaseError::Expired => Self::new(ProblemCode::LeaseExpired, detail),
+            LeaseError::Returned => Self::new(ProblemCode::LeaseReturned, detail),
+            LeaseError::JobNotRunning => Self::new(ProblemCode::JobNotRunning, detail),
+            LeaseError::Store(error) => error.into(),
+        }
     }
 }
 
@@ -189,11 +199,12 @@ impl IntoResponse for ApiError {
 /// Gives the request an id and a span, and turns every failure into a problem document.
 pub(super) async fn explain(request: Request, next: Next) -> Response {
     let request_id = Uuid::now_v7().to_string();
-    let span = tracing::info_span!("request", %request_id, method = %request.method(), path = request.uri().path());
+    let (method, path) = (request.method().clone(), request.uri().path().to_owned());
+    let span = tracing::info_span!("request", %request_id, %method, path = path.as_str());
     async {
         let mut response = next.run(request).await;
         if response.status().is_client_error() || response.status().is_server_error() {
-            response = document(response, &request_id);
+            response = document(response, &method, &path, &request_id);
         }
         if let Ok(value) = HeaderValue::from_str(&request_id) {
             response.headers_mut().insert("x-request-id", value);
@@ -205,10 +216,10 @@ pub(super) async fn explain(request: Request, next: Next) -> Response {
     .await
 }
 
-fn document(mut response: Response, request_id: &str) -> Response {
+fn document(mut response: Response, method: &Method, path: &str, request_id: &str) -> Response {
     let error = match response.extensions_mut().remove::<ApiError>() {
         Some(error) => error,
-        None => of_status(&response),
+        None => of_status(&response, method, path),
     };
     let mut problem = error.problem;
     match &error.cause {
@@ -231,14 +242,17 @@ fn document(mut response: Response, request_id: &str) -> Response {
 }
 
 /// What a failure means that comes from the router or a layer, which know no problem documents.
-fn of_status(response: &Response) -> ApiError {
+fn of_status(response: &Response, method: &Method, path: &str) -> ApiError {
     if response.extensions().get::<ProtectionError>().is_some() {
         return ApiError::new(ProblemCode::ForeignOrigin, "the request comes from a page of another site");
     }
     match response.status() {
-        StatusCode::NOT_FOUND => ApiError::new(ProblemCode::UnknownPath, "there is nothing under this path"),
+        StatusCode::NOT_FOUND => {
+            ApiError::new(ProblemCode::UnknownPath, "there is nothing under this path").field("path").value(path)
+        }
         StatusCode::METHOD_NOT_ALLOWED => {
-            ApiError::new(ProblemCode::MethodNotAllowed, "this path does not know the method")
+            let problem = ApiError::new(ProblemCode::MethodNotAllowed, "this path does not know the method");
+            problem.field("method").value(method).expected("a method that the header `allow` lists")
         }
         StatusCode::PAYLOAD_TOO_LARGE => ApiError::new(ProblemCode::BodyTooLarge, "the body is larger than allowed"),
         status if status.is_client_error() => {

@@ -34,7 +34,7 @@ pub(super) async fn register(
     farm.store.register_worker(id, registration, farm.config.clock.now_ms()).await?;
     farm.events.workers_changed();
     let registered = views::workers(&farm).await?.into_iter().find(|worker| worker.id == id);
-    let view = registered.ok_or_else(|| ApiError::from(crate::store::WorkerError::Unknown))?;
+    let view = registered.ok_or_else(|| ApiError::from(crate::store::WorkerError::Unknown(id)))?;
     Ok((StatusCode::CREATED, Json(view)))
 }
 

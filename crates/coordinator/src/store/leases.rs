@@ -56,16 +56,18 @@ pub(crate) struct LeaseRecord {
 #[derive(Clone, Debug, thiserror::Error)]
 pub(crate) enum LeaseError {
     /// There is no such lease.
-    #[error("no such lease")]
-    Unknown,
+    #[error("there is no lease {0}")]
+    Unknown(LeaseId),
     /// The fencing token is not the lease's.
-    #[error("the fencing token is not that of the lease")]
-    StaleToken,
+    #[error("the fencing token {0} is not that of the lease")]
+    StaleToken(u64),
     /// It ran out.
     #[error("the lease has run out; its nodes went back to the queue")]
     Expired,
     /// It was given or taken back.
-    #[error("the lease was given back")]
+    #[error(
+        "the lease was given back, or taken back because its work could not be used; its nodes went back to the queue"
+    )]
     Returned,
     /// The job has ended.
     #[error("the job is not being rendered any more")]
@@ -85,7 +87,7 @@ impl LeaseRecord {
     /// Whether work may be brought under it: the token fits, and it is active or all of it has been accepted.
     pub(crate) fn check(&self, token: u64, now_ms: i64) -> Result<(), LeaseError> {
         if token != self.token {
-            return Err(LeaseError::StaleToken);
+            return Err(LeaseError::StaleToken(token));
         }
         match self.state {
             LeaseState::Active if self.deadline_ms <= now_ms => Err(LeaseError::Expired),
@@ -133,7 +135,7 @@ pub(super) async fn valid(
     now_ms: i64,
 ) -> Result<LeaseRecord, LeaseError> {
     let row = sqlx::query(LEASE).bind(lease.to_string()).fetch_optional(&mut *connection).await?;
-    let lease = record(&row.ok_or(LeaseError::Unknown)?)?;
+    let lease = record(&row.ok_or(LeaseError::Unknown(lease))?)?;
     lease.check(token, now_ms)?;
     sqlx::query("update workers set seen_ms = $2 where id = $1")
         .bind(lease.worker.to_string())
@@ -163,7 +165,7 @@ impl Store {
     /// A lease as it stands now.
     pub(crate) async fn lease(&self, lease: LeaseId) -> Result<LeaseRecord, LeaseError> {
         let row = sqlx::query(LEASE).bind(lease.to_string()).fetch_optional(&self.readers).await?;
-        Ok(record(&row.ok_or(LeaseError::Unknown)?)?)
+        Ok(record(&row.ok_or(LeaseError::Unknown(lease))?)?)
     }
 
     /// All nodes that were leased, whatever has become of them since.
@@ -172,7 +174,7 @@ impl Store {
             .bind(lease.to_string())
             .fetch_optional(&self.readers)
             .await?;
-        let rows: Vec<[u32; 4]> = row.ok_or(LeaseError::Unknown)?.json("nodes")?;
+        let rows: Vec<[u32; 4]> = row.ok_or(LeaseError::Unknown(lease))?.json("nodes")?;
         Ok(rows.into_iter().map(|[frame, tile, level, index]| NodeAddress { frame, tile, level, index }).collect())
     }
 
@@ -304,11 +306,8 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     }
     for row in &failed {
         if row.integer("failures")? >= MOST_FAILURES {
-            let NodeAddress { frame, tile, level, index } = address(row)?;
-            let why = format!(
-                "node frame {frame}, tile {tile}, level {level}, index {index} failed {MOST_FAILURES} times, at last: {}",
-                failure.reason
-            );
+            let node = address(row)?;
+            let why = format!("node ({node}) failed {MOST_FAILURES} times, at last: {}", failure.reason);
             jobs::end(connection, lease.job, JobState::Failed, Some(&why), failure.now_ms).await?;
             return Ok(Some(lease.job));
         }

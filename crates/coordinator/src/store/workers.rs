@@ -14,8 +14,8 @@ const LONGEST_REST_MS: i64 = 60_000;
 #[derive(Clone, Debug, thiserror::Error)]
 pub(crate) enum WorkerError {
     /// It never registered here.
-    #[error("no such worker")]
-    Unknown,
+    #[error("there is no worker {0}")]
+    Unknown(WorkerId),
     /// The database failed.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -44,7 +44,7 @@ pub(super) async fn touch(connection: &mut Connection, worker: WorkerId, now_ms:
             .bind(now_ms)
             .fetch_optional(connection)
             .await?
-            .ok_or(WorkerError::Unknown)?;
+            .ok_or(WorkerError::Unknown(worker))?;
     let failures: u32 = row.number("failures_in_a_row")?;
     let rest_ms = match failures.checked_sub(1) {
         None => 0,

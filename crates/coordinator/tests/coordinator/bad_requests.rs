@@ -4,6 +4,8 @@ use crate::support::*;
 use clerestory_api::{Client, Problem};
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
 use uuid::Uuid;
 
 const TOKEN: &str = "0123456789abcdef0123456789abcdef";
@@ -96,8 +98,8 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     let submit = |body: &Value| post("/jobs", body);
 
     // Paths and methods.
-    check(farm, call(Method::GET, "/nothing"), 404, "unknown_path", None).await;
-    check(farm, call(Method::DELETE, "/jobs"), 405, "method_not_allowed", None).await;
+    check(farm, call(Method::GET, "/nothing"), 404, "unknown_path", Some("path")).await;
+    check(farm, call(Method::DELETE, "/jobs"), 405, "method_not_allowed", Some("method")).await;
     check(farm, call(Method::GET, "/jobs/abc"), 400, "invalid_field", Some("job")).await;
     check(farm, call(Method::GET, format!("/jobs/{nobody}")), 404, "unknown_job", Some("job")).await;
     check(farm, call(Method::GET, format!("/jobs/{nobody}/events")), 404, "unknown_job", Some("job")).await;
@@ -106,7 +108,7 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     // Bodies.
     check(farm, call(Method::POST, "/jobs").body("{}"), 415, "unsupported_media_type", Some("content-type")).await;
     let broken = call(Method::POST, "/jobs").header("content-type", "application/json").body("{\"scene\": ");
-    check(farm, broken, 400, "invalid_body", None).await;
+    check(farm, broken, 400, "invalid_body", Some("body")).await;
     check(farm, submit(&json!({})), 400, "invalid_field", Some("scene")).await;
     let problem = check(farm, submit(&submission_with("sppp", json!(1))), 400, "unknown_field", Some("sppp")).await;
     assert!(problem.expected.unwrap().contains("samples_per_pixel"));
@@ -118,7 +120,8 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
         Some("samples_per_pixel"),
     )
     .await;
-    assert_eq!(problem.expected.as_deref(), Some("u32"));
+    assert_eq!(problem.value.as_deref(), Some("many"));
+    assert_eq!(problem.expected.as_deref(), Some("a whole number, 0 to 4294967295"));
     check(
         farm,
         submit(&submission_with("samples_per_pixel", json!(0))),
@@ -142,6 +145,14 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     check(farm, submit(&submission_with("reference", json!("abc"))), 400, "invalid_field", Some("reference")).await;
     let surplus = json!({"roof.ply": hash(b"roof")});
     check(farm, submit(&submission_with("assets", surplus)), 400, "invalid_field", Some("assets.roof.ply")).await;
+
+    // What a reader might take in silence: a list for an object, and the last of two members of one name.
+    let list = call(Method::POST, "/workers").header("content-type", "application/json").body("[\"w\", 1, \"b\"]");
+    let problem = check(farm, list, 400, "invalid_body", Some("body")).await;
+    assert_eq!(problem.expected.as_deref(), Some("a JSON object"));
+    let twice = submission_with("priority", json!(1)).to_string().replace("\"width\":37", "\"width\":37,\"width\":38");
+    let twice = call(Method::POST, "/jobs").header("content-type", "application/json").body(twice);
+    check(farm, twice, 400, "invalid_field", Some("scene.film.width")).await;
 
     // Scenes.
     check(farm, submit(&scene_with("/film/width", json!(0))), 422, "invalid_scene", Some("scene.film.width")).await;
@@ -169,13 +180,13 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
 
     // Assets.
     check(farm, call(Method::PUT, "/assets/ABC"), 400, "invalid_field", Some("hash")).await;
-    check(farm, call(Method::GET, format!("/assets/{}", hash(b"x"))), 404, "unknown_asset", None).await;
+    check(farm, call(Method::GET, format!("/assets/{}", hash(b"x"))), 404, "unknown_asset", Some("hash")).await;
     let wrong = call(Method::PUT, format!("/assets/{}", hash(b"x"))).body("y");
     let problem = check(farm, wrong, 422, "hash_mismatch", Some("hash")).await;
     assert_eq!(problem.expected, Some(hash(b"y").to_string()));
     let large = vec![0; 2000];
     let large = call(Method::PUT, format!("/assets/{}", hash(&large))).body(large);
-    check(farm, large, 413, "body_too_large", None).await;
+    check(farm, large, 413, "body_too_large", Some("body")).await;
     farm.client.upload_asset(&hash(b"no image"), "no image".into()).await.unwrap();
     let mut body = scene_with("/meshes/0/source", json!({"ply": {"file": "floor.ply"}}));
     body["assets"] = json!({"floor.ply": hash(b"no image")});
@@ -190,14 +201,14 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     let worker = json!({"name": "w", "cores": 1, "build": "b", "colour": "red"});
     check(farm, post("/workers", &worker), 400, "unknown_field", Some("colour")).await;
     let heartbeat = call(Method::POST, format!("/workers/{nobody}/heartbeat"));
-    check(farm, heartbeat, 404, "unknown_worker", None).await;
-    check(farm, post("/leases", &json!({"worker": nobody})), 404, "unknown_worker", None).await;
+    check(farm, heartbeat, 404, "unknown_worker", Some("worker")).await;
+    check(farm, post("/leases", &json!({"worker": nobody})), 404, "unknown_worker", Some("worker")).await;
     let lazy = json!({"worker": nobody, "wait_ms": 60_000});
     check(farm, post("/leases", &lazy), 400, "invalid_field", Some("wait_ms")).await;
     let greedy = json!({"worker": nobody, "max_nodes": 0});
     check(farm, post("/leases", &greedy), 400, "invalid_field", Some("max_nodes")).await;
     let renew = post(&format!("/leases/{nobody}/renew"), &json!({"token": 1}));
-    check(farm, renew, 404, "unknown_lease", None).await;
+    check(farm, renew, 404, "unknown_lease", Some("lease")).await;
 
     // Partials.
     let job = farm.submit(4).await;
@@ -211,8 +222,8 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     let without_time = upload(Vec::new()).header("clerestory-fencing-token", lease.token);
     check(farm, without_time, 400, "invalid_field", Some("clerestory-core-ms")).await;
     let stale = upload(Vec::new()).header("clerestory-fencing-token", 0).header("clerestory-core-ms", 5);
-    check(farm, stale, 409, "stale_token", None).await;
-    check(farm, complete(upload(vec![0; 2 << 20])), 413, "body_too_large", None).await;
+    check(farm, stale, 409, "stale_token", Some("clerestory-fencing-token")).await;
+    check(farm, complete(upload(vec![0; 2 << 20])), 413, "body_too_large", Some("body")).await;
     check(farm, complete(upload(b"not an image".to_vec())), 422, "invalid_partial", Some("body")).await;
     let again = post(&format!("/leases/{}/return", lease.id), &json!({"token": lease.token, "why": 1}));
     check(farm, again, 400, "unknown_field", Some("why")).await;
@@ -230,6 +241,42 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     farm.worker().await.drain().await;
     farm.finished(job.id).await;
     assert!(bits(&farm.image(job.id).await) == expected_bits(4));
+}
+
+/// Sends a request on a connection, and answers the head and the body of the answer.
+async fn exchange(connection: &mut TcpStream, head: &str, body: &[u8]) -> String {
+    let request = format!("{head}\r\nhost: localhost\r\ncontent-length: {}\r\n\r\n", body.len());
+    connection.write_all(request.as_bytes()).await.unwrap();
+    connection.write_all(body).await.unwrap();
+    let mut answer = Vec::new();
+    loop {
+        assert_ne!(connection.read_buf(&mut answer).await.unwrap(), 0, "{}", String::from_utf8_lossy(&answer));
+        let text = String::from_utf8_lossy(&answer);
+        let Some((head, body)) = text.split_once("\r\n\r\n") else { continue };
+        let length =
+            head.lines().find_map(|line| line.strip_prefix("content-length: ")).map(|text| text.parse().unwrap());
+        if body.len() >= length.unwrap_or(0) {
+            return text.into_owned();
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_connection_lives_on_when_the_answer_comes_before_the_body() {
+    let farm = TestFarm::start_with(|config| config.max_partial_bytes = 1 << 20).await;
+    let mut connection = TcpStream::connect(farm.address.trim_start_matches("http://")).await.unwrap();
+    let body = vec![b' '; 9 << 20];
+    let wrong_type = exchange(&mut connection, "POST /api/v1/jobs HTTP/1.1", &body).await;
+    assert!(wrong_type.starts_with("HTTP/1.1 415 ") && !wrong_type.contains("connection: close"), "{wrong_type}");
+    let lease = format!("PUT /api/v1/leases/{}/partial HTTP/1.1\r\ncontent-type: image/x-exr", Uuid::now_v7());
+    let head = format!("{lease}\r\nclerestory-fencing-token: 1\r\nclerestory-core-ms: 1");
+    let unknown_lease = exchange(&mut connection, &head, &body).await;
+    assert!(
+        unknown_lease.starts_with("HTTP/1.1 404 ") && !unknown_lease.contains("connection: close"),
+        "{unknown_lease}"
+    );
+    let next = exchange(&mut connection, "GET /api/v1/jobs HTTP/1.1", b"").await;
+    assert!(next.starts_with("HTTP/1.1 200 ") && next.ends_with("[]"), "{next}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

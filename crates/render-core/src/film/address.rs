@@ -1,5 +1,7 @@
 //! Addresses: tiles of the image, runs of passes, and the nodes of the merge tree.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 /// A run of passes `[first, first + count)`.
@@ -108,6 +110,13 @@ pub struct NodeAddress {
     pub level: u32,
     /// Which aligned run of that length.
     pub index: u32,
+}
+
+impl fmt::Display for NodeAddress {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { frame, tile, level, index } = self;
+        write!(formatter, "frame {frame}, tile {tile}, level {level}, index {index}")
+    }
 }
 
 impl NodeAddress {

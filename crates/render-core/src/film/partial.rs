@@ -2,8 +2,8 @@
 //!
 //! Each node is a part. Its data window is its tile's place in the image; its channels are the sums of the node, as
 //! they are in memory, so that the bits survive the journey; its attribute `clerestory` says which node of which job it
-//! is. What arrives is not trusted: the headers of all parts are compared with what was leased before a pixel is
-//! decoded, and then every value is checked.
+//! is, and holds the node's hash, since OpenEXR files have none. What arrives is not trusted: the headers of all parts are
+//! compared with what was leased before a pixel is decoded, and then every value is checked.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,6 +15,7 @@ use super::node::{FirstHitLayers, Node, NodeLayers};
 use super::openexr::{self, ChannelKind, DecodeBudget, InputPart, OpenExr, OpenExrError, OutputPart, Plane, Samples};
 use super::partial_error::PartialError;
 use super::sampling::Sampling;
+use super::store;
 
 /// The version of the header that this build writes and reads.
 pub(super) const FORMAT_VERSION: u32 = 1;
@@ -49,6 +50,16 @@ pub struct Expectation {
     pub allowed: BTreeSet<NodeAddress>,
 }
 
+impl Expectation {
+    /// What decoding the nodes that may be in it can need at most: all layers of each, and its largest block, which is a
+    /// row of the tile.
+    pub fn budget(&self) -> DecodeBudget {
+        let tiles = self.allowed.iter().filter_map(|node| self.grid.tile(node.tile));
+        let pixels: u64 = tiles.map(|tile| u64::from(tile.width) * (u64::from(tile.height) + 1)).sum();
+        DecodeBudget { pixel_bytes: pixels * NODE_BYTES_PER_PIXEL }
+    }
+}
+
 /// The attribute of a part.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -65,6 +76,7 @@ struct NodeHeader {
     passes: u64,
     samples: u64,
     sampling: Sampling,
+    hash: String,
 }
 
 /// Only the version, which is read first.
@@ -78,6 +90,9 @@ const MOMENT: [&str; 3] = ["moment.R", "moment.G", "moment.B"];
 const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
 const NORMAL: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
 const DEPTH: &str = "depth.Z";
+
+/// Bytes of a pixel in a node with all its layers: beauty, moment, albedo, normal (three floats each) and depth (one).
+const NODE_BYTES_PER_PIXEL: u64 = 13 * 4;
 
 /// The partial with these nodes, for an image of `grid`. The same nodes give the same bytes.
 ///
@@ -104,6 +119,7 @@ fn output_part<'a>(node: &'a Node, header: &PartialHeader) -> Result<OutputPart<
         passes: node.passes().count.into(),
         samples: node.samples(),
         sampling: node.sampling(),
+        hash: store::hash(node),
     };
     let json = openexr::ascii_json(&node_header).map_err(|error| OpenExrError::Damaged(error.to_string()))?;
     let name = format!("frame{frame}.tile{tile}.level{level}.index{index}");
@@ -128,28 +144,32 @@ fn output_part<'a>(node: &'a Node, header: &PartialHeader) -> Result<OutputPart<
 /// [`PartialError`] when anything about it is not as expected; nothing of it is then to be used.
 pub fn decode(bytes: &[u8], expected: &Expectation, budget: DecodeBudget) -> Result<Vec<Node>, PartialError> {
     let file = OpenExr::open(bytes)?;
-    let mut addresses = Vec::new();
+    let mut announced: Vec<(NodeAddress, String)> = Vec::new();
     for (index, part) in file.parts().iter().enumerate() {
-        let address = check_header(index, part, expected)?;
-        if addresses.contains(&address) {
+        let (address, hash) = check_header(index, part, expected)?;
+        if announced.iter().any(|(earlier, _)| *earlier == address) {
             return Err(PartialError::RepeatedNode { address });
         }
-        addresses.push(address);
+        announced.push((address, hash));
     }
     let planes = file.decode(budget, |_, _| true)?;
-    let nodes = addresses.into_iter().zip(planes);
-    nodes.map(|(address, planes)| node_of_planes(address, planes, expected)).collect()
+    let node = |((address, announced), planes)| {
+        let node = node_of_planes(address, planes, expected)?;
+        let found = store::hash(&node);
+        if found == announced { Ok(node) } else { Err(PartialError::Damaged { address, found, announced }) }
+    };
+    announced.into_iter().zip(planes).map(node).collect()
 }
 
-/// Compares all that is known of a part before its pixels are decoded.
-fn check_header(index: usize, part: &InputPart, expected: &Expectation) -> Result<NodeAddress, PartialError> {
+/// Compares all that is known of a part before its pixels are decoded. Answers the node and its hash.
+fn check_header(index: usize, part: &InputPart, expected: &Expectation) -> Result<(NodeAddress, String), PartialError> {
     let bad_header = |message: String| PartialError::BadHeader { part: index, message };
     let json = part.json.as_deref().ok_or_else(|| bad_header("it is missing".to_owned()))?;
-    let version = serde_json::from_str::<HeaderVersion>(json).map_err(|error| bad_header(error.to_string()))?.version;
+    let version = read_json::<HeaderVersion>(json).map_err(bad_header)?.version;
     if version != u64::from(FORMAT_VERSION) {
         return Err(PartialError::WrongVersion { part: index, found: version });
     }
-    let header: NodeHeader = serde_json::from_str(json).map_err(|error| bad_header(error.to_string()))?;
+    let header: NodeHeader = read_json(json).map_err(bad_header)?;
     if header.job != expected.job {
         return Err(PartialError::WrongJob { found: header.job, expected: expected.job.clone() });
     }
@@ -183,7 +203,19 @@ fn check_header(index: usize, part: &InputPart, expected: &Expectation) -> Resul
         return Err(PartialError::WrongCompression { address, found: part.compression.to_string() });
     }
     check_channels(address, part, expected.sampling)?;
-    Ok(address)
+    Ok((address, header.hash))
+}
+
+/// Reads JSON; an error begins with the member that is wrong, unless it is the whole.
+fn read_json<'a, T: Deserialize<'a>>(json: &'a str) -> Result<T, String> {
+    let mut reader = serde_json::Deserializer::from_str(json);
+    let value =
+        serde_path_to_error::deserialize(&mut reader).map_err(|error| match error.path().to_string().as_str() {
+            path if path != "." && error.inner().is_data() => format!("{path}: {}", error.inner()),
+            _ => error.inner().to_string(),
+        })?;
+    reader.end().map_err(|error| error.to_string())?;
+    Ok(value)
 }
 
 fn check_channels(address: NodeAddress, part: &InputPart, sampling: Sampling) -> Result<(), PartialError> {
@@ -337,6 +369,16 @@ mod tests {
     }
 
     #[test]
+    fn nodes_with_all_their_layers_need_no_more_than_expected() {
+        for nodes in [[address(0, 3, 0), address(3, 2, 0)], [address(1, 4, 0), address(2, 5, 0)]] {
+            let nodes = nodes.map(node);
+            assert!(nodes.iter().all(|node| node.layers().moment.is_some() && node.layers().first_hit.is_some()));
+            let expected = expectation(&nodes);
+            assert_eq!(decode(&encoded(&nodes), &expected, expected.budget()).unwrap(), nodes);
+        }
+    }
+
+    #[test]
     fn what_is_not_as_expected_is_refused_by_name() {
         let nodes = nodes();
         let bytes = encoded(&nodes);
@@ -346,9 +388,13 @@ mod tests {
         let scene = Expectation { scene_hash: "0ther".to_owned(), ..good.clone() };
         assert_refused(&bytes, &scene, "a scene with hash 5ce7e; the job's scene has 0ther");
         let fewer = expectation(&nodes[1..]);
-        assert_refused(&bytes, &fewer, "level: 3, index: 0 } was not leased");
+        assert_refused(&bytes, &fewer, "level 3, index 0) was not leased");
         let sampling = Expectation { sampling: Sampling::new(8, 16).unwrap(), ..good.clone() };
-        assert_refused(&bytes, &sampling, "was rendered with Sampling { samples_per_pass: 4");
+        assert_refused(
+            &bytes,
+            &sampling,
+            "was rendered with 4 samples in a pass and 16 in a block; the job has 8 samples",
+        );
         let grid = Expectation { grid: TileGrid { width: 8, ..GRID }, ..good.clone() };
         assert_refused(&bytes, &grid, "has a data window of 3 x 4 pixels at (4, 0); its tile is 4 x 4 at (4, 0)");
         let budget = DecodeBudget { pixel_bytes: 1000 };
@@ -365,7 +411,7 @@ mod tests {
     fn nodes_that_are_no_longer_in_the_grid_are_refused() {
         let nodes = nodes();
         let grid = Expectation { grid: TileGrid { width: 4, height: 4, tile_size: 4 }, ..expectation(&nodes) };
-        assert_refused(&encoded(&nodes[3..]), &grid, "tile: 3, level: 1, index: 1 } was not leased");
+        assert_refused(&encoded(&nodes[3..]), &grid, "tile 3, level 1, index 1) was not leased");
     }
 
     /// The partial of `node` with its header or channels changed.
@@ -390,11 +436,18 @@ mod tests {
         check(r#""version":1,"#, "", "missing field `version`");
         check(r#""passes":8"#, r#""passes":16"#, "claims passes 16; it must be 8");
         check(r#""first_pass":0"#, r#""first_pass":8"#, "claims first_pass 8; it must be 0");
-        check(r#""samples":32"#, r#""samples":-32"#, "expected u64");
+        check(r#""samples":32"#, r#""samples":-32"#, "node: samples: invalid value: integer `-32`, expected u64");
         check(r#""samples":32"#, r#""samples":33"#, "claims samples 33; it must be 32");
         check(r#""samples":32"#, r#""pixels":32"#, "unknown field `pixels`");
-        check(r#""level":3"#, r#""level":40"#, "level: 40, index: 0 } was not leased");
+        check(r#""level":3"#, r#""level":40"#, "level 40, index 0) was not leased");
         check(r#""samples_per_block":16"#, r#""samples_per_block":17"#, "samples_per_block is 17");
+        check(r#""hash":""#, r#""hash":"0"#, "is damaged: its values have the hash");
+        let longer = forged(&nodes[0], |part| part.json.push('x'));
+        assert_refused(
+            &longer,
+            &good,
+            "part 0: the attribute clerestory is not the header of a node: trailing characters",
+        );
         let all = forged(&nodes[0], |part| part.json = "{".to_owned());
         assert_refused(&all, &good, "part 0: the attribute clerestory is not the header of a node: EOF");
     }
@@ -423,6 +476,10 @@ mod tests {
                 assert_refused(&bytes, &good, "at pixel (1, 1)");
             }
         }
+        let mut values: Vec<f32> = nodes[0].layers().beauty.iter().map(|sums| sums[1]).collect();
+        values[5] = values[5].next_up();
+        let off = forged(&nodes[0], |part| _ = part.channels.insert("G".to_owned(), Samples::Float(&values)));
+        assert_refused(&off, &good, "node (frame 1, tile 0, level 3, index 0) is damaged: its values have the hash");
         let negative = vec![-1.0; nodes[0].tile().pixels()];
         let moment =
             forged(&nodes[0], |part| _ = part.channels.insert("moment.R".to_owned(), Samples::Float(&negative)));
@@ -435,7 +492,7 @@ mod tests {
         let parts =
             ["a", "b"].map(|name| OutputPart { name: name.to_owned(), ..output_part(&nodes[1], &header()).unwrap() });
         let bytes = openexr::write([GRID.width, GRID.height], &parts, COMPRESSION).unwrap();
-        assert_refused(&bytes, &expectation(&nodes), "level: 0, index: 9 } is there twice");
+        assert_refused(&bytes, &expectation(&nodes), "level 0, index 9) is there twice");
     }
 
     #[test]
@@ -472,7 +529,7 @@ mod tests {
         #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
 
         #[test]
-        fn a_changed_partial_is_an_error_or_nodes_never_a_crash(
+        fn a_changed_partial_is_an_error_or_the_same_nodes_never_a_crash(
             changes in mutation(),
             length in prop::option::of(any::<prop::sample::Index>()),
         ) {
@@ -487,7 +544,8 @@ mod tests {
             }
             let before = address_space_bytes();
             if let Ok(found) = decode(&bytes, &expectation(&nodes), BUDGET) {
-                prop_assert!(found.iter().all(|node| node.layers().beauty.as_flattened().iter().all(|v| v.is_finite())));
+                prop_assert!(found.iter().map(Node::address).eq(nodes[1..3].iter().map(Node::address)));
+                prop_assert!(found.iter().map(bits).eq(nodes[1..3].iter().map(bits)));
             }
             prop_assert!(address_space_bytes() - before < 16 << 20);
         }

@@ -47,19 +47,19 @@ pub enum PartialError {
         expected: String,
     },
     /// A node that was not asked for.
-    #[error("node {address:?} was not leased")]
+    #[error("node ({address}) was not leased")]
     UnexpectedNode {
         /// The node.
         address: NodeAddress,
     },
     /// A node twice.
-    #[error("node {address:?} is there twice")]
+    #[error("node ({address}) is there twice")]
     RepeatedNode {
         /// The node.
         address: NodeAddress,
     },
     /// Passes or blocks of another size.
-    #[error("node {address:?} was rendered with {found:?}; the job has {expected:?}")]
+    #[error("node ({address}) was rendered with {found}; the job has {expected}")]
     WrongSampling {
         /// The node.
         address: NodeAddress,
@@ -69,7 +69,7 @@ pub enum PartialError {
         expected: Sampling,
     },
     /// The passes or samples that the header counts are not those of the node.
-    #[error("node {address:?} claims {field} {found}; it must be {expected}")]
+    #[error("node ({address}) claims {field} {found}; it must be {expected}")]
     WrongCount {
         /// The node.
         address: NodeAddress,
@@ -82,7 +82,7 @@ pub enum PartialError {
     },
     /// The data window is not the tile.
     #[error(
-        "node {address:?} has a data window of {} x {} pixels at ({}, {}); its tile is {} x {} at ({}, {})",
+        "node ({address}) has a data window of {} x {} pixels at ({}, {}); its tile is {} x {} at ({}, {})",
         size[0], size[1], position[0], position[1], expected.width, expected.height, expected.x, expected.y
     )]
     WrongDimensions {
@@ -96,7 +96,7 @@ pub enum PartialError {
         expected: Tile,
     },
     /// A channel that the node must have.
-    #[error("node {address:?} lacks the 32-bit float channel {channel}")]
+    #[error("node ({address}) lacks the 32-bit float channel {channel}")]
     MissingChannel {
         /// The node.
         address: NodeAddress,
@@ -104,7 +104,7 @@ pub enum PartialError {
         channel: &'static str,
     },
     /// A channel that the node must not have.
-    #[error("node {address:?} has a channel {channel}, which it must not have")]
+    #[error("node ({address}) has a channel {channel}, which it must not have")]
     UnexpectedChannel {
         /// The node.
         address: NodeAddress,
@@ -112,15 +112,25 @@ pub enum PartialError {
         channel: String,
     },
     /// Another compression than this program writes, which might lose bits.
-    #[error("node {address:?} is compressed with {found}; it must be {COMPRESSION}")]
+    #[error("node ({address}) is compressed with {found}; it must be {COMPRESSION}")]
     WrongCompression {
         /// The node.
         address: NodeAddress,
         /// The compression.
         found: String,
     },
+    /// The values or the address were changed after the worker had hashed them.
+    #[error("node ({address}) is damaged: its values have the hash {found}; the header says {announced}")]
+    Damaged {
+        /// The node.
+        address: NodeAddress,
+        /// Hash of what arrived.
+        found: String,
+        /// The hash in the header.
+        announced: String,
+    },
     /// A value that cannot be.
-    #[error("node {address:?}: {source}")]
+    #[error("node ({address}): {source}")]
     BadValue {
         /// The node.
         address: NodeAddress,

@@ -1,5 +1,7 @@
 //! How the samples of a pixel are grouped: passes are the units of work, blocks the units of the error estimate.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -45,6 +47,13 @@ impl TryFrom<UncheckedSampling> for Sampling {
 
     fn try_from(unchecked: UncheckedSampling) -> Result<Self, SamplingError> {
         Self::new(unchecked.samples_per_pass, unchecked.samples_per_block)
+    }
+}
+
+impl fmt::Display for Sampling {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { samples_per_pass, samples_per_block } = self;
+        write!(formatter, "{samples_per_pass} samples in a pass and {samples_per_block} in a block")
     }
 }
 

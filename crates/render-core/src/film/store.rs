@@ -92,6 +92,12 @@ pub fn encode(node: &Node) -> Vec<u8> {
     bytes
 }
 
+/// The hash that ends the raw form of a node, in hexadecimal.
+pub(super) fn hash(node: &Node) -> String {
+    let bytes = encode(node);
+    hex::encode(&bytes[bytes.len() - HASH_BYTES..])
+}
+
 /// The node of a raw form. Nothing is allocated before its length has been compared with its header.
 ///
 /// # Errors

@@ -47,7 +47,7 @@ pub struct TileSum {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum InsertError {
     /// The node is of another frame or tile, or is grouped differently.
-    #[error("node {address:?} does not belong to tile {tile_index} of frame {frame}")]
+    #[error("node ({address}) does not belong to tile {tile_index} of frame {frame}")]
     OtherTile {
         /// The node.
         address: NodeAddress,
@@ -57,7 +57,7 @@ pub enum InsertError {
         tile_index: u32,
     },
     /// The node, an ancestor or a descendant is already there.
-    #[error("node {address:?} overlaps {present:?}, which has already been accepted")]
+    #[error("node ({address}) overlaps ({present}), which has already been accepted")]
     Overlap {
         /// The node.
         address: NodeAddress,
@@ -65,7 +65,7 @@ pub enum InsertError {
         present: NodeAddress,
     },
     /// The node reaches across a pass count at which the image is wanted.
-    #[error("node {address:?} reaches across pass {passes}, at which the image is wanted")]
+    #[error("node ({address}) reaches across pass {passes}, at which the image is wanted")]
     AcrossHeldPass {
         /// The node.
         address: NodeAddress,

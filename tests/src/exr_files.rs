@@ -1,0 +1,78 @@
+//! OpenEXR files with faults: valid files that are read, changed and written again, or of which bytes are changed.
+
+use std::io::Cursor;
+
+use exr::image::write::layers::WritableLayers;
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatImage, FlatSamples, Image, Layer, LayerAttributes, ReadChannels, ReadLayers,
+    WritableImage,
+};
+
+/// Edge of the image that the headers of [`with_huge_claim`] claim.
+pub const HUGE_EDGE: u64 = 60_001;
+
+/// A picture of these channels of 32-bit floats, all of one value; uncompressed, so that each row is a block.
+///
+/// # Panics
+///
+/// When it cannot be written.
+pub fn picture(width: usize, height: usize, channels: &[&str], value: f32) -> Vec<u8> {
+    let samples = FlatSamples::F32(vec![value; width * height]);
+    let channels = channels.iter().map(|name| AnyChannel::new(*name, samples.clone())).collect();
+    let layer =
+        Layer::new((width, height), LayerAttributes::default(), Encoding::UNCOMPRESSED, AnyChannels::sort(channels));
+    written(&Image::from_layer(layer))
+}
+
+/// A valid file after a change to its contents.
+///
+/// # Panics
+///
+/// When the file is not valid, or cannot be written after the change.
+pub fn edited(file: &[u8], edit: impl FnOnce(&mut FlatImage)) -> Vec<u8> {
+    let mut image: FlatImage = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .all_layers()
+        .all_attributes()
+        .from_buffered(Cursor::new(file))
+        .expect("a valid file");
+    edit(&mut image);
+    written(&image)
+}
+
+fn written<'a>(image: &'a Image<impl WritableLayers<'a>>) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    image.write().to_buffered(&mut bytes).expect("a file that can be written");
+    bytes.into_inner()
+}
+
+/// The file, of which every part claims [`HUGE_EDGE`] pixels each way, in blocks of one row.
+pub fn with_huge_claim(file: &[u8]) -> Vec<u8> {
+    let last = HUGE_EDGE as i32 - 1;
+    let file = with_attribute(file, "dataWindow", &[0, 0, last, last]);
+    let file = with_attribute(&file, "displayWindow", &[0, 0, last, last]);
+    with_attribute(&file, "chunkCount", &[last + 1])
+}
+
+/// The file with other values for an attribute of integers, in every part.
+///
+/// # Panics
+///
+/// When there is no such attribute of that many integers.
+pub fn with_attribute(file: &[u8], name: &str, values: &[i32]) -> Vec<u8> {
+    let name = [name.as_bytes(), &[0]].concat();
+    let value: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    let mut changed = file.to_vec();
+    let starts: Vec<usize> = (0..file.len()).filter(|start| file[*start..].starts_with(&name)).collect();
+    assert!(!starts.is_empty(), "the file has the attribute");
+    for start in starts {
+        let kind = start + name.len();
+        let kind_length = file[kind..].iter().position(|byte| *byte == 0).expect("the name of the type ends");
+        let size = kind + kind_length + 1;
+        assert_eq!(file[size..size + 4], (value.len() as u32).to_le_bytes(), "the attribute has that many integers");
+        changed[size + 4..size + 4 + value.len()].copy_from_slice(&value);
+    }
+    changed
+}

@@ -1,0 +1,105 @@
+//! A worker that is led by hand: it claims and renders as a real one does, and a test decides what it brings.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::AtomicBool;
+
+use clerestory_api::{JobId, Lease, LeaseRequest, LeaseReturn, WorkerId, WorkerRegistration};
+use clerestory_render_core::film::{Node, NodeAddress, PartialHeader, TileGrid, partial};
+use clerestory_render_core::integrator::render_node;
+use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
+
+use crate::calls::Caller;
+
+/// A lease, and the sound partial of all its nodes.
+#[derive(Clone, Debug)]
+pub struct Delivery {
+    /// The lease.
+    pub lease: Lease,
+    /// The partial.
+    pub partial: Vec<u8>,
+}
+
+/// A worker that renders one job.
+pub struct HandWorker<'a> {
+    caller: &'a Caller,
+    id: WorkerId,
+    scene: Scene,
+    grid: TileGrid,
+}
+
+impl<'a> HandWorker<'a> {
+    /// Registers the worker, and builds the scene of the job from what the farm sends.
+    ///
+    /// # Panics
+    ///
+    /// When the farm does not do its part.
+    pub fn register(caller: &'a Caller, job: JobId) -> Self {
+        let client = caller.client();
+        let registration = WorkerRegistration {
+            name: "by hand".to_owned(),
+            cores: 1,
+            build: "by hand".to_owned(),
+            probe_digest: None,
+        };
+        let id = caller.wait(client.register_worker(&registration)).expect("a registration").id;
+        let order = caller.wait(client.job_scene(job)).expect("the scene of the job");
+        let mut assets = BTreeMap::new();
+        for (name, hash) in &order.assets {
+            let content = caller.wait(client.asset(hash)).expect("a file of the scene");
+            assets.insert(name.clone(), Asset::new(&content[..]));
+        }
+        let description = SceneDescription::parse(order.scene.to_string().as_bytes()).expect("a scene");
+        let bundle = SceneBundle::from_parts(description, assets).expect("a scene with its files");
+        let film = bundle.description().film;
+        let grid = TileGrid { width: film.width, height: film.height, tile_size: order.tile_size };
+        Self { caller, id, scene: Scene::build(&bundle).expect("a scene that can be built"), grid }
+    }
+
+    /// The identity of the worker.
+    pub fn id(&self) -> WorkerId {
+        self.id
+    }
+
+    /// Claims a lease and renders its nodes.
+    ///
+    /// # Panics
+    ///
+    /// When there is no work, or it cannot be done.
+    pub fn claim(&self) -> Delivery {
+        let request = LeaseRequest { worker: self.id, max_nodes: None, wanted_ms: None, wait_ms: 0 };
+        let lease = self.caller.wait(self.caller.client().claim_lease(&request)).expect("an answer").expect("work");
+        let nodes: Vec<Node> = lease.nodes.iter().map(|node| self.render(node)).collect();
+        let header = PartialHeader {
+            job: lease.job.to_string(),
+            scene_hash: self.scene.hash().to_string(),
+            build: "by hand".to_owned(),
+        };
+        let partial = partial::encode(&nodes, &header, &self.grid).expect("a partial");
+        Delivery { lease, partial }
+    }
+
+    fn render(&self, node: &clerestory_api::NodeAddress) -> Node {
+        let clerestory_api::NodeAddress { frame, tile, level, index } = *node;
+        let address = NodeAddress { frame, tile, level, index };
+        render_node(&self.scene, &self.grid, address, &AtomicBool::new(false)).expect("a node").node
+    }
+
+    /// Keeps a lease for another term.
+    ///
+    /// # Panics
+    ///
+    /// When it is over.
+    pub fn renew(&self, lease: &Lease) {
+        self.caller.wait(self.caller.client().renew_lease(lease.id, lease.token)).expect("a lease that goes on");
+    }
+
+    /// Gives back what is left of a lease, if anything is.
+    ///
+    /// # Panics
+    ///
+    /// When the farm does not answer.
+    pub fn give_back(&self, lease: &Lease) {
+        let body = LeaseReturn { token: lease.token, failure: None };
+        self.caller.wait(self.caller.client().return_lease(lease.id, &body)).expect("a lease that is given back");
+    }
+}
