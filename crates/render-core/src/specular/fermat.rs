@@ -15,11 +15,11 @@
 
 use glam::{DMat2, DVec2, DVec3};
 
-use super::side::PaneSide;
+use super::side::{PaneSide, unit_normal};
 use crate::{
     counters::Counters,
     geometry::{HeightField, SurfaceJet},
-    optics::Source,
+    optics::{Source, dielectric::refract},
 };
 
 /// The two vertices: `[X1, X2]` in tangential coordinates.
@@ -51,6 +51,18 @@ pub struct FermatPath {
     pub gradient: [DVec2; 2],
     jets: [SurfaceJet; 2],
     index: f64,
+}
+
+/// A path that obeys Snell's law at both faces but need not meet the source.
+#[derive(Clone, Copy, Debug)]
+pub struct Shot {
+    /// Its vertices.
+    pub theta: Theta,
+    /// Where the line of its first segment crosses the plane of the undisplaced near face.
+    pub place: DVec2,
+    /// By how far it misses the source, on the scale of that plane: without relief, moving `place` by as much would mend
+    /// it.
+    pub miss: DVec2,
 }
 
 /// The symmetric 4x4 Hessian of the optical length in 2x2 blocks.
@@ -120,13 +132,43 @@ impl<'a> Connection<'a> {
         FermatPath { vertices, directions, lengths, gradient, jets, index: self.index }
     }
 
+    /// The path from the shading point through a point of the near face and on by Snell's law; `None` when it is totally
+    /// reflected or leaves away from the source.
+    pub fn shoot(&self, near: DVec2, counters: &mut Counters) -> Option<Shot> {
+        counters.height_evaluations += 3;
+        let (height, gradient) = self.surfaces[0].slope(near);
+        let x1 = near.extend(self.bases[0] + height);
+        let first = x1 - self.origin;
+        let inner = refract(first.normalize(), unit_normal(gradient), 1.0, self.index)?.direction;
+        let tangent = inner.truncate() / inner.z;
+        let flat = near + tangent * (self.bases[1] - x1.z);
+        let far = flat + tangent * self.surfaces[1].height(flat);
+        let (height, gradient) = self.surfaces[1].slope(far);
+        let exit_z = self.bases[1] + height;
+        let last = refract(inner, unit_normal(gradient), self.index, 1.0)?.direction;
+        let to_plane = (self.bases[0] - self.origin.z) / first.z;
+        let scale = (self.bases[0] - self.origin.z).abs();
+        let miss = match self.source {
+            Source::Point(point) => {
+                let above = point.z - exit_z;
+                let landing = far + last.truncate() * (above / last.z);
+                (point.truncate() - landing) * (scale / (first.z + above).abs())
+            }
+            Source::Direction(direction) => {
+                (direction.truncate() / direction.z - last.truncate() / last.z) * (direction.z.signum() * scale)
+            }
+        };
+        let place = self.origin.truncate() + first.truncate() * to_plane;
+        (last.z * first.z > 0.0 && miss.is_finite()).then_some(Shot { theta: [near, far], place, miss })
+    }
+
     /// A point of the near face refracted towards the light's side: the seed that obeys Snell's law at X1.
     pub fn thin_seed(&self, near: DVec2, counters: &mut Counters) -> Option<Theta> {
         counters.height_evaluations += 2;
         let (height, gradient) = self.surfaces[0].slope(near);
         let x1 = near.extend(self.bases[0] + height);
         let incident = (x1 - self.origin).normalize();
-        let inner = crate::optics::dielectric::refract(incident, super::side::unit_normal(gradient), 1.0, self.index)?;
+        let inner = refract(incident, unit_normal(gradient), 1.0, self.index)?;
         let rise = (self.bases[1] - x1.z) / inner.direction.z;
         let flat = near + inner.direction.truncate() * rise;
         let rise = rise + self.surfaces[1].height(flat) / inner.direction.z;

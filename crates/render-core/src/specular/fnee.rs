@@ -6,10 +6,10 @@
 //! independent seeds it takes to find the same path again (Booth 2007; Zeltner et al. 2020, section 4.3).
 //!
 //! [`FneeSolver::Published`] follows the paper: uniform seeds over both faces, backtracking on the optical length.
-//! [`FneeSolver::Complete`] seeds X1 in the deflection window, refracts the seed to the far face, and finds minima,
-//! saddles and maxima alike. It first tries a fixed grid of seeds: what they lead to is a function of the problem, so it
-//! counts with weight one; only a path that a further, random seed leads to and the grid did not is weighted by trials.
-//! That keeps the estimate unbiased and takes nearly all of the trials' variance out of it.
+//! [`FneeSolver::Complete`] finds minima, saddles and maxima alike. It first enumerates the paths in the deflection window
+//! ([`super::enumeration`]): what that finds is a function of the problem, so it counts with weight one. Where it proves
+//! that there is no other path, as nearly always, no chance is left. Otherwise, near a fold of the caustic, one random
+//! seed follows, whose path is weighted by trials if the enumeration missed it, which keeps the estimate unbiased.
 //!
 //! An estimate that exceeds `max_trials` is cut off there, which loses light; the counter `truncated` says how often.
 
@@ -17,6 +17,7 @@ use glam::{DVec2, DVec3};
 
 use super::{
     Arrival, ShadingPoint, SpecularMethod, coverage,
+    enumeration::{Enumeration, enumerate},
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete, solve_published},
     side::{PaneSide, Transmission},
@@ -47,19 +48,11 @@ pub struct Fnee {
 /// The search for paths from one point to one source through one pane, in the pane's frame.
 #[derive(Clone, Copy, Debug)]
 pub struct PathSearch<'a> {
-    side: PaneSide<'a>,
     connection: Connection<'a>,
-    window: Rect,
+    window: Window<'a>,
     region: SearchRegion,
     solver: FneeSolver,
 }
-
-/// Seeds along each side of the window of which all must agree.
-const FIRST_GRID: u32 = 2;
-
-/// Seeds along each side of the window when there may be several paths. On the reference panes a finer grid finds next
-/// to nothing more.
-const FULL_GRID: u32 = 5;
 
 /// The vertices replayed by tracing may differ from the solved ones by this part of the pane's thickness.
 const REPLAY_TOLERANCE: f64 = 1e-3;
@@ -71,14 +64,14 @@ impl<'a> PathSearch<'a> {
             Source::Point(centre) => SourceBounds::Ball { centre, radius: 0.0 },
             Source::Direction(direction) => SourceBounds::Cap { direction, sin_radius: 0.0 },
         };
-        let window = *Window::new(&side, origin, &bounds)?.rect();
-        let region = SearchRegion::around(&window, side.pane.thickness);
-        Some(Self { side, connection: Connection::new(&side, origin, source), window, region, solver })
+        let window = Window::new(&side, origin, &bounds)?;
+        let region = SearchRegion::around(window.rect(), side.pane.thickness);
+        Some(Self { connection: Connection::new(&side, origin, source), window, region, solver })
     }
 
     /// The pane from the side of the shading point.
     pub fn side(&self) -> &PaneSide<'a> {
-        &self.side
+        self.window.side()
     }
 
     /// Runs the solver from one seed. `random` gives numbers in [0, 1): two for the complete solver, four for the
@@ -87,42 +80,23 @@ impl<'a> PathSearch<'a> {
         let within = |rect: &Rect, random: DVec2| rect.min + (rect.max - rect.min) * random;
         match self.solver {
             FneeSolver::Complete => {
-                let seed = self.connection.thin_seed(within(&self.window, random()), counters)?;
+                let seed = self.connection.thin_seed(within(self.window.rect(), random()), counters)?;
                 solve_complete(&self.connection, seed, &self.region, counters)
             }
             FneeSolver::Published => {
-                let outline = self.side.pane.outline();
+                let outline = self.side().pane.outline();
                 let seed = [within(&outline, random()), within(&outline, random())];
                 solve_published(&self.connection, seed, &self.region, counters)
             }
         }
     }
 
-    /// The roots that a fixed set of seeds leads to: a function of the problem alone, so their probability is one.
-    /// Four seeds that agree are taken to be enough; otherwise a grid is tried. Empty for the published solver.
-    fn systematic(&self, counters: &mut Counters) -> Vec<Root> {
-        let mut roots = Vec::new();
-        if self.solver == FneeSolver::Published {
-            return roots;
+    /// The paths that are found without chance, so that their probability is one. None with the published solver.
+    pub fn enumerate(&self, counters: &mut Counters) -> Enumeration {
+        match self.solver {
+            FneeSolver::Complete => enumerate(&self.window, &self.connection, &self.region, counters),
+            FneeSolver::Published => Enumeration { roots: Vec::new(), complete: false },
         }
-        if !self.solve_grid(FIRST_GRID, &mut roots, counters) || roots.len() != 1 {
-            self.solve_grid(FULL_GRID, &mut roots, counters);
-        }
-        roots
-    }
-
-    /// Solves from a grid of seeds over the window and adds the roots that are new; whether every seed converged.
-    fn solve_grid(&self, cells: u32, roots: &mut Vec<Root>, counters: &mut Counters) -> bool {
-        let mut all_converged = true;
-        for cell in 0..cells * cells {
-            let centre = DVec2::new(f64::from(cell % cells) + 0.5, f64::from(cell / cells) + 0.5);
-            match self.solve(|| centre / f64::from(cells), counters) {
-                Some(root) if !roots.iter().any(|known| self.same(known, &root)) => roots.push(root),
-                Some(_) => {}
-                None => all_converged = false,
-            }
-        }
-        all_converged
     }
 
     /// Whether two roots are the same path.
@@ -133,15 +107,16 @@ impl<'a> PathSearch<'a> {
     /// What the pane lets through along a root; `None` when the root is no path of light that the method owns: outside
     /// the outline, not crossing both faces, or blocked by the pane's own relief.
     pub fn transmission(&self, root: &Root, counters: &mut Counters) -> Option<Transmission> {
-        let outline = self.side.pane.outline();
-        if !(outline.contains(root.theta[0]) && outline.contains(root.theta[1]) && root.path.crosses(self.side.sign)) {
+        let outline = self.side().pane.outline();
+        if !(outline.contains(root.theta[0]) && outline.contains(root.theta[1]) && root.path.crosses(self.side().sign))
+        {
             return None;
         }
-        if !coverage::owns(&self.side, root.path.directions) {
+        if !coverage::owns(self.side(), root.path.directions) {
             return None;
         }
-        let through = self.side.transmit(&Ray::new(self.connection.origin, root.path.directions[0]), counters)?;
-        let limit = REPLAY_TOLERANCE * self.side.pane.thickness;
+        let through = self.side().transmit(&Ray::new(self.connection.origin, root.path.directions[0]), counters)?;
+        let limit = REPLAY_TOLERANCE * self.side().pane.thickness;
         let near = (through.entry - root.path.vertices[0]).length() < limit;
         let far = (through.exit - root.path.vertices[1]).length() < limit;
         (near && far).then_some(through)
@@ -246,11 +221,14 @@ impl Fnee {
             return;
         }
         let Some(search) = PathSearch::new(side, origin, source, self.solver) else { return };
-        let known = search.systematic(counters);
+        let Enumeration { roots: known, complete } = search.enumerate(counters);
         for root in &known {
             if let Some(arrival) = arrival(scene, point, light, index, &search, root, counters) {
                 arrive(arrival);
             }
+        }
+        if complete {
+            return;
         }
         // The first seed is stratified over the pixel's samples; further coordinates and trials are not.
         let mut first = Some(random);
@@ -275,7 +253,7 @@ fn arrival(
     root: &Root,
     counters: &mut Counters,
 ) -> Option<Arrival> {
-    let frame = &search.side.pane.frame;
+    let frame = &search.side().pane.frame;
     let direction = frame.vector_to_world(root.path.directions[0]);
     if direction.dot(point.normal) <= 0.0 {
         return None;
@@ -287,9 +265,9 @@ fn arrival(
     }
     let through = search.transmission(root, counters)?;
     let [entry, exit] = root.path.vertices.map(|vertex| frame.point_to_world(vertex));
-    let leaving = Leaving::Pane { index, face: search.side.far };
+    let leaving = Leaving::Pane { index, face: search.side().far };
     let outside = Ray::new(exit, last);
-    if scene.blocked_through_pane(point, entry, index, search.side.near, &exit, counters)
+    if scene.blocked_through_pane(point, entry, index, search.side().near, &exit, counters)
         || scene.blocked(&outside, root.path.lengths[2], leaving, None, Some(light.index), counters)
     {
         return None;

@@ -73,6 +73,8 @@ pub(super) struct Landing<'a> {
     flat_radius: DVec2,
     /// L1 and L2, by which the slopes of the near and of the far face count.
     weights: [SlopeWeight; 2],
+    /// The largest component of a tangent.
+    tilt: f64,
 }
 
 /// A matrix that is known up to an error in each entry.
@@ -96,16 +98,18 @@ pub(super) struct Part {
 /// How the map stretches a part of the window: the derivative of the landing by the place, on the near plane's scale.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch {
+    /// The largest magnitude of each entry.
+    pub(super) magnitude: DMat2,
     /// Inverse of the middle of the derivative's bounds.
     pub(super) inverse: DMat2,
     /// Bounds, entry by entry, on how far `inverse` times the derivative is from the identity anywhere in the part.
     pub(super) defect: DMat2,
 }
 
-/// The derivative of the landing leaves out terms of the order of a slope times itself: the changes of the refraction's
-/// strength, of B and of the heights over the part. They are bounded by this multiple of the steepest slope. The test of
-/// `enumeration` against brute force would notice if it were too small.
-const LEFT_OUT: f64 = 3.0;
+/// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part. These
+/// terms are a slope times the sine of an angle of incidence times what is kept; this multiple bounds them. The test of
+/// `enumeration` against random seeds would notice if it were too small.
+const LEFT_OUT: f64 = 1.5;
 
 /// A part is injective when its defect is below 1; this much below, so that rounding cannot matter.
 const MOST_DEFECT: f64 = 0.99;
@@ -203,6 +207,7 @@ impl<'a> Landing<'a> {
             flat_radius: radius(&flat),
             // Slopes are read as they are, and not as mirrored.
             weights: [weight(strengths[0], sign), weight(strengths[1], -sign)],
+            tilt: tangents[0].magnitude().max(tangents[1].magnitude()),
         };
         let part = landing.reached(window, &[near.gradient, far.gradient].map(|slopes| unmirrored(&slopes, sign)))?;
         Some((landing, part))
@@ -214,6 +219,11 @@ impl<'a> Landing<'a> {
         let [entry, exit] = self.regions(rect)?;
         let slopes = [self.side.near_surface().slope_bounds(&entry), self.side.far_surface().slope_bounds(&exit)];
         self.reached(rect, &slopes)
+    }
+
+    /// The pane from the side of the shading point.
+    pub(super) fn side(&self) -> &PaneSide<'a> {
+        &self.side
     }
 
     /// How far x0 may be off: the source's extent, on the near plane's scale.
@@ -238,14 +248,19 @@ impl<'a> Landing<'a> {
             largest += sizes.x_axis.max_element().max(sizes.y_axis.max_element());
             steepest = face.gradient.iter().map(Interval::magnitude).fold(steepest, f64::max);
         }
-        let left_out = LEFT_OUT * steepest * largest;
+        let obliquity = (self.tilt + steepest) * (1.0 + self.tilt * self.tilt);
+        let left_out = LEFT_OUT * steepest * obliquity * largest;
         error += DMat2::from_cols(DVec2::splat(left_out), DVec2::splat(left_out));
         let determinant = derivative.determinant();
         let inverse = DMat2::from_cols(
             DVec2::new(derivative.y_axis.y, -derivative.x_axis.y) / determinant,
             DVec2::new(-derivative.y_axis.x, derivative.x_axis.x) / determinant,
         );
-        inverse.is_finite().then(|| Stretch { inverse, defect: magnitude(&inverse) * error })
+        inverse.is_finite().then(|| Stretch {
+            magnitude: magnitude(&derivative) + error,
+            inverse,
+            defect: magnitude(&inverse) * error,
+        })
     }
 
     /// Where light from a part of the window enters and leaves the glass; `None` when that is beside the outline.

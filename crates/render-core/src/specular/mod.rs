@@ -7,6 +7,7 @@
 pub mod cone;
 pub mod coverage;
 mod direction_bounds;
+pub mod enumeration;
 pub mod fermat;
 pub mod fnee;
 mod landing;

@@ -76,10 +76,15 @@ pub fn solve_complete(
         let factorisation = path.hessian().factorise()?;
         let step = factorisation.newton_step(&path.gradient);
         let length = norm(&step);
-        let mut fraction = (longest / length).min(1.0);
         if !length.is_finite() {
             return None;
         }
+        if length < region.tolerance {
+            // The step and its correction would both be rounding.
+            counters.converged += 1;
+            return Some(Root { theta, path, determinant: factorisation.determinant });
+        }
+        let mut fraction = (longest / length).min(1.0);
         let (next, next_path, correction) = loop {
             if fraction < SHORTEST_STEP {
                 return None;
@@ -94,11 +99,14 @@ pub fn solve_complete(
             }
             fraction *= 0.5;
         };
+        if norm(&correction) < region.tolerance {
+            // So small a step changes neither the path nor its derivatives: they need not be evaluated again.
+            let determinant = next_path.hessian().factorise()?.determinant;
+            counters.converged += 1;
+            return Some(Root { theta: moved(&next, &correction, 1.0), path: next_path, determinant });
+        }
         theta = next;
         path = next_path;
-        if norm(&correction) < region.tolerance {
-            return finished(connection, moved(&theta, &correction, 1.0), counters);
-        }
     }
     None
 }

@@ -53,6 +53,7 @@ const ROUNDING_MARGINS: [f64; 2] = [1e-9, 1e-13];
 /// any owned path to a source crosses that plane.
 #[derive(Clone, Copy, Debug)]
 pub struct Window<'a> {
+    origin: DVec3,
     rect: Rect,
     landing: Landing<'a>,
     margin: f64,
@@ -72,7 +73,7 @@ impl<'a> Window<'a> {
         }
         let [of_size, of_distance] = ROUNDING_MARGINS;
         let margin = (rect.max - rect.min).max_element() * of_size + ends.near * of_distance;
-        Some(Self { rect: rect.grown(margin), landing: last?, margin })
+        Some(Self { origin, rect: rect.grown(margin), landing: last?, margin })
     }
 
     /// The whole window.
@@ -109,6 +110,17 @@ impl<'a> Window<'a> {
         }
         done.extend_from_slice(&open[first..]);
         done
+    }
+
+    /// The pane from the side of the shading point.
+    pub fn side(&self) -> &PaneSide<'a> {
+        self.landing.side()
+    }
+
+    /// Where the line from the shading point to `vertex` crosses the near plane.
+    pub(super) fn place_of(&self, vertex: DVec3) -> DVec2 {
+        let offset = vertex - self.origin;
+        self.origin.truncate() + offset.truncate() * ((self.side().near_base() - self.origin.z) / offset.z)
     }
 
     /// The map from the window to the source.

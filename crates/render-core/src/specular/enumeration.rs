@@ -1,0 +1,241 @@
+//! All paths from a shading point to a source through a pane, with a proof that there are no others.
+//!
+//! The window is halved again and again. A part is dropped where the bounds show that no light from it reaches the source.
+//! Where the derivative of the landing stays near one invertible matrix all over the part, it holds at most one path
+//! (Krawczyk 1969; Neumaier, "Interval Methods for Systems of Equations", 1990, section 5.1): one shot from its middle
+//! then bounds where that path can be, or shows that there is none, and Newton's method finds it. What is left in the end
+//! are parts on a fold of the caustic; seeds in them find their paths, but nothing proves that these are all.
+
+use glam::DVec2;
+
+use super::{
+    fermat::Connection,
+    newton::{Root, SearchRegion, solve_complete},
+    window::Window,
+};
+use crate::{counters::Counters, geometry::Rect};
+
+/// The paths that were found.
+#[derive(Clone, Debug)]
+pub struct Enumeration {
+    /// Distinct stationary paths.
+    pub roots: Vec<Root>,
+    /// Whether it is proven that there is no other.
+    pub complete: bool,
+}
+
+/// Parts that are looked at, at the most.
+const MOST_PARTS: usize = 1000;
+
+/// A part is not halved below this many cells of the finer face: bounds are read for whole cells.
+const SMALLEST: f64 = 0.5;
+
+/// A shot lands with this error, in thicknesses of the pane: its second vertex is off by the square of the slope.
+const SHOT_ERROR: f64 = 1e-3;
+
+/// Larger parts on a fold are halved without a shot, in cells of the finer face.
+const LARGE: f64 = 2.0;
+
+/// What is known of a part after one shot.
+enum Finding {
+    /// It holds no path, or just the one that is now known.
+    Settled,
+    /// It may hold others, and only in this rectangle.
+    Open(Rect),
+}
+
+/// The search in one window.
+struct Search<'a, 'b> {
+    window: &'b Window<'a>,
+    connection: &'b Connection<'a>,
+    region: &'b SearchRegion,
+    /// Rounding and the error of a shot.
+    slack: f64,
+    large: f64,
+    roots: Vec<Root>,
+}
+
+/// Finds all paths of a connection through a window.
+pub fn enumerate<'a>(
+    window: &Window<'a>,
+    connection: &Connection<'a>,
+    region: &SearchRegion,
+    counters: &mut Counters,
+) -> Enumeration {
+    let side = window.side();
+    let slack = SHOT_ERROR * side.pane.thickness;
+    let cell = side.near_surface().cell_size().min(side.far_surface().cell_size()).min_element();
+    let mut search = Search { window, connection, region, slack, large: LARGE * cell, roots: Vec::new() };
+    let mut complete = true;
+    let mut stack = vec![*window.rect()];
+    let mut looked_at = 0;
+    while let Some(rect) = stack.pop() {
+        looked_at += 1;
+        if looked_at > MOST_PARTS {
+            complete = false;
+            break;
+        }
+        let Some(part) = window.part(&rect) else { continue };
+        let Finding::Open(rect) = search.shoot(&part.rect, counters) else { continue };
+        let size = rect.max - rect.min;
+        if rect.area() < 0.5 * part.rect.area() {
+            stack.push(rect);
+        } else if size.max_element() > SMALLEST * cell {
+            stack.extend(rect.halves());
+        } else {
+            complete = false;
+            search.solve_from(rect.centre(), counters);
+            search.solve_from(rect.min, counters);
+            search.solve_from(rect.max, counters);
+        }
+    }
+    Enumeration { roots: search.roots, complete }
+}
+
+impl Search<'_, '_> {
+    fn shoot(&mut self, rect: &Rect, counters: &mut Counters) -> Finding {
+        let half_size = 0.5 * (rect.max - rect.min);
+        let Some(stretch) = self.window.landing().stretch(rect) else { return Finding::Open(*rect) };
+        let injective = stretch.is_injective(half_size);
+        if !injective && half_size.max_element() > 0.5 * self.large {
+            return Finding::Open(*rect);
+        }
+        let Some(shot) = self.connection.shoot(rect.centre(), counters) else { return Finding::Open(*rect) };
+        let away = half_size + (shot.place - rect.centre()).abs();
+        if shot.miss.abs().cmpgt(stretch.magnitude * away + self.slack).any() {
+            return Finding::Settled;
+        }
+        if !injective {
+            return Finding::Open(*rect);
+        }
+        let predicted = shot.place + stretch.inverse * shot.miss;
+        let reach = stretch.defect * away + self.slack;
+        let possible = Rect::new(predicted - reach, predicted + reach).intersection(rect);
+        if possible.is_empty() {
+            return Finding::Settled;
+        }
+        if rect.grown(self.slack).contains(predicted)
+            && let Some(root) = solve_complete(self.connection, shot.theta, self.region, counters)
+        {
+            let place = self.window.place_of(root.path.vertices[0]);
+            self.add(root);
+            if rect.grown(self.slack).contains(place) {
+                return Finding::Settled;
+            }
+        }
+        Finding::Open(possible)
+    }
+
+    fn solve_from(&mut self, place: DVec2, counters: &mut Counters) {
+        let seed = self.connection.thin_seed(place, counters);
+        let root = seed.and_then(|seed| solve_complete(self.connection, seed, self.region, counters));
+        if let Some(root) = root {
+            self.add(root);
+        }
+    }
+
+    fn add(&mut self, root: Root) {
+        if !self.roots.iter().any(|known| self.region.same(known, &root)) {
+            self.roots.push(root);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+    use crate::{
+        geometry::testing::Glass,
+        optics::Source,
+        specular::{
+            side::PaneSide,
+            testing::{between, pair, pane, random},
+            window::SourceBounds,
+        },
+    };
+
+    /// Counts of a comparison with random seeds.
+    #[derive(Debug, Default)]
+    struct Tally {
+        problems: u32,
+        proven: u32,
+        roots: usize,
+        missed: u32,
+    }
+
+    /// Enumerates the paths of random connections, and looks for others from random seeds.
+    #[track_caller]
+    fn check(glass: Glass, amplitude: f64, problems: u32) -> Tally {
+        let pane = pane(glass, amplitude);
+        let mut random = random(3);
+        let counters = &mut Counters::default();
+        let mut tally = Tally::default();
+        for case in 0..problems {
+            let sign = if case % 2 == 0 { 1.0 } else { -1.0 };
+            let distance = between(&mut random, 0.2, 2.0);
+            let origin = ((pair(&mut random) - 0.5) * distance).extend(-sign * distance);
+            let through = (pair(&mut random) - 0.5) * pane.size;
+            let direction = (through.extend(0.0) - origin).normalize();
+            let bent = DVec3::new(random.next_f64(), random.next_f64(), random.next_f64()) - 0.5;
+            let (source, bounds) = if case % 4 < 2 {
+                let direction = (direction + bent * 0.02).normalize();
+                (Source::Direction(direction), SourceBounds::Cap { direction, sin_radius: 0.0 })
+            } else {
+                let centre = through.extend(0.0) + (direction + bent * 0.02) * between(&mut random, 0.3, 5.0);
+                (Source::Point(centre), SourceBounds::Ball { centre, radius: 0.0 })
+            };
+            let Some(side) = PaneSide::facing(&pane, origin) else { continue };
+            let Some(window) = Window::new(&side, origin, &bounds) else { continue };
+            let connection = Connection::new(&side, origin, source);
+            let region = SearchRegion::around(window.rect(), pane.thickness);
+            let Enumeration { roots, complete } = enumerate(&window, &connection, &region, counters);
+            tally.problems += 1;
+            tally.proven += u32::from(complete);
+            tally.roots += roots.len();
+            for _ in 0..60 {
+                let place = window.rect().min + (window.rect().max - window.rect().min) * pair(&mut random);
+                let seed = connection.thin_seed(place, counters);
+                let Some(root) = seed.and_then(|seed| solve_complete(&connection, seed, &region, counters)) else {
+                    continue;
+                };
+                // The window holds the paths through the outline; the search from a seed may leave it.
+                let held = window.rect().contains(window.place_of(root.path.vertices[0]))
+                    && root.theta.iter().all(|vertex| pane.outline().contains(*vertex));
+                if held && !roots.iter().any(|known| region.same(known, &root)) {
+                    assert!(!complete, "case {case}: a path at {:?} beside {} others", root.theta, roots.len());
+                    tally.missed += 1;
+                    break;
+                }
+            }
+        }
+        println!("{glass:?} {amplitude}: {tally:?}");
+        assert!(tally.problems * 2 > problems, "{tally:?}");
+        tally
+    }
+
+    #[test]
+    fn most_connections_through_gentle_glass_are_proven_complete() {
+        let tally = check(Glass::Crown, 0.03e-3, 400);
+        assert!(tally.proven * 100 > tally.problems * 99, "{tally:?}");
+        // Bumps of the size of a cell, whose curvature is bounded for a whole cell only.
+        let tally = check(Glass::Bumpy, 0.02e-3, 400);
+        assert!(tally.proven * 2 > tally.problems && tally.missed == 0, "{tally:?}");
+    }
+
+    #[test]
+    fn what_is_proven_complete_through_rough_glass_is_complete() {
+        for tally in
+            [check(Glass::Crown, 0.3e-3, 200), check(Glass::Bumpy, 0.2e-3, 100), check(Glass::Steep, 0.05e-3, 100)]
+        {
+            assert!(tally.roots > tally.problems as usize, "{tally:?}");
+        }
+    }
+
+    #[test]
+    fn a_flat_pane_has_exactly_one_path() {
+        let tally = check(Glass::Flat, 0.0, 200);
+        assert_eq!((tally.proven, tally.roots), (tally.problems, tally.problems as usize));
+    }
+}
