@@ -11,7 +11,8 @@
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`rendering`]: scenes rendered in this process;
-//! - [`folds`]: where the caustic of a point light is singular.
+//! - [`folds`]: where the caustic of a point light is singular;
+//! - [`sun_scene`]: scenes whose sun is made larger or smaller, and references of them.
 
 pub mod bias;
 pub mod browser;
@@ -29,4 +30,5 @@ pub mod random;
 pub mod reference;
 pub mod rendering;
 pub mod spline;
+pub mod sun_scene;
 pub mod traced_scene;

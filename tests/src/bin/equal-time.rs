@@ -1,8 +1,8 @@
 //! Error against time for every integrator on a scene lit by the sun through old glass.
 //!
-//! For each angular radius of the sun (its irradiance kept the same) a reference is rendered with `cone`, then each
-//! integrator renders with several seeds until the longest time. The table states the mean squared error less the
-//! reference's noise, and what of it is variance and what is bias, estimated from the spread of the seeds.
+//! For each angular radius of the sun (its irradiance kept the same) each integrator renders with several seeds until the
+//! longest time. The table states the mean squared error against the stored reference less that reference's noise, and
+//! what of it is variance and what is bias, estimated from the spread of the seeds. References are made by `cone-reference`.
 
 use std::{
     path::PathBuf,
@@ -11,13 +11,11 @@ use std::{
 };
 
 use clap::Parser;
-use clerestory_render_core::scene::{
-    self, Scene, SceneBundle,
-    description::{LightDescription, SamplingDescription},
-};
+use clerestory_render_core::scene::{self, Scene};
 use clerestory_tests::{
     reference::{Image, Reference},
     rendering::Rendering,
+    sun_scene::{self, SunScene},
 };
 
 /// Prints error against time for every integrator on a scene lit by the sun through old glass.
@@ -38,21 +36,12 @@ struct Arguments {
     /// Independent renders of each integrator.
     #[arg(long, default_value_t = 5)]
     seeds: u64,
-    /// Size of the image.
-    #[arg(long, value_delimiter = 'x', default_value = "96x64")]
-    size: Vec<u32>,
-    /// Samples in each pixel of a reference.
-    #[arg(long, default_value_t = 4096)]
-    reference_samples: u32,
-    /// Light path expression that both reference and renders are restricted to.
-    #[arg(long)]
-    path_filter: Option<String>,
+    /// Folder of the references, `reference-ANGLE.exr`, whose size is that of the pictures.
+    #[arg(long, default_value = "scenes/room")]
+    references: PathBuf,
 }
 
 type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
-
-/// Independent batches of a reference, for its standard error.
-const BATCHES: u32 = 16;
 
 fn main() -> ExitCode {
     match run(&Arguments::parse()) {
@@ -66,35 +55,26 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Outcome<()> {
     let bundle = scene::load(&arguments.scene)?;
-    let [width, height] = arguments.size[..] else { return Err("--size takes WIDTHxHEIGHT".into()) };
     println!(
-        "{}, {width}x{height}, {} seeds, {} threads; MSE over pixels and channels, less the reference's noise",
+        "{}, {} seeds, {} threads; MSE over pixels and channels, less the reference's noise",
         arguments.scene.display(),
         arguments.seeds,
         rayon::current_num_threads()
     );
     for &angle in &arguments.angles {
+        let file = sun_scene::reference_file(&arguments.references, angle);
+        let reference = Reference::read(&file)?;
+        let size = [reference.mean.width as u32, reference.mean.height as u32];
         let variant = |integrator: &str, seed: u64| -> Outcome<Scene> {
-            let mut description = bundle
-                .description()
-                .clone()
-                .with_integrator_named(integrator)?
-                .with_seed(seed)
-                .with_size(width, height)?;
-            description.sampling = SamplingDescription { samples_per_pass: 1, samples_per_block: 256 };
-            if arguments.path_filter.is_some() {
-                description.path_filter.clone_from(&arguments.path_filter);
-            }
-            set_sun(&mut description.lights, angle)?;
-            let bundle: SceneBundle = bundle.clone().with_description(description)?;
-            Ok(Scene::build(&bundle)?)
+            let variant = SunScene { angular_radius: angle, integrator, seed, size, path_filter: None };
+            Ok(variant.build(&bundle)?)
         };
-        let reference = reference(&variant("cone", 1_000_000)?, arguments.reference_samples)?;
         let noise = mean_square(&reference.standard_error);
         let mean = mean_value(&reference.mean);
         println!(
-            "\nsun of half-angle {angle} degrees: reference by cone, {} samples, mean {mean:.5}, noise {:.2e} (relative to the mean squared)",
-            arguments.reference_samples,
+            "\nsun of half-angle {angle} degrees, {}x{}: mean of the reference {mean:.5}, its noise {:.2e} (relative to the mean squared)",
+            size[0],
+            size[1],
             noise / (mean * mean)
         );
         println!(
@@ -132,41 +112,6 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         }
     }
     Ok(())
-}
-
-/// Gives every sun the angular radius `angle`, at the same irradiance.
-fn set_sun(lights: &mut [LightDescription], angle: f64) -> Outcome<()> {
-    let mut found = false;
-    for light in lights {
-        if let LightDescription::Sun { angular_radius, radiance, .. } = light {
-            let ratio = libm::sin(angular_radius.to_radians()) / libm::sin(angle.to_radians());
-            *radiance = radiance.map(|channel| channel * ratio * ratio);
-            *angular_radius = angle;
-            found = true;
-        }
-    }
-    if found { Ok(()) } else { Err("the scene has no sun".into()) }
-}
-
-/// A reference of at least `samples` in each pixel, in batches of whole blocks, whose scrambles are independent.
-fn reference(scene: &Scene, samples: u32) -> Outcome<Reference> {
-    let block = scene.sampling().samples_per_block();
-    let blocks_per_batch = samples.div_ceil(block * BATCHES).max(1);
-    let mut rendering = Rendering::new(scene);
-    let mut before = rendering.image();
-    let mut batches = Vec::new();
-    for batch in 1..=BATCHES {
-        let first = rendering.samples();
-        while rendering.samples() < batch * blocks_per_batch * block {
-            rendering.render_pass()?;
-        }
-        let sum = rendering.image().scaled(f64::from(rendering.samples()));
-        let count = f64::from(rendering.samples() - first);
-        let pixels = sum.pixels.iter().zip(&before.pixels).map(|(&now, &then)| (now - then) / count).collect();
-        batches.push(Image { pixels, ..sum.clone() });
-        before = sum;
-    }
-    Ok(Reference::from_batches(&batches))
 }
 
 /// Renders to the last of the times; the image, its seconds and its samples at each.

@@ -95,7 +95,7 @@ impl<'a> Window<'a> {
         let mut open = Vec::with_capacity(most);
         let mut done = Vec::with_capacity(most);
         let mut first = 0;
-        let mut keep = |rect: &Rect, open: &mut Vec<Rect>, done: &mut Vec<Rect>| {
+        let keep = |rect: &Rect, open: &mut Vec<Rect>, done: &mut Vec<Rect>| {
             if let Some(part) = self.part(rect) {
                 if settled(&self.landing, &part) { done.push(part.rect) } else { open.push(part.rect) }
             }

@@ -1,0 +1,77 @@
+//! The caustics in the room, which `cone` renders from behind, against light traced forward.
+
+use std::path::Path;
+
+use clerestory_render_core::scene::{self, Scene};
+use clerestory_tests::bias::{BLOCK, compare};
+use clerestory_tests::forward_tracer::{Fault, Tracing, trace};
+use clerestory_tests::reference::{Image, Reference};
+use clerestory_tests::rendering::Rendering;
+use clerestory_tests::sun_scene::{SunScene, reference_file};
+use clerestory_tests::traced_scene::TracedScene;
+
+const SIZE: [u32; 2] = [96, 72];
+const REPLICATES: u64 = 32;
+const SAMPLES: u32 = 48;
+const PHOTONS: u64 = 12_000_000;
+const FAULTY_PHOTONS: u64 = 2_000_000;
+
+fn scenes() -> std::path::PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes")
+}
+
+fn replicates(integrator: &str, samples: u32) -> Vec<Image> {
+    let bundle = scene::load(&scenes().join("room.json")).expect("the room ships");
+    (1..=REPLICATES)
+        .map(|seed| {
+            let variant = SunScene { angular_radius: 0.27, integrator, seed, size: SIZE, path_filter: Some("D TT L") };
+            let scene: Scene = variant.build(&bundle).expect("the room can be built");
+            let mut rendering = Rendering::new(&scene);
+            for _ in 0..samples {
+                rendering.render_pass().expect("the room renders");
+            }
+            rendering.image()
+        })
+        .collect()
+}
+
+fn traced(photons: u64, fault: Fault) -> Reference {
+    let bundle = scene::load(&scenes().join("room.json")).expect("the room ships");
+    let variant =
+        SunScene { angular_radius: 0.27, integrator: "cone", seed: 0, size: SIZE, path_filter: Some("D TT L") };
+    let bundle = variant.bundle(&bundle).expect("the changed room is valid");
+    let scene = TracedScene::build(&bundle, &scenes()).expect("the room can be traced");
+    Reference::from_batches(&trace(&scene, &Tracing { photons, batches: 32, seed: 3, fault }))
+}
+
+#[test]
+fn cone_and_fnee_throw_the_caustics_that_forward_tracing_throws() {
+    let reference = traced(PHOTONS, Fault::None);
+    for (integrator, samples) in [("cone", SAMPLES), ("fnee", SAMPLES)] {
+        let ours = replicates(integrator, samples);
+        let report = compare(&ours, &reference, &[], BLOCK);
+        println!("{integrator} room: {report}");
+        assert!(report.agrees(), "{integrator}: {report}");
+        for fault in [Fault::MissingFresnelFactor, Fault::DroppedSaddles, Fault::Scaled] {
+            let report = compare(&ours, &traced(FAULTY_PHOTONS, fault), &[], BLOCK);
+            println!("{integrator} room against {fault:?}: {report}");
+            assert!(!report.agrees(), "{integrator} against {fault:?}: {report}");
+        }
+    }
+}
+
+#[test]
+fn the_stored_references_have_their_standard_error() {
+    for angle in [0.27, 1.0, 3.0] {
+        let reference = Reference::read(&reference_file(&scenes().join("room"), angle)).expect("the reference ships");
+        let square = |image: &Image| image.pixels.iter().map(|pixel| pixel.length_squared()).sum::<f64>();
+        let noise = (square(&reference.standard_error) / square(&reference.mean)).sqrt();
+        println!("{angle} degrees: noise {noise:.4} of the root mean square");
+        assert!(noise > 0.0 && noise < 0.02, "{angle} degrees: {noise}");
+        let [a, b] = &reference.halves;
+        let apart: f64 = a.pixels.iter().zip(&b.pixels).map(|(&a, &b)| ((a - b) * 0.5).length_squared()).sum();
+        // Half the difference of two halves scatters like the error of their mean.
+        let ratio = (apart / square(&reference.standard_error)).sqrt();
+        assert!((0.8..1.25).contains(&ratio), "{angle} degrees: {ratio}");
+    }
+}
