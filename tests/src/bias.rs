@@ -24,7 +24,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use crate::reference::{Image, Reference};
 
-/// Edge of the smallest block, pixels.
+/// Edge of a block, pixels.
 pub const BLOCK: usize = 4;
 
 /// Edge of a region in which blocks with folds are pooled, pixels.
@@ -61,8 +61,6 @@ pub struct BiasReport {
     pub mean_error: f64,
     /// Smallest probability, over the channels, of a mean at least as far from the reference's without bias.
     pub mean_probability: f64,
-    /// Edge of a block, pixels.
-    pub block: usize,
     /// Number of lit blocks without fold, each tested by itself.
     pub blocks: usize,
     /// Combined standard error, relative to the block's value, that 95 percent of these blocks do not exceed.
@@ -130,7 +128,7 @@ impl fmt::Display for BiasReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{}, {}: mean {:+.4} % (se {:.4} %, p {:.2}), {} blocks of {} (se95 {:.2} %), {} fold regions of {} blocks (se95 \
+            "{}, {}: mean {:+.4} % (se {:.4} %, p {:.2}), {} blocks (se95 {:.2} %), {} fold regions of {} blocks (se95 \
              {:.2} %), chi2 {:.3} (p {:.2}), worst {:?} at {},{}: {:+.2} % (t {:+.1}, p {:.1e} of {} cells)",
             if self.agrees() { "agrees" } else { "BIASED" },
             if self.has_power() { "with power" } else { "without full power" },
@@ -138,7 +136,6 @@ impl fmt::Display for BiasReport {
             self.mean_error * 100.0,
             self.mean_probability,
             self.blocks,
-            self.block,
             self.block_error * 100.0,
             self.fold_regions[0],
             self.fold_regions[1],
@@ -158,18 +155,17 @@ impl fmt::Display for BiasReport {
 
 /// Tests whether independently seeded `replicates` have the expectation that `reference` estimates.
 ///
-/// `block` is the edge of a block in pixels, [`BLOCK`] or a multiple. `folds` says for each pixel whether a fold passes
-/// through or beside it; empty when there are none.
+/// `folds` says for each pixel whether a fold passes through or beside it; empty when there are none.
 ///
 /// # Panics
 ///
 /// With fewer than 32 replicates, or pictures of different sizes.
-pub fn compare(replicates: &[Image], reference: &Reference, folds: &[bool], block: usize) -> BiasReport {
+pub fn compare(replicates: &[Image], reference: &Reference, folds: &[bool]) -> BiasReport {
     assert!(replicates.len() >= 32, "Student's t needs at least 32 replicates, not {}", replicates.len());
     let size = (reference.mean.width, reference.mean.height);
     assert!(replicates.iter().all(|r| (r.width, r.height) == size), "all pictures have the size of the reference");
-    let cells = cells(reference, folds, block);
-    let comparisons = compare_cells(&cells, replicates, reference, block);
+    let cells = cells(reference, folds);
+    let comparisons = compare_cells(&cells, replicates, reference);
 
     let reference_variance: f64 = cells
         .iter()
@@ -206,12 +202,11 @@ pub fn compare(replicates: &[Image], reference: &Reference, folds: &[bool], bloc
         mean_ratio: means.map(|m| m.0),
         mean_error: means.iter().map(|m| m.1).fold(0.0, f64::max),
         mean_probability: means.iter().map(|m| m.2).fold(1.0, f64::min),
-        block,
         blocks: of_kind(CellKind::Block).count(),
         block_error: quantile(relative_errors(CellKind::Block), 0.95),
         fold_regions: [
             of_kind(CellKind::Fold).count(),
-            of_kind(CellKind::Fold).map(|(cell, _)| cell.pixels.len()).sum::<usize>() / (block * block),
+            of_kind(CellKind::Fold).map(|(cell, _)| cell.pixels.len()).sum::<usize>() / (BLOCK * BLOCK),
         ],
         fold_error: quantile(relative_errors(CellKind::Fold), 0.95),
         worst: WorstCell {
@@ -244,14 +239,14 @@ struct Comparison {
     probability: f64,
 }
 
-fn cells(reference: &Reference, folds: &[bool], block: usize) -> Vec<Cell> {
+fn cells(reference: &Reference, folds: &[bool]) -> Vec<Cell> {
     let (width, height) = (reference.mean.width, reference.mean.height);
     let blocks: Vec<Cell> = (0..height)
-        .step_by(block)
-        .flat_map(|y| (0..width).step_by(block).map(move |x| [x, y]))
+        .step_by(BLOCK)
+        .flat_map(|y| (0..width).step_by(BLOCK).map(move |x| [x, y]))
         .map(|[x, y]| {
-            let rows = y..(y + block).min(height);
-            let pixels = rows.flat_map(|y| (x..(x + block).min(width)).map(move |x| y * width + x)).collect();
+            let rows = y..(y + BLOCK).min(height);
+            let pixels = rows.flat_map(|y| (x..(x + BLOCK).min(width)).map(move |x| y * width + x)).collect();
             Cell { kind: CellKind::Block, corner: [x, y], pixels }
         })
         .collect();
@@ -278,7 +273,7 @@ fn cells(reference: &Reference, folds: &[bool], block: usize) -> Vec<Cell> {
     cells
 }
 
-fn compare_cells(cells: &[Cell], replicates: &[Image], reference: &Reference, block: usize) -> Vec<Comparison> {
+fn compare_cells(cells: &[Cell], replicates: &[Image], reference: &Reference) -> Vec<Comparison> {
     struct Own {
         expected: f64,
         mean: f64,
@@ -312,7 +307,7 @@ fn compare_cells(cells: &[Cell], replicates: &[Image], reference: &Reference, bl
         .map(|(cell, values)| {
             let near = |other: &Cell| {
                 let distance = |axis: usize| (cell.corner[axis] as isize - other.corner[axis] as isize).abs();
-                let block_distance = distance(0).max(distance(1)) / block as isize;
+                let block_distance = distance(0).max(distance(1)) / BLOCK as isize;
                 other.kind == cell.kind && (cell.kind != CellKind::Block || block_distance <= NEIGHBOURS)
             };
             let neighbours: Vec<&Own> =
@@ -468,7 +463,7 @@ mod tests {
         (0..experiments)
             .filter(|seed| {
                 let ours = replicates(&truth, noise, 0.2, *seed);
-                !compare(&ours, &reference(&truth, 0.01, *seed), &[], BLOCK).agrees()
+                !compare(&ours, &reference(&truth, 0.01, *seed), &[]).agrees()
             })
             .count()
     }
@@ -491,9 +486,9 @@ mod tests {
         spoil(&mut spoilt);
         for seed in 0..20 {
             let ours = replicates(&truth, noise, noise.faint(), seed);
-            let right = compare(&ours, &reference(&truth, 0.01, seed), &[], BLOCK);
+            let right = compare(&ours, &reference(&truth, 0.01, seed), &[]);
             assert!(right.has_power() && right.agrees(), "{right}");
-            let wrong = compare(&ours, &reference(&spoilt, 0.01, seed), &[], BLOCK);
+            let wrong = compare(&ours, &reference(&spoilt, 0.01, seed), &[]);
             assert!(!wrong.agrees(), "{wrong}");
         }
     }
@@ -539,9 +534,9 @@ mod tests {
         }
         for seed in 0..20 {
             let ours = replicates(&truth, Noise::Pareto, Noise::Pareto.faint(), seed);
-            let right = compare(&ours, &reference(&truth, 0.01, seed), &folds, BLOCK);
+            let right = compare(&ours, &reference(&truth, 0.01, seed), &folds);
             assert!(right.has_power() && right.agrees() && right.fold_regions[1] > 0, "{right}");
-            let wrong = compare(&ours, &reference(&spoilt, 0.01, seed), &folds, BLOCK);
+            let wrong = compare(&ours, &reference(&spoilt, 0.01, seed), &folds);
             assert!(!wrong.agrees(), "{wrong}");
         }
     }
@@ -549,11 +544,7 @@ mod tests {
     #[test]
     fn noise_that_hides_faults_is_reported_as_lack_of_power() {
         let truth = truth();
-        assert!(
-            !compare(&replicates(&truth, Noise::Gaussian, 2.0, 1), &reference(&truth, 0.01, 1), &[], BLOCK).has_power()
-        );
-        assert!(
-            !compare(&replicates(&truth, Noise::Gaussian, 0.01, 1), &reference(&truth, 0.5, 1), &[], BLOCK).has_power()
-        );
+        assert!(!compare(&replicates(&truth, Noise::Gaussian, 2.0, 1), &reference(&truth, 0.01, 1), &[]).has_power());
+        assert!(!compare(&replicates(&truth, Noise::Gaussian, 0.01, 1), &reference(&truth, 0.5, 1), &[]).has_power());
     }
 }

@@ -13,7 +13,6 @@ use clerestory_render_core::scene::description::{
 use clerestory_render_core::scene::{Scene, SceneBundle, load};
 use glam::DVec3;
 
-use crate::bias::BLOCK;
 use crate::folds::fold_pixels;
 use crate::forward_tracer::{Fault, Tracing, trace};
 use crate::reference::{Image, Reference, ReferenceError};
@@ -123,14 +122,6 @@ impl Comparison {
         let has_saddles = self.stored.is_some() && !self.name.contains("flat");
         let saddles = has_saddles.then_some(Fault::DroppedSaddles);
         [Fault::MissingFresnelFactor, Fault::Scaled].into_iter().chain(saddles).collect()
-    }
-
-    /// Edge of the blocks in which pictures are compared, pixels. Under a light with an extent, `fnee` evaluates the
-    /// geometry factor at points of the light, whose mean square diverges at folds: where there are many, its blocks are
-    /// larger.
-    pub fn block(&self) -> usize {
-        let folded = ["fnee crown-", "fnee cathedral-"].iter().any(|start| self.name.starts_with(start));
-        if folded && !self.name.ends_with("-point") { 4 * BLOCK } else { BLOCK }
     }
 
     /// The pixels at the folds of the caustics of point lights.

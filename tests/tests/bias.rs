@@ -27,14 +27,14 @@ fn check(case: &str, light: &str, integrator: &str, samples: u32, faults: &[Faul
     let folds = comparison.folds();
     let (replicates, counters) = comparison.replicates(samples, 1);
     let reference = comparison.reference(PHOTONS, Fault::None).expect("the reference ships");
-    let report = compare(&replicates, &reference, &folds, comparison.block());
+    let report = compare(&replicates, &reference, &folds);
     println!("{}: {report}", comparison.name);
     assert!(report.agrees(), "{}: {report}", comparison.name);
     assert!(report.mean_error < SHORT_MEAN_ERROR, "{}: {report}", comparison.name);
     assert!(counters.truncated * 1000 <= counters.unique_solutions, "{}: {counters:?}", comparison.name);
     for fault in faults {
         let faulty = comparison.reference(FAULTY_PHOTONS, *fault).expect("the reference ships");
-        let report = compare(&replicates, &faulty, &folds, comparison.block());
+        let report = compare(&replicates, &faulty, &folds);
         println!("{} against {fault:?}: {report}", comparison.name);
         assert!(!report.agrees(), "{} against {fault:?}: {report}", comparison.name);
     }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clerestory_render_core::scene::{self, Scene};
-use clerestory_tests::bias::{BLOCK, compare};
+use clerestory_tests::bias::compare;
 use clerestory_tests::forward_tracer::{Fault, Tracing, trace};
 use clerestory_tests::reference::{Image, Reference};
 use clerestory_tests::rendering::Rendering;
@@ -49,11 +49,11 @@ fn cone_and_fnee_throw_the_caustics_that_forward_tracing_throws() {
     let reference = traced(PHOTONS, Fault::None);
     for (integrator, samples) in [("cone", SAMPLES), ("fnee", SAMPLES)] {
         let ours = replicates(integrator, samples);
-        let report = compare(&ours, &reference, &[], BLOCK);
+        let report = compare(&ours, &reference, &[]);
         println!("{integrator} room: {report}");
         assert!(report.agrees(), "{integrator}: {report}");
         for fault in [Fault::MissingFresnelFactor, Fault::DroppedSaddles, Fault::Scaled] {
-            let report = compare(&ours, &traced(FAULTY_PHOTONS, fault), &[], BLOCK);
+            let report = compare(&ours, &traced(FAULTY_PHOTONS, fault), &[]);
             println!("{integrator} room against {fault:?}: {report}");
             assert!(!report.agrees(), "{integrator} against {fault:?}: {report}");
         }

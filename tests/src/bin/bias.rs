@@ -82,13 +82,13 @@ fn main() -> ExitCode {
 fn examine(comparison: &Comparison, arguments: &Arguments, progress: &ProgressBar) -> Result<bool, ReferenceError> {
     let reference = comparison.reference(arguments.photons, Fault::None)?;
     let folds = comparison.folds();
-    let pilot = compare(&comparison.replicates(PILOT, 1).0, &reference, &folds, comparison.block());
+    let pilot = compare(&comparison.replicates(PILOT, 1).0, &reference, &folds);
     let samples = necessary_samples(&pilot).min(arguments.max_samples);
     let start = Instant::now();
     // Other seeds: what chose the number of samples must not be part of the result.
     let (replicates, counters) = comparison.replicates(samples, 1 + REPLICATES);
     let seconds = start.elapsed().as_secs_f64();
-    let report = compare(&replicates, &reference, &folds, comparison.block());
+    let report = compare(&replicates, &reference, &folds);
     let good = report.agrees() && report.has_power() && report.mean_deviation() <= MEAN_LIMIT;
     progress.suspend(|| {
         println!("{} {}: {report}", if good { "ok  " } else { "FAIL" }, comparison.name);
@@ -99,8 +99,7 @@ fn examine(comparison: &Comparison, arguments: &Arguments, progress: &ProgressBa
     });
     let mut all_noticed = true;
     for fault in comparison.faults() {
-        let report =
-            compare(&replicates, &comparison.reference(arguments.photons / 10, fault)?, &folds, comparison.block());
+        let report = compare(&replicates, &comparison.reference(arguments.photons / 10, fault)?, &folds);
         let noticed = !report.agrees();
         all_noticed &= noticed;
         progress.suspend(|| println!("{}   against {fault:?}: {report}", if noticed { "ok  " } else { "FAIL" }));

@@ -144,7 +144,7 @@ mod tests {
 
     use super::*;
     use crate::film::image::tests::image;
-    use crate::film::openexr::tests::{address_space_bytes, attribute, patch};
+    use crate::film::openexr::tests::{TESTS_BESIDE, address_space_bytes, attribute, patch};
 
     const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 1 << 20 };
 
@@ -271,11 +271,11 @@ mod tests {
         let before = address_space_bytes();
         let error = FrameImage::decode(&bytes, DecodeBudget { pixel_bytes: 1 << 30 }).unwrap_err();
         assert!(error.to_string().starts_with("the image is too large: 60001 x 60001 pixels need"), "{error}");
-        assert!(address_space_bytes() - before < 1 << 20, "memory was allocated");
+        assert!(address_space_bytes() - before < TESTS_BESIDE, "memory was allocated");
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 1000, ..ProptestConfig::default() })]
+        #![proptest_config(crate::geometry::testing::fixed_seed(1000))]
 
         #[test]
         fn a_changed_image_is_an_error_or_an_image_never_a_crash(
@@ -289,7 +289,7 @@ mod tests {
             let before = address_space_bytes();
             let decoded = FrameImage::decode(&bytes, BUDGET);
             prop_assert!(decoded.is_err() || decoded.is_ok_and(|image| image.width() < 1 << 20));
-            prop_assert!(address_space_bytes() - before < 16 << 20);
+            prop_assert!(address_space_bytes() - before < TESTS_BESIDE);
         }
     }
 }

@@ -410,6 +410,9 @@ pub(super) mod tests {
         bytes[size + 4..size + 4 + value.len()].copy_from_slice(value);
     }
 
+    /// What tests that run beside one may ask for meanwhile: far less than the 14 GB of a channel of 60001 x 60001.
+    pub(crate) const TESTS_BESIDE: u64 = 1 << 30;
+
     /// The most address space that this process has had, to see that nothing large was asked for.
     pub(crate) fn address_space_bytes() -> u64 {
         if !cfg!(target_os = "linux") {

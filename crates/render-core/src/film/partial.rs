@@ -272,7 +272,7 @@ mod tests {
 
     use super::*;
     use crate::film::address::Tile;
-    use crate::film::openexr::tests::{address_space_bytes, attribute, patch};
+    use crate::film::openexr::tests::{TESTS_BESIDE, address_space_bytes, attribute, patch};
     use crate::film::test_nodes::{bits, noise_node, odd_node};
 
     const GRID: TileGrid = TileGrid { width: 7, height: 6, tile_size: 4 };
@@ -517,7 +517,7 @@ mod tests {
             &expectation(&nodes),
             "has a data window of 60001 x 60001 pixels at (0, 0); its tile is 4 x 4",
         );
-        assert!(address_space_bytes() - before < 1 << 20, "memory was allocated");
+        assert!(address_space_bytes() - before < TESTS_BESIDE, "memory was allocated");
     }
 
     /// A change that a broken or hostile sender might make.
@@ -526,7 +526,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
+        #![proptest_config(crate::geometry::testing::fixed_seed(2000))]
 
         #[test]
         fn a_changed_partial_is_an_error_or_the_same_nodes_never_a_crash(
@@ -547,7 +547,7 @@ mod tests {
                 prop_assert!(found.iter().map(Node::address).eq(nodes[1..3].iter().map(Node::address)));
                 prop_assert!(found.iter().map(bits).eq(nodes[1..3].iter().map(bits)));
             }
-            prop_assert!(address_space_bytes() - before < 16 << 20);
+            prop_assert!(address_space_bytes() - before < TESTS_BESIDE);
         }
 
         #[test]

@@ -456,7 +456,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+        #![proptest_config(crate::geometry::testing::fixed_seed(64))]
 
         #[test]
         fn any_cut_and_any_order_of_arrival_give_the_bits_of_a_single_process(

@@ -74,14 +74,10 @@ impl Light {
                 let cos_min = ((light_radius - radius) / distance).clamp(-1.0, 1.0);
                 let cosine = cos_min + (1.0 - cos_min) * random.x.sqrt();
                 let normal = around(offset / distance, cosine, random.y);
-                let density = (cosine - cos_min)
-                    / (std::f64::consts::PI * (light_radius * (1.0 - cos_min)) * (light_radius * (1.0 - cos_min)));
+                let source = Source::Point(light_centre + normal * light_radius);
+                let density = self.source_density(centre, radius, source);
                 let weight = if density > 0.0 { radiance / density } else { DVec3::ZERO };
-                SourceSample {
-                    source: Source::Point(light_centre + normal * light_radius),
-                    normal: Some(normal),
-                    weight,
-                }
+                SourceSample { source, normal: Some(normal), weight }
             }
             LightKind::Rectangle { frame, half_size, radiance } => {
                 let local =
@@ -96,6 +92,37 @@ impl Light {
                 let (direction, solid_angle) = sample_cap(direction, cos_radius, sin_radius, random);
                 SourceSample { source: Source::Direction(direction), normal: None, weight: radiance * solid_angle }
             }
+        }
+    }
+
+    /// Density with which [`Light::sample_source`] draws a source: per area for surfaces, per solid angle for the sun.
+    /// Infinite for a point light, which has only one.
+    pub fn source_density(&self, centre: DVec3, radius: f64, source: Source) -> f64 {
+        match (self.kind, source) {
+            (LightKind::Sphere { centre: light_centre, radius: light_radius, .. }, Source::Point(position)) => {
+                let offset = centre - light_centre;
+                let distance = offset.length();
+                let cos_min = ((light_radius - radius) / distance).clamp(-1.0, 1.0);
+                let cosine = (position - light_centre).dot(offset) / (light_radius * distance);
+                let side = light_radius * (1.0 - cos_min);
+                (cosine - cos_min).max(0.0) / (std::f64::consts::PI * side * side)
+            }
+            (LightKind::Rectangle { half_size: [u, v], .. }, _) => 1.0 / (4.0 * u * v),
+            (LightKind::Sun { cos_radius, sin_radius, .. }, _) => 1.0 / cap_solid_angle(cos_radius, sin_radius),
+            (LightKind::Point { .. } | LightKind::Sphere { .. }, _) => f64::INFINITY,
+        }
+    }
+
+    /// The source where a ray meets the light, and the cosine of the angle at which it does; 1 for the sun.
+    pub fn met(&self, ray: &Ray, hit: &LightHit) -> (Source, f64) {
+        let position = ray.at(hit.distance);
+        match self.kind {
+            LightKind::Point { .. } => (Source::Point(position), 1.0),
+            LightKind::Sphere { centre, radius, .. } => {
+                (Source::Point(position), -(position - centre).dot(ray.direction) / radius)
+            }
+            LightKind::Rectangle { frame, .. } => (Source::Point(position), -frame.axes.z_axis.dot(ray.direction)),
+            LightKind::Sun { .. } => (Source::Direction(ray.direction), 1.0),
         }
     }
 

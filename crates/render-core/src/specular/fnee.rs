@@ -11,6 +11,11 @@
 //! that there is no other path, as nearly always, no chance is left. Otherwise, near a fold of the caustic, one random
 //! seed follows, whose path is weighted by trials if the enumeration missed it, which keeps the estimate unbiased.
 //!
+//! Under a light with an extent, the geometry factor of a point on it has no finite mean square where the caustic of that
+//! point folds. There, paths are found better by rays towards the light ([`super::view`]); both ways are combined by the
+//! balance heuristic, with the density of the search being that of S over the geometry factor. The search is unbiased for
+//! each path by itself, so any weights that sum to one keep the whole unbiased.
+//!
 //! An estimate that exceeds `max_trials` is cut off there, which loses light; the counter `truncated` says how often.
 
 use glam::{DVec2, DVec3};
@@ -21,12 +26,13 @@ use super::{
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete, solve_published},
     side::{PaneSide, Transmission},
+    view::{Effort, Glimpse, Opening, View},
     window::{SourceBounds, Window},
 };
 use crate::{
     counters::Counters,
     film::{SampleStream, TrialStream},
-    geometry::{Leaving, Ray, Rect},
+    geometry::{Frame, Leaving, Ray, Rect},
     optics::{Source, SourceSample},
     scene::{
         Scene,
@@ -156,6 +162,14 @@ impl SpecularMethod for Fnee {
         let panes = scene.accelerator().panes();
         let (centre, radius) = scene.pane_ball();
         let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
+        let random = stream.next_2d();
+        let view = self.combines().then(|| View::new(scene, point, light, &Effort::at(point)));
+        if let Some(view) = &view {
+            view.cast(random, counters, &mut |glimpse, opening| {
+                let share = glimpse.density / (glimpse.density + density_of_glimpse(scene, light, &glimpse, opening));
+                arrive(Arrival { weight: glimpse.arrival.weight * share, ..glimpse.arrival });
+            });
+        }
         let (chosen, inverse_selection) = match self.selection {
             PaneSelection::All => (0..panes.len(), 1.0),
             PaneSelection::Sharp => match scene.first_pane_towards(point, sample.source, counters) {
@@ -173,7 +187,7 @@ impl SpecularMethod for Fnee {
         for index in chosen {
             let random = stream.next_2d();
             let mut trials = stream.trials();
-            let sampled = SampledLight { index: light, sample: &sample };
+            let sampled = SampledLight { index: light, sample: &sample, view: view.as_ref() };
             self.connect(scene, point, &sampled, index as u32, random, &mut trials, counters, &mut |arrival| {
                 arrive(Arrival { weight: arrival.weight * inverse_selection, ..arrival });
             });
@@ -189,13 +203,43 @@ impl SpecularMethod for Fnee {
     }
 }
 
-/// A light, and the point on it that was drawn.
+/// A light, the point on it that was drawn, and the rays that are sent to it besides.
 struct SampledLight<'a> {
     index: u32,
     sample: &'a SourceSample,
+    view: Option<&'a View<'a>>,
+}
+
+/// Density per solid angle with which the search would have found the path of a glimpse: that of its point on the light,
+/// over the geometry factor.
+fn density_of_glimpse(scene: &Scene, light: u32, glimpse: &Glimpse, opening: &Opening<'_>) -> f64 {
+    let source = &scene.lights()[light as usize];
+    let (met, cosine) = source.met(&glimpse.exit, &glimpse.hit);
+    let (centre, radius) = scene.pane_ball();
+    let frame = &opening.side.pane.frame;
+    let connection = Connection::new(&opening.side, opening.origin, local(met, frame));
+    let theta = [glimpse.through.entry.truncate(), glimpse.through.exit.truncate()];
+    let path = connection.path(&theta, &mut Counters::default());
+    let factor = path.hessian().factorise().map(|hessian| path.geometry_factor(hessian.determinant) * cosine);
+    // On a fold itself the search finds nothing.
+    factor.map_or(0.0, |factor| source.source_density(centre, radius, met) / factor)
+}
+
+/// A source in a pane's frame.
+fn local(source: Source, frame: &Frame) -> Source {
+    match source {
+        Source::Point(position) => Source::Point(frame.point_to_local(position)),
+        Source::Direction(direction) => Source::Direction(frame.vector_to_local(direction)),
+    }
 }
 
 impl Fnee {
+    /// Whether rays towards the light are combined with the search. The other selections leave paths out by the straight
+    /// line to the source, and the published method knows no rays.
+    fn combines(&self) -> bool {
+        self.solver == FneeSolver::Complete && self.selection == PaneSelection::All
+    }
+
     /// Light from one source point through one pane.
     #[expect(clippy::too_many_arguments, reason = "one estimate depends on all of them, and none belong together")]
     fn connect(
@@ -211,10 +255,7 @@ impl Fnee {
     ) {
         let pane = &scene.accelerator().panes()[index as usize];
         let frame = &pane.frame;
-        let source = match light.sample.source {
-            Source::Point(position) => Source::Point(frame.point_to_local(position)),
-            Source::Direction(direction) => Source::Direction(frame.vector_to_local(direction)),
-        };
+        let source = local(light.sample.source, frame);
         let origin = frame.point_to_local(point.position);
         let Some(side) = PaneSide::facing(pane, origin) else { return };
         if !side.rises_above(origin, frame.vector_to_local(point.normal)) {
@@ -274,5 +315,11 @@ fn arrival(
     }
     counters.unique_solutions += 1;
     let factor = root.path.geometry_factor(root.determinant) * light_cosine;
-    Some(Arrival { direction, weight: light.sample.weight * through.transmittance * factor })
+    let weight = light.sample.weight * through.transmittance * factor;
+    let rays = light.view.map_or(0.0, |view| view.density(index, search.window.place_of(root.path.vertices[0])));
+    let (centre, radius) = scene.pane_ball();
+    let found = scene.lights()[light.index as usize].source_density(centre, radius, light.sample.source) / factor;
+    // The balance heuristic (Veach and Guibas 1995); a point light is found by the search alone.
+    let share = if rays > 0.0 { found / (found + rays) } else { 1.0 };
+    Some(Arrival { direction, weight: weight * share })
 }

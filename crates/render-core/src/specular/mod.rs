@@ -15,6 +15,7 @@ pub mod newton;
 pub mod side;
 #[cfg(test)]
 mod testing;
+mod view;
 pub mod window;
 
 use glam::DVec3;

@@ -1,0 +1,210 @@
+//! The view of a light through the panes: the parts of their deflection windows where it may be seen, and rays spread
+//! evenly over them.
+//!
+//! A window is halved again and again and loses what the bounds exclude, until the slopes differ too little within a part
+//! to tell more. Laid side by side, the parts make one interval that rays are spaced over equally: a density which is
+//! known and positive wherever light can come from, however many panes there are.
+
+use glam::{DVec2, DVec3};
+
+use super::{
+    Arrival, ShadingPoint, coverage,
+    side::{PaneSide, Transmission},
+    window::{SourceBounds, Window},
+};
+use crate::{
+    counters::Counters,
+    geometry::{Frame, Leaving, Ray, Rect},
+    optics::{Light, LightKind, light_sampling::LightHit},
+    scene::Scene,
+};
+
+/// What is spent on the light that arrives at one point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Effort {
+    /// Rays, over all panes.
+    pub(super) rays: u32,
+    /// Parts into which a window is cut, at the most.
+    pub(super) parts: usize,
+}
+
+impl Effort {
+    /// Light at the first diffuse vertex of a path is seen in the picture as it falls; at later vertices the path's other
+    /// choices make most of the noise.
+    pub(super) fn at(point: &ShadingPoint) -> Self {
+        match point.bounces {
+            0 => Self { rays: 16, parts: 64 },
+            1 => Self { rays: 2, parts: 16 },
+            _ => Self { rays: 1, parts: 8 },
+        }
+    }
+}
+
+/// A light as it may be seen from a shading point through panes.
+pub(super) struct View<'a> {
+    scene: &'a Scene,
+    point: &'a ShadingPoint,
+    light: u32,
+    openings: Vec<Opening<'a>>,
+    patches: Vec<Patch>,
+    rays: u32,
+    /// About the solid angle for each ray.
+    stride: f64,
+}
+
+/// A pane through which a shading point may see a light.
+pub(super) struct Opening<'a> {
+    /// The pane.
+    pub(super) pane: u32,
+    /// The pane from the shading point's side.
+    pub(super) side: PaneSide<'a>,
+    /// The shading point in the pane's frame.
+    pub(super) origin: DVec3,
+}
+
+/// A part of the deflection window of an opening.
+struct Patch {
+    opening: usize,
+    rect: Rect,
+    /// About the solid angle under which it is seen: rays are spread in proportion to it.
+    weight: f64,
+}
+
+/// A sight of the light through a pane.
+pub(super) struct Glimpse {
+    /// The light, divided by the density of rays.
+    pub(super) arrival: Arrival,
+    /// Expected number of rays for each unit of solid angle.
+    pub(super) density: f64,
+    /// The way through the pane, in its frame.
+    pub(super) through: Transmission,
+    /// The ray behind the pane.
+    pub(super) exit: Ray,
+    /// Where that ray meets the light.
+    pub(super) hit: LightHit,
+}
+
+/// Slopes that spread the landing by less than this part of the light's extent are not worth telling apart.
+const SETTLED: f64 = 0.5;
+
+/// Successive multiples of it, modulo 1, are the most evenly spread.
+const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
+
+impl<'a> View<'a> {
+    /// The view of a light, which is empty for a point light.
+    pub(super) fn new(scene: &'a Scene, point: &'a ShadingPoint, light: u32, effort: &Effort) -> Self {
+        let (mut openings, mut patches) = (Vec::new(), Vec::new());
+        let source = &scene.lights()[light as usize];
+        let panes = if matches!(source.kind, LightKind::Point { .. }) { &[] } else { scene.panes() };
+        for (index, pane) in (0u32..).zip(panes) {
+            let origin = pane.frame.point_to_local(point.position);
+            let Some(side) = PaneSide::facing(pane, origin) else { continue };
+            if !side.rises_above(origin, pane.frame.vector_to_local(point.normal)) {
+                continue;
+            }
+            let Some(window) = Window::new(&side, origin, &light_bounds(source, &pane.frame)) else { continue };
+            let parts = window.parts(effort.parts, |landing, part| part.spread.cmple(landing.extent() * SETTLED).all());
+            let opening = openings.len();
+            let patch = |rect: Rect| {
+                let weight = rect.area() * solid_angle(&side, origin, rect.centre());
+                Patch { opening, rect, weight }
+            };
+            patches.extend(parts.into_iter().map(patch).filter(|patch| patch.weight > 0.0));
+            openings.push(Opening { pane: index, side, origin });
+        }
+        let total: f64 = patches.iter().map(|patch| patch.weight).sum();
+        let stride = total / f64::from(effort.rays);
+        Self { scene, point, light, openings, patches, rays: effort.rays, stride }
+    }
+
+    /// Sends the rays; whatever sees the light is handed to `see`.
+    pub(super) fn cast(&self, random: DVec2, counters: &mut Counters, see: &mut dyn FnMut(Glimpse, &Opening<'a>)) {
+        let mut remaining = self.patches.iter();
+        let Some(mut patch) = remaining.next() else { return };
+        let mut start = 0.0;
+        for ray in 0..self.rays {
+            let position = (f64::from(ray) + random.x) * self.stride;
+            while position >= start + patch.weight
+                && let Some(next) = remaining.next()
+            {
+                start += patch.weight;
+                patch = next;
+            }
+            let along = ((position - start) / patch.weight).min(1.0);
+            let across = random.y + f64::from(ray) * GOLDEN_RATIO;
+            let Rect { min, max } = patch.rect;
+            let place = min + (max - min) * DVec2::new(along, across - across.floor());
+            let opening = &self.openings[patch.opening];
+            let density = patch.density(self.stride, opening, place);
+            if let Some(glimpse) = self.look(opening, place, density, counters) {
+                see(glimpse, opening);
+            }
+        }
+    }
+
+    /// Expected number of rays for each unit of solid angle towards a place of a pane's near plane.
+    pub(super) fn density(&self, pane: u32, place: DVec2) -> f64 {
+        let holds = |patch: &&Patch| self.openings[patch.opening].pane == pane && patch.rect.contains(place);
+        self.patches
+            .iter()
+            .find(holds)
+            .map_or(0.0, |patch| patch.density(self.stride, &self.openings[patch.opening], place))
+    }
+
+    fn look(&self, opening: &Opening<'a>, place: DVec2, density: f64, counters: &mut Counters) -> Option<Glimpse> {
+        let Opening { pane, side, origin } = opening;
+        let frame = &side.pane.frame;
+        let ray = Ray::new(*origin, (place.extend(side.near_base()) - *origin).normalize());
+        let direction = frame.vector_to_world(ray.direction);
+        if direction.dot(self.point.normal) <= 0.0 {
+            return None;
+        }
+        let through = side.transmit(&ray, counters)?;
+        if !coverage::owns(side, [ray.direction, through.inner_direction, through.direction]) {
+            return None;
+        }
+        let exit = Ray::new(frame.point_to_world(through.exit), frame.vector_to_world(through.direction));
+        let hit = self.scene.lights()[self.light as usize].intersect(&exit)?;
+        if hit.radiance == DVec3::ZERO {
+            return None;
+        }
+        let entry = frame.point_to_world(through.entry);
+        let leaving = Leaving::Pane { index: *pane, face: side.far };
+        if self.scene.blocked_through_pane(self.point, entry, *pane, side.near, &exit.origin, counters)
+            || self.scene.blocked(&exit, hit.distance, leaving, None, Some(self.light), counters)
+        {
+            return None;
+        }
+        counters.unique_solutions += 1;
+        let arrival = Arrival { direction, weight: hit.radiance * through.transmittance / density };
+        Some(Glimpse { arrival, density, through, exit, hit })
+    }
+}
+
+impl Patch {
+    /// Expected number of rays for each unit of solid angle, when there is one for each `stride` of the patches' weights.
+    fn density(&self, stride: f64, opening: &Opening<'_>, place: DVec2) -> f64 {
+        self.weight / (stride * self.rect.area() * solid_angle(&opening.side, opening.origin, place))
+    }
+}
+
+/// Solid angle, for each unit of area, under which a place of the near plane is seen.
+fn solid_angle(side: &PaneSide<'_>, origin: DVec3, place: DVec2) -> f64 {
+    let offset = place.extend(side.near_base()) - origin;
+    let distance_squared = offset.length_squared();
+    offset.z.abs() / (distance_squared * distance_squared.sqrt())
+}
+
+/// Bounds on a whole light, in a pane's frame.
+fn light_bounds(light: &Light, frame: &Frame) -> SourceBounds {
+    match light.kind {
+        LightKind::Point { position, .. } => SourceBounds::Ball { centre: frame.point_to_local(position), radius: 0.0 },
+        LightKind::Sphere { centre, radius, .. } => SourceBounds::Ball { centre: frame.point_to_local(centre), radius },
+        LightKind::Rectangle { frame: light_frame, half_size: [u, v], .. } => {
+            SourceBounds::Ball { centre: frame.point_to_local(light_frame.origin), radius: (u * u + v * v).sqrt() }
+        }
+        LightKind::Sun { direction, sin_radius, .. } => {
+            SourceBounds::Cap { direction: frame.vector_to_local(direction), sin_radius }
+        }
+    }
+}
