@@ -21,7 +21,7 @@ struct Arguments {
     #[arg(long, value_delimiter = 'x', default_value = "96x72")]
     size: Vec<u32>,
     /// Samples in each pixel, at least.
-    #[arg(long, default_value_t = 16384)]
+    #[arg(long, default_value_t = 4096)]
     samples: u32,
     /// Where the images go.
     #[arg(long, default_value = "scenes/room")]

@@ -55,7 +55,7 @@ pub(super) mod tests {
         assert!(
             published == generated,
             "docs/scene.schema.json is out of date; update it with: \
-             UPDATE_SCHEMA=1 cargo nextest run --release -p clerestory-render-core published_schema"
+             UPDATE_SCHEMA=1 cargo test --release -p clerestory-render-core published_schema"
         );
     }
 
