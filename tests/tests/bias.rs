@@ -13,7 +13,7 @@ use clerestory_tests::forward_tracer::Fault;
 const SHORT_MEAN_ERROR: f64 = 0.01;
 
 /// Photons of references that are traced here.
-const PHOTONS: u64 = 1_000_000;
+const PHOTONS: u64 = 10_000_000;
 
 /// Photons of faulty references: enough for what the test has to notice.
 const FAULTY_PHOTONS: u64 = 200_000;
@@ -54,7 +54,7 @@ fn check_without_power(case: &str, light: &str, integrator: &str, samples: u32) 
 
 #[test]
 fn fnee_is_unbiased_for_a_point_light() {
-    check_with_power("flat", "point", "fnee", 1);
+    check_with_power("flat", "point", "fnee", 4);
     check_with_power("bump", "point", "fnee", 8);
     check_with_power("crown", "point", "fnee", 16);
     check_without_power("cathedral", "point", "fnee", 3);

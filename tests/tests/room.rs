@@ -12,8 +12,8 @@ use clerestory_tests::traced_scene::TracedScene;
 
 const SIZE: [u32; 2] = [96, 72];
 const REPLICATES: u64 = 32;
-const SAMPLES: u32 = 48;
-const PHOTONS: u64 = 12_000_000;
+const SAMPLES: u32 = 24;
+const PHOTONS: u64 = 8_000_000;
 const FAULTY_PHOTONS: u64 = 2_000_000;
 
 fn scenes() -> std::path::PathBuf {
@@ -67,7 +67,7 @@ fn the_stored_references_have_their_standard_error() {
         let square = |image: &Image| image.pixels.iter().map(|pixel| pixel.length_squared()).sum::<f64>();
         let noise = (square(&reference.standard_error) / square(&reference.mean)).sqrt();
         println!("{angle} degrees: noise {noise:.4} of the root mean square");
-        assert!(noise > 0.0 && noise < 0.02, "{angle} degrees: {noise}");
+        assert!(noise > 0.0 && noise < 0.03, "{angle} degrees: {noise}");
         let [a, b] = &reference.halves;
         let apart: f64 = a.pixels.iter().zip(&b.pixels).map(|(&a, &b)| ((a - b) * 0.5).length_squared()).sum();
         // Half the difference of two halves scatters like the error of their mean.

@@ -69,11 +69,9 @@ impl Light {
             LightKind::Sphere { centre: light_centre, radius: light_radius, radiance } => {
                 // A surface point with the normal n is visible from X when (X - C).n > r. Over all X of the ball that is
                 // n.d > (r - R)/D. A density linear in n.d - cos_min cancels the cosine at the light.
-                let offset = centre - light_centre;
-                let distance = offset.length();
-                let cos_min = ((light_radius - radius) / distance).clamp(-1.0, 1.0);
+                let (axis, cos_min) = side_seen(light_centre, light_radius, centre, radius);
                 let cosine = cos_min + (1.0 - cos_min) * random.x.sqrt();
-                let normal = around(offset / distance, cosine, random.y);
+                let normal = around(axis, cosine, random.y);
                 let source = Source::Point(light_centre + normal * light_radius);
                 let density = self.source_density(centre, radius, source);
                 let weight = if density > 0.0 { radiance / density } else { DVec3::ZERO };
@@ -100,10 +98,8 @@ impl Light {
     pub fn source_density(&self, centre: DVec3, radius: f64, source: Source) -> f64 {
         match (self.kind, source) {
             (LightKind::Sphere { centre: light_centre, radius: light_radius, .. }, Source::Point(position)) => {
-                let offset = centre - light_centre;
-                let distance = offset.length();
-                let cos_min = ((light_radius - radius) / distance).clamp(-1.0, 1.0);
-                let cosine = (position - light_centre).dot(offset) / (light_radius * distance);
+                let (axis, cos_min) = side_seen(light_centre, light_radius, centre, radius);
+                let cosine = (position - light_centre).dot(axis) / light_radius;
                 let side = light_radius * (1.0 - cos_min);
                 (cosine - cos_min).max(0.0) / (std::f64::consts::PI * side * side)
             }
@@ -119,7 +115,7 @@ impl Light {
         match self.kind {
             LightKind::Point { .. } => (Source::Point(position), 1.0),
             LightKind::Sphere { centre, radius, .. } => {
-                (Source::Point(position), -(position - centre).dot(ray.direction) / radius)
+                (Source::Point(position), (-(position - centre).dot(ray.direction) / radius).max(0.0))
             }
             LightKind::Rectangle { frame, .. } => (Source::Point(position), -frame.axes.z_axis.dot(ray.direction)),
             LightKind::Sun { .. } => (Source::Direction(ray.direction), 1.0),
@@ -237,6 +233,17 @@ impl Light {
                     .then_some(LightHit { distance: f64::INFINITY, radiance })
             }
         }
+    }
+}
+
+/// The middle of the side of a sphere that may be seen from inside a ball, and the cosine of its edge.
+fn side_seen(sphere: DVec3, sphere_radius: f64, ball: DVec3, ball_radius: f64) -> (DVec3, f64) {
+    let offset = ball - sphere;
+    let distance = offset.length();
+    if distance > 0.0 {
+        (offset / distance, ((sphere_radius - ball_radius) / distance).clamp(-1.0, 1.0))
+    } else {
+        (DVec3::Z, -1.0)
     }
 }
 

@@ -4,7 +4,7 @@
 //! face that looks at O and leaves it through the other, with exactly these two transmissions between O and the light,
 //! and all of the following hold:
 //!
-//! - O does not lie between the highest and the lowest point of a face ([`PaneSide::facing`]);
+//! - O does not lie between the highest and the lowest point of a face or its plane ([`PaneSide::facing`]);
 //! - no segment runs along the pane (cosine at least [`GRAZING_COSINE`]);
 //! - the method's selection of panes would have looked at this pane for this O and S
 //!   ([`super::SpecularMethod::selects`]).

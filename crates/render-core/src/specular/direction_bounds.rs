@@ -87,10 +87,10 @@ pub(super) fn refraction_strength_widest(index: f64) -> Interval {
     Interval::new(0.0, (index * index - 1.0).sqrt())
 }
 
-/// Bounds on the x and y components of the directions of a cap.
-pub(super) fn cap_bounds(axis: DVec3, sin_radius: f64) -> Box2 {
+/// Bounds on the components of the directions of a cap.
+pub(super) fn cap_bounds(axis: DVec3, sin_radius: f64) -> [Interval; 3] {
     let cos_radius = (1.0 - sin_radius * sin_radius).max(0.0).sqrt();
-    [axis.x, axis.y].map(|component| {
+    axis.to_array().map(|component| {
         // cos(phi -+ r) for the angle phi between the axis and the coordinate axis.
         let sine = (1.0 - component * component).max(0.0).sqrt();
         let max = if component >= cos_radius { 1.0 } else { component * cos_radius + sine * sin_radius };

@@ -1,10 +1,13 @@
-//! All paths from a shading point to a source through a pane, with a proof that there are no others.
+//! All paths from a shading point to a source through a pane, with a test that there are no others.
 //!
 //! The window is halved again and again. A part is dropped where the bounds show that no light from it reaches the source.
 //! Where the derivative of the landing stays near one invertible matrix all over the part, it holds at most one path
 //! (Krawczyk 1969; Neumaier, "Interval Methods for Systems of Equations", 1990, section 5.1): one shot from its middle
 //! then bounds where that path can be, or shows that there is none, and Newton's method finds it. What is left in the end
-//! are parts on a fold of the caustic; seeds in them find their paths, but nothing proves that these are all.
+//! are parts on a fold of the caustic; seeds in them find their paths, but nothing says that these are all.
+//!
+//! Small terms of the derivative are estimated and not bounded (`landing`), so `complete` is all but a proof. Who relies on
+//! it for an unbiased result has to look for further paths now and then.
 
 use glam::DVec2;
 
@@ -20,7 +23,7 @@ use crate::{counters::Counters, geometry::Rect};
 pub struct Enumeration {
     /// Distinct stationary paths.
     pub roots: Vec<Root>,
-    /// Whether it is proven that there is no other.
+    /// Whether the bounds say that there is no other.
     pub complete: bool,
 }
 
@@ -30,7 +33,8 @@ const MOST_PARTS: usize = 1000;
 /// A part is not halved below this many cells of the finer face: bounds are read for whole cells.
 const SMALLEST: f64 = 0.5;
 
-/// A shot lands with this error, in thicknesses of the pane: its second vertex is off by the square of the slope.
+/// A shot lands with about this error, in thicknesses of the pane: its second vertex is off by the square of the slope
+/// along the ray.
 const SHOT_ERROR: f64 = 1e-3;
 
 /// Larger parts on a fold are halved without a shot, in cells of the finer face.
@@ -94,13 +98,19 @@ pub fn enumerate<'a>(
 
 impl Search<'_, '_> {
     fn shoot(&mut self, rect: &Rect, counters: &mut Counters) -> Finding {
+        let landing = self.window.landing();
         let half_size = 0.5 * (rect.max - rect.min);
-        let Some(stretch) = self.window.landing().stretch(rect) else { return Finding::Open(*rect) };
-        let injective = stretch.is_injective(half_size);
+        let around = rect.grown(self.slack);
+        let Some(stretch) = landing.stretch(&around) else { return Finding::Open(*rect) };
+        let injective = stretch.is_injective(half_size + self.slack);
         if !injective && half_size.max_element() > 0.5 * self.large {
             return Finding::Open(*rect);
         }
         let Some(shot) = self.connection.shoot(rect.centre(), counters) else { return Finding::Open(*rect) };
+        // The way from the shot to any place of the part has to lie where the derivative is bounded.
+        let hull = Rect::new(around.min.min(shot.place), around.max.max(shot.place));
+        let stretch = if around.contains(shot.place) { Some(stretch) } else { landing.stretch(&hull) };
+        let Some(stretch) = stretch else { return Finding::Open(*rect) };
         let away = half_size + (shot.place - rect.centre()).abs();
         if shot.miss.abs().cmpgt(stretch.magnitude * away + self.slack).any() {
             return Finding::Settled;
@@ -109,17 +119,19 @@ impl Search<'_, '_> {
             return Finding::Open(*rect);
         }
         let predicted = shot.place + stretch.inverse * shot.miss;
-        let reach = stretch.defect * away + self.slack;
+        let reach = stretch.defect * away + stretch.error_of(self.slack);
         let possible = Rect::new(predicted - reach, predicted + reach).intersection(rect);
         if possible.is_empty() {
             return Finding::Settled;
         }
-        if rect.grown(self.slack).contains(predicted)
+        if around.contains(predicted)
             && let Some(root) = solve_complete(self.connection, shot.theta, self.region, counters)
         {
             let place = self.window.place_of(root.path.vertices[0]);
+            // A stationary path may be a reflection, of which the bounds say nothing.
+            let refracted = root.path.crosses(self.window.side().sign);
             self.add(root);
-            if rect.grown(self.slack).contains(place) {
+            if refracted && around.contains(place) {
                 return Finding::Settled;
             }
         }
@@ -189,7 +201,7 @@ mod tests {
             let Some(side) = PaneSide::facing(&pane, origin) else { continue };
             let Some(window) = Window::new(&side, origin, &bounds) else { continue };
             let connection = Connection::new(&side, origin, source);
-            let region = SearchRegion::around(window.rect(), pane.thickness);
+            let region = SearchRegion::around(&window.entry(), pane.thickness);
             let Enumeration { roots, complete } = enumerate(&window, &connection, &region, counters);
             tally.problems += 1;
             tally.proven += u32::from(complete);

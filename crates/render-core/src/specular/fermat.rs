@@ -135,14 +135,16 @@ impl<'a> Connection<'a> {
     /// The path from the shading point through a point of the near face and on by Snell's law; `None` when it is totally
     /// reflected or leaves away from the source.
     pub fn shoot(&self, near: DVec2, counters: &mut Counters) -> Option<Shot> {
-        counters.height_evaluations += 3;
+        counters.height_evaluations += 4;
         let (height, gradient) = self.surfaces[0].slope(near);
         let x1 = near.extend(self.bases[0] + height);
         let first = x1 - self.origin;
         let inner = refract(first.normalize(), unit_normal(gradient), 1.0, self.index)?.direction;
         let tangent = inner.truncate() / inner.z;
         let flat = near + tangent * (self.bases[1] - x1.z);
+        // Each round leaves the slope along the ray of the error before.
         let far = flat + tangent * self.surfaces[1].height(flat);
+        let far = flat + tangent * self.surfaces[1].height(far);
         let (height, gradient) = self.surfaces[1].slope(far);
         let exit_z = self.bases[1] + height;
         let last = refract(inner, unit_normal(gradient), self.index, 1.0)?.direction;

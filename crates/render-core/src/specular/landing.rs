@@ -75,6 +75,9 @@ pub(super) struct Landing<'a> {
     weights: [SlopeWeight; 2],
     /// The largest component of a tangent.
     tilt: f64,
+    /// The largest thickness of the glass, metres, and its part of the way to a source point.
+    gap: f64,
+    glass: f64,
 }
 
 /// A matrix that is known up to an error in each entry.
@@ -106,9 +109,9 @@ pub(super) struct Stretch {
     pub(super) defect: DMat2,
 }
 
-/// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part. These
-/// terms are a slope times the sine of an angle of incidence times what is kept; this multiple bounds them. The test of
-/// `enumeration` against random seeds would notice if it were too small.
+/// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part: terms of
+/// the size of a slope times the sine of an angle of incidence times what is kept. This multiple of it is an estimate and
+/// no bound, so that what rests on it has to be checked at random.
 const LEFT_OUT: f64 = 1.5;
 
 /// A part is injective when its defect is below 1; this much below, so that rounding cannot matter.
@@ -166,7 +169,7 @@ impl<'a> Landing<'a> {
         let to_face = Interval::point(ends.near) + near.height;
 
         // T / c, and the part of c that is above the glass.
-        let (bend, flat, share) = match ends.source {
+        let (bend, flat, share, glass) = match ends.source {
             MirroredSource::Direction(last) => {
                 let first: Box2 =
                     std::array::from_fn(|axis| (last[axis] - deflection[axis]).intersection(directions[axis]));
@@ -174,7 +177,7 @@ impl<'a> Landing<'a> {
                     return None;
                 }
                 let hull = std::array::from_fn(|axis| first[axis].union(last[axis]));
-                (bend(&clamped(&hull)), tangents_of_directions(&last), Interval::point(1.0))
+                (bend(&clamped(&hull)), tangents_of_directions(&last), Interval::point(1.0), 0.0)
             }
             MirroredSource::Offset(offset) => {
                 let above = (offset[2] - to_face - gap).intersection(Interval::new(0.0, f64::INFINITY));
@@ -185,7 +188,7 @@ impl<'a> Landing<'a> {
                 let inverse = inverse(to_face + above);
                 let flat = std::array::from_fn(|axis| (offset[axis] - gap * inner[axis]) * inverse);
                 let share = (Interval::point(1.0) - to_face * inverse).intersection(Interval::new(0.0, 1.0));
-                (bend(&clamped(&hull)), flat, share)
+                (bend(&clamped(&hull)), flat, share, gap.max * inverse.max)
             }
         };
         let flat = flat.map(|tangent| Interval::point(ends.near) * tangent);
@@ -208,6 +211,8 @@ impl<'a> Landing<'a> {
             // Slopes are read as they are, and not as mirrored.
             weights: [weight(strengths[0], sign), weight(strengths[1], -sign)],
             tilt: tangents[0].magnitude().max(tangents[1].magnitude()),
+            gap: gap.max,
+            glass,
         };
         let part = landing.reached(window, &[near.gradient, far.gradient].map(|slopes| unmirrored(&slopes, sign)))?;
         Some((landing, part))
@@ -226,18 +231,23 @@ impl<'a> Landing<'a> {
         &self.side
     }
 
+    /// Where light from a rectangle of the near plane goes through the near face.
+    pub(super) fn entry(&self, rect: &Rect) -> Rect {
+        shifted(rect, &self.to_entry)
+    }
+
     /// How far x0 may be off: the source's extent, on the near plane's scale.
     #[inline]
     pub(super) fn extent(&self) -> DVec2 {
         self.flat_radius
     }
 
-    /// The derivative of the landing over a part; `None` where its middle is singular.
+    /// The derivative of the landing over a rectangle, also beyond the outline; `None` where its middle is singular.
     pub(super) fn stretch(&self, rect: &Rect) -> Option<Stretch> {
-        let [entry, exit] = self.regions(rect)?;
+        let [entry, exit] = [shifted(rect, &self.to_entry), shifted(rect, &self.to_exit)];
         let faces = [self.side.near_surface().bounds(&entry), self.side.far_surface().bounds(&exit)];
         let (mut derivative, mut error) = (DMat2::IDENTITY, DMat2::ZERO);
-        let (mut steepest, mut largest) = (0.0, 1.0);
+        let (mut steepest, mut largest, mut bent) = (0.0, 1.0, 0.0);
         for ((face, weight), lever) in faces.iter().zip(&self.weights).zip(&self.levers) {
             let [xx, xy, yy] = face.hessian.map(|entry| entry * *lever);
             let curvature = symmetric([xx, xy, yy].map(|entry| middle_of(entry)));
@@ -245,11 +255,14 @@ impl<'a> Landing<'a> {
             derivative -= weight.middle * curvature;
             error += weight.magnitude * curvature_radius + weight.radius * magnitude(&curvature);
             let sizes = weight.magnitude * (magnitude(&curvature) + curvature_radius);
+            // The near face's curvature turns the ray in the glass, which moves X2.
+            error += sizes * (self.gap * bent);
             largest += sizes.x_axis.max_element().max(sizes.y_axis.max_element());
+            bent = face.hessian.iter().map(Interval::magnitude).fold(0.0, f64::max);
             steepest = face.gradient.iter().map(Interval::magnitude).fold(steepest, f64::max);
         }
         let obliquity = (self.tilt + steepest) * (1.0 + self.tilt * self.tilt);
-        let left_out = LEFT_OUT * steepest * obliquity * largest;
+        let left_out = (LEFT_OUT * steepest * obliquity + self.glass) * largest;
         error += DMat2::from_cols(DVec2::splat(left_out), DVec2::splat(left_out));
         let determinant = derivative.determinant();
         let inverse = DMat2::from_cols(
@@ -296,6 +309,11 @@ impl SlopeWeight {
 }
 
 impl Stretch {
+    /// By how much a place predicted from a shot is off when the shot is off by `error` in each component.
+    pub(super) fn error_of(&self, error: f64) -> DVec2 {
+        magnitude(&self.inverse) * DVec2::splat(error)
+    }
+
     /// Whether no two places of a part with these half sides land at the same point: the derivative, brought near the
     /// identity, stays nearer to it than 1 in the norm in which the part is a unit square.
     pub(super) fn is_injective(&self, half_size: DVec2) -> bool {

@@ -42,11 +42,11 @@ pub struct Transmission {
 
 impl<'a> PaneSide<'a> {
     /// The pane as seen from `point` (in the pane's frame); `None` for points between the highest and the lowest point
-    /// of either face, to which the specular methods give no light (see [`super::coverage`]).
+    /// of either face or of its plane, to which the specular methods give no light (see [`super::coverage`]).
     pub fn facing(pane: &'a Pane, point: DVec3) -> Option<Self> {
-        if point.z < pane.front.all_bounds().height.min {
+        if point.z < pane.front.all_bounds().height.min.min(0.0) {
             Some(Self { pane, near: Face::Front, far: Face::Back, sign: 1.0 })
-        } else if point.z > pane.thickness + pane.back.all_bounds().height.max {
+        } else if point.z > pane.thickness + pane.back.all_bounds().height.max.max(0.0) {
             Some(Self { pane, near: Face::Back, far: Face::Front, sign: -1.0 })
         } else {
             None

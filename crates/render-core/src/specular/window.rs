@@ -19,7 +19,7 @@ use glam::{DVec2, DVec3};
 use super::{
     direction_bounds::cap_bounds,
     landing::{Detail, Ends, Landing, MirroredSource, Part, mirrored},
-    side::PaneSide,
+    side::{GRAZING_COSINE, PaneSide},
 };
 use crate::geometry::{Interval, Rect};
 
@@ -112,6 +112,11 @@ impl<'a> Window<'a> {
         done
     }
 
+    /// Where light from the window goes through the near face.
+    pub fn entry(&self) -> Rect {
+        self.landing.entry(&self.rect)
+    }
+
     /// The pane from the side of the shading point.
     pub fn side(&self) -> &PaneSide<'a> {
         self.landing.side()
@@ -151,7 +156,14 @@ fn ends(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<(En
             let around = |middle: f64| Interval::new(middle - radius, middle + radius);
             MirroredSource::Offset([around(offset.x), around(offset.y), around(offset.z * sign)])
         }
-        SourceBounds::Cap { direction, sin_radius } => MirroredSource::Direction(cap_bounds(direction, sin_radius)),
+        SourceBounds::Cap { direction, sin_radius } => {
+            let [x, y, z] = cap_bounds(direction, sin_radius);
+            let towards_light = if sign > 0.0 { z.max } else { -z.min };
+            if towards_light < GRAZING_COSINE {
+                return None;
+            }
+            MirroredSource::Direction([x, y])
+        }
     };
     let seen = Rect::new(DVec2::new(x.min, y.min), DVec2::new(x.max, y.max));
     Some((Ends { origin: origin.truncate(), near, source }, seen))
@@ -257,5 +269,7 @@ mod tests {
         assert!(Window::new(&side, origin, &beside).is_none());
         let behind = SourceBounds::Ball { centre: DVec3::new(0.0, 0.0, -2.0), radius: 0.1 };
         assert!(Window::new(&side, origin, &behind).is_none());
+        let setting = SourceBounds::Cap { direction: DVec3::new(0.6, 0.0, -0.8), sin_radius: 0.01 };
+        assert!(Window::new(&side, origin, &setting).is_none());
     }
 }
