@@ -250,8 +250,8 @@ impl<'a> Landing<'a> {
         let (mut steepest, mut largest, mut bent) = (0.0, 1.0, 0.0);
         for ((face, weight), lever) in faces.iter().zip(&self.weights).zip(&self.levers) {
             let [xx, xy, yy] = face.hessian.map(|entry| entry * *lever);
-            let curvature = symmetric([xx, xy, yy].map(|entry| middle_of(entry)));
-            let curvature_radius = symmetric([xx, xy, yy].map(|entry| radius_of(entry)));
+            let curvature = symmetric([xx, xy, yy].map(middle_of));
+            let curvature_radius = symmetric([xx, xy, yy].map(radius_of));
             derivative -= weight.middle * curvature;
             error += weight.magnitude * curvature_radius + weight.radius * magnitude(&curvature);
             let sizes = weight.magnitude * (magnitude(&curvature) + curvature_radius);
