@@ -6,7 +6,7 @@
 //! reference generator. A point light is never met: its light through glass is missing.
 //!
 //! Behind rippled glass the sun shows as a few small patches in a large window: the rays are spread over the parts of the
-//! window that may hold one ([`super::view`]).
+//! window that may hold one (`view`).
 
 use super::{
     Arrival, ShadingPoint, SpecularMethod,

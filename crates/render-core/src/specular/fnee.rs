@@ -12,7 +12,7 @@
 //! the enumeration cannot tell whether it is complete, near a fold of the caustic, and one time in sixteen elsewhere.
 //!
 //! Under a light with an extent, the geometry factor of a point on it has no finite mean square where the caustic of that
-//! point folds. There, paths are found better by rays towards the light ([`super::view`]); both ways are combined by the
+//! point folds. There, paths are found better by rays towards the light (`view`); both ways are combined by the
 //! balance heuristic, with the density of the search being that of S over the geometry factor. The search is unbiased for
 //! each path by itself, so any weights that sum to one keep the whole unbiased.
 //!
