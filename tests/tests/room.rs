@@ -12,8 +12,7 @@ use clerestory_tests::traced_scene::TracedScene;
 
 const SIZE: [u32; 2] = [96, 72];
 const REPLICATES: u64 = 32;
-const SAMPLES: u32 = 24;
-const PHOTONS: u64 = 8_000_000;
+const PHOTONS: u64 = 12_000_000;
 const FAULTY_PHOTONS: u64 = 2_000_000;
 
 fn scenes() -> std::path::PathBuf {
@@ -47,7 +46,7 @@ fn traced(photons: u64, fault: Fault) -> Reference {
 #[test]
 fn cone_and_fnee_throw_the_caustics_that_forward_tracing_throws() {
     let reference = traced(PHOTONS, Fault::None);
-    for (integrator, samples) in [("cone", SAMPLES), ("fnee", SAMPLES)] {
+    for (integrator, samples) in [("cone", 24), ("fnee", 48)] {
         let ours = replicates(integrator, samples);
         let report = compare(&ours, &reference, &[]);
         println!("{integrator} room: {report}");
