@@ -143,7 +143,7 @@ pub enum IntegratorDescription {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum FneeSolver {
-    /// Seeds in the deflection window and a solver that finds minima, saddles and maxima alike.
+    /// Enumerates the paths in the deflection window: minima, saddles and maxima alike.
     #[default]
     Complete,
     /// Huan et al. 2023, Algorithm 1, with uniform seeds over both faces: finds minima almost exclusively.
