@@ -11,15 +11,19 @@
 use glam::{DVec2, dvec2};
 use thiserror::Error;
 
-use super::pyramid::{self, CellRange, Pyramid};
+use super::pyramid::{CellRange, Pyramid, round_up};
 use super::spline::{
-    bernstein_curvature_weights, bernstein_slope_weights, bernstein_weights, curvature_weights, slope_weights, weights,
+    THIRD_DERIVATIVE_WEIGHTS, bernstein_curvature_weights, bernstein_slope_weights, bernstein_weights,
+    curvature_weights, slope_weights, weights,
 };
 use super::{Interval, Rect};
 
 /// Copies of the outermost value on each side of the grid: with these, the cells from -2 to n read their taps without
 /// clamping, and the outermost of them are constant.
 const PADDING: usize = 3;
+
+/// Over rectangles with larger half sides, in cells, the Taylor polynomial's remainder is wider than the hull of the cells.
+const HALF_A_CELL: f64 = 0.5;
 
 /// Rounding error of an evaluation and of a cell's Bernstein coefficients, relative to the largest coefficient that
 /// enters it: sums of 16 products of weights with an error of a few units in the last place each.
@@ -45,6 +49,15 @@ pub struct JetBounds {
     pub gradient: [Interval; 2],
     /// Of the second derivatives by xx, xy and yy.
     pub hessian: [Interval; 3],
+}
+
+/// Bounds of a height field's first and second derivatives over a region; the units are those of [`SurfaceJet`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ShapeBounds {
+    /// Of dh/dx and dh/dy.
+    pub(crate) gradient: [Interval; 2],
+    /// Of the second derivatives by xx, xy and yy.
+    pub(crate) hessian: [Interval; 3],
 }
 
 /// Why a grid is no height field.
@@ -98,6 +111,8 @@ pub struct HeightField {
     coefficients: Vec<f64>,
     /// Heights, and their first and second derivatives by the cell coordinates.
     bounds: Pyramid,
+    /// For each cell, the largest magnitudes of the third derivatives xxx, xxy, xyy and yyy by the cell coordinates.
+    thirds: Vec<[f32; 4]>,
     /// Bounds over the whole plane.
     all: JetBounds,
 }
@@ -125,7 +140,7 @@ impl HeightField {
         let padded = pad(&coefficients, columns, rows);
         let (value, slope) = (bernstein_weights(0.0, 1.0), bernstein_slope_weights(0.0, 1.0));
         let curvature = bernstein_curvature_weights(0.0, 1.0);
-        let bounds = pyramid(&padded, [columns, rows], |patch| {
+        let bounds = patches(&padded, [columns, rows]).map(|patch| {
             [
                 hull(patch, &tensor(patch, &value, &value)),
                 hull(patch, &tensor(patch, &slope, &value)),
@@ -135,6 +150,18 @@ impl HeightField {
                 hull(patch, &tensor(patch, &value, &curvature)),
             ]
         });
+        let bounds = Pyramid::new(columns + 3, rows + 3, bounds);
+        let third = [THIRD_DERIVATIVE_WEIGHTS];
+        let thirds = patches(&padded, [columns, rows]).map(|patch| {
+            [
+                hull(patch, &tensor(patch, &third, &value)),
+                hull(patch, &tensor(patch, &curvature, &slope)),
+                hull(patch, &tensor(patch, &slope, &curvature)),
+                hull(patch, &tensor(patch, &value, &third)),
+            ]
+            .map(|bounds| round_up(bounds.magnitude()))
+        });
+        let thirds = thirds.collect();
         let grid = dvec2(columns as f64, rows as f64);
         let density = grid / size;
         Ok(Self {
@@ -147,6 +174,7 @@ impl HeightField {
             stride,
             coefficients: padded,
             bounds,
+            thirds,
         })
     }
 
@@ -229,6 +257,55 @@ impl HeightField {
             };
         }
         jet_bounds(&self.bounds.bounds(&self.cells(rect)), self.density)
+    }
+
+    /// Bounds over `rect`, which must not be empty, of the first and second derivatives. Those of [`Self::bounds`] are over
+    /// whole cells; these get as narrow as the rectangle does, by the Taylor polynomial about its middle.
+    pub(crate) fn shape_bounds(&self, rect: &Rect) -> ShapeBounds {
+        let half_size = 0.5 * (rect.max - rect.min);
+        let cells = self.cells(rect);
+        if (half_size * self.density).max_element() > HALF_A_CELL {
+            let JetBounds { gradient, hessian, .. } = jet_bounds(&self.bounds.bounds(&cells), self.density);
+            return ShapeBounds { gradient, hessian };
+        }
+        let mut thirds = [0f32; 4];
+        for row in cells.first[1]..=cells.last[1] {
+            let start = row * (self.grid[0] + 3);
+            for cell in &self.thirds[start + cells.first[0]..=start + cells.last[0]] {
+                thirds = std::array::from_fn(|k| thirds[k].max(cell[k]));
+            }
+        }
+        let [xxx, xxy, xyy, yyy] = thirds.map(f64::from);
+        let DVec2 { x: dx, y: dy } = self.density;
+        let DVec2 { x, y } = half_size * self.density;
+        let middle = self.jet(rect.centre());
+        let [xx, xy, yy] = middle.hessian.map(f64::abs);
+        let around = |middle: f64, radius: f64, rounding: Interval| {
+            // Twice, for the rounding of the evaluations in the middle and elsewhere.
+            let radius = radius * (1.0 + 1e-12) + 2.0 * ROUNDING * rounding.magnitude();
+            Interval::new(middle - radius, middle + radius)
+        };
+        let second_order =
+            [0.5 * (xxx * x * x + xyy * y * y) + xxy * x * y, 0.5 * (xxy * x * x + yyy * y * y) + xyy * x * y];
+        ShapeBounds {
+            gradient: [
+                around(
+                    middle.gradient.x,
+                    xx * half_size.x + xy * half_size.y + second_order[0] * dx,
+                    self.all.gradient[0],
+                ),
+                around(
+                    middle.gradient.y,
+                    xy * half_size.x + yy * half_size.y + second_order[1] * dy,
+                    self.all.gradient[1],
+                ),
+            ],
+            hessian: [
+                around(middle.hessian[0], (xxx * x + xxy * y) * dx * dx, self.all.hessian[0]),
+                around(middle.hessian[1], (xxy * x + xyy * y) * dx * dy, self.all.hessian[1]),
+                around(middle.hessian[2], (xyy * x + yyy * y) * dy * dy, self.all.hessian[2]),
+            ],
+        }
     }
 
     /// Bounds of dh/dx and dh/dy over `rect`, which must not be empty, as in [`Self::bounds`].
@@ -372,11 +449,11 @@ fn tensor<const X: usize, const Y: usize>(
     })
 }
 
-/// The pyramid of bounds over all cells of a padded grid.
-fn pyramid(padded: &[f64], [columns, rows]: [usize; 2], bounds: impl Fn(Patch<'_>) -> pyramid::Bounds) -> Pyramid {
+/// The patches of all cells of a padded grid, row by row: `columns + 3` times `rows + 3`.
+fn patches(padded: &[f64], [columns, rows]: [usize; 2]) -> impl Iterator<Item = Patch<'_>> {
     let stride = columns + 2 * PADDING;
-    let cells = (0..rows + 3).flat_map(|row| (0..columns + 3).map(move |column| row * stride + column));
-    Pyramid::new(columns + 3, rows + 3, cells.map(|start| bounds(patch(padded, stride, start))))
+    let cells = (0..rows + 3).flat_map(move |row| (0..columns + 3).map(move |column| row * stride + column));
+    cells.map(move |start| patch(padded, stride, start))
 }
 
 /// Bounds of the values that have the given Bernstein coefficients over a cell, with room for the rounding of an
@@ -391,7 +468,7 @@ fn hull<const X: usize, const Y: usize>(patch: Patch<'_>, values: &[[f64; X]; Y]
 
 /// Bounds by cell coordinates as bounds by metres.
 #[inline(always)]
-fn jet_bounds(&[height, x, y, xx, xy, yy]: &pyramid::Bounds, density: DVec2) -> JetBounds {
+fn jet_bounds(&[height, x, y, xx, xy, yy]: &[Interval; 6], density: DVec2) -> JetBounds {
     JetBounds {
         height,
         gradient: [scaled(x, density.x), scaled(y, density.y)],
@@ -450,6 +527,23 @@ mod tests {
             }
         }
         sum
+    }
+
+    fn check_held(
+        field: &HeightField,
+        rect: &Rect,
+        bounds: &JetBounds,
+        inside: &[(f64, f64)],
+    ) -> Result<(), TestCaseError> {
+        let holds = |bounds: Interval, value: f64| bounds.min <= value && value <= bounds.max;
+        for (s, t) in inside {
+            let p = (rect.min + (rect.max - rect.min) * dvec2(*s, *t)).clamp(rect.min, rect.max);
+            let jet = field.jet(p);
+            prop_assert!(holds(bounds.height, jet.height));
+            prop_assert!(holds(bounds.gradient[0], jet.gradient.x) && holds(bounds.gradient[1], jet.gradient.y));
+            prop_assert!((0..3).all(|k| holds(bounds.hessian[k], jet.hessian[k])), "{:?} {:?}", jet, bounds);
+        }
+        Ok(())
     }
 
     fn any_point(reach: f64) -> impl Strategy<Value = DVec2> {
@@ -566,13 +660,34 @@ mod tests {
             let rect = Rect::new(a.min(b), a.max(b));
             let bounds = field.bounds(&rect);
             prop_assert_eq!(field.slope_bounds(&rect), bounds.gradient);
-            let holds = |bounds: Interval, value: f64| bounds.min <= value && value <= bounds.max;
-            for (s, t) in inside {
-                let p = (rect.min + (rect.max - rect.min) * dvec2(s, t)).clamp(rect.min, rect.max);
-                let jet = field.jet(p);
-                prop_assert!(holds(bounds.height, jet.height));
-                prop_assert!(holds(bounds.gradient[0], jet.gradient.x) && holds(bounds.gradient[1], jet.gradient.y));
-                prop_assert!((0..3).all(|k| holds(bounds.hessian[k], jet.hessian[k])));
+            check_held(&field, &rect, &bounds, &inside)?;
+        }
+
+        #[test]
+        fn shape_bounds_hold_every_evaluation(
+            a in any_point(0.8), b in any_point(0.8), inside in prop::collection::vec((0.0..=1.0f64, 0.0..=1.0f64), 64),
+            amplitude in prop::sample::select(vec![1e-9, 1e-3, 1.0, 1e6]), size in 0..40i32,
+        ) {
+            let field = rough(COLUMNS, ROWS, amplitude, SIZE);
+            let half = 0.5 * (b - a).abs() * libm::exp2(-f64::from(size));
+            let rect = Rect::new(a - half, a + half);
+            let ShapeBounds { gradient, hessian } = field.shape_bounds(&rect);
+            let height = field.bounds(&rect).height;
+            check_held(&field, &rect, &JetBounds { height, gradient, hessian }, &inside)?;
+        }
+
+        #[test]
+        fn shape_bounds_shrink_in_proportion_to_a_small_rectangle(p in any_point(0.4)) {
+            let field = rough(COLUMNS, ROWS, 1.0, SIZE);
+            let width = |size: f64| {
+                let half = 0.5 * size * field.cell_size();
+                let bounds = field.shape_bounds(&Rect::new(p - half, p + half));
+                let width = |i: Interval| i.max - i.min;
+                (bounds.gradient.map(width), bounds.hessian.map(width))
+            };
+            let ((wide_slopes, wide), (narrow_slopes, narrow)) = (width(0.1), width(0.001));
+            for (wide, narrow) in wide_slopes.into_iter().chain(wide).zip(narrow_slopes.into_iter().chain(narrow)) {
+                prop_assert!(narrow <= wide * 0.011 + 1e-9, "{} {}", narrow, wide);
             }
         }
 

@@ -140,7 +140,8 @@ fn rounded_outwards<const N: usize, const M: usize>(bounds: &[Interval; N]) -> [
     std::array::from_fn(|k| round_up(if k < N { bounds[k].max } else { -bounds[k - N].min }))
 }
 
-fn round_up(value: f64) -> f32 {
+/// The nearest number in single precision that is not below `value`.
+pub(crate) fn round_up(value: f64) -> f32 {
     let nearest = value as f32;
     if f64::from(nearest) < value { nearest.next_up() } else { nearest }
 }

@@ -26,6 +26,9 @@ pub(crate) fn curvature_weights(f: f64) -> [f64; 4] {
     [1.0 - f, 3.0 * f - 2.0, 1.0 - 3.0 * f, f]
 }
 
+/// Weights of the four taps for the third derivative by `f`, which is constant on a cell.
+pub(crate) const THIRD_DERIVATIVE_WEIGHTS: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
+
 /// Weights of the four taps for the polar form (blossom) of the curve at `(r, s, t)`: symmetric, affine in each
 /// argument, and equal to [`weights`] on the diagonal. The Bernstein coefficients of the curve over `[a, b]` are the
 /// polar values at `aaa`, `aab`, `abb` and `bbb`.

@@ -27,7 +27,10 @@ use super::{
     },
     side::PaneSide,
 };
-use crate::geometry::{Interval, JetBounds, Rect};
+use crate::{
+    counters::Counters,
+    geometry::{Interval, JetBounds, Rect, ShapeBounds},
+};
 
 /// A shading point and a source as seen from a pane, mirrored so that light travels towards +z.
 #[derive(Clone, Copy, Debug)]
@@ -101,8 +104,10 @@ pub(super) struct Part {
 /// How the map stretches a part of the window: the derivative of the landing by the place, on the near plane's scale.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretch {
-    /// The largest magnitude of each entry.
-    pub(super) magnitude: DMat2,
+    /// Middle of the derivative's bounds.
+    derivative: DMat2,
+    /// How far each entry may be from its middle.
+    error: DMat2,
     /// Inverse of the middle of the derivative's bounds.
     pub(super) inverse: DMat2,
     /// Bounds, entry by entry, on how far `inverse` times the derivative is from the identity anywhere in the part.
@@ -226,6 +231,20 @@ impl<'a> Landing<'a> {
         self.reached(rect, &slopes)
     }
 
+    /// The shapes of both faces where light from a rectangle of the near plane goes through, also beyond the outline;
+    /// `None` when it lies wholly beside the outline.
+    pub(super) fn shapes(&self, rect: &Rect, counters: &mut Counters) -> Option<[ShapeBounds; 2]> {
+        self.regions(rect)?;
+        counters.height_evaluations += 2;
+        let [entry, exit] = [shifted(rect, &self.to_entry), shifted(rect, &self.to_exit)];
+        Some([self.side.near_surface().shape_bounds(&entry), self.side.far_surface().shape_bounds(&exit)])
+    }
+
+    /// As [`Self::part`], with the shapes of the faces there.
+    pub(super) fn shaped_part(&self, rect: &Rect, shapes: &[ShapeBounds; 2]) -> Option<Part> {
+        self.reached(rect, &[shapes[0].gradient, shapes[1].gradient])
+    }
+
     /// The pane from the side of the shading point.
     pub(super) fn side(&self) -> &PaneSide<'a> {
         &self.side
@@ -242,10 +261,8 @@ impl<'a> Landing<'a> {
         self.flat_radius
     }
 
-    /// The derivative of the landing over a rectangle, also beyond the outline; `None` where its middle is singular.
-    pub(super) fn stretch(&self, rect: &Rect) -> Option<Stretch> {
-        let [entry, exit] = [shifted(rect, &self.to_entry), shifted(rect, &self.to_exit)];
-        let faces = [self.side.near_surface().bounds(&entry), self.side.far_surface().bounds(&exit)];
+    /// The derivative of the landing where the faces have the given shapes; `None` where its middle is singular.
+    pub(super) fn stretch(&self, faces: &[ShapeBounds; 2]) -> Option<Stretch> {
         let (mut derivative, mut error) = (DMat2::IDENTITY, DMat2::ZERO);
         let (mut steepest, mut largest, mut bent) = (0.0, 1.0, 0.0);
         for ((face, weight), lever) in faces.iter().zip(&self.weights).zip(&self.levers) {
@@ -269,11 +286,7 @@ impl<'a> Landing<'a> {
             DVec2::new(derivative.y_axis.y, -derivative.x_axis.y) / determinant,
             DVec2::new(-derivative.y_axis.x, derivative.x_axis.x) / determinant,
         );
-        inverse.is_finite().then(|| Stretch {
-            magnitude: magnitude(&derivative) + error,
-            inverse,
-            defect: magnitude(&inverse) * error,
-        })
+        inverse.is_finite().then(|| Stretch { derivative, error, inverse, defect: magnitude(&inverse) * error })
     }
 
     /// Where light from a part of the window enters and leaves the glass; `None` when that is beside the outline.
@@ -312,6 +325,27 @@ impl Stretch {
     /// By how much a place predicted from a shot is off when the shot is off by `error` in each component.
     pub(super) fn error_of(&self, error: f64) -> DVec2 {
         magnitude(&self.inverse) * DVec2::splat(error)
+    }
+
+    /// Whether a shot that misses by `miss` says that no place within `away` of it, coordinate by coordinate, lands nearer
+    /// than `slack` to the source.
+    ///
+    /// Near a fold the landing moves hardly at all in one direction, however the place moves: that direction tells most.
+    pub(super) fn excludes(&self, miss: DVec2, away: DVec2, slack: f64) -> bool {
+        let squares = self.derivative * self.derivative.transpose();
+        // The eigenvector of the smaller eigenvalue.
+        let (half_difference, mixed) = (0.5 * (squares.x_axis.x - squares.y_axis.y), squares.x_axis.y);
+        let stiff = DVec2::new(half_difference + half_difference.hypot(mixed), mixed);
+        let stiff = if half_difference < 0.0 {
+            DVec2::new(mixed, half_difference.hypot(mixed) - half_difference)
+        } else {
+            stiff
+        };
+        let stiff = stiff.try_normalize().unwrap_or(DVec2::X);
+        [DVec2::new(-stiff.y, stiff.x), stiff].into_iter().any(|along| {
+            let moved = (self.derivative.transpose() * along).abs() + self.error.transpose() * along.abs();
+            along.dot(miss).abs() > moved.dot(away) + along.abs().element_sum() * slack
+        })
     }
 
     /// Whether no two places of a part with these half sides land at the same point: the derivative, brought near the

@@ -21,7 +21,7 @@ use super::{
     landing::{Detail, Ends, Landing, MirroredSource, Part, mirrored},
     side::{GRAZING_COSINE, PaneSide},
 };
-use crate::geometry::{Interval, Rect};
+use crate::geometry::{Interval, Rect, ShapeBounds};
 
 /// The places from which light may come, in the pane's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,8 +84,17 @@ impl<'a> Window<'a> {
     /// What of a part of the window can matter; `None` when nothing can.
     #[inline]
     pub(super) fn part(&self, part: &Rect) -> Option<Part> {
-        let Part { rect, spread } = self.landing.part(part)?;
-        let rect = rect.grown(self.margin).intersection(part);
+        self.with_margin(part, self.landing.part(part)?)
+    }
+
+    /// As [`Self::part`], with the shapes of both faces there.
+    pub(super) fn shaped_part(&self, part: &Rect, shapes: &[ShapeBounds; 2]) -> Option<Rect> {
+        self.with_margin(part, self.landing.shaped_part(part, shapes)?).map(|part| part.rect)
+    }
+
+    #[inline]
+    fn with_margin(&self, whole: &Rect, Part { rect, spread }: Part) -> Option<Part> {
+        let rect = rect.grown(self.margin).intersection(whole);
         (!rect.is_empty()).then_some(Part { rect, spread })
     }
 
