@@ -38,25 +38,24 @@ pub fn reference_folder() -> PathBuf {
 }
 
 /// The comparison of `integrator` with the reference of a case (`crown`, `bump`, `flat`, `cathedral`) and a light
-/// (`point`, `sphere`, `sun`, `distant` for a sphere at 5 km that is compared with the sun, or `near` for a large light
-/// near by).
+/// (`point`, `sphere`, `sun`, `distant-METRES` for a sphere so far away that is compared with the sun, or `near` for a
+/// large light near by).
 ///
 /// # Panics
 ///
 /// When the repository's own scenes cannot be read, or there is no such integrator.
 pub fn comparison(case: &str, light: &str, integrator: &str) -> Comparison {
     let folder = reference_folder();
-    let similar = match light {
-        "distant" | "near" => "sun",
-        stored => stored,
-    };
+    let distance = light.strip_prefix("distant-").map(|metres| metres.parse().expect("a number of metres"));
+    let similar = if light == "near" || distance.is_some() { "sun" } else { light };
     let stored = (light != "near").then(|| folder.join(format!("{case}-{similar}-reference.exr")));
     let bundle = load(&folder.join(format!("{case}-{similar}.json"))).expect("the reference scenes are valid");
     let mut description = bundle.description().clone();
-    match light {
-        "near" => move_near(&mut description, case),
-        "distant" => bring_the_sun_to(&mut description, 5000.0),
-        _ => {}
+    if let Some(metres) = distance {
+        bring_the_sun_to(&mut description, metres);
+    }
+    if light == "near" {
+        move_near(&mut description, case);
     }
     let description = description.with_integrator_named(integrator).expect("an integrator");
     let bundle = bundle.with_description(description).expect("the changed scene is valid");

@@ -30,16 +30,68 @@ pub fn picture(width: usize, height: usize, channels: &[&str], value: f32) -> Ve
 ///
 /// When the file is not valid, or cannot be written after the change.
 pub fn edited(file: &[u8], edit: impl FnOnce(&mut FlatImage)) -> Vec<u8> {
-    let mut image: FlatImage = exr::prelude::read()
+    let mut image = parsed(file);
+    edit(&mut image);
+    written(&image)
+}
+
+/// Whether two files have the same layers, of the same channels, with the same bits in every pixel.
+///
+/// # Errors
+///
+/// The first difference.
+///
+/// # Panics
+///
+/// When a file is not valid.
+pub fn same_samples(first: &[u8], second: &[u8]) -> Result<(), String> {
+    let [first, second] = [first, second].map(|file| parsed(file).layer_data);
+    let layers = |file: &[Layer<AnyChannels<FlatSamples>>]| -> Vec<String> {
+        file.iter().map(|layer| format!("{:?} {:?}", layer.attributes.layer_name, layer.size)).collect()
+    };
+    if layers(&first) != layers(&second) {
+        return Err(format!("layers {:?} and {:?}", layers(&first), layers(&second)));
+    }
+    for (layer, other) in first.iter().zip(&second) {
+        let names = |layer: &Layer<AnyChannels<FlatSamples>>| -> Vec<String> {
+            layer.channel_data.list.iter().map(|channel| channel.name.to_string()).collect()
+        };
+        if names(layer) != names(other) {
+            return Err(format!("channels {:?} and {:?}", names(layer), names(other)));
+        }
+        for (channel, other) in layer.channel_data.list.iter().zip(&other.channel_data.list) {
+            let (samples, others) = (bits(&channel.sample_data), bits(&other.sample_data));
+            let different = samples.iter().zip(&others).filter(|(a, b)| a != b).count();
+            if samples.len() != others.len() || different > 0 {
+                let layer = &layer.attributes.layer_name;
+                return Err(format!(
+                    "layer {layer:?}, channel {}: {different} of {} samples differ",
+                    channel.name,
+                    samples.len()
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn bits(samples: &FlatSamples) -> Vec<u32> {
+    match samples {
+        FlatSamples::F32(samples) => samples.iter().map(|sample| sample.to_bits()).collect(),
+        FlatSamples::F16(samples) => samples.iter().map(|sample| sample.to_bits().into()).collect(),
+        FlatSamples::U32(samples) => samples.clone(),
+    }
+}
+
+fn parsed(file: &[u8]) -> FlatImage {
+    exr::prelude::read()
         .no_deep_data()
         .largest_resolution_level()
         .all_channels()
         .all_layers()
         .all_attributes()
         .from_buffered(Cursor::new(file))
-        .expect("a valid file");
-    edit(&mut image);
-    written(&image)
+        .expect("a valid file")
 }
 
 fn written<'a>(image: &'a Image<impl WritableLayers<'a>>) -> Vec<u8> {

@@ -60,10 +60,22 @@ impl Farm {
     ///
     /// When it cannot be asked.
     pub fn stop_worker(&mut self, index: usize) -> ExitStatus {
-        let child = &mut self.workers[index].0;
-        let pid = Pid::from_raw(child.id().try_into().expect("a process number"));
-        kill(pid, Signal::SIGTERM).expect("the worker runs");
-        child.wait().expect("the worker ends")
+        self.signal_worker(index, Signal::SIGTERM);
+        self.workers[index].0.wait().expect("the worker ends")
+    }
+
+    /// Suspends the worker that was started as number `index`, as a laptop that goes to sleep, or wakes it up again.
+    ///
+    /// # Panics
+    ///
+    /// When it does not run.
+    pub fn suspend_worker(&mut self, index: usize, suspended: bool) {
+        self.signal_worker(index, if suspended { Signal::SIGSTOP } else { Signal::SIGCONT });
+    }
+
+    fn signal_worker(&self, index: usize, signal: Signal) {
+        let pid = Pid::from_raw(self.workers[index].0.id().try_into().expect("a process number"));
+        kill(pid, signal).expect("the worker runs");
     }
 
     /// Number of the coordinator's process; `None` when it has ended.
@@ -172,14 +184,16 @@ pub struct PeakMemory {
     pub address_space: u64,
 }
 
-/// The command `clerestory`, as cargo built it beside this test.
+/// The command `clerestory`, as cargo built it with this test or command.
 ///
 /// # Panics
 ///
 /// When it has not been built.
 pub fn clerestory() -> Command {
-    let test = std::env::current_exe().expect("a test has a file");
-    let binary: PathBuf = test.ancestors().nth(2).expect("a test lies in target/PROFILE/deps").join("clerestory");
+    let test = std::env::current_exe().expect("a process has a file");
+    // Tests lie in target/PROFILE/deps, commands and what they call in target/PROFILE.
+    let folder = test.ancestors().skip(1).find(|folder| !folder.ends_with("deps")).expect("a folder above `deps`");
+    let binary: PathBuf = folder.join("clerestory");
     assert!(binary.exists(), "{} is not there: run `cargo build --release` first", binary.display());
     let mut command = Command::new(binary);
     // Whatever the shell of the developer says about farms is not for the test.

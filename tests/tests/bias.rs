@@ -77,14 +77,33 @@ fn cone_is_unbiased_for_a_sphere() {
 }
 
 #[test]
+fn fnee_is_unbiased_for_the_sun() {
+    check_with_power("flat", "sun", "fnee", 2);
+    check_with_power("bump", "sun", "fnee", 6);
+    check_with_power("crown", "sun", "fnee", 6);
+}
+
+#[test]
 fn cone_is_unbiased_for_the_sun() {
+    check_with_power("flat", "sun", "cone", 2);
+    check_with_power("bump", "sun", "cone", 6);
     check_with_power("crown", "sun", "cone", 9);
     check_without_power("cathedral", "sun", "cone", 6);
 }
 
 #[test]
-fn cone_finds_the_same_light_from_a_sphere_at_five_kilometres_as_from_the_sun() {
-    check_with_power("crown", "distant", "cone", 8);
+fn spheres_at_growing_distance_converge_to_the_sun() {
+    check_with_power("crown", "distant-500000", "cone", 8);
+    // Nearer spheres of the same angular radius are brighter or darker, and their light comes from elsewhere.
+    let deviations = ["distant-50", "distant-500", "distant-5000"].map(|light| {
+        let comparison = comparison("crown", light, "cone");
+        let reference = comparison.reference(PHOTONS, Fault::None).expect("the reference ships");
+        let report = compare(&comparison.replicates(8, 1).0, &reference, &[]);
+        println!("{}: {report}", comparison.name);
+        (report.agrees(), report.mean_deviation())
+    });
+    let [(near_agrees, near), (_, farther), (_, farthest)] = deviations;
+    assert!(!near_agrees && near > farther && farther > farthest, "{deviations:?}");
 }
 
 #[test]

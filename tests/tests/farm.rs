@@ -3,20 +3,50 @@
 use std::path::{Path, PathBuf};
 
 use clerestory_api::JobState;
+use clerestory_tests::exr_files::same_samples;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use tempfile::TempDir;
 
-/// Thirteen passes, which is no power of two, of an image that neither tile size divides.
-const ORDER: [&str; 4] = ["--size", "72x72", "--spp", "208"];
-
-fn scene() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/references/crown-sphere.json")
+/// What is asked for: a scene and options. No number of passes (16 samples each) is a power of two, and neither tile size
+/// divides the images.
+struct Order {
+    scene: &'static str,
+    options: &'static [&'static str],
 }
 
-/// The image that one process makes.
-fn rendered_alone(folder: &TempDir, name: &str, options: &[&str]) -> PathBuf {
+const WITH_CONE: Order = Order {
+    scene: "references/crown-sphere.json",
+    options: &["--size", "72x72", "--spp", "208", "--integrator", "cone"],
+};
+
+const WITH_FNEE: Order = Order {
+    scene: "references/crown-sphere.json",
+    options: &["--size", "72x72", "--spp", "112", "--integrator", "fnee"],
+};
+
+const WITH_PATH: Order =
+    Order { scene: "room.json", options: &["--size", "72x72", "--spp", "176", "--integrator", "path"] };
+
+impl Order {
+    fn scene(&self) -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(self.scene)
+    }
+
+    /// Submits it, with tiles of this edge.
+    fn submit(&self, farm: &Farm, tile: &str) {
+        farm.submit(&self.scene(), &[self.options, &["--tile", tile]].concat());
+    }
+
+    /// The image that one process makes.
+    fn rendered_alone(&self, folder: &TempDir) -> PathBuf {
+        rendered_alone(&self.scene(), folder, "alone.exr", self.options)
+    }
+}
+
+/// The image that one process makes of a scene.
+fn rendered_alone(scene: &Path, folder: &TempDir, name: &str, options: &[&str]) -> PathBuf {
     let image = folder.path().join(name);
-    succeeded(clerestory().arg("render").arg(scene()).args(options).arg("-o").arg(&image));
+    succeeded(clerestory().arg("render").arg(scene).args(options).arg("-o").arg(&image));
     image
 }
 
@@ -34,30 +64,37 @@ fn assert_same_bits(first: &Path, second: &Path) {
     let output = succeeded(clerestory().arg("compare").arg(first).arg(second).arg("--json"));
     let comparison: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
     assert_eq!(comparison["bit_identical"], true, "{comparison}");
+    let [first, second] = [first, second].map(|file| std::fs::read(file).expect("the image is there"));
+    assert_eq!(same_samples(&first, &second), Ok(()));
 }
 
 #[test]
 fn farms_of_any_size_make_the_same_bits_as_one_process() {
-    let folder = tempfile::tempdir().unwrap();
-    let alone = rendered_alone(&folder, "alone.exr", &ORDER);
+    let orders = [WITH_CONE, WITH_FNEE, WITH_PATH].map(|order| {
+        let folder = tempfile::tempdir().unwrap();
+        let alone = order.rendered_alone(&folder);
+        (order, folder, alone)
+    });
     for (workers, tile, lease_nodes) in [(1, "64", "1"), (2, "16", "9"), (5, "16", "3")] {
         let mut farm = Farm::start(None, &["--lease-nodes", lease_nodes]);
         for worker in 0..workers {
             farm.start_worker(&format!("worker {worker}"));
         }
-        farm.submit(&scene(), &[&ORDER[..], &["--tile", tile]].concat());
-        assert_same_bits(&rendered_by(&farm, &folder), &alone);
+        for (order, folder, alone) in &orders {
+            order.submit(&farm, tile);
+            assert_same_bits(&rendered_by(&farm, folder), alone);
+        }
     }
 }
 
 #[test]
 fn killing_a_worker_and_then_the_coordinator_changes_no_bit() {
     let folder = tempfile::tempdir().unwrap();
-    let alone = rendered_alone(&folder, "alone.exr", &ORDER);
+    let alone = WITH_CONE.rendered_alone(&folder);
     let mut farm = Farm::start(None, &["--lease-nodes", "4", "--lease-seconds", "2"]);
     farm.start_worker("doomed");
     farm.start_worker("survivor");
-    farm.submit(&scene(), &[&ORDER[..], &["--tile", "16"]].concat());
+    WITH_CONE.submit(&farm, "16");
     farm.wait_until("begun", |job| job.progress > 0.05);
     farm.kill_worker(0);
     let before = farm.wait_until("going on without the worker", |job| job.progress > 0.3);
@@ -72,11 +109,11 @@ fn killing_a_worker_and_then_the_coordinator_changes_no_bit() {
 #[test]
 fn a_worker_that_is_asked_to_stop_gives_its_work_back() {
     let folder = tempfile::tempdir().unwrap();
-    let alone = rendered_alone(&folder, "alone.exr", &ORDER);
+    let alone = WITH_CONE.rendered_alone(&folder);
     // Leases that would outlast the test: only giving them back lets the other worker finish.
     let mut farm = Farm::start(None, &["--lease-nodes", "40", "--lease-seconds", "3600"]);
     farm.start_worker("polite");
-    farm.submit(&scene(), &[&ORDER[..], &["--tile", "16"]].concat());
+    WITH_CONE.submit(&farm, "16");
     farm.wait_until("begun", |job| job.progress > 0.05);
     assert!(farm.stop_worker(0).success());
     farm.start_worker("successor");
@@ -86,9 +123,16 @@ fn a_worker_that_is_asked_to_stop_gives_its_work_back() {
 #[test]
 fn a_time_limited_image_is_made_again_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
-    let limited = rendered_alone(&folder, "limited.exr", &["--size", "72x72", "--tile", "16", "--time", "2"]);
-    let again = rendered_alone(&folder, "again.exr", &["--like", limited.to_str().unwrap()]);
-    assert_same_bits(&again, &limited);
+    let scene = WITH_CONE.scene();
+    let limits = ["--size", "72x72", "--tile", "16", "--time", "2"];
+    let alone = rendered_alone(&scene, &folder, "limited.exr", &limits);
+    let mut farm = Farm::start(None, &[]);
+    farm.start_worker("only");
+    farm.submit(&scene, &limits);
+    for limited in [alone, rendered_by(&farm, &folder)] {
+        let again = rendered_alone(&scene, &folder, "again.exr", &["--like", limited.to_str().unwrap()]);
+        assert_same_bits(&again, &limited);
+    }
 }
 
 #[test]
@@ -104,7 +148,7 @@ fn the_farm_needs_a_token_off_loopback_and_says_how_to_make_one() {
 #[test]
 fn a_farm_with_a_token_serves_those_who_have_it() {
     let farm = Farm::start(Some("correct-horse-battery-staple"), &[]);
-    farm.submit(&scene(), &["--size", "16x16", "--spp", "16"]);
+    farm.submit(&WITH_CONE.scene(), &["--size", "16x16", "--spp", "16"]);
     let mut stranger = clerestory();
     let output = stranger.args(["jobs"]).env("CLERESTORY_COORDINATOR", farm.address()).output().unwrap();
     let message = String::from_utf8_lossy(&output.stderr);

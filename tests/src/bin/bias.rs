@@ -43,7 +43,7 @@ fn main() -> ExitCode {
             ("fnee", "sphere"),
             ("cone", "sphere"),
             ("cone", "sun"),
-            ("cone", "distant"),
+            ("cone", "distant-500000"),
             ("fnee", "sun"),
             ("cone", "near"),
             ("path", "near"),

@@ -250,6 +250,12 @@ impl<'a> Landing<'a> {
         &self.side
     }
 
+    /// By how much rounding errors of a direction grow when its tangent is taken: `d/dx x / sqrt(1 - x^2)`.
+    pub(super) fn tangent_rounding(&self) -> f64 {
+        let secant_squared = 1.0 + 2.0 * self.tilt * self.tilt;
+        secant_squared * secant_squared.sqrt()
+    }
+
     /// Where light from a rectangle of the near plane goes through the near face.
     pub(super) fn entry(&self, rect: &Rect) -> Rect {
         shifted(rect, &self.to_entry)

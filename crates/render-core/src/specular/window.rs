@@ -68,12 +68,15 @@ impl<'a> Window<'a> {
             // Most points see no light through most panes: the first round, which finds that, reads no pyramid.
             let detail = if round == 0 { Detail::WholeFace } else { Detail::Region };
             let (landing, part) = Landing::new(side, &ends, &rect, detail)?;
-            rect = part.rect;
-            last = Some(landing);
+            let [of_size, of_distance] = ROUNDING_MARGINS;
+            let margin = (part.rect.max - part.rect.min).max_element() * of_size
+                + ends.near * of_distance * landing.tangent_rounding();
+            // Behind flat glass the window is a point, which the next round would lose by rounding.
+            rect = part.rect.grown(margin);
+            last = Some((landing, margin));
         }
-        let [of_size, of_distance] = ROUNDING_MARGINS;
-        let margin = (rect.max - rect.min).max_element() * of_size + ends.near * of_distance;
-        Some(Self { origin, rect: rect.grown(margin), landing: last?, margin })
+        let (landing, margin) = last?;
+        Some(Self { origin, rect, landing, margin })
     }
 
     /// The whole window.
@@ -267,6 +270,32 @@ mod tests {
         let source = SourceBounds::Ball { centre: DVec3::new(-0.1, 0.1, 2.0), radius: 0.0 };
         let window = Window::new(&side, origin, &source).unwrap();
         assert!((window.rect().max - window.rect().min).max_element() < 1e-6);
+    }
+
+    #[test]
+    fn a_flat_pane_loses_no_path_to_a_source_without_extent() {
+        let pane = pane(Glass::Flat, 0.0);
+        let mut random = random(4);
+        for case in 0..20_000 {
+            let near = between(&mut random, 0.01, 10.0);
+            let origin = (pair(&mut random) * 4.0 - 2.0).extend(-near);
+            let through = ((pair(&mut random) - 0.5) * pane.size * 0.99).extend(0.0);
+            let direction = (through - origin).normalize();
+            let side = PaneSide::facing(&pane, origin).unwrap();
+            let Some(path) = side.transmit(&Ray::new(origin, direction), &mut Counters::default()) else { continue };
+            if !coverage::owns(&side, [direction, path.inner_direction, path.direction]) {
+                continue;
+            }
+            let light = path.exit + direction * between(&mut random, 0.01, 1000.0);
+            for source in
+                [SourceBounds::Cap { direction, sin_radius: 0.0 }, SourceBounds::Ball { centre: light, radius: 0.0 }]
+            {
+                let window = Window::new(&side, origin, &source)
+                    .unwrap_or_else(|| panic!("case {case}: no window for {source:?} from {origin}"));
+                let rect = window.rect();
+                assert!(rect.contains(through.truncate()), "case {case}: {through} outside {rect:?} from {origin}");
+            }
+        }
     }
 
     #[test]
