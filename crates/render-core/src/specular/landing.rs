@@ -138,6 +138,20 @@ impl<'a> Landing<'a> {
         let (near_surface, far_surface) = (side.near_surface(), side.far_surface());
         let (near_everywhere, far_everywhere) =
             (mirrored(near_surface.all_bounds(), sign), mirrored(far_surface.all_bounds(), sign));
+        if let MirroredSource::Direction(last) = &ends.source {
+            // Most shading points see the sun through no pane. The steepest slopes of the faces already say so.
+            let steepest = |axis: usize| {
+                near_everywhere.gradient[axis].magnitude() + far_everywhere.gradient[axis].magnitude()
+            };
+            let strength = refraction_strength_widest(index).max;
+            let beside = |axis: usize| {
+                let most = Interval::new(-strength * steepest(axis), strength * steepest(axis));
+                (last[axis] - most).intersection(directions[axis]).is_empty()
+            };
+            if beside(0) || beside(1) {
+                return None;
+            }
+        }
         let entry = shifted(window, &times(&tangents, near_everywhere.height)).intersection(&outline);
         if entry.is_empty() {
             return None;

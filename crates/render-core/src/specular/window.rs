@@ -165,6 +165,9 @@ fn ends(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<(En
     let source = match *source {
         SourceBounds::Ball { centre, radius } => {
             let offset = centre - origin;
+            if offset.z * sign + radius <= near + heights.min {
+                return None;
+            }
             let around = |middle: f64| Interval::new(middle - radius, middle + radius);
             MirroredSource::Offset([around(offset.x), around(offset.y), around(offset.z * sign)])
         }
