@@ -85,6 +85,14 @@ impl Progress {
         });
     }
 
+    /// Says what light the image lacks.
+    pub(crate) fn missing_light(&self, missing: &[String]) {
+        if !missing.is_empty() {
+            self.note("Light that this image lacks:");
+        }
+        missing.iter().for_each(|text| self.note(&format!("  - {text}")));
+    }
+
     /// Writes a row of the table of rounds, with a header above the first.
     pub(crate) fn round(&mut self, point: &ConvergencePoint) {
         if !std::mem::replace(&mut self.has_header, true) {

@@ -104,6 +104,7 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
     let rendering = async {
         let job = submit(&connection, &bundle, order).await?;
         progress.note(&format!("The job's page:  {}", connection.job_page(job.id)));
+        progress.missing_light(&job.missing_light);
         let job = follow(&connection, job.id, &mut progress).await?;
         check_image(&job)?;
         let series = connection.client.convergence(job.id).await.map_err(|error| connection.failure(error))?;

@@ -74,6 +74,7 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         check_writable(file)?;
     }
     let order = Arc::new(interpret(&arguments)?);
+    order.tell();
     let rendering = render(order.clone()).await?;
 
     let elapsed = rendering.elapsed;
@@ -214,6 +215,16 @@ async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
 }
 
 impl Order {
+    /// Says what is known of the image before it is rendered.
+    fn tell(&self) {
+        let progress = Progress::new();
+        for mesh in self.scene.meshes().iter().filter(|mesh| mesh.omitted_triangles() > 0) {
+            let (name, omitted) = (mesh.name(), mesh.omitted_triangles());
+            progress.note(&format!("Triangles without an area that are left out of the mesh {name:?}: {omitted}"));
+        }
+        progress.missing_light(&self.scene.description().missing_light());
+    }
+
     fn image(&self, sums: &[TileSum], counters: Counters, elapsed: Option<Duration>) -> Result<FrameImage, ImageError> {
         let description = self.scene.description();
         let metadata = ImageMetadata {

@@ -69,9 +69,10 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         reference: arguments.reference.as_deref().map(read_reference).transpose()?,
     };
     let mut job = submit(&connection, &bundle, order).await?;
+    let mut progress = Progress::new();
+    progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
+    progress.missing_light(&job.missing_light);
     if arguments.wait {
-        let mut progress = Progress::new();
-        progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
         job = follow(&connection, job.id, &mut progress).await?;
         check_image(&job)?;
         download(&connection, &job, arguments.output.as_deref(), png.as_deref()).await?;

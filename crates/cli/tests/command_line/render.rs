@@ -92,3 +92,16 @@ fn a_png_is_made_as_its_options_say() {
     assert!(usual != brightened && usual != png(&["--curve", "srgb"]));
     assert!(brightened != png(&["--exposure", "2.5"]));
 }
+
+#[test]
+fn what_the_image_will_lack_is_said() {
+    let folder = Folder::new();
+    fs::write(folder.path("wall.obj"), "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nf 1 2 3\nf 1 2 2\n").unwrap();
+    let mut scene: Value = serde_json::from_str(&fs::read_to_string(folder.path("scene.json")).unwrap()).unwrap();
+    scene["meshes"][0]["source"] = json!({"obj": {"file": "wall.obj"}});
+    fs::write(folder.path("scene.json"), scene.to_string()).unwrap();
+    let output = folder.run(&["render", "scene.json", "--spp", "4"]);
+    let messages = String::from_utf8(output.stderr).unwrap();
+    assert!(messages.contains("left out of the mesh \"wall\": 1\n"), "{messages}");
+    assert!(messages.contains("Light that this image lacks:\n  - paths of more than 4 vertices"), "{messages}");
+}
