@@ -4,7 +4,8 @@
 //! with its parent however that dies, and needs no signals, which differ between systems.
 
 use std::ffi::OsString;
-use std::fs::File;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
 
@@ -17,32 +18,58 @@ use crate::failure::Failure;
 /// How long a child may take to end before it is killed. Longer than its own grace.
 const ENDING_TIME: Duration = Duration::from_secs(10);
 
+/// Lines of its log that are shown when a child has failed.
+const SHOWN_LINES: usize = 5;
+
+/// What a child sees of the settings in the environment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Environment {
+    /// What the parent sees.
+    Inherited,
+    /// None: it was given all that it needs as arguments.
+    WithoutSettings,
+}
+
 /// A running child.
 pub(crate) struct Child {
     name: String,
+    log: Option<PathBuf>,
     process: process::Child,
     /// The writing end of the child's standard input. Kept apart from the process, which would close it while waiting.
     lifeline: Option<process::ChildStdin>,
 }
 
 impl Child {
-    /// Starts this binary with other arguments. Its logs go to `log`, or where the parent's go.
-    pub(crate) fn spawn(name: &str, arguments: &[OsString], log: Option<File>) -> Result<Self, Failure> {
+    /// Starts this binary with other arguments. What it logs is appended to the file `log`, or goes where the parent's
+    /// logs go.
+    pub(crate) fn spawn(
+        name: &str,
+        arguments: &[OsString],
+        log: Option<PathBuf>,
+        environment: Environment,
+    ) -> Result<Self, Failure> {
         let binary = std::env::current_exe().map_err(Failure::Spawn)?;
+        let log_file = log.as_deref().map(open_log).transpose()?;
         let mut command = process::Command::new(binary);
+        if environment == Environment::WithoutSettings {
+            let names = std::env::vars_os().map(|(name, _)| name);
+            for name in names.filter(|name| name.to_string_lossy().starts_with("CLERESTORY_")) {
+                command.env_remove(name);
+            }
+        }
         command
             .args(arguments)
             .arg("--stop-with-stdin")
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(log.map_or_else(Stdio::inherit, Stdio::from))
+            .stderr(log_file.map_or_else(Stdio::inherit, Stdio::from))
             .kill_on_drop(true);
         // An interrupt from the keyboard is for the parent, which ends its children in the right order.
         #[cfg(unix)]
         command.process_group(0);
         let mut process = command.spawn().map_err(Failure::Spawn)?;
         let lifeline = process.stdin.take();
-        Ok(Self { name: name.to_owned(), process, lifeline })
+        Ok(Self { name: name.to_owned(), log, process, lifeline })
     }
 
     /// Waits for the first line that the child writes to its standard output.
@@ -57,10 +84,11 @@ impl Child {
         Ok(line.trim().to_owned())
     }
 
-    /// Waits for the child to end by itself; says how it did.
+    /// Waits for the child to end by itself; says how it did, and what it logged last.
     pub(crate) async fn ended(&mut self) -> Failure {
         let status = self.process.wait().await.map_or_else(|error| error.to_string(), |status| status.to_string());
-        Failure::Process(format!("{} ended by itself: {status}", self.name))
+        let log = self.log.as_deref().map(end_of_log).unwrap_or_default();
+        Failure::Process(format!("{} ended by itself: {status}{log}", self.name))
     }
 
     /// Lets the child end in good order, and kills it if it does not.
@@ -72,5 +100,37 @@ impl Child {
                 warn!(process = self.name, %error, "cannot kill it");
             }
         }
+    }
+}
+
+/// Opens a log to append to it, in a folder that need not be there yet.
+fn open_log(file: &Path) -> Result<File, Failure> {
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let opened = fs::create_dir_all(folder).and_then(|()| File::options().create(true).append(true).open(file));
+    opened.map_err(|source| Failure::Write { file: file.to_owned(), source })
+}
+
+/// Where a log is, and its last lines, to be added to a message.
+fn end_of_log(file: &Path) -> String {
+    let bytes = fs::read(file).unwrap_or_default();
+    let text = String::from_utf8_lossy(&bytes);
+    let lines: Vec<&str> = text.lines().collect();
+    let last = &lines[lines.len().saturating_sub(SHOWN_LINES)..];
+    let last: String = last.iter().map(|line| format!("\n    {line}")).collect();
+    format!("; the end of its log {}:{last}", file.display())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_end_of_a_log_is_shown_with_its_place() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("worker-1.log");
+        fs::write(&file, "1\n2\n3\n4\n5\n6\nerror: why\n").unwrap();
+        let text = end_of_log(&file);
+        assert!(text.contains("worker-1.log:\n    3\n") && text.ends_with("\n    error: why"), "{text}");
+        assert!(end_of_log(&folder.path().join("absent.log")).ends_with("absent.log:"));
     }
 }

@@ -9,7 +9,7 @@ use clerestory_api::{Client, ClientError, JobId};
 use crate::failure::Failure;
 
 /// Environment variable with the farm's token. There is no option for it: options can be seen by other users.
-const TOKEN_VARIABLE: &str = "CLERESTORY_TOKEN";
+pub(crate) const TOKEN_VARIABLE: &str = "CLERESTORY_TOKEN";
 
 /// Address of the coordinator where none is given, and where a coordinator listens unless told otherwise.
 pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7171";
@@ -43,6 +43,11 @@ impl Connection {
     pub(crate) fn open(address: &str, token: Option<&str>) -> Result<Self, Failure> {
         let client = Client::new(address, token).map_err(Failure::Connection)?;
         Ok(Self { address: address.trim_end_matches('/').to_owned(), client })
+    }
+
+    /// Address of the coordinator, for messages.
+    pub(crate) fn address(&self) -> &str {
+        &self.address
     }
 
     /// Names the coordinator in the failure of a call.

@@ -5,12 +5,13 @@ use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clerestory_api::ClientError;
+use clerestory_api::{ClientError, ProblemCode};
 use clerestory_coordinator::RunError;
 use clerestory_render_core::film::{CompareError, ImageError, PreviewError};
 use clerestory_render_core::scene::SceneError;
 use clerestory_worker::WorkerError;
 
+use crate::connection::TOKEN_VARIABLE;
 use crate::local_render::LocalRenderError;
 
 /// A command failed. Printed with its causes.
@@ -79,7 +80,7 @@ pub(crate) enum Failure {
     /// A process of the farm could not be started at all.
     #[error("cannot start a process of the farm")]
     Spawn(#[source] io::Error),
-    /// A job ended without an image.
+    /// A job or a render ended before it was done.
     #[error("{0}")]
     Job(String),
 }
@@ -103,4 +104,28 @@ impl Failure {
         let first: &(dyn Error + 'static) = self;
         std::iter::successors(Some(first), |&error| error.source())
     }
+
+    /// What the user can do about it, where the causes do not say.
+    pub(crate) fn advice(&self) -> Option<String> {
+        let mut calls = self.causes().filter_map(|cause| cause.downcast_ref::<ClientError>());
+        let is_refused = calls.any(|error| match error {
+            ClientError::Problem(problem) => problem.code == ProblemCode::Unauthorized,
+            ClientError::UnexpectedAnswer { status, .. } => *status == 401,
+            _ => false,
+        });
+        is_refused.then(|| {
+            format!(
+                "put the farm's token in the environment variable {TOKEN_VARIABLE}, or in a file named by --token-file"
+            )
+        })
+    }
+}
+
+/// What is at the bottom of an error, without all that it passed through.
+pub(crate) fn root_cause(error: &dyn Error) -> &dyn Error {
+    let mut cause = error;
+    while let Some(next) = cause.source() {
+        cause = next;
+    }
+    cause
 }

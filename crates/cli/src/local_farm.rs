@@ -1,7 +1,6 @@
 //! A farm on this machine: a coordinator and workers, each a process of its own.
 
 use std::ffi::OsString;
-use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -9,7 +8,7 @@ use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
-use crate::child::Child;
+use crate::child::{Child, Environment};
 use crate::failure::Failure;
 
 /// Pause before a worker that ended by itself is started again.
@@ -30,6 +29,8 @@ pub(crate) struct FarmPlan {
     pub(crate) threads: usize,
     /// Folder for the logs of each process; without one they go to standard error.
     pub(crate) logs: Option<PathBuf>,
+    /// What the processes see of the settings in the environment.
+    pub(crate) environment: Environment,
 }
 
 /// A running farm.
@@ -46,7 +47,8 @@ impl LocalFarm {
         let mut arguments = words(&["coordinator", "--listen", &plan.listen, "--data"]);
         arguments.push(plan.data.clone().into());
         arguments.extend(token_option(plan));
-        let mut coordinator = Child::spawn("the coordinator", &arguments, log_file(plan, "coordinator")?)?;
+        let log = log_file(plan, "coordinator");
+        let mut coordinator = Child::spawn("the coordinator", &arguments, log, plan.environment)?;
         let address = coordinator.first_line().await?;
 
         let stop_workers = CancellationToken::new();
@@ -82,8 +84,7 @@ impl LocalFarm {
 /// Keeps a worker running until told to stop.
 async fn supervise(name: String, arguments: Vec<OsString>, plan: FarmPlan, stop: CancellationToken) {
     while !stop.is_cancelled() {
-        let spawned = log_file(&plan, &name).and_then(|log| Child::spawn(&name, &arguments, log));
-        let failure = match spawned {
+        let failure = match Child::spawn(&name, &arguments, log_file(&plan, &name), plan.environment) {
             Err(failure) => failure,
             Ok(mut worker) => match stop.run_until_cancelled(worker.ended()).await {
                 None => return worker.stop().await,
@@ -105,10 +106,7 @@ fn token_option(plan: &FarmPlan) -> Vec<OsString> {
     file.map(|file| vec!["--token-file".into(), file.to_owned()]).unwrap_or_default()
 }
 
-/// The log of a process, appended to.
-fn log_file(plan: &FarmPlan, name: &str) -> Result<Option<File>, Failure> {
-    let Some(folder) = &plan.logs else { return Ok(None) };
-    let path = folder.join(format!("{name}.log"));
-    let file = fs::create_dir_all(folder).and_then(|()| File::options().create(true).append(true).open(&path));
-    file.map(Some).map_err(|source| Failure::Write { file: path, source })
+/// The log of a process.
+fn log_file(plan: &FarmPlan, name: &str) -> Option<PathBuf> {
+    plan.logs.as_ref().map(|folder| folder.join(format!("{name}.log")))
 }

@@ -16,6 +16,7 @@ mod local_farm;
 mod local_render;
 mod logging;
 mod output_file;
+mod preview;
 mod scene_overrides;
 mod settings;
 mod shutdown;

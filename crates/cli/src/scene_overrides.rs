@@ -33,6 +33,15 @@ pub(crate) struct SceneOverrides {
     /// Integrator to use instead of the scene's.
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) integrator: Option<IntegratorName>,
+    /// How the integrator fnee searches for paths.
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub(crate) solver: Option<SolverName>,
+    /// Which panes the integrator fnee searches.
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub(crate) selection: Option<SelectionName>,
+    /// Trials after which the integrator fnee cuts off an estimate of an inverse probability.
+    #[arg(long, value_name = "N")]
+    pub(crate) max_trials: Option<u32>,
     /// Seed of the random numbers.
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
@@ -50,6 +59,26 @@ pub(crate) enum IntegratorName {
     Cone,
     /// Light through glass by Fermat next event estimation.
     Fnee,
+}
+
+/// Names of the ways in which `fnee` searches for paths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SolverName {
+    /// Enumerates minima, saddles and maxima of the optical length.
+    Complete,
+    /// The algorithm of the paper, which finds minima almost exclusively.
+    Published,
+}
+
+/// Names of the selections of panes that `fnee` searches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SelectionName {
+    /// Every pane.
+    All,
+    /// The first pane on the straight line to the light.
+    Sharp,
+    /// One pane at random whenever something blocks the straight line.
+    Bleed,
 }
 
 /// Width and height in pixels, written `640x480`.
@@ -82,7 +111,7 @@ impl SceneOverrides {
     pub(crate) fn load(&self, file: &Path) -> Result<SceneBundle, Failure> {
         let failure = |source| Failure::Scene { file: file.to_owned(), source };
         let bundle = scene::load(file).map_err(failure)?;
-        let description = self.apply(bundle.description().clone());
+        let description = self.apply(bundle.description().clone())?;
         bundle.with_description(description).map_err(failure)
     }
 
@@ -92,17 +121,59 @@ impl SceneOverrides {
         self.spp.unwrap_or(default)
     }
 
-    fn apply(&self, mut description: SceneDescription) -> SceneDescription {
+    fn apply(&self, mut description: SceneDescription) -> Result<SceneDescription, Failure> {
         if let Some(name) = self.integrator {
             description.integrator = name.settings(description.integrator);
         }
+        self.apply_to_fnee(&mut description.integrator)?;
         if let Some(seed) = self.seed {
             description.seed = seed;
         }
         if let Some(Size { width, height }) = self.size {
             description.film = FilmDescription { width, height };
         }
-        description
+        Ok(description)
+    }
+
+    /// Changes the settings that only `fnee` has.
+    fn apply_to_fnee(&self, integrator: &mut IntegratorDescription) -> Result<(), Failure> {
+        if let IntegratorDescription::Fnee { solver, selection, max_trials, .. } = integrator {
+            *solver = self.solver.map_or(*solver, SolverName::setting);
+            *selection = self.selection.map_or(*selection, SelectionName::setting);
+            *max_trials = self.max_trials.unwrap_or(*max_trials);
+            return Ok(());
+        }
+        let given = [
+            ("--solver", self.solver.is_some()),
+            ("--selection", self.selection.is_some()),
+            ("--max-trials", self.max_trials.is_some()),
+        ];
+        match given.into_iter().find(|(_, is_given)| *is_given) {
+            None => Ok(()),
+            Some((option, _)) => Err(Failure::Usage(format!(
+                "{option} is for the integrator fnee, and the image is made by {}: expected --integrator fnee beside it",
+                integrator.name()
+            ))),
+        }
+    }
+}
+
+impl SolverName {
+    fn setting(self) -> FneeSolver {
+        match self {
+            Self::Complete => FneeSolver::Complete,
+            Self::Published => FneeSolver::Published,
+        }
+    }
+}
+
+impl SelectionName {
+    fn setting(self) -> PaneSelection {
+        match self {
+            Self::All => PaneSelection::All,
+            Self::Sharp => PaneSelection::Sharp,
+            Self::Bleed => PaneSelection::Bleed,
+        }
     }
 }
 
@@ -167,5 +238,28 @@ mod tests {
         };
         assert_eq!(IntegratorName::Fnee.settings(published.clone()), published);
         assert_eq!(IntegratorName::Path.settings(published), IntegratorDescription::Path { max_depth: 7 });
+    }
+
+    #[test]
+    fn settings_of_fnee_change_what_is_named_and_are_an_error_elsewhere() {
+        let overrides =
+            SceneOverrides { solver: Some(SolverName::Published), max_trials: Some(50), ..SceneOverrides::default() };
+        let mut integrator = IntegratorDescription::Fnee {
+            max_depth: 7,
+            solver: FneeSolver::Complete,
+            selection: PaneSelection::Sharp,
+            max_trials: 9,
+        };
+        overrides.apply_to_fnee(&mut integrator).unwrap();
+        let expected = IntegratorDescription::Fnee {
+            max_depth: 7,
+            solver: FneeSolver::Published,
+            selection: PaneSelection::Sharp,
+            max_trials: 50,
+        };
+        assert_eq!(integrator, expected);
+        let message =
+            overrides.apply_to_fnee(&mut IntegratorDescription::Cone { max_depth: 7 }).unwrap_err().to_string();
+        assert!(message.contains("--solver") && message.contains("cone"), "{message}");
     }
 }

@@ -26,11 +26,14 @@ pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     print_line(&text)
 }
 
-/// Writes a failure and its causes to standard error.
+/// Writes a failure, its causes and what can be done to standard error.
 pub(crate) fn print_failure(failure: &Failure) {
     let text: Vec<String> = failure.causes().map(ToString::to_string).collect();
     // With standard error gone, nobody is left to be told.
     let _ = writeln!(io::stderr().lock(), "error: {}", text.join(": "));
+    if let Some(advice) = failure.advice() {
+        let _ = writeln!(io::stderr().lock(), "{advice}");
+    }
 }
 
 /// How far a render is.
@@ -80,6 +83,14 @@ impl Progress {
         self.bar.suspend(|| {
             let _ = writeln!(io::stderr().lock(), "{line}");
         });
+    }
+
+    /// Says what light the image lacks.
+    pub(crate) fn missing_light(&self, missing: &[String]) {
+        if !missing.is_empty() {
+            self.note("Light that this image lacks:");
+        }
+        missing.iter().for_each(|text| self.note(&format!("  - {text}")));
     }
 
     /// Writes a row of the table of rounds, with a header above the first.

@@ -66,5 +66,6 @@ const NoJobs = () => html`
   <div class="card empty">
     <p><strong>Nothing has been submitted yet.</strong> Submit a scene from a terminal:</p>
     <pre><code>clerestory submit scenes/references/crown-point.json --coordinator ${location.origin}</code></pre>
+    <p class="quiet">If this farm has a token, put it in the environment variable <code>CLERESTORY_TOKEN</code> first.</p>
     <p class="quiet">Add <code>--reference scenes/references/crown-point-reference.exr</code> to see the error against ground truth fall.</p>
   </div>`;

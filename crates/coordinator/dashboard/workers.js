@@ -57,4 +57,5 @@ const NoWorkers = () => html`
   <div class="card empty">
     <p><strong>No worker has registered.</strong> Start one on any machine that reaches this address:</p>
     <pre><code>clerestory worker --coordinator ${location.origin}</code></pre>
+    <p class="quiet">If this farm has a token, put it in the environment variable <code>CLERESTORY_TOKEN</code> first.</p>
   </div>`;

@@ -7,14 +7,17 @@ use std::time::Duration;
 use clap::Args;
 use clerestory_api::{ConvergencePoint, JobView};
 use clerestory_render_core::scene::SceneDescription;
-use clerestory_render_core::scene::description::SamplingDescription;
+use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};
+use tempfile::TempDir;
 
+use crate::child::Environment;
 use crate::commands::farm::share_of_cores;
 use crate::commands::submit::{Order, download, read_reference, submit};
-use crate::commands::watch::check_not_failed;
-use crate::connection::{Connection, token};
+use crate::commands::watch::{check_done, check_image};
+use crate::connection::Connection;
 use crate::failure::Failure;
 use crate::follow::follow;
+use crate::image_file;
 use crate::local_farm::{FarmPlan, LocalFarm};
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
@@ -58,10 +61,8 @@ pub(crate) struct DemoArguments {
 }
 
 pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
-    let (scene, reference) = match arguments.scene {
-        Some(scene) => (scene, arguments.reference),
-        None => (shipped(SCENE)?, Some(shipped(REFERENCE)?)),
-    };
+    let mut progress = Progress::new();
+    let scene = arguments.scene.clone().map_or_else(|| shipped(SCENE), Ok)?;
     let mut overrides = arguments.overrides;
     if overrides.spp.is_none() && overrides.time.is_none() {
         overrides.spp = Some(SAMPLES_PER_PIXEL);
@@ -71,6 +72,10 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
     let description = SceneDescription { sampling: SAMPLING, ..bundle.description().clone() };
     let failure = |source| Failure::Scene { file: scene.clone(), source };
     let bundle = bundle.with_description(description).map_err(failure)?;
+    let reference = match arguments.scene {
+        Some(_) => arguments.reference,
+        None => shipped_reference(bundle.description().film, &progress)?,
+    };
     let order = Order {
         name: None,
         samples_per_pixel: overrides.samples_per_pixel(),
@@ -80,28 +85,28 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
         reference: reference.as_deref().map(read_reference).transpose()?,
     };
 
-    let data = arguments.output.join("farm");
-    prepare(&arguments.output, &data)?;
+    let data = new_folder(&arguments.output)?;
     let stop = shutdown::token(Parent::None);
     let plan = FarmPlan {
         listen: "127.0.0.1:0".to_owned(),
-        data,
+        data: data.path().to_owned(),
         token_file: None,
         workers: WORKERS,
         threads: share_of_cores(WORKERS),
         logs: Some(arguments.output.clone()),
+        environment: Environment::WithoutSettings,
     };
     let mut farm = LocalFarm::start(&plan).await?;
-    let connection = Connection::open(farm.address(), token(None)?.as_deref())?;
-    let mut progress = Progress::new();
+    let connection = Connection::open(farm.address(), None)?;
     progress.note(&format!("The farm's page: {}", farm.address()));
     progress.note(&format!("Rendering {} on {WORKERS} workers of {} threads", scene.display(), plan.threads));
 
     let rendering = async {
         let job = submit(&connection, &bundle, order).await?;
         progress.note(&format!("The job's page:  {}", connection.job_page(job.id)));
+        progress.missing_light(&job.missing_light);
         let job = follow(&connection, job.id, &mut progress).await?;
-        check_not_failed(&job)?;
+        check_image(&job)?;
         let series = connection.client.convergence(job.id).await.map_err(|error| connection.failure(error))?;
         let files = [arguments.output.join("demo.exr"), arguments.output.join("demo.png")];
         download(&connection, &job, Some(&files[0]), Some(&files[1])).await?;
@@ -114,10 +119,8 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
     };
     farm.stop().await;
     let (job, points, files) = result?;
-    if arguments.json {
-        return print_json(&job);
-    }
-    report(&job, &points, &files)
+    if arguments.json { print_json(&job) } else { report(&job, &points, &files) }?;
+    check_done(&job)
 }
 
 /// Says what came out of it.
@@ -138,13 +141,22 @@ fn report(job: &JobView, points: &[ConvergencePoint], files: &[PathBuf]) -> Resu
     files.iter().try_for_each(|file| print_line(&format!("Wrote {}", file.display())))
 }
 
-/// Makes an empty place for a new farm.
-fn prepare(output: &Path, data: &Path) -> Result<(), Failure> {
-    let remove = match fs::remove_dir_all(data) {
-        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(error),
-        _ => fs::create_dir_all(output),
-    };
-    remove.map_err(|source| Failure::Write { file: data.to_owned(), source })
+/// A place for a new farm, which goes with the demo.
+fn new_folder(output: &Path) -> Result<TempDir, Failure> {
+    let made = fs::create_dir_all(output).and_then(|()| tempfile::Builder::new().prefix("farm-").tempdir_in(output));
+    made.map_err(|source| Failure::Write { file: output.to_owned(), source })
+}
+
+/// The reference that ships with Clerestory, if the image has its size.
+fn shipped_reference(film: FilmDescription, progress: &Progress) -> Result<Option<PathBuf>, Failure> {
+    let file = shipped(REFERENCE)?;
+    let image = image_file::read(&file)?;
+    let (width, height) = (image.width(), image.height());
+    if (width, height) == (film.width, film.height) {
+        return Ok(Some(file));
+    }
+    progress.note(&format!("The reference has {width}x{height} pixels: at another size the error is not measured"));
+    Ok(None)
 }
 
 /// A file that ships with Clerestory: below the working directory, or below a folder above the binary, as it is after

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::child::Environment;
 use crate::commands::coordinator::DEFAULT_DATA;
 use crate::commands::worker::cores;
 use crate::connection::DEFAULT_LISTEN;
@@ -43,6 +44,7 @@ pub(crate) async fn run(arguments: FarmArguments) -> Result<(), Failure> {
         workers,
         threads: arguments.threads.map_or_else(|| share_of_cores(workers), NonZeroUsize::get),
         logs: None,
+        environment: Environment::Inherited,
     };
     let mut farm = LocalFarm::start(&plan).await?;
     print_line(farm.address())?;

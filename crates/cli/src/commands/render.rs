@@ -10,8 +10,7 @@ use clap::Args;
 use clerestory_api::ConvergencePoint;
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{
-    Exposure, FrameImage, ImageError, ImageMetadata, Metrics, PreviewSettings, TileGrid, TileSum, ToneCurve, compare,
-    encode_png,
+    FrameImage, ImageError, ImageMetadata, Metrics, TileGrid, TileSum, compare, encode_png,
 };
 use clerestory_render_core::scene::Scene;
 use rayon::ThreadPoolBuilder;
@@ -24,15 +23,13 @@ use crate::image_file;
 use crate::like::{self, Recipe};
 use crate::local_render::{self, Control, LocalRenderError, PassPlan, Round};
 use crate::output_file::{check_writable, write};
+use crate::preview::PreviewArguments;
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
 use crate::terminal::{Advance, Progress, duration_text, print_json, print_line};
 
 /// Time between updates of the progress bar.
 const REFRESH_PERIOD: Duration = Duration::from_millis(200);
-
-/// A PNG is as bright as a photograph of the same light would be.
-const PREVIEW: PreviewSettings = PreviewSettings { exposure: Exposure::Automatic, curve: ToneCurve::Filmic };
 
 /// Options of `clerestory render`.
 #[derive(Debug, Args)]
@@ -46,12 +43,15 @@ pub(crate) struct RenderArguments {
     #[arg(long)]
     png: bool,
     #[command(flatten)]
+    preview: PreviewArguments,
+    #[command(flatten)]
     overrides: SceneOverrides,
     /// Edge of a tile in pixels.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
     tile: u32,
     /// Make this image again, bit for bit: its seed, integrator, size, sampling, tiles and the passes of each.
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["spp", "time", "integrator", "seed", "size", "tile"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all =
+        ["spp", "time", "integrator", "solver", "selection", "max_trials", "seed", "size", "tile"])]
     like: Option<PathBuf>,
     /// OpenEXR image that the error is measured against at each round.
     #[arg(long, value_name = "FILE")]
@@ -74,13 +74,14 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         check_writable(file)?;
     }
     let order = Arc::new(interpret(&arguments)?);
+    order.tell();
     let rendering = render(order.clone()).await?;
 
     let elapsed = rendering.elapsed;
     let image = order.image(&rendering.sums, rendering.counters, Some(elapsed)).map_err(Failure::BadImage)?;
     write(&output, &image.encode().map_err(|error| Failure::BadImage(error.into()))?)?;
     if let Some(file) = &png {
-        let bytes = encode_png(&image, &PREVIEW).map_err(Failure::Preview)?;
+        let bytes = encode_png(&image, &arguments.preview.settings()).map_err(Failure::Preview)?;
         write(file, &bytes)?;
     }
     let summary = Summary {
@@ -214,6 +215,16 @@ async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
 }
 
 impl Order {
+    /// Says what is known of the image before it is rendered.
+    fn tell(&self) {
+        let progress = Progress::new();
+        for mesh in self.scene.meshes().iter().filter(|mesh| mesh.omitted_triangles() > 0) {
+            let (name, omitted) = (mesh.name(), mesh.omitted_triangles());
+            progress.note(&format!("Triangles without an area that are left out of the mesh {name:?}: {omitted}"));
+        }
+        progress.missing_light(&self.scene.description().missing_light());
+    }
+
     fn image(&self, sums: &[TileSum], counters: Counters, elapsed: Option<Duration>) -> Result<FrameImage, ImageError> {
         let description = self.scene.description();
         let metadata = ImageMetadata {

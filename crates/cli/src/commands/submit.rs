@@ -10,7 +10,7 @@ use clerestory_api::{ClientError, ContentHash, JobSubmission, JobView, PreviewQu
 use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
 use tracing::info;
 
-use crate::commands::watch::check_not_failed;
+use crate::commands::watch::{check_done, check_image};
 use crate::connection::{Connection, ConnectionArguments};
 use crate::failure::Failure;
 use crate::follow::follow;
@@ -69,12 +69,16 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         reference: arguments.reference.as_deref().map(read_reference).transpose()?,
     };
     let mut job = submit(&connection, &bundle, order).await?;
+    let mut progress = Progress::new();
+    progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
+    progress.missing_light(&job.missing_light);
     if arguments.wait {
-        job = follow(&connection, job.id, &mut Progress::new()).await?;
-        check_not_failed(&job)?;
+        job = follow(&connection, job.id, &mut progress).await?;
+        check_image(&job)?;
         download(&connection, &job, arguments.output.as_deref(), png.as_deref()).await?;
     }
-    if arguments.json { print_json(&job) } else { print_line(&job.id.to_string()) }
+    if arguments.json { print_json(&job) } else { print_line(&job.id.to_string()) }?;
+    if arguments.wait { check_done(&job) } else { Ok(()) }
 }
 
 /// How a scene is to be rendered.

@@ -28,15 +28,29 @@ pub(crate) async fn run(arguments: WatchArguments) -> Result<(), Failure> {
     } else {
         print_line(&format!("{} is {}", job.id, job.state.name()))?;
     }
-    check_not_failed(&job)
+    check_done(&job)
 }
 
-/// Turns a failed job into a failure.
-pub(crate) fn check_not_failed(job: &JobView) -> Result<(), Failure> {
+/// Turns a job that ended without an image into a failure.
+pub(crate) fn check_image(job: &JobView) -> Result<(), Failure> {
     match job.state {
         JobState::Failed => {
             let reason = job.failure.as_deref().unwrap_or("the coordinator gives no reason");
             Err(Failure::Job(format!("job {} failed: {reason}", job.id)))
+        }
+        JobState::Cancelled if job.samples == 0 => {
+            Err(Failure::Job(format!("job {} was cancelled before anything was complete", job.id)))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Turns a job that ended before it was done into a failure.
+pub(crate) fn check_done(job: &JobView) -> Result<(), Failure> {
+    check_image(job)?;
+    match job.state {
+        JobState::Cancelled => {
+            Err(Failure::Job(format!("job {} was cancelled; its image is what was complete then", job.id)))
         }
         _ => Ok(()),
     }

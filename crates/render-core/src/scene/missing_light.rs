@@ -1,27 +1,152 @@
-//! What an image of a scene will lack: classes of paths of point lights that no sampling can find.
+//! What an image of a scene will lack: the light that the chosen integrator and its settings leave out.
+//!
+//! These are classes of paths. How much light there is in them depends on the scene.
 
-use super::description::{IntegratorDescription, LightDescription, PaneSelection, SceneDescription};
+use super::description::{FneeSolver, IntegratorDescription, LightDescription, PaneSelection, SceneDescription};
+use crate::specular::side::GRAZING_COSINE;
+
+/// Vertices of the shortest path that brings light through a pane to a surface that the camera sees.
+const VERTICES_THROUGH_PANE: u32 = 3;
 
 impl SceneDescription {
-    /// The light that the chosen integrator cannot see, in words, for the image's metadata.
+    /// The light that an image of this scene lacks, in words, for its metadata.
     pub fn missing_light(&self) -> Vec<String> {
-        if self.panes.is_empty() {
+        if self.lights.is_empty() {
             return Vec::new();
         }
-        let points = self.lights.iter().filter(|light| matches!(light, LightDescription::Point { .. }));
-        let other = "reflections at panes, internal reflections and paths through more than one pane";
-        points
-            .map(|light| match self.integrator {
-                IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => {
-                    format!("point light {:?}: all paths through or off panes", light.name())
-                }
-                IntegratorDescription::Fnee { selection, .. } => match selection {
-                    PaneSelection::All => format!("point light {:?}: {other}", light.name()),
-                    PaneSelection::Sharp | PaneSelection::Bleed => {
-                        format!("point light {:?}: paths that bleed past the selected panes; {other}", light.name())
-                    }
-                },
-            })
-            .collect()
+        let mut missing = Vec::new();
+        if let Some(filter) = &self.path_filter {
+            missing.push(format!("paths that do not match the path filter {filter}"));
+        }
+        missing.push(self.long_paths());
+        if !self.panes.is_empty() {
+            missing.extend(self.unfound_paths());
+            if self.lights.iter().any(|light| matches!(light, LightDescription::Point { .. })) {
+                missing.extend(self.light_of_points());
+            }
+        }
+        missing
+    }
+
+    fn long_paths(&self) -> String {
+        let most = self.integrator.max_depth();
+        let paths = format!("paths of more than {most} vertices between camera and light (max_depth)");
+        if most < VERTICES_THROUGH_PANE && !self.panes.is_empty() {
+            return format!("{paths}, and so all light that comes through a pane to a surface");
+        }
+        paths
+    }
+
+    /// Paths through panes, whatever light they come from, that the path tracer leaves to the search and that it misses.
+    fn unfound_paths(&self) -> Vec<String> {
+        let IntegratorDescription::Fnee { solver, max_trials, .. } = self.integrator else { return Vec::new() };
+        // A path that a seed finds with probability p is weighted by the number of seeds until the next success, cut off
+        // at N: on average by (1 - (1 - p)^N) / p instead of 1 / p.
+        let cut_off = format!(
+            "finds with a small probability p, by up to the part (1 - p)^{max_trials} of their light (max_trials)"
+        );
+        match solver {
+            FneeSolver::Complete => {
+                vec![format!("paths through a pane that the enumeration misses and a random seed {cut_off}")]
+            }
+            FneeSolver::Published => vec![
+                "paths through a pane along which the optical length is no minimum: the published solver finds almost none"
+                    .to_owned(),
+                format!("paths through a pane that a random seed {cut_off}"),
+            ],
+        }
+    }
+
+    /// Light of point lights, which no path meets by chance.
+    fn light_of_points(&self) -> Vec<String> {
+        let IntegratorDescription::Fnee { selection, .. } = self.integrator else {
+            return vec!["light of point lights that comes through or off a pane to a surface".to_owned()];
+        };
+        let mut missing = vec![
+            "light of point lights that a pane reflects, on its outside or between its faces, or that passes through \
+             more than one pane, on its way to a surface"
+                .to_owned(),
+            format!(
+                "light of point lights through a pane at less than {:.2} degrees to it, or to a surface that lies between \
+                 the pane's highest and lowest point",
+                libm::asin(GRAZING_COSINE).to_degrees()
+            ),
+        ];
+        match selection {
+            PaneSelection::All => {}
+            PaneSelection::Sharp => missing.push(
+                "light of point lights through any pane but the one that the straight line to the light meets first"
+                    .to_owned(),
+            ),
+            PaneSelection::Bleed => missing.push(
+                "light of point lights through a pane to a surface from which nothing blocks the straight line to the light"
+                    .to_owned(),
+            ),
+        }
+        missing
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::{Value, json};
+
+    use super::super::malformed_scenes::valid_scene;
+    use super::*;
+
+    /// What the valid scene lacks with another integrator and these of its lights.
+    fn missing(integrator: Value, lights: std::ops::Range<usize>) -> Vec<String> {
+        let mut scene = valid_scene();
+        scene["integrator"] = integrator;
+        scene["lights"] = scene["lights"].as_array().unwrap()[lights].into();
+        SceneDescription::parse(scene.to_string().as_bytes()).unwrap().missing_light()
+    }
+
+    /// Checks that there is one text for each of `expected`, in this order, which contains it.
+    #[track_caller]
+    fn check(found: &[String], expected: &[&str]) {
+        assert_eq!(found.len(), expected.len(), "{found:#?}");
+        for (text, part) in found.iter().zip(expected) {
+            assert!(text.contains(part), "{part:?} is not in {text:?}");
+        }
+    }
+
+    #[test]
+    fn a_light_that_can_be_met_lacks_only_what_the_search_misses_and_long_paths() {
+        let lights = 1..4;
+        let long = "more than 16 vertices";
+        check(&missing(json!({"path": {}}), lights.clone()), &[long]);
+        check(&missing(json!({"cone": {}}), lights.clone()), &[long]);
+        check(&missing(json!({"fnee": {"selection": "bleed"}}), lights.clone()), &[long, "enumeration misses"]);
+        let published = json!({"fnee": {"solver": "published", "max_trials": 50}});
+        check(&missing(published, lights), &[long, "no minimum", "(1 - p)^50"]);
+    }
+
+    #[test]
+    fn a_point_light_lacks_all_that_only_chance_could_find() {
+        let long = "more than 16 vertices";
+        for integrator in ["path", "cone"] {
+            check(&missing(json!({integrator: {}}), 0..4), &[long, "through or off a pane"]);
+        }
+        let always = [long, "(1 - p)^1000", "more than one pane", "less than 0.06 degrees"];
+        let with = |selection| missing(json!({"fnee": {"selection": selection}}), 0..1);
+        check(&with("all"), &always);
+        check(&with("sharp"), &[&always[..], &["meets first"]].concat());
+        check(&with("bleed"), &[&always[..], &["nothing blocks"]].concat());
+    }
+
+    #[test]
+    fn a_low_depth_and_a_path_filter_say_what_they_leave_out() {
+        let of = |change: &dyn Fn(&mut Value)| {
+            let mut scene = valid_scene();
+            scene["integrator"] = json!({"cone": {"max_depth": 2}});
+            scene["lights"].as_array_mut().unwrap().remove(0);
+            change(&mut scene);
+            SceneDescription::parse(scene.to_string().as_bytes()).unwrap().missing_light()
+        };
+        check(&of(&|_| {}), &["more than 2 vertices between camera and light (max_depth), and so all light"]);
+        check(&of(&|scene| scene["path_filter"] = json!("D TT L")), &["path filter D TT L", "more than 2 vertices"]);
+        assert!(of(&|scene| scene["panes"] = json!([]))[0].ends_with("(max_depth)"));
+        check(&of(&|scene| scene["lights"] = json!([])), &[]);
     }
 }

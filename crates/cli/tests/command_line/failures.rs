@@ -1,0 +1,41 @@
+//! What a user gets wrong: the message names it, and the exit code tells whose fault it is.
+
+use std::fs;
+
+use crate::support::Folder;
+
+#[test]
+fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it_is() {
+    let folder = Folder::new();
+    folder.fails(&["render"], 2, &["SCENE"]);
+    folder.fails(&["render", "scene.json", "--spp", "0"], 2, &["--spp"]);
+    folder.fails(&["render", "scene.json", "--size", "12"], 2, &["--size", "640x480"]);
+    folder.fails(&["render", "scene.json", "--solver", "published"], 2, &["--solver", "path", "--integrator fnee"]);
+    folder.fails(&["render", "scene.json", "--png", "--exposure", "bright"], 2, &["--exposure", "auto"]);
+    folder.fails(&["render", "scene.json", "--curve", "srgb"], 2, &["--png"]);
+    folder.fails(&["render", "absent.json"], 1, &["cannot use the scene absent.json", "No such file"]);
+    folder.fails(&["render", "scene.json", "-o", "no/such/image.exr"], 1, &["cannot write no/such/image.exr"]);
+    folder.fails(&["render", "scene.json", "--reference", "scene.json"], 1, &["scene.json", "not an OpenEXR file"]);
+    folder.fails(&["compare", "absent.exr", "absent.exr"], 1, &["cannot read absent.exr"]);
+    folder.fails(&["jobs", "--coordinator", "http://127.0.0.1:1"], 1, &["http://127.0.0.1:1", "no answer"]);
+    folder.fails(&["jobs", "--coordinator", "nonsense"], 1, &["nonsense", "expected"]);
+    folder.fails(&["watch", "17"], 2, &["17"]);
+    folder.fails(&["coordinator", "--listen", "nowhere"], 1, &["nowhere", "127.0.0.1:7171"]);
+    fs::write(folder.path("bad.toml"), "lisen = \"127.0.0.1:0\"\n").unwrap();
+    folder.fails(&["coordinator", "--config", "bad.toml"], 2, &["bad.toml", "lisen", "listen"]);
+
+    fs::write(folder.path("bad.json"), "{\"version\": 1, \"nmae\": \"x\"}").unwrap();
+    folder.fails(&["render", "bad.json"], 1, &["bad.json", "nmae"]);
+}
+
+#[test]
+fn who_lacks_the_token_is_told_where_to_put_it() {
+    let folder = Folder::new();
+    let farm = folder.coordinator("127.0.0.1:0", Some("0123456789abcdef"));
+    for command in [["jobs"].as_slice(), &["submit", "scene.json"], &["worker"]] {
+        let words = [command, &["--coordinator", farm.address()]].concat();
+        folder.fails(&words, 1, &["Token required", "CLERESTORY_TOKEN", "--token-file"]);
+    }
+    fs::write(folder.path("token"), "0123456789abcdef\n").unwrap();
+    folder.succeeds(&["jobs", "--coordinator", farm.address(), "--token-file", "token"]);
+}

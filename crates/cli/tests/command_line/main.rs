@@ -1,0 +1,9 @@
+//! The binary as scripts see it: exit codes, standard output, error messages, files.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
+
+mod failures;
+mod jobs;
+mod render;
+mod services;
+mod support;

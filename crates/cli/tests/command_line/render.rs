@@ -1,0 +1,107 @@
+//! Images made in one process.
+
+use std::fs;
+use std::process::Stdio;
+
+use serde_json::{Value, json};
+
+use crate::support::Folder;
+
+#[test]
+fn tiles_and_threads_decide_no_bit_of_the_picture() {
+    let folder = Folder::new();
+    folder.succeeds(&["render", "scene.json", "--spp", "20", "--tile", "16", "--threads", "1"]);
+    folder.succeeds(&["render", "scene.json", "--spp", "20", "--tile", "5", "--threads", "3", "-o", "other.exr"]);
+    folder.succeeds(&["render", "scene.json", "--spp", "20", "--seed", "7", "-o", "seed.exr"]);
+    assert_eq!(folder.comparison("other.exr", "scene.exr")["bit_identical"], true);
+    assert_eq!(folder.comparison("seed.exr", "scene.exr")["bit_identical"], false);
+}
+
+#[test]
+fn an_image_is_made_again_from_what_it_says_of_itself() {
+    let folder = Folder::new();
+    let first = ["--spp", "12", "--seed", "3", "--size", "17x9", "--tile", "8", "-o", "first.exr"];
+    folder.succeeds(&[&["render", "scene.json"], first.as_slice()].concat());
+    folder.succeeds(&["render", "scene.json", "--like", "first.exr", "-o", "again.exr"]);
+    assert_eq!(folder.comparison("again.exr", "first.exr")["bit_identical"], true);
+
+    folder.write_scene("other.json", [1.0, 1.0, 1.9]);
+    folder.fails(
+        &["render", "other.json", "--like", "first.exr", "-o", "no.exr"],
+        2,
+        &["other.json", "hash", "expected"],
+    );
+    folder.fails(&["render", "scene.json", "--like", "first.exr", "--seed", "1"], 2, &["--like", "--seed"]);
+    assert!(!folder.path("no.exr").exists());
+}
+
+#[test]
+fn a_render_reports_to_scripts_and_to_people_apart() {
+    let folder = Folder::new();
+    let options = ["--spp", "8", "--json", "--png", "--stats", "stats.json", "-o", "image.exr"];
+    let text = folder.succeeds(&[&["render", "scene.json"], options.as_slice()].concat());
+    let summary: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((&summary["samples"], &summary["width"]), (&json!(24 * 16 * 8), &json!(24)));
+    let stats: Value = serde_json::from_str(&fs::read_to_string(folder.path("stats.json")).unwrap()).unwrap();
+    assert_eq!(stats, summary["counters"]);
+    assert!(fs::read(folder.path("image.png")).unwrap().starts_with(b"\x89PNG"));
+
+    let reference = ["--reference", "image.exr", "-o", "second.exr"];
+    let output = folder.run(&[&["render", "scene.json", "--spp", "8"], reference.as_slice()].concat());
+    let progress = String::from_utf8(output.stderr).unwrap();
+    assert!(progress.contains("PSNR"), "the table of rounds: {progress}");
+    assert!(progress.lines().any(|line| line.contains("0.0000e0")), "the last round equals the reference: {progress}");
+}
+
+#[test]
+fn a_comparison_has_every_measure() {
+    let folder = Folder::new();
+    folder.succeeds(&["render", "scene.json", "--spp", "4", "-o", "a.exr"]);
+    folder.succeeds(&["render", "scene.json", "--spp", "16", "-o", "b.exr"]);
+    let comparison = folder.comparison("a.exr", "b.exr");
+    for key in ["mse", "corrected_mse", "rel_mse", "psnr", "mean_ratio", "max_abs_diff"] {
+        assert!(comparison[key].is_number(), "{key}: {comparison}");
+    }
+    assert!(comparison["mse"].as_f64() > Some(0.0) && comparison["bit_identical"] == false);
+}
+
+#[test]
+fn a_reader_that_has_seen_enough_is_no_failure() {
+    let folder = Folder::new();
+    let mut child = folder
+        .command(&["render", "scene.json", "--spp", "4"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    assert!(child.wait().unwrap().success());
+}
+
+#[test]
+fn a_png_is_made_as_its_options_say() {
+    let folder = Folder::new();
+    let png = |options: &[&str]| {
+        let render = ["render", "scene.json", "--spp", "4", "--png", "-o", "image.exr"];
+        folder.succeeds(&[render.as_slice(), options].concat());
+        fs::read(folder.path("image.png")).unwrap()
+    };
+    let usual = png(&[]);
+    assert!(usual == png(&["--exposure", "auto", "--curve", "filmic"]));
+    let brightened = png(&["--exposure", "-2.5"]);
+    assert!(usual != brightened && usual != png(&["--curve", "srgb"]));
+    assert!(brightened != png(&["--exposure", "2.5"]));
+}
+
+#[test]
+fn what_the_image_will_lack_is_said() {
+    let folder = Folder::new();
+    fs::write(folder.path("wall.obj"), "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nf 1 2 3\nf 1 2 2\n").unwrap();
+    let mut scene: Value = serde_json::from_str(&fs::read_to_string(folder.path("scene.json")).unwrap()).unwrap();
+    scene["meshes"][0]["source"] = json!({"obj": {"file": "wall.obj"}});
+    fs::write(folder.path("scene.json"), scene.to_string()).unwrap();
+    let output = folder.run(&["render", "scene.json", "--spp", "4"]);
+    let messages = String::from_utf8(output.stderr).unwrap();
+    assert!(messages.contains("left out of the mesh \"wall\": 1\n"), "{messages}");
+    assert!(messages.contains("Light that this image lacks:\n  - paths of more than 4 vertices"), "{messages}");
+}
