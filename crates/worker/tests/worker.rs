@@ -17,7 +17,7 @@ use clerestory_api::{
     FENCING_TOKEN_HEADER, JobId, JobScene, Lease, LeaseId, LeaseRenewal, LeaseReturn, NodeAddress, NodeAnswer,
     NodeVerdict, PROBLEM_MEDIA_TYPE, PartialAnswer, WorkerId, WorkerRegistration, WorkerState, WorkerView,
 };
-use clerestory_render_core::film::{self, DecodeBudget, Expectation, Node, Sampling, TileGrid, partial};
+use clerestory_render_core::film::{self, DecodeBudget, Expectation, Rendered, Sampling, TileGrid, partial};
 use clerestory_render_core::scene::{SceneBundle, SceneDescription};
 use clerestory_worker::{Config, run};
 use serde_json::{Value, json};
@@ -389,8 +389,8 @@ fn nodes_of(body: &[u8], scene_hash: &str, lease: &Lease) -> Vec<NodeAddress> {
         allowed: lease.nodes.iter().map(leased).collect(),
     };
     let nodes = partial::decode(body, &expected, DecodeBudget { pixel_bytes: 1 << 30 }).unwrap();
-    let wire = |node: &Node| {
-        let film::NodeAddress { frame, tile, level, index } = node.address();
+    let wire = |rendered: &Rendered| {
+        let film::NodeAddress { frame, tile, level, index } = rendered.node.address();
         NodeAddress { frame, tile, level, index }
     };
     nodes.iter().map(wire).collect()

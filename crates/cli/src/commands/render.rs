@@ -225,6 +225,7 @@ impl Order {
             tile_size: self.plan.grid.tile_size,
             tile_passes: Vec::new(),
             build: BUILD.to_owned(),
+            worker_builds: Vec::new(),
             missing_light: description.missing_light(),
             counters,
             elapsed_seconds: elapsed.map(|elapsed| elapsed.as_secs_f64()),

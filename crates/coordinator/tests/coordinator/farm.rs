@@ -5,6 +5,7 @@ use std::time::Duration;
 use crate::support::*;
 use clerestory_api::{EventBody, JobState, LeaseRequest, LeaseReturn, NodeVerdict, PreviewQuery, ProblemCode};
 use clerestory_coordinator::{Config, RunError, run};
+use clerestory_render_core::film::Rendered;
 use futures::StreamExt;
 use tokio::net::TcpListener;
 
@@ -25,6 +26,8 @@ async fn the_image_has_the_bits_of_a_single_process_however_the_work_is_cut() {
         let metadata = image.metadata().unwrap();
         assert_eq!(metadata.tile_passes, vec![21; grid().len() as usize]);
         assert_eq!(metadata.scene_hash, job.scene_hash);
+        assert_eq!(metadata.counters, expected_counters(21));
+        assert_eq!(metadata.worker_builds, ["test"]);
         farm.stop().await;
     }
 }
@@ -67,7 +70,9 @@ async fn a_restart_in_the_middle_of_a_job_loses_nothing() {
     assert_eq!(verdicts, [duplicate, duplicate, accepted, accepted, accepted]);
     worker.drain().await;
     assert_eq!(farm.finished(job.id).await.state, JobState::Done);
-    assert!(bits(&farm.image(job.id).await) == expected_bits(9));
+    let image = farm.image(job.id).await;
+    assert!(bits(&image) == expected_bits(9));
+    assert_eq!(image.metadata().unwrap().counters, expected_counters(9));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -139,7 +144,8 @@ async fn partials_of_another_scene_or_with_nodes_that_were_not_leased_are_refuse
 
     let second = farm.worker().await;
     let lease = second.claim().await.unwrap();
-    let parent = noise_node(addresses(&lease)[0].parent());
+    let parent = addresses(&lease)[0].parent();
+    let parent = Rendered { node: noise_node(parent), counters: noise_counters(parent) };
     let refused = second.upload(&lease, partial_of(&lease, &[parent])).await.unwrap_err();
     assert!(refused.problem().unwrap().detail.contains("was not leased"));
 }
@@ -254,6 +260,7 @@ async fn a_cancelled_job_keeps_its_image() {
     let mut passes = vec![0; grid().len() as usize];
     passes[lease.nodes[0].tile as usize] = 1;
     assert_eq!(image.metadata().unwrap().tile_passes, passes);
+    assert_eq!(image.metadata().unwrap().counters, noise_counters(addresses(&lease)[0]));
     let preview = farm.client.preview(job.id, &PreviewQuery::default()).await.unwrap();
     assert!(preview.starts_with(b"\x89PNG"));
 }
