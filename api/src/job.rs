@@ -125,6 +125,8 @@ pub struct JobView {
     pub remaining_ms: Option<i64>,
     /// Time spent rendering what was accepted, summed over cores.
     pub core_ms: i64,
+    /// What was counted while rendering what was accepted.
+    pub counters: Counters,
     /// Time limit, counted from `started_ms`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_limit_ms: Option<i64>,
@@ -142,6 +144,27 @@ pub struct JobView {
     /// When it reached its final state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finished_ms: Option<i64>,
+}
+
+/// Work counted while rendering. Every method counts the same way, so that their figures can be compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Counters {
+    /// Evaluations of a height field (with or without derivatives) at one point.
+    pub height_evaluations: u64,
+    /// Starts of an iterative solver from one seed.
+    pub solver_calls: u64,
+    /// Solver calls that converged to an admissible path.
+    pub converged: u64,
+    /// Distinct solutions that entered an estimate.
+    pub unique_solutions: u64,
+    /// Trials spent on estimating inverse probabilities.
+    pub trials: u64,
+    /// Inverse-probability estimates cut off at the largest number of trials.
+    pub truncated: u64,
+    /// Rays traced against the scene.
+    pub rays: u64,
+    /// Camera samples rendered.
+    pub samples: u64,
 }
 
 /// What a worker needs to render nodes of a job.

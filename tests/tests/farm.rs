@@ -1,6 +1,7 @@
 //! One process, or a farm of any size in which anything dies: the same bits.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use clerestory_api::JobState;
 use clerestory_render_core::film::{DecodeBudget, FrameImage, ImageMetadata};
@@ -65,6 +66,24 @@ fn farms_of_any_size_make_the_same_bits_as_one_process() {
         farm.submit(&scene(), &[&ORDER[..], &["--tile", tile]].concat());
         assert_made_alike(&rendered_by(&farm, &folder), &alone);
     }
+}
+
+#[test]
+fn submit_brings_the_same_files_as_render() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = |name: &str, words: &mut Command| {
+        let [image, stats] = [".exr", ".json"].map(|ending| folder.path().join(format!("{name}{ending}")));
+        let words = words.arg(scene()).args(["--size", "40x40", "--spp", "48", "--integrator", "fnee"]);
+        succeeded(words.arg("-o").arg(&image).arg("--stats").arg(&stats));
+        (image, stats)
+    };
+    let mut farm = Farm::start(None, &["--lease-nodes", "1"]);
+    farm.start_worker("nave");
+    let alone = files("alone", clerestory().arg("render"));
+    let together = files("together", &mut farm.command(&["submit", "--wait", "--tile", "16"]));
+    assert_made_alike(&together.0, &alone.0);
+    let read = |file: &Path| std::fs::read_to_string(file).expect("a file");
+    assert_eq!(read(&together.1), read(&alone.1));
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! What callers see of jobs and workers.
 
 use clerestory_api::{JobView, WorkerView};
+use clerestory_render_core::counters::Counters;
 
 use crate::farm::Farm;
 use crate::store::{JobRecord, StoreError};
@@ -47,6 +48,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         samples_per_second,
         remaining_ms,
         core_ms: job.core_ms,
+        counters: counters(job.counters),
         time_limit_ms: job.time_limit_ms,
         reference: job.reference,
         latest,
@@ -54,6 +56,22 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         started_ms: job.started_ms,
         finished_ms: job.finished_ms,
     })
+}
+
+/// Counters as the wire has them.
+fn counters(counters: Counters) -> clerestory_api::Counters {
+    let Counters { height_evaluations, solver_calls, converged, unique_solutions, trials, truncated, rays, samples } =
+        counters;
+    clerestory_api::Counters {
+        height_evaluations,
+        solver_calls,
+        converged,
+        unique_solutions,
+        trials,
+        truncated,
+        rays,
+        samples,
+    }
 }
 
 /// All jobs, newest first.

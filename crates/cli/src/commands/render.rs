@@ -23,7 +23,7 @@ use crate::failure::Failure;
 use crate::image_file;
 use crate::like::{self, Recipe};
 use crate::local_render::{self, Control, LocalRenderError, PassPlan, Round};
-use crate::output_file::{check_writable, write};
+use crate::output_file::{check_writable, write, write_stats};
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
 use crate::terminal::{Advance, Progress, duration_text, print_json, print_line};
@@ -97,8 +97,7 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         counters: rendering.counters,
     };
     if let Some(file) = &arguments.stats {
-        let text = serde_json::to_vec_pretty(&rendering.counters).expect("counters have a form in JSON");
-        write(file, &text)?;
+        write_stats(file, &rendering.counters)?;
     }
     if arguments.json { print_json(&summary) } else { print_line(&summary.text()) }?;
     if rendering.is_interrupted {

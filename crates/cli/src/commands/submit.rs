@@ -14,7 +14,7 @@ use crate::commands::watch::check_not_failed;
 use crate::connection::{Connection, ConnectionArguments};
 use crate::failure::Failure;
 use crate::follow::follow;
-use crate::output_file::{check_writable, write};
+use crate::output_file::{check_writable, write, write_stats};
 use crate::scene_overrides::SceneOverrides;
 use crate::terminal::{Progress, print_json, print_line};
 
@@ -48,6 +48,9 @@ pub(crate) struct SubmitArguments {
     /// Also write a PNG beside it.
     #[arg(long, requires = "output")]
     png: bool,
+    /// Write the counters (height evaluations, solver calls, solutions, ...) as JSON to this file when the job has ended.
+    #[arg(long, value_name = "FILE", requires = "wait")]
+    stats: Option<PathBuf>,
     /// Write the job as JSON.
     #[arg(long)]
     json: bool,
@@ -55,7 +58,7 @@ pub(crate) struct SubmitArguments {
 
 pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     let png = arguments.output.as_deref().filter(|_| arguments.png).map(|file| file.with_extension("png"));
-    for file in arguments.output.iter().chain(&png) {
+    for file in arguments.output.iter().chain(&png).chain(&arguments.stats) {
         check_writable(file)?;
     }
     let connection = arguments.connection.open()?;
@@ -73,6 +76,9 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         job = follow(&connection, job.id, &mut Progress::new()).await?;
         check_not_failed(&job)?;
         download(&connection, &job, arguments.output.as_deref(), png.as_deref()).await?;
+        if let Some(file) = &arguments.stats {
+            write_stats(file, &job.counters)?;
+        }
     }
     if arguments.json { print_json(&job) } else { print_line(&job.id.to_string()) }
 }

@@ -7,6 +7,7 @@ use clerestory_api::{EventBody, JobState, LeaseRequest, LeaseReturn, NodeVerdict
 use clerestory_coordinator::{Config, RunError, run};
 use clerestory_render_core::film::Rendered;
 use futures::StreamExt;
+use serde_json::json;
 use tokio::net::TcpListener;
 
 #[tokio::test(flavor = "multi_thread")]
@@ -27,6 +28,7 @@ async fn the_image_has_the_bits_of_a_single_process_however_the_work_is_cut() {
         assert_eq!(metadata.tile_passes, vec![21; grid().len() as usize]);
         assert_eq!(metadata.scene_hash, job.scene_hash);
         assert_eq!(metadata.counters, expected_counters(21));
+        assert_eq!(json!(done.counters), json!(metadata.counters));
         assert_eq!(metadata.worker_builds, ["test"]);
         farm.stop().await;
     }
