@@ -113,7 +113,8 @@ pub struct JobView {
     pub complete_passes: u32,
     /// Rounds recorded so far.
     pub rounds: u32,
-    /// Fraction of the work that is accepted, 0 to 1.
+    /// How far it is, 0 to 1: the fraction of its samples that is accepted, or of its time limit that has passed where
+    /// that is more; 1 when it is done.
     pub progress: f64,
     /// Camera samples accepted so far, over all pixels.
     pub samples: u64,

@@ -114,6 +114,16 @@ async fn a_job_is_watched_from_its_submission_to_its_last_round() {
 }
 
 #[tokio::test]
+async fn a_job_that_its_time_ends_shows_the_time_and_no_total() {
+    let mut farm = Farm::start(None, &[]);
+    farm.start_worker("nave");
+    let job = farm.submit(&scene(), &["--size", SMALL, "--time", "2", "--wait"]);
+    let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
+    browser.shows("article.job .percent", "100 %").await;
+    browser.shows(".samples", "within 2.0 s").await;
+}
+
+#[tokio::test]
 async fn exposure_makes_the_frame_brighter() {
     let mut farm = Farm::start(None, &[]);
     farm.start_worker("nave");

@@ -1,11 +1,13 @@
 //! `clerestory jobs`: the jobs of a farm, newest first.
 
+use std::time::Duration;
+
 use clap::Args;
 use clerestory_api::JobView;
 
 use crate::connection::ConnectionArguments;
 use crate::failure::Failure;
-use crate::terminal::{print_json, print_line};
+use crate::terminal::{duration_text, print_json, print_line};
 
 /// Options of `clerestory jobs`.
 #[derive(Debug, Args)]
@@ -23,13 +25,28 @@ pub(crate) async fn run(arguments: JobsArguments) -> Result<(), Failure> {
     if arguments.json {
         return print_json(&jobs);
     }
-    print_line(&format!("{:<36}  {:<9}  {:>6}  {:>10}  {:<6}  {}", "JOB", "STATE", "DONE", "MSE", "METHOD", "NAME"))?;
+    print_line(&line(["JOB", "STATE", "DONE", "SAMPLES A PIXEL", "MSE", "METHOD", "NAME"]))?;
     jobs.iter().try_for_each(|job| print_line(&row(job)))
 }
 
 fn row(job: &JobView) -> String {
     let mse = job.latest.as_ref().and_then(|point| point.mse.or(point.estimated_mse));
     let mse = mse.map_or_else(|| "-".to_owned(), |mse| format!("{mse:.3e}"));
-    let (id, state, done) = (job.id.to_string(), job.state.name(), job.progress * 100.0);
-    format!("{id:<36}  {state:<9}  {done:>5.1}%  {mse:>10}  {:<6}  {}", job.integrator, job.name)
+    let (id, done) = (job.id.to_string(), format!("{:.1}%", job.progress * 100.0));
+    line([&id, job.state.name(), &done, &samples_text(job), &mse, &job.integrator, &job.name])
+}
+
+fn line([id, state, done, samples, mse, method, name]: [&str; 7]) -> String {
+    format!("{id:<36}  {state:<9}  {done:>6}  {samples:>24}  {mse:>10}  {method:<6}  {name}")
+}
+
+/// Samples in a pixel so far, and what ends the job: their number, or its time.
+pub(crate) fn samples_text(job: &JobView) -> String {
+    let pixels = u64::from(job.width) * u64::from(job.height) * u64::from(job.frames);
+    let samples = job.samples as f64 / pixels.max(1) as f64;
+    let digits = if samples.fract() == 0.0 { 0 } else { 1 };
+    match job.time_limit_ms.and_then(|limit| u64::try_from(limit).ok()) {
+        Some(limit) => format!("{samples:.digits$} within {}", duration_text(Duration::from_millis(limit))),
+        None => format!("{samples:.digits$} of {}", u64::from(job.passes) * u64::from(job.samples_per_pass)),
+    }
 }

@@ -272,7 +272,7 @@ impl Order {
         let fraction = by_samples.max(by_time).min(1.0);
         let remaining = (samples > 0 && fraction > 0.0).then(|| elapsed.mul_f64(1.0 / fraction - 1.0));
         let samples_per_second = (samples > 0).then(|| samples as f64 / elapsed.as_secs_f64());
-        Advance { fraction, samples_per_second, remaining }
+        Advance { fraction, samples: None, samples_per_second, remaining }
     }
 }
 

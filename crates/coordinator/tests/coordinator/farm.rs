@@ -1,10 +1,11 @@
 //! A whole coordinator, over HTTP, with workers that upload noise: what comes out must be what went in.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::support::*;
 use clerestory_api::{EventBody, JobState, LeaseRequest, LeaseReturn, NodeVerdict, PreviewQuery, ProblemCode};
-use clerestory_coordinator::{Config, RunError, run};
+use clerestory_coordinator::{Clock, Config, RunError, run};
 use clerestory_render_core::film::Rendered;
 use futures::StreamExt;
 use serde_json::json;
@@ -281,11 +282,34 @@ async fn a_time_limit_ends_the_job_with_what_is_complete() {
     let lease = worker.claim().await.unwrap();
     worker.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap();
     let done = farm.finished(job.id).await;
-    assert_eq!((done.state, done.rounds), (JobState::Done, 1));
+    assert_eq!((done.state, done.rounds, done.progress), (JobState::Done, 1, 1.0));
     assert!(worker.claim().await.is_none());
     let image = farm.image(job.id).await;
     let counts = &image.metadata().unwrap().tile_passes;
     assert!(counts.iter().all(|count| *count >= 1) && counts.contains(&2), "{counts:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_is_as_far_as_its_samples_or_its_time_whichever_is_further() {
+    let clock = Clock::Manual(Arc::default());
+    let farm = TestFarm::start_with(|config| {
+        config.clock = clock.clone();
+        config.lease_nodes = Some(grid().len());
+    })
+    .await;
+    let mut submission = submission(10);
+    submission.time_limit_ms = Some(1000);
+    let job = farm.client.submit_job(&submission).await.unwrap();
+    assert_eq!(job.progress, 0.0);
+    let worker = farm.worker().await;
+    let lease = worker.claim().await.unwrap();
+    worker.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap();
+    assert_eq!(farm.client.job(job.id).await.unwrap().progress, 0.1);
+    clock.advance(250);
+    assert_eq!(farm.client.job(job.id).await.unwrap().progress, 0.25);
+    farm.client.cancel_job(job.id).await.unwrap();
+    clock.advance(250);
+    assert_eq!(farm.client.job(job.id).await.unwrap().progress, 0.25);
 }
 
 #[tokio::test(flavor = "multi_thread")]
