@@ -8,7 +8,7 @@
 //! # Invariants
 //!
 //! - Only data and one stateless client: no clock, no threads, no retries. When to try again is the caller's decision,
-//!   helped by [`ClientError::is_transient`].
+//!   helped by [`ClientError::is_transient`] and [`ClientError::pause`].
 
 mod client;
 mod convergence;

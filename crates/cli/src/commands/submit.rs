@@ -4,11 +4,12 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use backon::{ExponentialBuilder, Retryable};
 use bytes::Bytes;
 use clap::Args;
 use clerestory_api::{ClientError, ContentHash, JobSubmission, JobView, PreviewQuery, ProblemCode};
 use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
-use tracing::info;
+use tracing::{info, warn};
 
 use crate::commands::watch::check_not_failed;
 use crate::connection::{Connection, ConnectionArguments};
@@ -17,6 +18,9 @@ use crate::follow::follow;
 use crate::output_file::{check_writable, write, write_stats};
 use crate::scene_overrides::SceneOverrides;
 use crate::terminal::{Progress, print_json, print_line};
+
+/// How often an upload is repeated, with pauses of one second and more.
+const UPLOAD_REPETITIONS: usize = 5;
 
 /// Options of `clerestory submit`.
 #[derive(Debug, Args)]
@@ -118,7 +122,7 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         time_limit_ms: order.time_limit_ms,
     };
     let missing = match connection.client.submit_job(&submission).await {
-        Err(ClientError::Problem(problem)) if problem.code == ProblemCode::MissingAssets => problem.missing,
+        Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,
         answer => return answer.map_err(|error| connection.failure(error)),
     };
     for hash in missing {
@@ -126,7 +130,15 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         let Some(asset) = contents.get(&hash) else { continue };
         info!(%hash, bytes = asset.bytes().len(), "uploading");
         let content = Bytes::copy_from_slice(asset.bytes());
-        connection.client.upload_asset(&hash, content).await.map_err(|error| connection.failure(error))?;
+        // The coordinator has answered once, so what fails now may well pass.
+        let upload = || connection.client.upload_asset(&hash, content.clone());
+        upload
+            .retry(ExponentialBuilder::default().with_max_times(UPLOAD_REPETITIONS).with_jitter())
+            .when(ClientError::is_transient)
+            .adjust(|error, pause| pause.map(|pause| error.pause(pause)))
+            .notify(|error, pause| warn!(%hash, ?pause, reason = %error, "the upload failed, trying again"))
+            .await
+            .map_err(|error| connection.failure(error))?;
     }
     connection.client.submit_job(&submission).await.map_err(|error| connection.failure(error))
 }
