@@ -27,7 +27,9 @@ pub use event::{Event, EventBody};
 pub use event_stream::EventStream;
 pub use hash::{ContentHash, InvalidContentHash};
 pub use ids::{JobId, LeaseId, WorkerId};
-pub use job::{Counters, JobScene, JobState, JobSubmission, JobView, PreviewQuery, SessionRequest, ToneCurve};
+pub use job::{
+    Counters, JobScene, JobState, JobSubmission, JobView, PreviewExposure, PreviewQuery, SessionRequest, ToneCurve,
+};
 pub use lease::{
     CORE_MILLISECONDS_HEADER, FENCING_TOKEN_HEADER, Lease, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken,
     NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialUpload,

@@ -6,12 +6,12 @@ import { Connection } from './connection.js';
 import { Convergence } from './convergence.js';
 import { CancelDialog } from './cancel.js';
 import { counted, duration, moment, percent, rate } from './format.js';
-import { FIT, Frame } from './frame.js';
+import { AUTO, FIT, Frame } from './frame.js';
 import { JobProgress, JobState, timeLeft } from './jobs.js';
 
 /** The view of the job `id`. */
 export function JobView({ id, farm }) {
-  const [view, setView] = useState({ exposure: 0, curve: 'srgb', zoom: FIT });
+  const [view, setView] = useState({ exposure: AUTO, curve: 'filmic', zoom: FIT });
   const job = farm.jobs.get(id);
   if (!job) {
     return html`

@@ -4,9 +4,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::support::*;
-use clerestory_api::{EventBody, JobState, LeaseRequest, LeaseReturn, NodeVerdict, PreviewQuery, ProblemCode};
+use clerestory_api::{
+    EventBody, JobState, LeaseRequest, LeaseReturn, NodeVerdict, PreviewExposure, PreviewQuery, ProblemCode, ToneCurve,
+};
 use clerestory_coordinator::{Clock, Config, RunError, run};
-use clerestory_render_core::film::Rendered;
+use clerestory_render_core::film::{self, Exposure, PreviewSettings, Rendered, encode_png};
 use futures::StreamExt;
 use serde_json::json;
 use tokio::net::TcpListener;
@@ -264,8 +266,14 @@ async fn a_cancelled_job_keeps_its_image() {
     passes[lease.nodes[0].tile as usize] = 1;
     assert_eq!(image.metadata().unwrap().tile_passes, passes);
     assert_eq!(image.metadata().unwrap().counters, noise_counters(addresses(&lease)[0]));
-    let preview = farm.client.preview(job.id, &PreviewQuery::default()).await.unwrap();
-    assert!(preview.starts_with(b"\x89PNG"));
+    let (automatic, filmic) = (PreviewQuery::default(), film::ToneCurve::Filmic);
+    let darker = PreviewQuery { exposure: PreviewExposure::Stops(-1.5), curve: ToneCurve::Srgb };
+    for (query, exposure, curve) in
+        [(automatic, Exposure::Automatic, filmic), (darker, Exposure::Stops(-1.5), film::ToneCurve::Srgb)]
+    {
+        let expected = encode_png(&image, &PreviewSettings { exposure, curve }).unwrap();
+        assert!(farm.client.preview(job.id, &query).await.unwrap() == expected, "{query:?}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
