@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bytes::Bytes;
-use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue};
+use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
 use reqwest::{Method, RequestBuilder, Response, StatusCode, Url};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -20,6 +20,9 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Longest silence in the middle of an answer. Long polls stay below it, event streams send comments more often.
 const READ_TIMEOUT: Duration = Duration::from_secs(60);
+
+/// Longest pause that an answer can ask for: below the time that a lease lasts.
+const LONGEST_RETRY_AFTER: Duration = Duration::from_secs(30);
 
 /// A connection to a coordinator. Cheap to clone; clones share their connections.
 #[derive(Clone, Debug)]
@@ -43,8 +46,13 @@ pub enum ClientError {
     )]
     InvalidToken,
     /// The coordinator refused, and said why.
-    #[error("{0}")]
-    Problem(Box<Problem>),
+    #[error("{problem}")]
+    Problem {
+        /// What it said.
+        problem: Box<Problem>,
+        /// How long to wait before the next attempt, if the answer says.
+        retry_after: Option<Duration>,
+    },
     /// Somebody answered, but not as a coordinator does.
     #[error("unexpected answer with status {status}: {body}")]
     UnexpectedAnswer {
@@ -52,6 +60,8 @@ pub enum ClientError {
         status: u16,
         /// The beginning of the body.
         body: String,
+        /// How long to wait before the next attempt, if the answer says.
+        retry_after: Option<Duration>,
     },
     /// The request did not get through.
     #[error("no answer from the coordinator")]
@@ -59,20 +69,32 @@ pub enum ClientError {
 }
 
 impl ClientError {
-    /// Whether the same call may well succeed later: the coordinator is restarting, overloaded or out of reach.
+    /// Whether the same call may well succeed later: the coordinator is restarting, overloaded or out of reach, or the
+    /// line was too slow.
     pub fn is_transient(&self) -> bool {
         match self {
             Self::Transport(error) => !error.is_builder(),
-            Self::Problem(problem) => problem.status >= 500,
-            Self::UnexpectedAnswer { status, .. } => *status >= 500,
+            Self::Problem { problem, .. } => is_transient(problem.status),
+            Self::UnexpectedAnswer { status, .. } => is_transient(*status),
             Self::InvalidAddress { .. } | Self::InvalidToken => false,
+        }
+    }
+
+    /// How long to wait before the same call, for a caller who means to wait for `planned`: what the answer asks for
+    /// comes on top, so that callers who all were asked the same do not come back all at once.
+    pub fn pause(&self, planned: Duration) -> Duration {
+        match self {
+            Self::Problem { retry_after, .. } | Self::UnexpectedAnswer { retry_after, .. } => {
+                planned + retry_after.unwrap_or_default().min(LONGEST_RETRY_AFTER)
+            }
+            Self::InvalidAddress { .. } | Self::InvalidToken | Self::Transport(_) => planned,
         }
     }
 
     /// The problem document, if the coordinator sent one.
     pub fn problem(&self) -> Option<&Problem> {
         match self {
-            Self::Problem(problem) => Some(problem),
+            Self::Problem { problem, .. } => Some(problem),
             _ => None,
         }
     }
@@ -261,6 +283,17 @@ async fn json<T: DeserializeOwned>(response: Response) -> Result<T, ClientError>
     Ok(check(response).await?.json().await?)
 }
 
+/// Whether a status speaks of the moment and not of the request.
+fn is_transient(status: u16) -> bool {
+    // 408 Request Timeout and 429 Too Many Requests, of the coordinator or of a proxy before it.
+    status >= 500 || matches!(status, 408 | 429)
+}
+
+/// What an answer says of the next attempt, if it says it in seconds; dates depend on two clocks and are not read.
+fn retry_after(headers: &HeaderMap) -> Option<Duration> {
+    headers.get(RETRY_AFTER)?.to_str().ok()?.trim().parse().ok().map(Duration::from_secs)
+}
+
 /// Turns an answer that is not a success into an error.
 async fn check(response: Response) -> Result<Response, ClientError> {
     let status = response.status();
@@ -272,10 +305,66 @@ async fn check(response: Response) -> Result<Response, ClientError> {
         .get(CONTENT_TYPE)
         .and_then(|value| value.to_str().ok())
         .is_some_and(|value| value.starts_with(PROBLEM_MEDIA_TYPE));
+    let retry_after = retry_after(response.headers());
     let body = response.bytes().await?;
     if is_problem && let Ok(problem) = serde_json::from_slice(&body) {
-        return Err(ClientError::Problem(Box::new(problem)));
+        return Err(ClientError::Problem { problem: Box::new(problem), retry_after });
     }
     let body = String::from_utf8_lossy(&body).chars().take(200).collect();
-    Err(ClientError::UnexpectedAnswer { status: status.as_u16(), body })
+    Err(ClientError::UnexpectedAnswer { status: status.as_u16(), body, retry_after })
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    use tokio::net::TcpListener;
+
+    use super::*;
+
+    /// What a call makes of this answer.
+    async fn failure(answer: &'static str) -> ClientError {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let client = Client::new(&format!("http://{}", listener.local_addr().unwrap()), None).unwrap();
+        let server = tokio::spawn(async move {
+            let (mut connection, _) = listener.accept().await.unwrap();
+            assert!(connection.read(&mut [0; 4096]).await.unwrap() > 0, "a request");
+            connection.write_all(answer.as_bytes()).await.unwrap();
+        });
+        let failure = client.jobs().await.unwrap_err();
+        server.await.unwrap();
+        failure
+    }
+
+    #[tokio::test]
+    async fn a_slow_line_and_a_busy_server_pass_and_a_wrong_request_does_not() {
+        for (answer, passes) in [
+            ("HTTP/1.1 408 Request Timeout\r\ncontent-length: 0\r\n\r\n", true),
+            ("HTTP/1.1 429 Too Many Requests\r\ncontent-length: 0\r\n\r\n", true),
+            ("HTTP/1.1 503 Service Unavailable\r\ncontent-length: 0\r\n\r\n", true),
+            ("HTTP/1.1 400 Bad Request\r\ncontent-length: 0\r\n\r\n", false),
+            ("HTTP/1.1 413 Content Too Large\r\ncontent-length: 0\r\n\r\n", false),
+            (
+                "HTTP/1.1 408 Request Timeout\r\ncontent-type: application/problem+json\r\ncontent-length: 89\r\n\r\n\
+                 {\"type\":\"about:blank\",\"title\":\"slow\",\"status\":408,\"detail\":\"slow\",\"code\":\"body_too_slow\"}",
+                true,
+            ),
+        ] {
+            let failure = failure(answer).await;
+            assert_eq!(failure.is_transient(), passes, "{answer}");
+            assert_eq!(failure.problem().is_some(), answer.contains("problem+json"), "{failure}");
+        }
+    }
+
+    #[tokio::test]
+    async fn the_next_attempt_comes_no_sooner_than_the_answer_asks() {
+        let planned = Duration::from_millis(100);
+        for (answer, seconds) in [
+            ("HTTP/1.1 429 Too Many Requests\r\nretry-after: 7\r\ncontent-length: 0\r\n\r\n", 7),
+            ("HTTP/1.1 429 Too Many Requests\r\nretry-after: 99999999999\r\ncontent-length: 0\r\n\r\n", 30),
+            ("HTTP/1.1 429 Too Many Requests\r\nretry-after: soon\r\ncontent-length: 0\r\n\r\n", 0),
+            ("HTTP/1.1 429 Too Many Requests\r\ncontent-length: 0\r\n\r\n", 0),
+        ] {
+            assert_eq!(failure(answer).await.pause(planned), planned + Duration::from_secs(seconds), "{answer}");
+        }
+    }
 }

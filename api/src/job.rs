@@ -113,7 +113,8 @@ pub struct JobView {
     pub complete_passes: u32,
     /// Rounds recorded so far.
     pub rounds: u32,
-    /// Fraction of the work that is accepted, 0 to 1.
+    /// How far it is, 0 to 1: the fraction of its samples that is accepted, or of its time limit that has passed where
+    /// that is more; 1 when it is done.
     pub progress: f64,
     /// Camera samples accepted so far, over all pixels.
     pub samples: u64,
@@ -125,6 +126,8 @@ pub struct JobView {
     pub remaining_ms: Option<i64>,
     /// Time spent rendering what was accepted, summed over cores.
     pub core_ms: i64,
+    /// What was counted while rendering what was accepted.
+    pub counters: Counters,
     /// Time limit, counted from `started_ms`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_limit_ms: Option<i64>,
@@ -142,6 +145,27 @@ pub struct JobView {
     /// When it reached its final state.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finished_ms: Option<i64>,
+}
+
+/// Work counted while rendering. Every method counts the same way, so that their figures can be compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Counters {
+    /// Evaluations of a height field (with or without derivatives) at one point.
+    pub height_evaluations: u64,
+    /// Starts of an iterative solver from one seed.
+    pub solver_calls: u64,
+    /// Solver calls that converged to an admissible path.
+    pub converged: u64,
+    /// Distinct solutions that entered an estimate.
+    pub unique_solutions: u64,
+    /// Trials spent on estimating inverse probabilities.
+    pub trials: u64,
+    /// Inverse-probability estimates cut off at the largest number of trials.
+    pub truncated: u64,
+    /// Rays traced against the scene.
+    pub rays: u64,
+    /// Camera samples rendered.
+    pub samples: u64,
 }
 
 /// What a worker needs to render nodes of a job.
@@ -162,15 +186,51 @@ pub struct JobScene {
     pub passes: u32,
 }
 
-/// How a preview is made from the film.
+/// How a preview is made from the film; by default as `clerestory render --png` makes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema, IntoParams)]
 #[serde(deny_unknown_fields, default)]
 #[into_params(parameter_in = Query)]
 pub struct PreviewQuery {
-    /// Exposure in stops: radiance is multiplied by 2 to this power. Between -32 and 32.
-    pub exposure: f64,
-    /// Curve from linear light to the display.
+    /// `auto` (the default), or a number of stops between -32 and 32: radiance is multiplied by 2 to this power.
+    #[schema(value_type = String)]
+    #[param(value_type = String)]
+    pub exposure: PreviewExposure,
+    /// Curve from linear light to the display; `filmic` is the default.
     pub curve: ToneCurve,
+}
+
+/// How bright a preview is, written `auto` or as a number.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum PreviewExposure {
+    /// As bright as a photograph of the same light would be.
+    #[default]
+    Auto,
+    /// Radiance is multiplied by 2 to this power.
+    Stops(f64),
+}
+
+impl TryFrom<String> for PreviewExposure {
+    type Error = &'static str;
+
+    fn try_from(text: String) -> Result<Self, Self::Error> {
+        match text.as_str() {
+            "auto" => Ok(Self::Auto),
+            text => text
+                .parse()
+                .map(Self::Stops)
+                .map_err(|_| "neither `auto` nor a number, expected `auto` or a number of stops"),
+        }
+    }
+}
+
+impl From<PreviewExposure> for String {
+    fn from(exposure: PreviewExposure) -> Self {
+        match exposure {
+            PreviewExposure::Auto => "auto".to_owned(),
+            PreviewExposure::Stops(stops) => stops.to_string(),
+        }
+    }
 }
 
 /// Curve from linear light to the display.
@@ -178,9 +238,9 @@ pub struct PreviewQuery {
 #[serde(rename_all = "snake_case")]
 pub enum ToneCurve {
     /// The sRGB transfer function; brighter than 1 is clipped.
-    #[default]
     Srgb,
     /// A filmic curve that rolls highlights off.
+    #[default]
     Filmic,
 }
 

@@ -8,7 +8,7 @@
 //! # Invariants
 //!
 //! - Only data and one stateless client: no clock, no threads, no retries. When to try again is the caller's decision,
-//!   helped by [`ClientError::is_transient`].
+//!   helped by [`ClientError::is_transient`] and [`ClientError::pause`].
 
 mod client;
 mod convergence;
@@ -27,7 +27,9 @@ pub use event::{Event, EventBody};
 pub use event_stream::EventStream;
 pub use hash::{ContentHash, InvalidContentHash};
 pub use ids::{JobId, LeaseId, WorkerId};
-pub use job::{JobScene, JobState, JobSubmission, JobView, PreviewQuery, SessionRequest, ToneCurve};
+pub use job::{
+    Counters, JobScene, JobState, JobSubmission, JobView, PreviewExposure, PreviewQuery, SessionRequest, ToneCurve,
+};
 pub use lease::{
     CORE_MILLISECONDS_HEADER, FENCING_TOKEN_HEADER, Lease, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken,
     NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialUpload,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
 use clerestory_api::{JobId, Lease, LeaseRequest, LeaseReturn, WorkerId, WorkerRegistration};
-use clerestory_render_core::film::{Node, NodeAddress, PartialHeader, TileGrid, partial};
+use clerestory_render_core::film::{NodeAddress, PartialHeader, Rendered, TileGrid, partial};
 use clerestory_render_core::integrator::render_node;
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
 
@@ -68,7 +68,7 @@ impl<'a> HandWorker<'a> {
     pub fn claim(&self) -> Delivery {
         let request = LeaseRequest { worker: self.id, max_nodes: None, wanted_ms: None, wait_ms: 0 };
         let lease = self.caller.wait(self.caller.client().claim_lease(&request)).expect("an answer").expect("work");
-        let nodes: Vec<Node> = lease.nodes.iter().map(|node| self.render(node)).collect();
+        let nodes: Vec<Rendered> = lease.nodes.iter().map(|node| self.render(node)).collect();
         let header = PartialHeader {
             job: lease.job.to_string(),
             scene_hash: self.scene.hash().to_string(),
@@ -78,10 +78,10 @@ impl<'a> HandWorker<'a> {
         Delivery { lease, partial }
     }
 
-    fn render(&self, node: &clerestory_api::NodeAddress) -> Node {
+    fn render(&self, node: &clerestory_api::NodeAddress) -> Rendered {
         let clerestory_api::NodeAddress { frame, tile, level, index } = *node;
         let address = NodeAddress { frame, tile, level, index };
-        render_node(&self.scene, &self.grid, address, &AtomicBool::new(false)).expect("a node").node
+        render_node(&self.scene, &self.grid, address, &AtomicBool::new(false)).expect("a node")
     }
 
     /// Keeps a lease for another term.

@@ -221,8 +221,8 @@ fn bad_nodes() -> Vec<BadDelivery> {
         malformed("a part that says it in half a JSON", &["part 1: the attribute clerestory", "EOF"], |delivery| {
             delivery.with_part(|part| set_header(part, "{\"version\":1,\"job\":"))
         }),
-        malformed("a part of a future version", &["part 1: the header has version 2", "reads version 1"], |delivery| {
-            delivery.with_header(|header| header["version"] = json!(2))
+        malformed("a part of a future version", &["part 1: the header has version 3", "reads version 2"], |delivery| {
+            delivery.with_header(|header| header["version"] = json!(3))
         }),
         malformed("a part without its number of passes", &["part 1", "missing field `passes`"], |delivery| {
             delivery.with_header(|header| drop(header.as_object_mut().expect("an object").remove("passes")))
@@ -233,6 +233,17 @@ fn bad_nodes() -> Vec<BadDelivery> {
         malformed("no samples", &["claims samples 0; it must be"], |delivery| {
             delivery.with_header(|header| header["samples"] = json!(0))
         }),
+        malformed("a part without its counters", &["part 1", "missing field `counters`"], |delivery| {
+            delivery.with_header(|header| drop(header.as_object_mut().expect("an object").remove("counters")))
+        }),
+        malformed("samples that nobody rendered", &["claims counters.samples 5; it must be"], |delivery| {
+            delivery.with_header(|header| header["counters"]["samples"] = json!(5))
+        }),
+        malformed(
+            "more work than can be done",
+            &["claims counters.rays 18446744073709551615", "at most"],
+            |delivery| delivery.with_header(|header| header["counters"]["rays"] = json!(u64::MAX)),
+        ),
         malformed("more passes than the node has", &["claims passes 7; it must be"], |delivery| {
             delivery.with_header(|header| header["passes"] = json!(7))
         }),

@@ -114,6 +114,16 @@ async fn a_job_is_watched_from_its_submission_to_its_last_round() {
 }
 
 #[tokio::test]
+async fn a_job_that_its_time_ends_shows_the_time_and_no_total() {
+    let mut farm = Farm::start(None, &[]);
+    farm.start_worker("nave");
+    let job = farm.submit(&scene(), &["--size", SMALL, "--time", "2", "--wait"]);
+    let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
+    browser.shows("article.job .percent", "100 %").await;
+    browser.shows(".samples", "within 2.0 s").await;
+}
+
+#[tokio::test]
 async fn exposure_makes_the_frame_brighter() {
     let mut farm = Farm::start(None, &[]);
     farm.start_worker("nave");
@@ -127,12 +137,20 @@ async fn exposure_makes_the_frame_brighter() {
         context.drawImage(image, 0, 0);
         window.measured = image.src;
         return context.getImageData(0, 0, canvas.width, canvas.height).data.reduce((sum, value) => sum + value, 0)";
+    browser.shows(".exposure output", "automatic").await;
+    browser.script_gives(brightness).await;
+    let expose = |stops: i32| {
+        format!(
+            "const slider = document.querySelector('#exposure');
+            slider.value = {stops};
+            slider.dispatchEvent(new Event('input', {{ bubbles: true }}))"
+        )
+    };
+    browser.script(&expose(-1)).await;
+    browser.shows(".exposure output", "−1 stop").await;
     let before = browser.script_gives(brightness).await.as_f64().unwrap();
-    let brighter = "const slider = document.querySelector('#exposure');
-        slider.value = 2;
-        slider.dispatchEvent(new Event('input', { bubbles: true }))";
-    browser.script(brighter).await;
-    browser.shows(".exposure output", "+2 stops").await;
+    browser.script(&expose(1)).await;
+    browser.shows(".exposure output", "+1 stop").await;
     let after = browser.script_gives(brightness).await.as_f64().unwrap();
     assert!(after > before, "two stops more give {after}, before {before}");
 }

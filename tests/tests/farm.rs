@@ -1,8 +1,10 @@
 //! One process, or a farm of any size in which anything dies: the same bits.
 
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use clerestory_api::JobState;
+use clerestory_render_core::film::{DecodeBudget, FrameImage, ImageMetadata};
 use clerestory_tests::exr_files::same_samples;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use tempfile::TempDir;
@@ -68,6 +70,22 @@ fn assert_same_bits(first: &Path, second: &Path) {
     assert_eq!(same_samples(&first, &second), Ok(()));
 }
 
+/// How an image says that it was made.
+fn metadata(file: &Path) -> ImageMetadata {
+    let image = FrameImage::decode(&std::fs::read(file).expect("a file"), DecodeBudget { pixel_bytes: 1 << 24 });
+    image.expect("an image").metadata().expect("an image of ours").clone()
+}
+
+/// The same bits, made with the same work by the same build.
+#[track_caller]
+fn assert_made_alike(first: &Path, second: &Path) {
+    assert_same_bits(first, second);
+    let [first, second] = [first, second].map(metadata);
+    assert!(first.counters.rays > 0 && first.counters.height_evaluations > 0, "{:?}", first.counters);
+    assert_eq!(first.counters, second.counters);
+    assert_eq!((&first.build, &first.worker_builds), (&second.build, &second.worker_builds));
+}
+
 #[test]
 fn farms_of_any_size_make_the_same_bits_as_one_process() {
     let orders = [WITH_CONE, WITH_FNEE, WITH_PATH].map(|order| {
@@ -82,9 +100,29 @@ fn farms_of_any_size_make_the_same_bits_as_one_process() {
         }
         for (order, folder, alone) in &orders {
             order.submit(&farm, tile);
-            assert_same_bits(&rendered_by(&farm, folder), alone);
+            assert_made_alike(&rendered_by(&farm, folder), alone);
         }
     }
+}
+
+#[test]
+fn submit_brings_the_same_files_as_render() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = |name: &str, words: &mut Command| {
+        let [image, stats] = [".exr", ".json"].map(|ending| folder.path().join(format!("{name}{ending}")));
+        let words = words.arg(WITH_FNEE.scene()).args(["--size", "40x40", "--spp", "48", "--integrator", "fnee"]);
+        succeeded(words.arg("--png").arg("-o").arg(&image).arg("--stats").arg(&stats));
+        (image, stats)
+    };
+    let mut farm = Farm::start(None, &["--lease-nodes", "1"]);
+    farm.start_worker("nave");
+    let alone = files("alone", clerestory().arg("render"));
+    let together = files("together", &mut farm.command(&["submit", "--wait", "--tile", "16"]));
+    assert_made_alike(&together.0, &alone.0);
+    let read = |file: &Path| std::fs::read(file).expect("a file");
+    assert_eq!(String::from_utf8_lossy(&read(&together.1)), String::from_utf8_lossy(&read(&alone.1)));
+    let png = |image: &Path| read(&image.with_extension("png"));
+    assert!(png(&together.0) == png(&alone.0), "the same light looks different");
 }
 
 #[test]
@@ -103,7 +141,7 @@ fn killing_a_worker_and_then_the_coordinator_changes_no_bit() {
     farm.restart_coordinator();
     let after = farm.newest_job();
     assert!(after.progress >= before.progress, "acknowledged work was lost: {after:?}");
-    assert_same_bits(&rendered_by(&farm, &folder), &alone);
+    assert_made_alike(&rendered_by(&farm, &folder), &alone);
 }
 
 #[test]

@@ -109,7 +109,7 @@ impl Failure {
     pub(crate) fn advice(&self) -> Option<String> {
         let mut calls = self.causes().filter_map(|cause| cause.downcast_ref::<ClientError>());
         let is_refused = calls.any(|error| match error {
-            ClientError::Problem(problem) => problem.code == ProblemCode::Unauthorized,
+            ClientError::Problem { problem, .. } => problem.code == ProblemCode::Unauthorized,
             ClientError::UnexpectedAnswer { status, .. } => *status == 401,
             _ => false,
         });

@@ -5,6 +5,7 @@ use std::time::Duration;
 use clerestory_api::{ClientError, ConvergencePoint, EventBody, JobId, JobView};
 use futures::StreamExt;
 
+use crate::commands::jobs::samples_text;
 use crate::connection::Connection;
 use crate::failure::{Failure, root_cause};
 use crate::terminal::{Advance, Progress};
@@ -62,6 +63,7 @@ impl Follower<'_> {
             let Some(view) = views.into_iter().find(|view| view.id == self.job) else { continue };
             self.progress.show(&Advance {
                 fraction: view.progress,
+                samples: Some(samples_text(&view)),
                 samples_per_second: view.samples_per_second,
                 remaining: view.remaining_ms.and_then(|left| u64::try_from(left).ok()).map(Duration::from_millis),
             });

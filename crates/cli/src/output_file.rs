@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use serde::Serialize;
+
 use crate::failure::Failure;
 
 /// Writes a file whole or not at all: a reader never sees half of it, and a full disk does not cost the old one.
@@ -18,6 +20,11 @@ pub(crate) fn write(file: &Path, content: &[u8]) -> Result<(), Failure> {
         let _ = fs::remove_file(&unfinished);
     }
     result.map_err(failure)
+}
+
+/// Writes the counters of a render.
+pub(crate) fn write_stats(file: &Path, counters: &impl Serialize) -> Result<(), Failure> {
+    write(file, &serde_json::to_vec_pretty(counters).expect("counters have a form in JSON"))
 }
 
 /// Checks that a file can be written later, before the work for it starts.

@@ -37,10 +37,12 @@ pub(crate) fn print_failure(failure: &Failure) {
 }
 
 /// How far a render is.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Advance {
     /// Fraction that is done, 0 to 1.
     pub(crate) fraction: f64,
+    /// Samples in a pixel, in words.
+    pub(crate) samples: Option<String>,
     /// Camera samples a second.
     pub(crate) samples_per_second: Option<f64>,
     /// Estimated time left.
@@ -108,9 +110,10 @@ impl Progress {
 }
 
 fn advance_text(advance: &Advance) -> String {
+    let samples = advance.samples.as_ref().map(|samples| format!("{samples} samples a pixel"));
     let rate = advance.samples_per_second.map(|rate| format!("{} samples/s", with_prefix(rate)));
     let left = advance.remaining.map(|left| format!("{} left", duration_text(left)));
-    [rate, left].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    [samples, rate, left].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 fn round_text(point: &ConvergencePoint) -> String {
@@ -160,9 +163,13 @@ mod tests {
     fn durations_and_rates_are_written_for_people() {
         let text = |seconds| duration_text(Duration::from_secs_f64(seconds));
         assert_eq!((text(0.44), text(200.0), text(7500.0)), ("0.4 s".into(), "3 min 20 s".into(), "2 h 05 min".into()));
-        let advance =
-            Advance { fraction: 0.5, samples_per_second: Some(1_234_567.0), remaining: Some(Duration::from_secs(61)) };
-        assert_eq!(advance_text(&advance), "1.23 M samples/s, 1 min 01 s left");
+        let advance = Advance {
+            fraction: 0.5,
+            samples: Some("128 of 256".to_owned()),
+            samples_per_second: Some(1_234_567.0),
+            remaining: Some(Duration::from_secs(61)),
+        };
+        assert_eq!(advance_text(&advance), "128 of 256 samples a pixel, 1.23 M samples/s, 1 min 01 s left");
         assert_eq!(advance_text(&Advance::default()), "");
     }
 

@@ -47,7 +47,7 @@ export const openSession = (token) => send('POST', '/session', { body: { token }
 /** Address of the image of a job as OpenEXR. */
 export const exrAddress = (job) => `${PREFIX}/jobs/${encodeURIComponent(job)}/image.exr`;
 
-/** Address of the image of a job as PNG. `exposure` is in stops, `curve` is `srgb` or `filmic`. */
+/** Address of the image of a job as PNG. `exposure` is `auto` or in stops, `curve` is `srgb` or `filmic`. */
 export const previewAddress = (job, { exposure, curve }) =>
   `${PREFIX}/jobs/${encodeURIComponent(job)}/preview.png?${new URLSearchParams({ exposure, curve })}`;
 

@@ -6,6 +6,7 @@ import { ProblemText } from './problem.js';
 import { useWidth } from './size.js';
 
 export const FIT = 'fit';
+export const AUTO = 'auto';
 const ZOOMS = [FIT, 1, 2, 4, 8];
 const EXPOSURE_LIMIT = 12;
 // Largest part of the window's height that a fitted frame takes.
@@ -43,16 +44,16 @@ function Controls({ view, onView }) {
     <div class="controls" role="group" aria-label="How the frame is shown">
       <div class="exposure">
         <label for="exposure">Exposure</label>
-        <input id="exposure" type="range" min=${-EXPOSURE_LIMIT} max=${EXPOSURE_LIMIT} step="0.25" value=${view.exposure}
-          aria-valuetext=${stops(view.exposure)} onInput=${(event) => onView({ ...view, exposure: Number(event.target.value) })} />
-        <output for="exposure">${stops(view.exposure)}</output>
-        <button type="button" disabled=${view.exposure === 0} onClick=${() => onView({ ...view, exposure: 0 })}>Reset</button>
+        <input id="exposure" type="range" min=${-EXPOSURE_LIMIT} max=${EXPOSURE_LIMIT} step="0.25" value=${view.exposure === AUTO ? 0 : view.exposure}
+          aria-valuetext=${exposureText(view.exposure)} onInput=${(event) => onView({ ...view, exposure: Number(event.target.value) })} />
+        <output for="exposure">${exposureText(view.exposure)}</output>
+        <button type="button" disabled=${view.exposure === AUTO} onClick=${() => onView({ ...view, exposure: AUTO })}>Auto</button>
       </div>
       <div>
         <label for="curve">Tone curve</label>
         <select id="curve" value=${view.curve} onChange=${(event) => onView({ ...view, curve: event.target.value })}>
-          <option value="srgb">sRGB</option>
           <option value="filmic">filmic</option>
+          <option value="srgb">sRGB</option>
         </select>
       </div>
       <div>
@@ -66,7 +67,8 @@ function Controls({ view, onView }) {
 
 const zoomOf = (text) => (text === FIT ? FIT : Number(text));
 
-function stops(exposure) {
+function exposureText(exposure) {
+  if (exposure === AUTO) return 'automatic';
   const sign = exposure > 0 ? '+' : exposure < 0 ? '−' : '';
   return `${sign}${Math.abs(exposure)} ${Math.abs(exposure) === 1 ? 'stop' : 'stops'}`;
 }

@@ -6,12 +6,12 @@ import { Connection } from './connection.js';
 import { Convergence } from './convergence.js';
 import { CancelDialog } from './cancel.js';
 import { counted, duration, moment, percent, rate } from './format.js';
-import { FIT, Frame } from './frame.js';
+import { AUTO, FIT, Frame } from './frame.js';
 import { JobProgress, JobState, timeLeft } from './jobs.js';
 
 /** The view of the job `id`. */
 export function JobView({ id, farm }) {
-  const [view, setView] = useState({ exposure: 0, curve: 'srgb', zoom: FIT });
+  const [view, setView] = useState({ exposure: AUTO, curve: 'filmic', zoom: FIT });
   const job = farm.jobs.get(id);
   if (!job) {
     return html`
@@ -47,11 +47,10 @@ export function JobView({ id, farm }) {
 }
 
 function Facts({ job }) {
-  const budget = job.passes * job.samples_per_pass;
   const pixels = job.width * job.height * job.frames;
   const facts = [
     [job.finished_ms ? 'took' : 'time left', timeLeft(job)],
-    ['samples a pixel', html`<span class="samples">${mean(job.samples / pixels)} of ${budget}</span>`],
+    ['samples a pixel', html`<span class="samples">${mean(job.samples / pixels)} ${end(job)}</span>`],
     ['rate', job.state === 'running' ? rate(job.samples_per_second) : '–'],
     ['core time', duration(job.core_ms)],
     ['rounds', job.rounds],
@@ -60,13 +59,15 @@ function Facts({ job }) {
     ['priority', job.priority],
     ['submitted', moment(job.created_ms)],
   ];
-  if (job.time_limit_ms) facts.push(['time limit', duration(job.time_limit_ms)]);
   return html`
     <dl class="card facts tall">
       ${facts.map(([name, value]) => html`<div><dt>${name}</dt><dd>${value}</dd></div>`)}
       <div><dt>scene</dt><dd><code class="hash" title=${job.scene_hash}>${job.scene_hash.slice(0, 12)}</code></dd></div>
     </dl>`;
 }
+
+// A time limit ends a job long before the number of samples that stands for as many as it allows.
+const end = (job) => (job.time_limit_ms ? `within ${duration(job.time_limit_ms)}` : `of ${job.passes * job.samples_per_pass}`);
 
 const mean = (samples) => (Number.isInteger(samples) ? samples : samples.toFixed(1));
 

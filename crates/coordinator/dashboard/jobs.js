@@ -41,7 +41,7 @@ function JobRow({ job, now }) {
       <div class="job-name">
         <h3><a href=${`#/jobs/${job.id}`}>${job.name}</a></h3>
         <p class="quiet">
-          ${job.width} × ${job.height} · ${job.integrator} · ${counted(job.passes * job.samples_per_pass, 'sample')} a pixel
+          ${job.width} × ${job.height} · ${job.integrator} · ${limit(job)}
         </p>
       </div>
       <${JobState} state=${job.state} />
@@ -55,6 +55,9 @@ function JobRow({ job, now }) {
       ${job.failure && html`<p class="failure">${job.failure}</p>`}
     </li>`;
 }
+
+const limit = (job) =>
+  job.time_limit_ms ? `for ${duration(job.time_limit_ms)}` : `${counted(job.passes * job.samples_per_pass, 'sample')} a pixel`;
 
 /** What is left of a job, or what it took. */
 export function timeLeft(job) {

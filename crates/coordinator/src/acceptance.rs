@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, ProblemCode};
-use clerestory_render_core::film::{self, Expectation, Node, NodeAddress, partial};
+use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::{self, Expectation, Node, NodeAddress, Rendered, partial};
 use futures::stream::{self, StreamExt, TryStreamExt};
 
 use crate::farm::Farm;
@@ -75,11 +76,12 @@ async fn store(
     lease: LeaseId,
     token: u64,
     core_ms: u64,
-    nodes: Vec<Node>,
+    rendered: Vec<Rendered>,
 ) -> Result<PartialAnswer, ApiError> {
-    let nodes: Vec<Arc<Node>> = nodes.into_iter().map(Arc::new).collect();
-    let writes: Vec<_> = nodes.iter().map(|node| write(farm, job, Arc::clone(node))).collect();
-    let delivered: Vec<DeliveredNode> = stream::iter(writes).buffered(WRITES).try_collect().await?;
+    let (nodes, counters): (Vec<Arc<Node>>, Vec<Counters>) =
+        rendered.into_iter().map(|Rendered { node, counters }| (Arc::new(node), counters)).unzip();
+    let writes = nodes.iter().zip(counters).map(|(node, counters)| write(farm, job, Arc::clone(node), counters));
+    let delivered: Vec<DeliveredNode> = stream::iter(writes.collect::<Vec<_>>()).buffered(WRITES).try_collect().await?;
     let now_ms = farm.config.clock.now_ms();
     let core_ms = i64::try_from(core_ms).unwrap_or(i64::MAX);
     let delivery = Delivery { lease, token, nodes: delivered.clone(), core_ms, now_ms };
@@ -113,8 +115,8 @@ async fn store(
     Ok(PartialAnswer { nodes: answers, outstanding: acceptance.outstanding })
 }
 
-async fn write(farm: &Farm, job: &JobRecord, node: Arc<Node>) -> Result<DeliveredNode, ApiError> {
+async fn write(farm: &Farm, job: &JobRecord, node: Arc<Node>, counters: Counters) -> Result<DeliveredNode, ApiError> {
     let address = node.address();
     let bytes = tokio::task::spawn_blocking(move || film::store::encode(&node)).await.map_err(ApiError::internal)?;
-    Ok(DeliveredNode { address, blob: farm.blobs.put_node(job.id, bytes).await? })
+    Ok(DeliveredNode { address, blob: farm.blobs.put_node(job.id, bytes).await?, counters })
 }

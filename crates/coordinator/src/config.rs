@@ -34,6 +34,8 @@ pub struct Config {
     pub node_cache_bytes: usize,
     /// Where the time comes from.
     pub clock: Clock,
+    /// Which build of Clerestory this is; the program that makes images, as their metadata name it.
+    pub build: String,
 }
 
 impl Config {
@@ -49,6 +51,7 @@ impl Config {
             max_partial_bytes: 256 << 20,
             node_cache_bytes: 512 << 20,
             clock: Clock::System,
+            build: env!("CARGO_PKG_VERSION").to_owned(),
         }
     }
 

@@ -13,13 +13,11 @@ use clerestory_render_core::film::{
 use futures::stream::{self, StreamExt, TryStreamExt};
 
 use crate::blobs::{BlobError, Blobs};
-use crate::store::{JobRecord, NodeRow, Store, StoreError};
+use crate::farm::Farm;
+use crate::store::{JobRecord, NodeRow, StoreError, Work};
 
 /// Blobs read at the same time.
 const READS: usize = 8;
-
-/// The program that writes images, as their metadata name it.
-pub(crate) const BUILD: &str = concat!("clerestory ", env!("CARGO_PKG_VERSION"));
 
 /// The film cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -177,16 +175,17 @@ pub(crate) enum Extent {
     Complete,
 }
 
-/// The image of a frame.
+/// The image of a frame, with the work that it took. The nodes are those of the rows, in their order.
 ///
 /// # Errors
 ///
 /// [`FilmError::Empty`] when no tile has a complete pass; otherwise when the nodes do not make the image.
 pub(crate) fn assemble(
     job: &JobRecord,
+    rows: &[NodeRow],
     nodes: &[Arc<Node>],
     extent: Extent,
-    metadata: ImageMetadata,
+    mut metadata: ImageMetadata,
 ) -> Result<FrameImage, FilmError> {
     let mut sums = Vec::new();
     for nodes in nodes.chunk_by(|a, b| a.address().tile == b.address().tile) {
@@ -201,7 +200,25 @@ pub(crate) fn assemble(
         }
     }
     check_complete(job, &sums, extent)?;
+    let work = work_of(rows, &sums);
+    metadata.counters = work.counters;
+    if !work.builds.iter().eq([&metadata.build]) {
+        metadata.worker_builds = work.builds.into_iter().collect();
+    }
     Ok(FrameImage::assemble(&job.grid, &sums, metadata)?)
+}
+
+/// The work that the sums took; nodes beyond them are not in the image.
+fn work_of(rows: &[NodeRow], sums: &[TileSum]) -> Work {
+    let summed: BTreeMap<u32, u32> = sums.iter().map(|sum| (sum.tile_index, sum.passes)).collect();
+    let mut work = Work::default();
+    for row in rows {
+        let passes = row.address.passes();
+        if summed.get(&row.address.tile).is_some_and(|summed| passes.first + passes.count <= *summed) {
+            work += &row.work;
+        }
+    }
+    work
 }
 
 fn check_complete(job: &JobRecord, sums: &[TileSum], extent: Extent) -> Result<(), FilmError> {
@@ -231,9 +248,9 @@ pub(crate) fn film_tile(
     Ok(Some(tile))
 }
 
-/// What the image of a frame says of how it was made.
-pub(crate) async fn metadata(store: &Store, job: &JobRecord, frame: u32) -> Result<ImageMetadata, FilmError> {
-    let scene: serde_json::Value = match store.job_scene(job.id).await? {
+/// What the image of a frame says of how it was made, but for the work, which depends on its extent.
+pub(crate) async fn metadata(farm: &Farm, job: &JobRecord, frame: u32) -> Result<ImageMetadata, FilmError> {
+    let scene: serde_json::Value = match farm.store.job_scene(job.id).await? {
         Some((scene, _)) => serde_json::from_str(&scene)?,
         None => serde_json::Value::Null,
     };
@@ -246,7 +263,8 @@ pub(crate) async fn metadata(store: &Store, job: &JobRecord, frame: u32) -> Resu
         sampling: job.sampling()?,
         tile_size: job.grid.tile_size,
         tile_passes: Vec::new(),
-        build: BUILD.to_owned(),
+        build: farm.config.build.clone(),
+        worker_builds: Vec::new(),
         missing_light: job.missing_light.clone(),
         counters: Default::default(),
         elapsed_seconds: elapsed_ms.map(|elapsed_ms| elapsed_ms as f64 / 1000.0),

@@ -61,18 +61,18 @@ pub(crate) async fn current(farm: &Farm, job: &JobRecord) -> Result<Arc<FrameIma
 }
 
 async fn compute(farm: &Farm, job: &JobRecord) -> Result<FrameImage, FilmError> {
-    let metadata = film::metadata(&farm.store, job, 0).await?;
+    let metadata = film::metadata(farm, job, 0).await?;
     let mut tries = 1;
-    let nodes = loop {
+    let (rows, nodes) = loop {
         let mut rows = farm.store.nodes(job.id).await?;
         rows.retain(|row| row.address.frame == 0);
         match farm.film.load(&rows).await {
-            Ok(nodes) => break nodes,
+            Ok(nodes) => break (rows, nodes),
             // The keeper has merged and removed a node between the two reads; the new rows name its parent.
             Err(FilmError::Blob(error)) if error.is_missing() && tries < TRIES => tries += 1,
             Err(error) => return Err(error),
         }
     };
     let job = job.clone();
-    tokio::task::spawn_blocking(move || film::assemble(&job, &nodes, Extent::Complete, metadata)).await?
+    tokio::task::spawn_blocking(move || film::assemble(&job, &rows, &nodes, Extent::Complete, metadata)).await?
 }

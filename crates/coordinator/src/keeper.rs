@@ -72,11 +72,11 @@ async fn record_round(
     for rows in rows.chunk_by(|a, b| a.address.frame == b.address.frame) {
         let Some(frame) = rows.first().map(|row| row.address.frame) else { continue };
         let nodes = farm.film.load(rows).await?;
-        let metadata = metadata(&farm.store, job, frame).await?;
-        let (job, wave, reference) = (job.clone(), *wave, references.get(&job.id).cloned());
+        let metadata = metadata(farm, job, frame).await?;
+        let (job, rows, wave, reference) = (job.clone(), rows.to_vec(), *wave, references.get(&job.id).cloned());
         let now_ms = farm.config.clock.now_ms();
         let point = tokio::task::spawn_blocking(move || {
-            let image = assemble(&job, &nodes, Extent::Passes(wave.passes), metadata)?;
+            let image = assemble(&job, &rows, &nodes, Extent::Passes(wave.passes), metadata)?;
             Ok::<_, FilmError>(convergence::point(&job, &wave, frame, &image, reference.as_deref(), now_ms))
         });
         points.push(point.await??);
@@ -112,7 +112,7 @@ async fn merge_tile(farm: &Farm, job: &JobRecord, rows: &[NodeRow], recorded_pas
         let address = node.address();
         let blob = farm.blobs.put_node(id, bytes).await?;
         farm.film.keep(blob.clone(), Arc::new(node));
-        let removed = farm.store.replace_descendants(id, NodeRow { address, blob }).await?;
+        let removed = farm.store.replace_descendants(id, address, blob).await?;
         farm.film.forget(&removed);
         farm.blobs.remove_nodes(removed).await;
     }

@@ -1,6 +1,7 @@
 //! What callers see of jobs and workers.
 
-use clerestory_api::{JobView, WorkerView};
+use clerestory_api::{JobState, JobView, WorkerView};
+use clerestory_render_core::counters::Counters;
 
 use crate::farm::Farm;
 use crate::store::{JobRecord, StoreError};
@@ -25,7 +26,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         by_limit.map_or(by_rate, |by_limit| by_limit.min(by_rate))
     });
     Ok(JobView {
-        progress: job.samples as f64 / total_samples.max(1) as f64,
+        progress: progress(&job, now_ms),
         tiles: job.grid.len(),
         width: job.grid.width,
         height: job.grid.height,
@@ -47,6 +48,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         samples_per_second,
         remaining_ms,
         core_ms: job.core_ms,
+        counters: counters(job.counters),
         time_limit_ms: job.time_limit_ms,
         reference: job.reference,
         latest,
@@ -54,6 +56,33 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         started_ms: job.started_ms,
         finished_ms: job.finished_ms,
     })
+}
+
+/// How far a job is: a time limit may end it long before its last sample.
+fn progress(job: &JobRecord, now_ms: i64) -> f64 {
+    if job.state == JobState::Done {
+        return 1.0;
+    }
+    let by_samples = job.samples as f64 / job.total_samples().max(1) as f64;
+    let elapsed_ms = job.started_ms.map(|started_ms| job.finished_ms.unwrap_or(now_ms) - started_ms);
+    let by_time = elapsed_ms.zip(job.time_limit_ms).map(|(elapsed_ms, limit_ms)| elapsed_ms as f64 / limit_ms as f64);
+    by_time.map_or(by_samples, |by_time| by_time.max(by_samples)).min(1.0)
+}
+
+/// Counters as the wire has them.
+fn counters(counters: Counters) -> clerestory_api::Counters {
+    let Counters { height_evaluations, solver_calls, converged, unique_solutions, trials, truncated, rays, samples } =
+        counters;
+    clerestory_api::Counters {
+        height_evaluations,
+        solver_calls,
+        converged,
+        unique_solutions,
+        trials,
+        truncated,
+        rays,
+        samples,
+    }
 }
 
 /// All jobs, newest first.

@@ -25,15 +25,16 @@ pub struct Counters {
     pub samples: u64,
 }
 
+/// Sums saturate: those of a farm have terms that were counted by others.
 impl AddAssign for Counters {
     fn add_assign(&mut self, other: Self) {
-        self.height_evaluations += other.height_evaluations;
-        self.solver_calls += other.solver_calls;
-        self.converged += other.converged;
-        self.unique_solutions += other.unique_solutions;
-        self.trials += other.trials;
-        self.truncated += other.truncated;
-        self.rays += other.rays;
-        self.samples += other.samples;
+        self.height_evaluations = self.height_evaluations.saturating_add(other.height_evaluations);
+        self.solver_calls = self.solver_calls.saturating_add(other.solver_calls);
+        self.converged = self.converged.saturating_add(other.converged);
+        self.unique_solutions = self.unique_solutions.saturating_add(other.unique_solutions);
+        self.trials = self.trials.saturating_add(other.trials);
+        self.truncated = self.truncated.saturating_add(other.truncated);
+        self.rays = self.rays.saturating_add(other.rays);
+        self.samples = self.samples.saturating_add(other.samples);
     }
 }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use clerestory_api::{Client, ClientError, ContentHash, JobId, JobScene};
-use clerestory_render_core::film::{Node, OpenExrError, PartialHeader, TileGrid, partial};
+use clerestory_render_core::film::{OpenExrError, PartialHeader, Rendered, TileGrid, partial};
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneError};
 use tracing::{debug, info};
 
@@ -31,7 +31,7 @@ pub(crate) struct JobPlan {
 
 impl JobPlan {
     /// The partial with these nodes.
-    pub(crate) fn encode_partial(&self, nodes: &[Node], build: &str) -> Result<Vec<u8>, OpenExrError> {
+    pub(crate) fn encode_partial(&self, nodes: &[Rendered], build: &str) -> Result<Vec<u8>, OpenExrError> {
         let header = PartialHeader {
             job: self.job.to_string(),
             scene_hash: self.scene.hash().to_string(),

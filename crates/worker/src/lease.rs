@@ -126,7 +126,7 @@ impl LeaseWork {
                 due = Instant::now() + GATHERING_TIME;
             }
             gathered.push(node);
-            if gathered.iter().map(|rendered| rendered.node.bytes()).sum::<usize>() >= FULL_PARCEL_BYTES {
+            if gathered.iter().map(|node| node.rendered.node.bytes()).sum::<usize>() >= FULL_PARCEL_BYTES {
                 self.hand_in(&plan, std::mem::take(&mut gathered)).await;
             }
         }
@@ -146,10 +146,10 @@ impl LeaseWork {
         if self.over.is_cancelled() {
             return;
         }
-        let core_time = nodes.iter().map(|rendered| rendered.core_time).sum();
+        let core_time = nodes.iter().map(|node| node.core_time).sum();
         let (receipt, receiver) = oneshot::channel();
         let (plan, build) = (plan.clone(), self.build.clone());
-        let nodes: Vec<_> = nodes.into_iter().map(|rendered| rendered.node).collect();
+        let nodes: Vec<_> = nodes.into_iter().map(|node| node.rendered).collect();
         let encode = Box::new(move || plan.encode_partial(&nodes, &build).map_err(|error| with_causes(&error)));
         let parcel = Parcel { lease: self.lease.id, token: self.lease.token, encode, core_time, receipt };
         tokio::select! {

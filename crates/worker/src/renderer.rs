@@ -6,18 +6,18 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use clerestory_render_core::film::{Node, NodeAddress};
-use clerestory_render_core::integrator::{RenderError, Rendered, render_node};
+use clerestory_render_core::film::{NodeAddress, Rendered};
+use clerestory_render_core::integrator::{RenderError, render_node};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use tokio::sync::mpsc;
 use tracing::info;
 
 use crate::job_cache::JobPlan;
 
-/// A node, and what it took.
+/// A node, and how long it took.
 pub(crate) struct RenderedNode {
-    /// The node.
-    pub(crate) node: Node,
+    /// The node, with what was counted.
+    pub(crate) rendered: Rendered,
     /// Time spent rendering it, summed over cores.
     pub(crate) core_time: Duration,
 }
@@ -62,10 +62,10 @@ impl Renderer {
                 return Err(LeaseError::NoSuchFrame(address.frame));
             }
             let node_start = Instant::now();
-            let Rendered { node, counters } = self.render_node(plan, address, cancelled)?;
-            samples += counters.samples;
+            let rendered = self.render_node(plan, address, cancelled)?;
+            samples += rendered.counters.samples;
             let core_time = node_start.elapsed() * u32::try_from(self.pool.current_num_threads()).unwrap_or(u32::MAX);
-            if complete.blocking_send(RenderedNode { node, core_time }).is_err() {
+            if complete.blocking_send(RenderedNode { rendered, core_time }).is_err() {
                 return Err(LeaseError::Stopped);
             }
         }

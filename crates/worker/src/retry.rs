@@ -33,6 +33,7 @@ where
 {
     call.retry(pauses())
         .when(ClientError::is_transient)
+        .adjust(|error, pause| pause.map(|pause| error.pause(pause)))
         .notify(|error, pause| {
             warn!(what, ?pause, reason = with_causes(error), "the coordinator does not answer, trying again");
         })

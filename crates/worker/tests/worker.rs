@@ -17,7 +17,7 @@ use clerestory_api::{
     FENCING_TOKEN_HEADER, JobId, JobScene, Lease, LeaseId, LeaseRenewal, LeaseReturn, NodeAddress, NodeAnswer,
     NodeVerdict, PROBLEM_MEDIA_TYPE, PartialAnswer, WorkerId, WorkerRegistration, WorkerState, WorkerView,
 };
-use clerestory_render_core::film::{self, DecodeBudget, Expectation, Node, Sampling, TileGrid, partial};
+use clerestory_render_core::film::{self, DecodeBudget, Expectation, Rendered, Sampling, TileGrid, partial};
 use clerestory_render_core::scene::{SceneBundle, SceneDescription};
 use clerestory_worker::{Config, run};
 use serde_json::{Value, json};
@@ -34,8 +34,8 @@ struct Fake {
     scene_hash: String,
     /// Answers to claims, first to last; afterwards there is no work.
     claims: VecDeque<Claim>,
-    /// Uploads that are answered with an error, before the first that is taken.
-    failing_uploads: u32,
+    /// Answers to uploads that are not taken, first to last; afterwards all are.
+    failing_uploads: VecDeque<Response>,
     /// Workers that are known; a claim of another is refused.
     known: Vec<WorkerId>,
     lease_is_over: bool,
@@ -242,9 +242,8 @@ async fn scene(State(farm): State<Farm>, Path(job): Path<String>) -> Json<JobSce
 async fn upload(State(farm): State<Farm>, Path(id): Path<String>, headers: HeaderMap, body: Bytes) -> Response {
     let lease: LeaseId = id.parse().unwrap();
     let mut fake = farm.lock();
-    if let Some(left) = fake.failing_uploads.checked_sub(1) {
-        fake.failing_uploads = left;
-        return StatusCode::SERVICE_UNAVAILABLE.into_response();
+    if let Some(failure) = fake.failing_uploads.pop_front() {
+        return failure;
     }
     let nodes = nodes_of(&body, &fake.scene_hash, &fake.leases[&lease]);
     let outstanding = fake.outstanding.get_mut(&lease).unwrap();
@@ -286,11 +285,16 @@ async fn the_nodes_of_each_lease_arrive_under_its_token_and_nothing_is_given_bac
 }
 
 #[tokio::test]
-async fn a_result_is_kept_until_the_coordinator_is_back() {
+async fn a_result_is_kept_until_the_coordinator_can_take_it() {
     let farm = farm();
     let lease = lease(1, wave(0, 0));
     farm.lock().claims.push_back(Claim::Lease(lease.clone()));
-    farm.lock().failing_uploads = 4;
+    farm.lock().failing_uploads = VecDeque::from([
+        StatusCode::SERVICE_UNAVAILABLE.into_response(),
+        StatusCode::REQUEST_TIMEOUT.into_response(),
+        problem(408, "body_too_slow"),
+        (StatusCode::TOO_MANY_REQUESTS, [("retry-after", "1")]).into_response(),
+    ]);
     let worker = farm.start().await;
     farm.until(|fake| uploaded(fake, &lease) == lease.nodes).await;
     worker.stop().await;
@@ -389,8 +393,8 @@ fn nodes_of(body: &[u8], scene_hash: &str, lease: &Lease) -> Vec<NodeAddress> {
         allowed: lease.nodes.iter().map(leased).collect(),
     };
     let nodes = partial::decode(body, &expected, DecodeBudget { pixel_bytes: 1 << 30 }).unwrap();
-    let wire = |node: &Node| {
-        let film::NodeAddress { frame, tile, level, index } = node.address();
+    let wire = |rendered: &Rendered| {
+        let film::NodeAddress { frame, tile, level, index } = rendered.node.address();
         NodeAddress { frame, tile, level, index }
     };
     nodes.iter().map(wire).collect()

@@ -10,6 +10,7 @@ use clerestory_coordinator::{Config, Token};
 use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 
+use crate::commands::worker::BUILD;
 use crate::connection::{DEFAULT_LISTEN, token};
 use crate::failure::Failure;
 use crate::settings;
@@ -126,6 +127,7 @@ impl Settings {
             max_asset_bytes: self.max_asset_bytes,
             max_partial_bytes: self.max_partial_bytes,
             node_cache_bytes: self.node_cache_bytes,
+            build: BUILD.to_owned(),
             ..Config::new(&self.data)
         })
     }

@@ -1,14 +1,20 @@
 //! `clerestory jobs`: the jobs of a farm, newest first.
 
+use std::time::Duration;
+
 use clap::Args;
-use clerestory_api::JobView;
+use clerestory_api::{ConvergencePoint, JobView};
 
 use crate::connection::ConnectionArguments;
 use crate::failure::Failure;
-use crate::terminal::{print_json, print_line};
+use crate::terminal::{duration_text, print_json, print_line};
 
 /// Options of `clerestory jobs`.
 #[derive(Debug, Args)]
+#[command(
+    after_help = "MSE is the error against the job's reference at its last round. For a job without a reference it is \
+                  the error that the image's own noise tells, which is marked with ~."
+)]
 pub(crate) struct JobsArguments {
     #[command(flatten)]
     connection: ConnectionArguments,
@@ -23,13 +29,64 @@ pub(crate) async fn run(arguments: JobsArguments) -> Result<(), Failure> {
     if arguments.json {
         return print_json(&jobs);
     }
-    print_line(&format!("{:<36}  {:<9}  {:>6}  {:>10}  {:<6}  {}", "JOB", "STATE", "DONE", "MSE", "METHOD", "NAME"))?;
+    print_line(&line(["JOB", "STATE", "DONE", "SAMPLES A PIXEL", "MSE (~ESTIMATE)", "METHOD", "NAME"]))?;
     jobs.iter().try_for_each(|job| print_line(&row(job)))
 }
 
 fn row(job: &JobView) -> String {
-    let mse = job.latest.as_ref().and_then(|point| point.mse.or(point.estimated_mse));
-    let mse = mse.map_or_else(|| "-".to_owned(), |mse| format!("{mse:.3e}"));
-    let (id, state, done) = (job.id.to_string(), job.state.name(), job.progress * 100.0);
-    format!("{id:<36}  {state:<9}  {done:>5.1}%  {mse:>10}  {:<6}  {}", job.integrator, job.name)
+    let mse = job.latest.as_ref().map_or_else(|| "-".to_owned(), mse_text);
+    let (id, done) = (job.id.to_string(), format!("{:.1}%", job.progress * 100.0));
+    line([&id, job.state.name(), &done, &samples_text(job), &mse, &job.integrator, &job.name])
+}
+
+fn line([id, state, done, samples, mse, method, name]: [&str; 7]) -> String {
+    format!("{id:<36}  {state:<9}  {done:>6}  {samples:>24}  {mse:>15}  {method:<6}  {name}")
+}
+
+/// The error against the reference; marked with `~`, what the image itself knows of it where there is no reference.
+fn mse_text(point: &ConvergencePoint) -> String {
+    match (point.mse, point.estimated_mse) {
+        (Some(measured), _) => format!("{measured:.3e}"),
+        (None, Some(estimated)) => format!("~{estimated:.3e}"),
+        (None, None) => "-".to_owned(),
+    }
+}
+
+/// Samples in a pixel so far, and what ends the job: their number, or its time.
+pub(crate) fn samples_text(job: &JobView) -> String {
+    let pixels = u64::from(job.width) * u64::from(job.height) * u64::from(job.frames);
+    let samples = job.samples as f64 / pixels.max(1) as f64;
+    let digits = if samples.fract() == 0.0 { 0 } else { 1 };
+    match job.time_limit_ms.and_then(|limit| u64::try_from(limit).ok()) {
+        Some(limit) => format!("{samples:.digits$} within {}", duration_text(Duration::from_millis(limit))),
+        None => format!("{samples:.digits$} of {}", u64::from(job.passes) * u64::from(job.samples_per_pass)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_estimated_error_is_told_from_a_measured_one() {
+        let mut point = ConvergencePoint {
+            frame: 0,
+            round: 2,
+            passes: 4,
+            samples_per_pixel: 64,
+            core_ms: 10,
+            wall_ms: 1500,
+            recorded_ms: 0,
+            mse: None,
+            corrected_mse: None,
+            rel_mse: None,
+            psnr: None,
+            estimated_mse: None,
+        };
+        assert_eq!(mse_text(&point), "-");
+        point.estimated_mse = Some(1.25e-3);
+        assert_eq!(mse_text(&point), "~1.250e-3");
+        point.mse = Some(2e-3);
+        assert_eq!(mse_text(&point), "2.000e-3");
+    }
 }

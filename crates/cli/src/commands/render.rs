@@ -22,7 +22,7 @@ use crate::failure::Failure;
 use crate::image_file;
 use crate::like::{self, Recipe};
 use crate::local_render::{self, Control, LocalRenderError, PassPlan, Round};
-use crate::output_file::{check_writable, write};
+use crate::output_file::{check_writable, write, write_stats};
 use crate::preview::PreviewArguments;
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
@@ -98,8 +98,7 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         counters: rendering.counters,
     };
     if let Some(file) = &arguments.stats {
-        let text = serde_json::to_vec_pretty(&rendering.counters).expect("counters have a form in JSON");
-        write(file, &text)?;
+        write_stats(file, &rendering.counters)?;
     }
     if arguments.json { print_json(&summary) } else { print_line(&summary.text()) }?;
     if rendering.is_interrupted {
@@ -236,6 +235,7 @@ impl Order {
             tile_size: self.plan.grid.tile_size,
             tile_passes: Vec::new(),
             build: BUILD.to_owned(),
+            worker_builds: Vec::new(),
             missing_light: description.missing_light(),
             counters,
             elapsed_seconds: elapsed.map(|elapsed| elapsed.as_secs_f64()),
@@ -283,7 +283,7 @@ impl Order {
         let fraction = by_samples.max(by_time).min(1.0);
         let remaining = (samples > 0 && fraction > 0.0).then(|| elapsed.mul_f64(1.0 / fraction - 1.0));
         let samples_per_second = (samples > 0).then(|| samples as f64 / elapsed.as_secs_f64());
-        Advance { fraction, samples_per_second, remaining }
+        Advance { fraction, samples: None, samples_per_second, remaining }
     }
 }
 

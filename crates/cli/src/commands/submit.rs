@@ -4,19 +4,23 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use backon::{ExponentialBuilder, Retryable};
 use bytes::Bytes;
 use clap::Args;
 use clerestory_api::{ClientError, ContentHash, JobSubmission, JobView, PreviewQuery, ProblemCode};
 use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
-use tracing::info;
+use tracing::{info, warn};
 
 use crate::commands::watch::{check_done, check_image};
 use crate::connection::{Connection, ConnectionArguments};
 use crate::failure::Failure;
 use crate::follow::follow;
-use crate::output_file::{check_writable, write};
+use crate::output_file::{check_writable, write, write_stats};
 use crate::scene_overrides::SceneOverrides;
 use crate::terminal::{Progress, print_json, print_line};
+
+/// How often an upload is repeated, with pauses of one second and more.
+const UPLOAD_REPETITIONS: usize = 5;
 
 /// Options of `clerestory submit`.
 #[derive(Debug, Args)]
@@ -48,6 +52,9 @@ pub(crate) struct SubmitArguments {
     /// Also write a PNG beside it.
     #[arg(long, requires = "output")]
     png: bool,
+    /// Write the counters (height evaluations, solver calls, solutions, ...) as JSON to this file when the job has ended.
+    #[arg(long, value_name = "FILE", requires = "wait")]
+    stats: Option<PathBuf>,
     /// Write the job as JSON.
     #[arg(long)]
     json: bool,
@@ -55,7 +62,7 @@ pub(crate) struct SubmitArguments {
 
 pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     let png = arguments.output.as_deref().filter(|_| arguments.png).map(|file| file.with_extension("png"));
-    for file in arguments.output.iter().chain(&png) {
+    for file in arguments.output.iter().chain(&png).chain(&arguments.stats) {
         check_writable(file)?;
     }
     let connection = arguments.connection.open()?;
@@ -76,6 +83,9 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         job = follow(&connection, job.id, &mut progress).await?;
         check_image(&job)?;
         download(&connection, &job, arguments.output.as_deref(), png.as_deref()).await?;
+        if let Some(file) = &arguments.stats {
+            write_stats(file, &job.counters)?;
+        }
     }
     if arguments.json { print_json(&job) } else { print_line(&job.id.to_string()) }?;
     if arguments.wait { check_done(&job) } else { Ok(()) }
@@ -116,7 +126,7 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         time_limit_ms: order.time_limit_ms,
     };
     let missing = match connection.client.submit_job(&submission).await {
-        Err(ClientError::Problem(problem)) if problem.code == ProblemCode::MissingAssets => problem.missing,
+        Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,
         answer => return answer.map_err(|error| connection.failure(error)),
     };
     for hash in missing {
@@ -124,7 +134,15 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         let Some(asset) = contents.get(&hash) else { continue };
         info!(%hash, bytes = asset.bytes().len(), "uploading");
         let content = Bytes::copy_from_slice(asset.bytes());
-        connection.client.upload_asset(&hash, content).await.map_err(|error| connection.failure(error))?;
+        // The coordinator has answered once, so what fails now may well pass.
+        let upload = || connection.client.upload_asset(&hash, content.clone());
+        upload
+            .retry(ExponentialBuilder::default().with_max_times(UPLOAD_REPETITIONS).with_jitter())
+            .when(ClientError::is_transient)
+            .adjust(|error, pause| pause.map(|pause| error.pause(pause)))
+            .notify(|error, pause| warn!(%hash, ?pause, reason = %error, "the upload failed, trying again"))
+            .await
+            .map_err(|error| connection.failure(error))?;
     }
     connection.client.submit_job(&submission).await.map_err(|error| connection.failure(error))
 }

@@ -202,7 +202,6 @@ fn expectation(message: &str) -> (&str, &str) {
     let (problem, expected) = match message {
         _ if message.starts_with("UUID parsing failed") => ("it is no UUID", "a UUID"),
         _ if message.starts_with(OUT_OF_RANGE) => (message, "a number that a double can hold"),
-        _ if message.ends_with("float literal") || message.starts_with("cannot parse float") => (message, "a number"),
         _ => message.split_once(", expected ").or(message.split_once(": expected ")).unwrap_or((message, "")),
     };
     let expected = match expected {

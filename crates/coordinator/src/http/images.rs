@@ -5,7 +5,7 @@ use std::sync::Arc;
 use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
-use clerestory_api::{EXR_MEDIA_TYPE, JobId, PreviewQuery, ToneCurve};
+use clerestory_api::{EXR_MEDIA_TYPE, JobId, PreviewExposure, PreviewQuery, ToneCurve};
 use clerestory_render_core::film::{self, Exposure, PreviewSettings};
 
 use super::extract::{PathParameter, StrictQuery};
@@ -42,16 +42,20 @@ pub(super) async fn preview(
     PathParameter(job): PathParameter<JobId>,
     StrictQuery(query): StrictQuery<PreviewQuery>,
 ) -> Result<Response, ApiError> {
-    // Not a number is in no range.
-    if !(-MOST_STOPS..=MOST_STOPS).contains(&query.exposure) {
-        let expected = format!("a number of stops between -{MOST_STOPS} and {MOST_STOPS}");
-        return Err(ApiError::invalid_field("exposure", query.exposure, expected));
-    }
+    let exposure = match query.exposure {
+        PreviewExposure::Auto => Exposure::Automatic,
+        PreviewExposure::Stops(stops) if (-MOST_STOPS..=MOST_STOPS).contains(&stops) => Exposure::Stops(stops),
+        // Not a number is in no range.
+        PreviewExposure::Stops(stops) => {
+            let expected = format!("`auto` or a number of stops between -{MOST_STOPS} and {MOST_STOPS}");
+            return Err(ApiError::invalid_field("exposure", stops, expected));
+        }
+    };
     let curve = match query.curve {
         ToneCurve::Srgb => film::ToneCurve::Srgb,
         ToneCurve::Filmic => film::ToneCurve::Filmic,
     };
-    let settings = PreviewSettings { exposure: Exposure::Stops(query.exposure), curve };
+    let settings = PreviewSettings { exposure, curve };
     let image = images::current(&farm, &find(&farm, job).await?).await?;
     let bytes = tokio::task::spawn_blocking(move || film::encode_png(&image, &settings).map_err(FilmError::from));
     Ok(answer("image/png", bytes.await.map_err(ApiError::internal)??))

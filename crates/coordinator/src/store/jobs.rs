@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 
 use clerestory_api::{ContentHash, JobId, JobState};
+use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{NodeAddress, TileGrid};
 use sqlx::sqlite::SqliteRow;
 
 use super::events::{self, StoredKind};
-use super::row::{Columns, big};
+use super::row::{Columns, big, to_json};
 use super::{Connection, Store, StoreError};
 use crate::schedule::Rounds;
 
@@ -97,6 +98,8 @@ pub(crate) struct JobRecord {
     pub(crate) samples: u64,
     /// Time spent on them, summed over cores.
     pub(crate) core_ms: i64,
+    /// What was counted while rendering them.
+    pub(crate) counters: Counters,
 }
 
 impl JobRecord {
@@ -131,8 +134,8 @@ impl JobRecord {
 
 const COLUMNS: &str = "select id, name, state, failure, priority, scene_hash, integrator, missing_light, frames, width, \
      height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, created_ms, started_ms, \
-     finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, samples, core_ms \
-     from jobs";
+     finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, samples, core_ms, \
+     counters from jobs";
 
 fn record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
     Ok(JobRecord {
@@ -164,6 +167,7 @@ fn record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
         accepted_nodes: row.number("accepted_nodes")?,
         samples: row.number("samples")?,
         core_ms: row.integer("core_ms")?,
+        counters: row.json("counters")?,
     })
 }
 
@@ -316,22 +320,26 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     events::record(connection, StoredKind::Job, job.id, job.created_ms).await
 }
 
-/// Notes accepted work on the job.
+/// Notes accepted work on the job, as this transaction has read it.
 pub(super) async fn add_accepted(
     connection: &mut Connection,
-    job: JobId,
+    job: &JobRecord,
     nodes: u64,
     samples: u64,
     core_ms: i64,
+    counters: Counters,
 ) -> Result<(), StoreError> {
+    let mut sum = job.counters;
+    sum += counters;
     sqlx::query(
-        "update jobs set accepted_nodes = accepted_nodes + $2, samples = samples + $3, core_ms = core_ms + $4 \
-         where id = $1",
+        "update jobs set accepted_nodes = accepted_nodes + $2, samples = samples + $3, core_ms = core_ms + $4, \
+         counters = $5 where id = $1",
     )
-    .bind(job.to_string())
+    .bind(job.id.to_string())
     .bind(big(nodes))
     .bind(big(samples))
     .bind(core_ms)
+    .bind(to_json(&sum)?)
     .execute(connection)
     .await?;
     Ok(())

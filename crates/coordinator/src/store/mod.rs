@@ -30,7 +30,7 @@ pub(crate) use claim::{ClaimTerms, Grant};
 pub(crate) use events::{StoredEvent, StoredKind};
 pub(crate) use jobs::{JobRecord, NewJob};
 pub(crate) use leases::{LeaseError, WorkFailure};
-pub(crate) use nodes::{DeliveredNode, Delivery, NodeRow};
+pub(crate) use nodes::{DeliveredNode, Delivery, NodeRow, Work};
 pub(crate) use rounds::CompleteWave;
 pub use schema::SchemaError;
 pub(crate) use workers::WorkerError;

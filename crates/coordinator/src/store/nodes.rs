@@ -3,13 +3,17 @@
 //! A node is accepted in one transaction, only under a valid lease that holds it, and only if no row of its tile shares a
 //! pass with it: no ancestor, no descendant, not itself. Its blob is on disk before the transaction begins.
 
+use std::collections::BTreeSet;
+use std::ops::AddAssign;
+
 use clerestory_api::{JobId, LeaseId, NodeVerdict, WorkerId};
+use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::NodeAddress;
 use sqlx::sqlite::SqliteRow;
 
 use super::jobs::{self, JobRecord};
 use super::leases::{self, LeaseError, address};
-use super::row::{Columns, big};
+use super::row::{Columns, big, to_json};
 use super::{Connection, Store, StoreError};
 
 /// A node that was brought and whose blob is on disk.
@@ -19,6 +23,8 @@ pub(crate) struct DeliveredNode {
     pub(crate) address: NodeAddress,
     /// Name of its blob.
     pub(crate) blob: String,
+    /// What was counted while rendering it.
+    pub(crate) counters: Counters,
 }
 
 /// What came with one partial.
@@ -54,10 +60,32 @@ pub(crate) struct NodeRow {
     pub(crate) address: NodeAddress,
     /// Name of its blob.
     pub(crate) blob: String,
+    /// The work that it took.
+    pub(crate) work: Work,
+}
+
+/// The work that nodes took. Sums are the same whatever their order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Work {
+    /// What was counted.
+    pub(crate) counters: Counters,
+    /// Builds of the workers that did it.
+    pub(crate) builds: BTreeSet<String>,
+}
+
+impl AddAssign<&Self> for Work {
+    fn add_assign(&mut self, other: &Self) {
+        self.counters += other.counters;
+        self.builds.extend(other.builds.iter().cloned());
+    }
+}
+
+fn work(row: &SqliteRow) -> Result<Work, StoreError> {
+    Ok(Work { counters: row.json("counters")?, builds: row.json("builds")? })
 }
 
 fn node_row(row: &SqliteRow) -> Result<NodeRow, StoreError> {
-    Ok(NodeRow { address: address(row)?, blob: row.text("blob")? })
+    Ok(NodeRow { address: address(row)?, blob: row.text("blob")?, work: work(row)? })
 }
 
 impl Store {
@@ -69,7 +97,8 @@ impl Store {
     /// All accepted nodes of a job, ordered by frame, tile and pass.
     pub(crate) async fn nodes(&self, job: JobId) -> Result<Vec<NodeRow>, StoreError> {
         let rows = sqlx::query(
-            "select frame, tile, level, idx, blob from nodes where job = $1 order by frame, tile, first_pass",
+            "select frame, tile, level, idx, blob, counters, builds from nodes where job = $1 \
+             order by frame, tile, first_pass",
         )
         .bind(job.to_string())
         .fetch_all(&self.readers)
@@ -82,30 +111,40 @@ impl Store {
         Ok(sqlx::query_scalar("select blob from nodes").fetch_all(&self.readers).await?)
     }
 
-    /// Replaces everything below `parent` by it, and answers the names of the blobs that are not needed any more; an error
-    /// when a pass of it is missing.
-    pub(crate) async fn replace_descendants(&self, job: JobId, parent: NodeRow) -> Result<Vec<String>, StoreError> {
-        self.write(move |connection| Box::pin(async move { replace_descendants(connection, job, &parent).await })).await
+    /// Replaces everything below `parent` by it, with the sum of their work, and answers the names of the blobs that are
+    /// not needed any more; an error when a pass of it is missing.
+    pub(crate) async fn replace_descendants(
+        &self,
+        job: JobId,
+        parent: NodeAddress,
+        blob: String,
+    ) -> Result<Vec<String>, StoreError> {
+        self.write(move |connection| Box::pin(async move { replace_descendants(connection, job, parent, blob).await }))
+            .await
     }
 }
 
 async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acceptance, LeaseError> {
     let lease = leases::valid(connection, delivery.lease, delivery.token, delivery.now_ms).await?;
     let job = jobs::job_in(connection, lease.job).await?.ok_or(LeaseError::JobNotRunning)?;
+    let build = build(connection, lease.worker).await?;
     let brought: u64 = delivery.nodes.iter().map(|node| job.node_samples(&node.address)).sum();
     let mut verdicts = Vec::with_capacity(delivery.nodes.len());
-    let (mut nodes, mut samples, mut core_ms) = (0, 0, 0);
+    let (mut nodes, mut samples, mut core_ms, mut counters) = (0, 0, 0, Counters::default());
     for node in &delivery.nodes {
         let own_samples = job.node_samples(&node.address);
         let own_core_ms = (delivery.core_ms as f64 * own_samples as f64 / brought.max(1) as f64) as i64;
-        let verdict = accept_node(connection, &job, delivery.lease, node, own_core_ms, delivery.now_ms).await?;
+        let work = Work { counters: node.counters, builds: BTreeSet::from([build.clone()]) };
+        let row = NodeRow { address: node.address, blob: node.blob.clone(), work };
+        let verdict = accept_node(connection, &job, delivery.lease, &row, own_core_ms, delivery.now_ms).await?;
         if verdict == NodeVerdict::Accepted {
+            counters += node.counters;
             (nodes, samples, core_ms) = (nodes + 1, samples + own_samples, core_ms + own_core_ms);
         }
         verdicts.push(verdict);
     }
     if nodes > 0 {
-        jobs::add_accepted(connection, job.id, nodes, samples, core_ms).await?;
+        jobs::add_accepted(connection, &job, nodes, samples, core_ms, counters).await?;
         credit_worker(connection, lease.worker, job.id, nodes, samples, core_ms).await?;
     }
     let outstanding = sqlx::query("select count(*) as outstanding from pending where lease = $1")
@@ -126,7 +165,7 @@ async fn accept_node(
     connection: &mut Connection,
     job: &JobRecord,
     lease: LeaseId,
-    node: &DeliveredNode,
+    node: &NodeRow,
     core_ms: i64,
     now_ms: i64,
 ) -> Result<NodeVerdict, StoreError> {
@@ -159,7 +198,7 @@ async fn accept_node(
     .fetch_optional(&mut *connection)
     .await?;
     let Some(taken) = taken else { return Ok(NodeVerdict::Refused) };
-    insert(connection, job.id, address, &node.blob).await?;
+    insert(connection, job.id, node).await?;
     sqlx::query(
         "update waves set outstanding = outstanding - $4, core_ms = core_ms + $5, \
          completed_ms = case when outstanding = $4 then $6 else null end \
@@ -176,11 +215,12 @@ async fn accept_node(
     Ok(NodeVerdict::Accepted)
 }
 
-async fn insert(connection: &mut Connection, job: JobId, address: &NodeAddress, blob: &str) -> Result<(), StoreError> {
+async fn insert(connection: &mut Connection, job: JobId, node: &NodeRow) -> Result<(), StoreError> {
+    let NodeRow { address, blob, work } = node;
     let passes = address.passes();
     sqlx::query(
-        "insert into nodes (job, frame, tile, level, idx, first_pass, end_pass, blob) \
-         values ($1, $2, $3, $4, $5, $6, $7, $8)",
+        "insert into nodes (job, frame, tile, level, idx, first_pass, end_pass, blob, counters, builds) \
+         values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
     )
     .bind(job.to_string())
     .bind(i64::from(address.frame))
@@ -190,9 +230,17 @@ async fn insert(connection: &mut Connection, job: JobId, address: &NodeAddress, 
     .bind(i64::from(passes.first))
     .bind(i64::from(passes.first) + i64::from(passes.count))
     .bind(blob)
+    .bind(to_json(&work.counters)?)
+    .bind(to_json(&work.builds)?)
     .execute(connection)
     .await?;
     Ok(())
+}
+
+/// The build of a worker, as it introduced itself.
+async fn build(connection: &mut Connection, worker: WorkerId) -> Result<String, StoreError> {
+    let query = sqlx::query("select build from workers where id = $1").bind(worker.to_string());
+    query.fetch_one(connection).await?.text("build")
 }
 
 async fn credit_worker(
@@ -229,32 +277,35 @@ async fn credit_worker(
 async fn replace_descendants(
     connection: &mut Connection,
     job: JobId,
-    parent: &NodeRow,
+    parent: NodeAddress,
+    blob: String,
 ) -> Result<Vec<String>, StoreError> {
-    let passes = parent.address.passes();
+    let passes = parent.passes();
     let (first, end) = (i64::from(passes.first), i64::from(passes.first) + i64::from(passes.count));
     let rows = sqlx::query(
         "delete from nodes where job = $1 and frame = $2 and tile = $3 and first_pass >= $4 and end_pass <= $5 \
-         returning first_pass, end_pass, blob",
+         returning first_pass, end_pass, blob, counters, builds",
     )
     .bind(job.to_string())
-    .bind(i64::from(parent.address.frame))
-    .bind(i64::from(parent.address.tile))
+    .bind(i64::from(parent.frame))
+    .bind(i64::from(parent.tile))
     .bind(first)
     .bind(end)
     .fetch_all(&mut *connection)
     .await?;
     let mut covered = 0;
+    let mut sum = Work::default();
     let mut blobs = Vec::with_capacity(rows.len());
     for row in &rows {
         covered += row.integer("end_pass")? - row.integer("first_pass")?;
+        sum += &work(row)?;
         blobs.push(row.text("blob")?);
     }
     if covered != end - first {
         // The caller's savepoint takes the half-done replacement back.
-        let value = format!("{covered} of the {} passes of {:?}", end - first, parent.address);
+        let value = format!("{covered} of the {} passes of {parent:?}", end - first);
         return Err(StoreError::Corrupt { column: "nodes", value });
     }
-    insert(connection, job, &parent.address, &parent.blob).await?;
+    insert(connection, job, &NodeRow { address: parent, blob, work: sum }).await?;
     Ok(blobs)
 }

@@ -2,6 +2,7 @@
 
 use std::str::FromStr;
 
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
@@ -75,6 +76,11 @@ impl Columns for SqliteRow {
     fn optional_float(&self, column: &'static str) -> Result<Option<f64>, StoreError> {
         Ok(self.try_get(column)?)
     }
+}
+
+/// A value as the JSON of a text column.
+pub(super) fn to_json(value: &impl Serialize) -> Result<String, StoreError> {
+    serde_json::to_string(value).map_err(|error| StoreError::Database(error.to_string()))
 }
 
 /// A count as SQL holds it.

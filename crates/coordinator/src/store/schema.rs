@@ -46,7 +46,10 @@ fn migrations() -> Vec<Migration> {
     let migration = |version, name: &'static str, sql: &'static str| {
         Migration::new(version, Cow::Borrowed(name), MigrationType::Simple, sql.into_sql_str(), false)
     };
-    vec![migration(1, "first", include_str!("../../migrations/0001_first.sql"))]
+    vec![
+        migration(1, "first", include_str!("../../migrations/0001_first.sql")),
+        migration(2, "counters", include_str!("../../migrations/0002_counters.sql")),
+    ]
 }
 
 /// Opens a connection and brings the schema up to date.
@@ -85,6 +88,6 @@ mod tests {
         .await
         .unwrap();
         let error = Store::open(&file).await.unwrap_err();
-        assert!(matches!(error, SchemaError::Newer { found: 99, known: 1, .. }), "{error}");
+        assert!(matches!(error, SchemaError::Newer { found: 99, known: 2, .. }), "{error}");
     }
 }

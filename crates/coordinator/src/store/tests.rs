@@ -3,16 +3,22 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{JobId, JobState, LeaseId, NodeVerdict, WorkerId, WorkerRegistration};
+use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{NodeAddress, TileGrid};
 use uuid::Uuid;
 
 use super::nodes::Acceptance;
 use super::{
-    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Grant, LeaseError, NewJob, NodeRow, Store, WorkFailure,
-    WorkerError,
+    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Grant, LeaseError, NewJob, Store, Work, WorkFailure, WorkerError,
 };
 
 const TTL_MS: i64 = 1000;
+
+/// A node that is on disk, with counters of its own.
+fn delivered(address: NodeAddress) -> DeliveredNode {
+    let counters = Counters { rays: 1 + u64::from(address.index), ..Counters::default() };
+    DeliveredNode { address, blob: Uuid::now_v7().to_string(), counters }
+}
 
 struct Farm {
     store: Store,
@@ -81,8 +87,7 @@ impl Farm {
     }
 
     async fn deliver(&self, grant: &Grant, nodes: &[NodeAddress], now_ms: i64) -> Result<Acceptance, LeaseError> {
-        let nodes =
-            nodes.iter().map(|address| DeliveredNode { address: *address, blob: Uuid::now_v7().to_string() }).collect();
+        let nodes = nodes.iter().map(|address| delivered(*address)).collect();
         let delivery = Delivery { lease: grant.lease.id, token: grant.lease.token, nodes, core_ms: 100, now_ms };
         self.store.accept(delivery).await
     }
@@ -227,11 +232,15 @@ async fn a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_
     assert!(farm.addresses(job).await.is_empty());
     let children: Vec<NodeAddress> = outside.children().unwrap().to_vec();
     farm.deliver(&grant, &children, 0).await.unwrap();
-    farm.store.replace_descendants(job, NodeRow { address: outside, blob: "parent".to_owned() }).await.unwrap();
+    let counters = Counters { rays: 1 + 2, ..Counters::default() };
+    farm.store.replace_descendants(job, outside, "parent".to_owned()).await.unwrap();
     assert_eq!(farm.addresses(job).await, [outside]);
     let answer = farm.deliver(&grant, &[children[1], outside], 0).await.unwrap();
     assert_eq!(answer.verdicts, [NodeVerdict::Duplicate, NodeVerdict::Duplicate]);
     assert_eq!(farm.addresses(job).await, [outside]);
+    let work = Work { counters, builds: BTreeSet::from(["b".to_owned()]) };
+    assert_eq!(farm.store.nodes(job).await.unwrap()[0].work, work, "counted once");
+    assert_eq!(farm.store.job(job).await.unwrap().unwrap().counters, counters, "counted once");
 }
 
 #[tokio::test]
@@ -243,7 +252,7 @@ async fn a_parent_replaces_two_children_or_nothing() {
     let parent = NodeAddress { frame: 0, tile: 0, level: 1, index: 0 };
     let [left, _] = parent.children().unwrap();
     farm.deliver(&grant, &[left], 0).await.unwrap();
-    let replaced = farm.store.replace_descendants(job, NodeRow { address: parent, blob: "parent".to_owned() }).await;
+    let replaced = farm.store.replace_descendants(job, parent, "parent".to_owned()).await;
     assert!(replaced.is_err());
     assert_eq!(farm.addresses(job).await, [left]);
 }

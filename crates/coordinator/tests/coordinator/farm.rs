@@ -1,11 +1,16 @@
 //! A whole coordinator, over HTTP, with workers that upload noise: what comes out must be what went in.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::support::*;
-use clerestory_api::{EventBody, JobState, LeaseRequest, LeaseReturn, NodeVerdict, PreviewQuery, ProblemCode};
-use clerestory_coordinator::{Config, RunError, run};
+use clerestory_api::{
+    EventBody, JobState, LeaseRequest, LeaseReturn, NodeVerdict, PreviewExposure, PreviewQuery, ProblemCode, ToneCurve,
+};
+use clerestory_coordinator::{Clock, Config, RunError, run};
+use clerestory_render_core::film::{self, Exposure, PreviewSettings, Rendered, encode_png};
 use futures::StreamExt;
+use serde_json::json;
 use tokio::net::TcpListener;
 
 #[tokio::test(flavor = "multi_thread")]
@@ -25,6 +30,9 @@ async fn the_image_has_the_bits_of_a_single_process_however_the_work_is_cut() {
         let metadata = image.metadata().unwrap();
         assert_eq!(metadata.tile_passes, vec![21; grid().len() as usize]);
         assert_eq!(metadata.scene_hash, job.scene_hash);
+        assert_eq!(metadata.counters, expected_counters(21));
+        assert_eq!(json!(done.counters), json!(metadata.counters));
+        assert_eq!(metadata.worker_builds, ["test"]);
         farm.stop().await;
     }
 }
@@ -67,7 +75,9 @@ async fn a_restart_in_the_middle_of_a_job_loses_nothing() {
     assert_eq!(verdicts, [duplicate, duplicate, accepted, accepted, accepted]);
     worker.drain().await;
     assert_eq!(farm.finished(job.id).await.state, JobState::Done);
-    assert!(bits(&farm.image(job.id).await) == expected_bits(9));
+    let image = farm.image(job.id).await;
+    assert!(bits(&image) == expected_bits(9));
+    assert_eq!(image.metadata().unwrap().counters, expected_counters(9));
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -139,7 +149,8 @@ async fn partials_of_another_scene_or_with_nodes_that_were_not_leased_are_refuse
 
     let second = farm.worker().await;
     let lease = second.claim().await.unwrap();
-    let parent = noise_node(addresses(&lease)[0].parent());
+    let parent = addresses(&lease)[0].parent();
+    let parent = Rendered { node: noise_node(parent), counters: noise_counters(parent) };
     let refused = second.upload(&lease, partial_of(&lease, &[parent])).await.unwrap_err();
     assert!(refused.problem().unwrap().detail.contains("was not leased"));
 }
@@ -254,8 +265,15 @@ async fn a_cancelled_job_keeps_its_image() {
     let mut passes = vec![0; grid().len() as usize];
     passes[lease.nodes[0].tile as usize] = 1;
     assert_eq!(image.metadata().unwrap().tile_passes, passes);
-    let preview = farm.client.preview(job.id, &PreviewQuery::default()).await.unwrap();
-    assert!(preview.starts_with(b"\x89PNG"));
+    assert_eq!(image.metadata().unwrap().counters, noise_counters(addresses(&lease)[0]));
+    let (automatic, filmic) = (PreviewQuery::default(), film::ToneCurve::Filmic);
+    let darker = PreviewQuery { exposure: PreviewExposure::Stops(-1.5), curve: ToneCurve::Srgb };
+    for (query, exposure, curve) in
+        [(automatic, Exposure::Automatic, filmic), (darker, Exposure::Stops(-1.5), film::ToneCurve::Srgb)]
+    {
+        let expected = encode_png(&image, &PreviewSettings { exposure, curve }).unwrap();
+        assert!(farm.client.preview(job.id, &query).await.unwrap() == expected, "{query:?}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -272,11 +290,34 @@ async fn a_time_limit_ends_the_job_with_what_is_complete() {
     let lease = worker.claim().await.unwrap();
     worker.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap();
     let done = farm.finished(job.id).await;
-    assert_eq!((done.state, done.rounds), (JobState::Done, 1));
+    assert_eq!((done.state, done.rounds, done.progress), (JobState::Done, 1, 1.0));
     assert!(worker.claim().await.is_none());
     let image = farm.image(job.id).await;
     let counts = &image.metadata().unwrap().tile_passes;
     assert!(counts.iter().all(|count| *count >= 1) && counts.contains(&2), "{counts:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_is_as_far_as_its_samples_or_its_time_whichever_is_further() {
+    let clock = Clock::Manual(Arc::default());
+    let farm = TestFarm::start_with(|config| {
+        config.clock = clock.clone();
+        config.lease_nodes = Some(grid().len());
+    })
+    .await;
+    let mut submission = submission(10);
+    submission.time_limit_ms = Some(1000);
+    let job = farm.client.submit_job(&submission).await.unwrap();
+    assert_eq!(job.progress, 0.0);
+    let worker = farm.worker().await;
+    let lease = worker.claim().await.unwrap();
+    worker.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap();
+    assert_eq!(farm.client.job(job.id).await.unwrap().progress, 0.1);
+    clock.advance(250);
+    assert_eq!(farm.client.job(job.id).await.unwrap().progress, 0.25);
+    farm.client.cancel_job(job.id).await.unwrap();
+    clock.advance(250);
+    assert_eq!(farm.client.job(job.id).await.unwrap().progress, 0.25);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -9,9 +9,10 @@ use clerestory_api::{
     PartialAnswer, PartialUpload, WorkerId, WorkerRegistration,
 };
 use clerestory_coordinator::{Config, run};
+use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{
-    DecodeBudget, FilmTile, FirstHitSums, FrameImage, Node, NodeAddress, PartialHeader, PassSums, Sampling, Tile,
-    TileGrid, partial,
+    DecodeBudget, FilmTile, FirstHitSums, FrameImage, Node, NodeAddress, PartialHeader, PassSums, Rendered, Sampling,
+    Tile, TileGrid, partial,
 };
 use futures::StreamExt;
 use serde_json::{Value, json};
@@ -231,14 +232,35 @@ pub(crate) fn noise_node(address: NodeAddress) -> Node {
 }
 
 pub(crate) fn noise_partial(lease: &Lease, nodes: &[NodeAddress]) -> Vec<u8> {
-    let nodes: Vec<Node> = nodes.iter().map(|address| noise_node(*address)).collect();
-    partial_of(lease, &nodes)
+    let rendered = |address: &NodeAddress| Rendered { node: noise_node(*address), counters: noise_counters(*address) };
+    partial_of(lease, &nodes.iter().map(rendered).collect::<Vec<_>>())
 }
 
-pub(crate) fn partial_of(lease: &Lease, nodes: &[Node]) -> Vec<u8> {
+/// What a renderer would count, a different number in every pass of every tile.
+pub(crate) fn noise_counters(address: NodeAddress) -> Counters {
+    let Some(children) = address.children() else {
+        let samples = (grid().tile(address.tile).unwrap().pixels() as u64) * u64::from(SAMPLES_PER_PASS);
+        let rays = samples + u64::from(address.tile * 1000 + address.index);
+        return Counters { height_evaluations: 7 * rays, rays, samples, ..Counters::default() };
+    };
+    let mut counters = Counters::default();
+    children.into_iter().for_each(|child| counters += noise_counters(child));
+    counters
+}
+
+pub(crate) fn partial_of(lease: &Lease, nodes: &[Rendered]) -> Vec<u8> {
     let header =
         PartialHeader { job: lease.job.to_string(), scene_hash: lease.scene_hash.clone(), build: "test".to_owned() };
     partial::encode(nodes, &header, &grid()).unwrap()
+}
+
+/// What one process counts that renders these passes of every tile.
+pub(crate) fn expected_counters(passes: u32) -> Counters {
+    let mut counters = Counters::default();
+    for tile in 0..grid().len() {
+        (0..passes).for_each(|index| counters += noise_counters(NodeAddress { frame: 0, tile, level: 0, index }));
+    }
+    counters
 }
 
 /// The image that one process renders, pass after pass.

@@ -28,6 +28,9 @@ pub struct ImageMetadata {
     pub tile_passes: Vec<u32>,
     /// The program that made it.
     pub build: String,
+    /// The programs that rendered it, where they are not just `build`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub worker_builds: Vec<String>,
     /// Light that the integrator cannot see, in words.
     pub missing_light: Vec<String>,
     /// What was done.
@@ -324,6 +327,7 @@ pub(super) mod tests {
             tile_size: 0,
             tile_passes: Vec::new(),
             build: "test".to_owned(),
+            worker_builds: vec!["old".to_owned(), "test".to_owned()],
             missing_light: vec!["light \u{201c}key\u{201d}: reflections inside the pane".to_owned()],
             counters: Counters { rays: 12, ..Counters::default() },
             elapsed_seconds: Some(0.1),

@@ -2,27 +2,33 @@
 //!
 //! Each node is a part. Its data window is its tile's place in the image; its channels are the sums of the node, as
 //! they are in memory, so that the bits survive the journey; its attribute `clerestory` says which node of which job it
-//! is, and holds the node's hash, since OpenEXR files have none. What arrives is not trusted: the headers of all parts are
-//! compared with what was leased before a pixel is decoded, and then every value is checked.
+//! is and what work it took, and holds the hash of all that, since OpenEXR files have none. What arrives is not trusted:
+//! the headers of all parts are compared with what was leased before a pixel is decoded, and then every value is checked.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use exr::meta::attribute::Compression;
-use serde::{Deserialize, Serialize};
 
-use super::address::{NodeAddress, TileGrid};
+use super::address::{NodeAddress, Tile, TileGrid};
 use super::node::{FirstHitLayers, Node, NodeLayers};
 use super::openexr::{self, ChannelKind, DecodeBudget, InputPart, OpenExr, OpenExrError, OutputPart, Plane, Samples};
 use super::partial_error::PartialError;
+use super::partial_header::{self, NodeHeader};
 use super::sampling::Sampling;
-use super::store;
-
-/// The version of the header that this build writes and reads.
-pub(super) const FORMAT_VERSION: u32 = 1;
+use crate::counters::Counters;
 
 /// How parts are compressed: run lengths take out black pixels and zero moments at several times the speed of ZIP, which
 /// makes noise no smaller than that. Measured in `docs/film.md`.
 pub(super) const COMPRESSION: Compression = Compression::RLE;
+
+/// A rendered node, and the work that it took.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendered {
+    /// The node.
+    pub node: Node,
+    /// What the methods did.
+    pub counters: Counters,
+}
 
 /// What is common to the nodes of a partial.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -60,31 +66,6 @@ impl Expectation {
     }
 }
 
-/// The attribute of a part.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct NodeHeader {
-    version: u64,
-    job: String,
-    scene_hash: String,
-    build: String,
-    frame: u32,
-    tile: u32,
-    level: u32,
-    index: u32,
-    first_pass: u64,
-    passes: u64,
-    samples: u64,
-    sampling: Sampling,
-    hash: String,
-}
-
-/// Only the version, which is read first.
-#[derive(Deserialize)]
-struct HeaderVersion {
-    version: u64,
-}
-
 const BEAUTY: [&str; 3] = ["R", "G", "B"];
 const MOMENT: [&str; 3] = ["moment.R", "moment.G", "moment.B"];
 const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
@@ -99,29 +80,16 @@ const NODE_BYTES_PER_PIXEL: u64 = 13 * 4;
 /// # Errors
 ///
 /// [`OpenExrError`] when there is no node, or the same node twice.
-pub fn encode(nodes: &[Node], header: &PartialHeader, grid: &TileGrid) -> Result<Vec<u8>, OpenExrError> {
+pub fn encode(nodes: &[Rendered], header: &PartialHeader, grid: &TileGrid) -> Result<Vec<u8>, OpenExrError> {
     let parts: Vec<OutputPart<'_>> = nodes.iter().map(|node| output_part(node, header)).collect::<Result<_, _>>()?;
     openexr::write([grid.width, grid.height], &parts, COMPRESSION)
 }
 
-fn output_part<'a>(node: &'a Node, header: &PartialHeader) -> Result<OutputPart<'a>, OpenExrError> {
+fn output_part<'a>(rendered: &'a Rendered, header: &PartialHeader) -> Result<OutputPart<'a>, OpenExrError> {
+    let node = &rendered.node;
     let NodeAddress { frame, tile, level, index } = node.address();
-    let node_header = NodeHeader {
-        version: FORMAT_VERSION.into(),
-        job: header.job.clone(),
-        scene_hash: header.scene_hash.clone(),
-        build: header.build.clone(),
-        frame,
-        tile,
-        level,
-        index,
-        first_pass: node.passes().first.into(),
-        passes: node.passes().count.into(),
-        samples: node.samples(),
-        sampling: node.sampling(),
-        hash: store::hash(node),
-    };
-    let json = openexr::ascii_json(&node_header).map_err(|error| OpenExrError::Damaged(error.to_string()))?;
+    let json = openexr::ascii_json(&NodeHeader::new(rendered, header));
+    let json = json.map_err(|error| OpenExrError::Damaged(error.to_string()))?;
     let name = format!("frame{frame}.tile{tile}.level{level}.index{index}");
     let mut part = OutputPart { name, json, window: node.tile(), channels: BTreeMap::new() };
     let layers = node.layers();
@@ -142,57 +110,39 @@ fn output_part<'a>(node: &'a Node, header: &PartialHeader) -> Result<OutputPart<
 /// # Errors
 ///
 /// [`PartialError`] when anything about it is not as expected; nothing of it is then to be used.
-pub fn decode(bytes: &[u8], expected: &Expectation, budget: DecodeBudget) -> Result<Vec<Node>, PartialError> {
+pub fn decode(bytes: &[u8], expected: &Expectation, budget: DecodeBudget) -> Result<Vec<Rendered>, PartialError> {
     let file = OpenExr::open(bytes)?;
-    let mut announced: Vec<(NodeAddress, String)> = Vec::new();
+    let mut headers: Vec<NodeHeader> = Vec::new();
     for (index, part) in file.parts().iter().enumerate() {
-        let (address, hash) = check_header(index, part, expected)?;
-        if announced.iter().any(|(earlier, _)| *earlier == address) {
-            return Err(PartialError::RepeatedNode { address });
+        let (header, tile) = NodeHeader::read(index, part.json.as_deref(), expected)?;
+        check_part(header.address(), part, tile, expected.sampling)?;
+        header.check_counters(tile)?;
+        if headers.iter().any(|earlier| earlier.address() == header.address()) {
+            return Err(PartialError::RepeatedNode { address: header.address() });
         }
-        announced.push((address, hash));
+        headers.push(header);
     }
     let planes = file.decode(budget, |_, _| true)?;
-    let node = |((address, announced), planes)| {
-        let node = node_of_planes(address, planes, expected)?;
-        let found = store::hash(&node);
-        if found == announced { Ok(node) } else { Err(PartialError::Damaged { address, found, announced }) }
-    };
-    announced.into_iter().zip(planes).map(node).collect()
+    headers.into_iter().zip(planes).map(|(header, planes)| rendered(header, planes, expected)).collect()
 }
 
-/// Compares all that is known of a part before its pixels are decoded. Answers the node and its hash.
-fn check_header(index: usize, part: &InputPart, expected: &Expectation) -> Result<(NodeAddress, String), PartialError> {
-    let bad_header = |message: String| PartialError::BadHeader { part: index, message };
-    let json = part.json.as_deref().ok_or_else(|| bad_header("it is missing".to_owned()))?;
-    let version = read_json::<HeaderVersion>(json).map_err(bad_header)?.version;
-    if version != u64::from(FORMAT_VERSION) {
-        return Err(PartialError::WrongVersion { part: index, found: version });
+fn rendered(
+    header: NodeHeader,
+    planes: BTreeMap<String, Plane>,
+    expected: &Expectation,
+) -> Result<Rendered, PartialError> {
+    let address = header.address();
+    let rendered = Rendered { node: node_of_planes(address, planes, expected)?, counters: header.counters };
+    let found = partial_header::hash(&rendered);
+    if found == header.hash {
+        Ok(rendered)
+    } else {
+        Err(PartialError::Damaged { address, found, announced: header.hash })
     }
-    let header: NodeHeader = read_json(json).map_err(bad_header)?;
-    if header.job != expected.job {
-        return Err(PartialError::WrongJob { found: header.job, expected: expected.job.clone() });
-    }
-    if header.scene_hash != expected.scene_hash {
-        return Err(PartialError::WrongScene { found: header.scene_hash, expected: expected.scene_hash.clone() });
-    }
-    let address = NodeAddress { frame: header.frame, tile: header.tile, level: header.level, index: header.index };
-    let tile = expected.grid.tile(address.tile).filter(|_| address.exists() && expected.allowed.contains(&address));
-    let tile = tile.ok_or(PartialError::UnexpectedNode { address })?;
-    if header.sampling != expected.sampling {
-        let found = header.sampling;
-        return Err(PartialError::WrongSampling { address, found, expected: expected.sampling });
-    }
-    let samples = u64::from(address.passes().count) * u64::from(expected.sampling.samples_per_pass());
-    for (field, found, expected) in [
-        ("first_pass", header.first_pass, u64::from(address.passes().first)),
-        ("passes", header.passes, u64::from(address.passes().count)),
-        ("samples", header.samples, samples),
-    ] {
-        if found != expected {
-            return Err(PartialError::WrongCount { address, field, found, expected });
-        }
-    }
+}
+
+/// Compares the pixels that a part has with those that the node must have, before they are decoded.
+fn check_part(address: NodeAddress, part: &InputPart, tile: Tile, sampling: Sampling) -> Result<(), PartialError> {
     let window_is_tile =
         part.position == [tile.x as i32, tile.y as i32] && part.size == [u64::from(tile.width), u64::from(tile.height)];
     if !window_is_tile {
@@ -202,20 +152,7 @@ fn check_header(index: usize, part: &InputPart, expected: &Expectation) -> Resul
     if part.compression != COMPRESSION {
         return Err(PartialError::WrongCompression { address, found: part.compression.to_string() });
     }
-    check_channels(address, part, expected.sampling)?;
-    Ok((address, header.hash))
-}
-
-/// Reads JSON; an error begins with the member that is wrong, unless it is the whole.
-fn read_json<'a, T: Deserialize<'a>>(json: &'a str) -> Result<T, String> {
-    let mut reader = serde_json::Deserializer::from_str(json);
-    let value =
-        serde_path_to_error::deserialize(&mut reader).map_err(|error| match error.path().to_string().as_str() {
-            path if path != "." && error.inner().is_data() => format!("{path}: {}", error.inner()),
-            _ => error.inner().to_string(),
-        })?;
-    reader.end().map_err(|error| error.to_string())?;
-    Ok(value)
+    check_channels(address, part, sampling)
 }
 
 fn check_channels(address: NodeAddress, part: &InputPart, sampling: Sampling) -> Result<(), PartialError> {
@@ -286,11 +223,17 @@ mod tests {
         NodeAddress { frame: 1, tile, level, index }
     }
 
-    fn node(address: NodeAddress) -> Node {
-        noise_node(address, GRID.tile(address.tile).unwrap(), sampling())
+    fn node(address: NodeAddress) -> Rendered {
+        counted(noise_node(address, GRID.tile(address.tile).unwrap(), sampling()))
     }
 
-    fn nodes() -> Vec<Node> {
+    /// A node with counters as a renderer might bring.
+    fn counted(node: Node) -> Rendered {
+        let samples = node.samples() * node.tile().pixels() as u64;
+        Rendered { node, counters: Counters { rays: 3 * samples + 1, samples, ..Counters::default() } }
+    }
+
+    fn nodes() -> Vec<Rendered> {
         [address(0, 3, 0), address(1, 0, 9), address(2, 2, 1), address(3, 1, 1)].map(node).to_vec()
     }
 
@@ -302,18 +245,22 @@ mod tests {
         }
     }
 
-    fn expectation(nodes: &[Node]) -> Expectation {
+    fn expectation(nodes: &[Rendered]) -> Expectation {
         Expectation {
             job: header().job,
             scene_hash: header().scene_hash,
             grid: GRID,
             sampling: sampling(),
-            allowed: nodes.iter().map(Node::address).collect(),
+            allowed: nodes.iter().map(|rendered| rendered.node.address()).collect(),
         }
     }
 
-    fn encoded(nodes: &[Node]) -> Vec<u8> {
+    fn encoded(nodes: &[Rendered]) -> Vec<u8> {
         encode(nodes, &header(), &GRID).unwrap()
+    }
+
+    fn all_bits(nodes: &[Rendered]) -> Vec<Vec<u32>> {
+        nodes.iter().map(|rendered| bits(&rendered.node)).collect()
     }
 
     #[track_caller]
@@ -328,7 +275,7 @@ mod tests {
             let bytes = encoded(&nodes);
             let found = decode(&bytes, &expectation(&nodes), BUDGET).unwrap();
             assert_eq!(found, nodes);
-            assert!(found.iter().map(bits).eq(nodes.iter().map(bits)));
+            assert_eq!(all_bits(&found), all_bits(&nodes));
         }
     }
 
@@ -338,18 +285,20 @@ mod tests {
         let grid = TileGrid { width: 16, height: 8, tile_size: 4 };
         let tile = grid.tile(6).unwrap();
         assert_eq!(tile, Tile { x: 8, y: 4, width: 4, height: 4 });
-        let node = Node::from_layers(
-            NodeAddress { tile: 2, ..node.address() },
-            Tile { x: 8, y: 0, width: 4, height: 2 },
-            node.sampling(),
-            node.layers().clone(),
-        )
-        .unwrap();
+        let node = counted(
+            Node::from_layers(
+                NodeAddress { tile: 2, ..node.address() },
+                Tile { x: 8, y: 0, width: 4, height: 2 },
+                node.sampling(),
+                node.layers().clone(),
+            )
+            .unwrap(),
+        );
         let grid = TileGrid { width: 16, height: 2, tile_size: 4 };
         let bytes = encode(std::slice::from_ref(&node), &header(), &grid).unwrap();
         let expected = Expectation { grid, ..expectation(std::slice::from_ref(&node)) };
         let found = decode(&bytes, &expected, BUDGET).unwrap();
-        assert_eq!(bits(&found[0]), bits(&node));
+        assert_eq!(bits(&found[0].node), bits(&node.node));
     }
 
     #[test]
@@ -372,7 +321,8 @@ mod tests {
     fn nodes_with_all_their_layers_need_no_more_than_expected() {
         for nodes in [[address(0, 3, 0), address(3, 2, 0)], [address(1, 4, 0), address(2, 5, 0)]] {
             let nodes = nodes.map(node);
-            assert!(nodes.iter().all(|node| node.layers().moment.is_some() && node.layers().first_hit.is_some()));
+            let layers = || nodes.iter().map(|rendered| rendered.node.layers());
+            assert!(layers().all(|layers| layers.moment.is_some() && layers.first_hit.is_some()));
             let expected = expectation(&nodes);
             assert_eq!(decode(&encoded(&nodes), &expected, expected.budget()).unwrap(), nodes);
         }
@@ -415,7 +365,7 @@ mod tests {
     }
 
     /// The partial of `node` with its header or channels changed.
-    fn forged<'a>(node: &'a Node, change: impl Fn(&mut OutputPart<'a>)) -> Vec<u8> {
+    fn forged<'a>(node: &'a Rendered, change: impl Fn(&mut OutputPart<'a>)) -> Vec<u8> {
         let mut part = output_part(node, &header()).unwrap();
         change(&mut part);
         openexr::write([GRID.width, GRID.height], &[part], COMPRESSION).unwrap()
@@ -432,13 +382,22 @@ mod tests {
             });
             assert_refused(&bytes, &good, message);
         };
-        check(r#""version":1"#, r#""version":2"#, "part 0: the header has version 2; this build reads version 1");
-        check(r#""version":1,"#, "", "missing field `version`");
+        check(r#""version":2"#, r#""version":1"#, "part 0: the header has version 1; this build reads version 2");
+        check(r#""version":2,"#, "", "missing field `version`");
         check(r#""passes":8"#, r#""passes":16"#, "claims passes 16; it must be 8");
         check(r#""first_pass":0"#, r#""first_pass":8"#, "claims first_pass 8; it must be 0");
         check(r#""samples":32"#, r#""samples":-32"#, "node: samples: invalid value: integer `-32`, expected u64");
         check(r#""samples":32"#, r#""samples":33"#, "claims samples 33; it must be 32");
         check(r#""samples":32"#, r#""pixels":32"#, "unknown field `pixels`");
+        check(r#""samples":512"#, r#""samples":511"#, "claims counters.samples 511; it must be 512");
+        check(r#""rays":1537,"#, "", "counters: missing field `rays`");
+        check(r#""rays":1537"#, r#""rays":-1"#, "counters.rays: invalid value: integer `-1`, expected u64");
+        check(
+            r#""rays":1537"#,
+            r#""rays":18000000000000000000"#,
+            "claims counters.rays 18000000000000000000; it must be at",
+        );
+        check(r#""rays":1537"#, r#""rays":1538"#, "is damaged: its values have the hash");
         check(r#""level":3"#, r#""level":40"#, "level 40, index 0) was not leased");
         check(r#""samples_per_block":16"#, r#""samples_per_block":17"#, "samples_per_block is 17");
         check(r#""hash":""#, r#""hash":"0"#, "is damaged: its values have the hash");
@@ -460,14 +419,14 @@ mod tests {
         assert_refused(&missing, &good, "lacks the 32-bit float channel moment.G");
         let added = forged(&nodes[1], |part| _ = part.channels.insert("A".to_owned(), part.channels["R"]));
         assert_refused(&added, &good, "has a channel A, which it must not have");
-        let integers = vec![0; nodes[1].tile().pixels()];
+        let integers = vec![0; nodes[1].node.tile().pixels()];
         let integer = forged(&nodes[1], |part| _ = part.channels.insert("R".to_owned(), Samples::Integer(&integers)));
         assert_refused(&integer, &good, "lacks the 32-bit float channel R");
 
         for (value, message) in
             [(f32::NAN, "value NaN"), (f32::INFINITY, "value inf"), (f32::NEG_INFINITY, "value -inf")]
         {
-            let mut values = vec![1.0; nodes[0].tile().pixels()];
+            let mut values = vec![1.0; nodes[0].node.tile().pixels()];
             values[5] = value;
             for channel in ["G", "moment.B", "albedo.R", "normal.Z", "depth.Z"] {
                 let bytes =
@@ -476,11 +435,11 @@ mod tests {
                 assert_refused(&bytes, &good, "at pixel (1, 1)");
             }
         }
-        let mut values: Vec<f32> = nodes[0].layers().beauty.iter().map(|sums| sums[1]).collect();
+        let mut values: Vec<f32> = nodes[0].node.layers().beauty.iter().map(|sums| sums[1]).collect();
         values[5] = values[5].next_up();
         let off = forged(&nodes[0], |part| _ = part.channels.insert("G".to_owned(), Samples::Float(&values)));
         assert_refused(&off, &good, "node (frame 1, tile 0, level 3, index 0) is damaged: its values have the hash");
-        let negative = vec![-1.0; nodes[0].tile().pixels()];
+        let negative = vec![-1.0; nodes[0].node.tile().pixels()];
         let moment =
             forged(&nodes[0], |part| _ = part.channels.insert("moment.R".to_owned(), Samples::Float(&negative)));
         assert_refused(&moment, &good, "layer moment is negative at pixel (0, 0)");
@@ -544,8 +503,8 @@ mod tests {
             }
             let before = address_space_bytes();
             if let Ok(found) = decode(&bytes, &expectation(&nodes), BUDGET) {
-                prop_assert!(found.iter().map(Node::address).eq(nodes[1..3].iter().map(Node::address)));
-                prop_assert!(found.iter().map(bits).eq(nodes[1..3].iter().map(bits)));
+                prop_assert_eq!(&found, &nodes[1..3]);
+                prop_assert_eq!(all_bits(&found), all_bits(&nodes[1..3]));
             }
             prop_assert!(address_space_bytes() - before < TESTS_BESIDE);
         }

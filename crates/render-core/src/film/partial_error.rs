@@ -5,7 +5,8 @@ use thiserror::Error;
 use super::address::{NodeAddress, Tile};
 use super::node::NodeError;
 use super::openexr::OpenExrError;
-use super::partial::{COMPRESSION, FORMAT_VERSION};
+use super::partial::COMPRESSION;
+use super::partial_header::FORMAT_VERSION;
 use super::sampling::Sampling;
 
 /// Why a partial is not taken; each is one way to be wrong.
@@ -80,6 +81,18 @@ pub enum PartialError {
         /// What it must be.
         expected: u64,
     },
+    /// More work than a worker can have done for the samples of the node.
+    #[error("node ({address}) claims counters.{counter} {found}; it must be at most {most}")]
+    AbsurdCounter {
+        /// The node.
+        address: NodeAddress,
+        /// The counter.
+        counter: &'static str,
+        /// Its value.
+        found: u64,
+        /// The most that is believed.
+        most: u64,
+    },
     /// The data window is not the tile.
     #[error(
         "node ({address}) has a data window of {} x {} pixels at ({}, {}); its tile is {} x {} at ({}, {})",
@@ -119,7 +132,7 @@ pub enum PartialError {
         /// The compression.
         found: String,
     },
-    /// The values or the address were changed after the worker had hashed them.
+    /// The values, the counters or the address were changed after the worker had hashed them.
     #[error("node ({address}) is damaged: its values have the hash {found}; the header says {announced}")]
     Damaged {
         /// The node.

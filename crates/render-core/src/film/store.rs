@@ -92,10 +92,9 @@ pub fn encode(node: &Node) -> Vec<u8> {
     bytes
 }
 
-/// The hash that ends the raw form of a node, in hexadecimal.
-pub(super) fn hash(node: &Node) -> String {
-    let bytes = encode(node);
-    hex::encode(&bytes[bytes.len() - HASH_BYTES..])
+/// The hash that ends the raw form of a node.
+pub(super) fn hash(node: &Node) -> [u8; HASH_BYTES] {
+    encode(node).last_chunk().copied().unwrap_or_default()
 }
 
 /// The node of a raw form. Nothing is allocated before its length has been compared with its header.

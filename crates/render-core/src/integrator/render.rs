@@ -10,21 +10,12 @@ use super::path::{PathSample, PathTracer};
 use crate::{
     counters::Counters,
     film::{
-        FirstHitSums, MergeError, Node, NodeAddress, NodeError, PassSums, SampleStream, SamplerSettings, Sampling,
-        Tile, TileGrid,
+        FirstHitSums, MergeError, Node, NodeAddress, NodeError, PassSums, Rendered, SampleStream, SamplerSettings,
+        Sampling, Tile, TileGrid,
     },
     scene::{Scene, description::IntegratorDescription},
     specular::{SpecularMethod, cone::Cone, fnee::Fnee},
 };
-
-/// A rendered node, and the work that it took.
-#[derive(Clone, Debug)]
-pub struct Rendered {
-    /// The node.
-    pub node: Node,
-    /// What the methods did.
-    pub counters: Counters,
-}
 
 /// Why a node was not rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]

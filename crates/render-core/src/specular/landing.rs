@@ -140,9 +140,8 @@ impl<'a> Landing<'a> {
             (mirrored(near_surface.all_bounds(), sign), mirrored(far_surface.all_bounds(), sign));
         if let MirroredSource::Direction(last) = &ends.source {
             // Most shading points see the sun through no pane. The steepest slopes of the faces already say so.
-            let steepest = |axis: usize| {
-                near_everywhere.gradient[axis].magnitude() + far_everywhere.gradient[axis].magnitude()
-            };
+            let steepest =
+                |axis: usize| near_everywhere.gradient[axis].magnitude() + far_everywhere.gradient[axis].magnitude();
             let strength = refraction_strength_widest(index).max;
             let beside = |axis: usize| {
                 let most = Interval::new(-strength * steepest(axis), strength * steepest(axis));
