@@ -13,6 +13,11 @@ use clerestory_tests::traced_scene::TracedScene;
 const SIZE: [u32; 2] = [96, 72];
 const REPLICATES: u64 = 32;
 const SAMPLES: u32 = 24;
+/// Samples under suns so large that their caustics are blurred.
+const FEWER_SAMPLES: u32 = 8;
+/// The sun's own angular radius, and larger ones.
+const ANGLES: [f64; 3] = [0.27, 1.0, 3.0];
+const SHORT_SAMPLES: u32 = 4;
 const PHOTONS: u64 = 8_000_000;
 const FAULTY_PHOTONS: u64 = 2_000_000;
 
@@ -20,11 +25,11 @@ fn scenes() -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes")
 }
 
-fn replicates(integrator: &str, samples: u32) -> Vec<Image> {
+fn replicates(angular_radius: f64, integrator: &str, samples: u32, path_filter: Option<&str>) -> Vec<Image> {
     let bundle = scene::load(&scenes().join("room.json")).expect("the room ships");
     (1..=REPLICATES)
         .map(|seed| {
-            let variant = SunScene { angular_radius: 0.27, integrator, seed, size: SIZE, path_filter: Some("D TT L") };
+            let variant = SunScene { angular_radius, integrator, seed, size: SIZE, path_filter };
             let scene: Scene = variant.build(&bundle).expect("the room can be built");
             let mut rendering = Rendering::new(&scene);
             for _ in 0..samples {
@@ -35,35 +40,56 @@ fn replicates(integrator: &str, samples: u32) -> Vec<Image> {
         .collect()
 }
 
-fn traced(photons: u64, fault: Fault) -> Reference {
+fn traced(angular_radius: f64, photons: u64, fault: Fault) -> Reference {
     let bundle = scene::load(&scenes().join("room.json")).expect("the room ships");
-    let variant =
-        SunScene { angular_radius: 0.27, integrator: "cone", seed: 0, size: SIZE, path_filter: Some("D TT L") };
+    let variant = SunScene { angular_radius, integrator: "cone", seed: 0, size: SIZE, path_filter: Some("D TT L") };
     let bundle = variant.bundle(&bundle).expect("the changed room is valid");
     let scene = TracedScene::build(&bundle, &scenes()).expect("the room can be traced");
     Reference::from_batches(&trace(&scene, &Tracing { photons, batches: 32, seed: 3, fault }))
 }
 
-#[test]
-fn cone_and_fnee_throw_the_caustics_that_forward_tracing_throws() {
-    let reference = traced(PHOTONS, Fault::None);
-    for integrator in ["cone", "fnee"] {
-        let ours = replicates(integrator, SAMPLES);
+/// Tests the caustics of integrators against forward tracing, and that faults are noticed.
+#[track_caller]
+fn check_caustics(angular_radius: f64, integrators: &[&str], samples: u32, faults: &[Fault]) {
+    let reference = traced(angular_radius, PHOTONS, Fault::None);
+    for integrator in integrators {
+        let ours = replicates(angular_radius, integrator, samples, Some("D TT L"));
         let report = compare(&ours, &reference, &[]);
-        println!("{integrator} room: {report}");
-        assert!(report.agrees(), "{integrator}: {report}");
-        for fault in [Fault::MissingFresnelFactor, Fault::DroppedSaddles] {
-            let wrong = traced(FAULTY_PHOTONS, fault);
+        println!("{integrator} room, {angular_radius} degrees: {report}");
+        assert!(report.agrees() && report.mean_error < 0.005, "{integrator}, {angular_radius} degrees: {report}");
+        for fault in faults {
+            let wrong = traced(angular_radius, FAULTY_PHOTONS, *fault);
             let report = compare(&ours, &wrong, &[]);
-            println!("{integrator} room against {fault:?}: {report}");
-            assert!(!report.agrees(), "{integrator} against {fault:?}: {report}");
+            println!("{integrator} room, {angular_radius} degrees, against {fault:?}: {report}");
+            assert!(!report.agrees(), "{integrator}, {angular_radius} degrees, against {fault:?}: {report}");
         }
     }
 }
 
 #[test]
+fn cone_and_fnee_throw_the_caustics_that_forward_tracing_throws() {
+    let [sun, large, larger] = ANGLES;
+    check_caustics(sun, &["cone", "fnee"], SAMPLES, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
+    check_caustics(large, &["cone"], FEWER_SAMPLES, &[Fault::MissingFresnelFactor]);
+    check_caustics(larger, &["cone"], FEWER_SAMPLES, &[Fault::MissingFresnelFactor]);
+}
+
+#[test]
+fn the_stored_references_are_pictures_of_the_room() {
+    for angle in ANGLES {
+        let reference = Reference::read(&reference_file(&scenes().join("room"), angle)).expect("the reference ships");
+        let ours = replicates(angle, "cone", SHORT_SAMPLES, None);
+        let report = compare(&ours, &reference, &[]);
+        println!("the room by cone, {angle} degrees: {report}");
+        assert!(report.agrees() && report.mean_error < 0.005, "{angle} degrees: {report}");
+        let report = compare(&ours, &reference.scaled(1.04), &[]);
+        assert!(!report.agrees(), "{angle} degrees, against a reference that is 4 percent too bright: {report}");
+    }
+}
+
+#[test]
 fn the_stored_references_have_their_standard_error() {
-    for angle in [0.27, 1.0, 3.0] {
+    for angle in ANGLES {
         let reference = Reference::read(&reference_file(&scenes().join("room"), angle)).expect("the reference ships");
         let square = |image: &Image| image.pixels.iter().map(|pixel| pixel.length_squared()).sum::<f64>();
         let noise = (square(&reference.standard_error) / square(&reference.mean)).sqrt();

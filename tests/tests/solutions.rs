@@ -182,9 +182,11 @@ fn check(case: &str, list: &str) {
         100.0 * success(&published),
     );
     println!(
-        "{list}: the bounds alone know all paths of {} of {} points, and miss {} paths of the others",
-        enumerated.complete, enumerated.points, enumerated.missed,
+        "{list}: the enumeration finds all paths; the bounds know that these are all of {} of {} points",
+        enumerated.complete, enumerated.points,
     );
+    // Nothing says that it finds the paths where it is not complete; but on these lists it does.
+    assert_eq!(enumerated.missed, 0, "{list}");
 }
 
 fn evaluations_per_success(counters: &Counters) -> f64 {

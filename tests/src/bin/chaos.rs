@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use clerestory_api::JobState;
+use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::{DecodeBudget, FrameImage};
 use clerestory_tests::exr_files::same_samples;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::random::Random;
@@ -22,8 +24,8 @@ struct Arguments {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Workers at the same time.
-    #[arg(long, default_value_t = 3)]
-    workers: usize,
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..))]
+    workers: u8,
 }
 
 /// Scenes and integrators of the jobs.
@@ -42,6 +44,9 @@ const LEASE_SECONDS: &str = "2";
 
 /// Longest sleep of a worker, seconds.
 const LONGEST_SLEEP: f64 = 4.0;
+
+/// Longest time that a job may take, however often its farm is hit.
+const PATIENCE: Duration = Duration::from_secs(600);
 
 /// How often each blow was dealt.
 #[derive(Debug, Default)]
@@ -87,7 +92,18 @@ fn main() -> ExitCode {
         }
     }
     println!("{jobs} jobs, {wrong} with other bits; {:?}", siege.blows);
+    let Blows { workers_killed, workers_stopped, workers_suspended, coordinators_killed } = siege.blows;
+    if [workers_killed, workers_stopped, workers_suspended, coordinators_killed].contains(&0) {
+        println!("not every blow was dealt: nothing is shown; give it more --minutes");
+        return ExitCode::FAILURE;
+    }
     if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// What was counted while an image was rendered: also that nothing was merged twice.
+fn counters(image: &[u8]) -> Option<Counters> {
+    let image = FrameImage::decode(image, DecodeBudget { pixel_bytes: 1 << 24 }).ok()?;
+    image.metadata().map(|metadata| metadata.counters)
 }
 
 impl Siege {
@@ -110,6 +126,9 @@ impl Siege {
             if !matches!(job.state, JobState::Queued | JobState::Running) {
                 break job;
             }
+            if start.elapsed() > PATIENCE {
+                return Err(format!("{order:?}: not done after {PATIENCE:?}: {job:?}"));
+            }
             self.strike();
         };
         if job.state != JobState::Done {
@@ -121,7 +140,9 @@ impl Siege {
         succeeded(clerestory().arg("render").arg(&scene).args(order).arg("-o").arg(&alone));
         let alone = std::fs::read(&alone).map_err(|error| error.to_string())?;
         println!("{} {order:?}: {:.1} s, {:?}", job.id, start.elapsed().as_secs_f64(), self.blows);
-        same_samples(&image, &alone).map_err(|difference| format!("{order:?}: {difference}"))
+        same_samples(&image, &alone).map_err(|difference| format!("{order:?}: {difference}"))?;
+        let [ours, alone] = [counters(&image), counters(&alone)];
+        if ours == alone { Ok(()) } else { Err(format!("{order:?}: counted {ours:?}, alone {alone:?}")) }
     }
 
     fn start_worker(&mut self) {

@@ -280,30 +280,29 @@ impl HeightField {
         let DVec2 { x, y } = half_size * self.density;
         let middle = self.jet(rect.centre());
         let [xx, xy, yy] = middle.hessian.map(f64::abs);
-        let around = |middle: f64, radius: f64, rounding: Interval| {
-            // Twice, for the rounding of the evaluations in the middle and elsewhere.
-            let radius = radius * (1.0 + 1e-12) + 2.0 * ROUNDING * rounding.magnitude();
-            Interval::new(middle - radius, middle + radius)
-        };
         let second_order =
             [0.5 * (xxx * x * x + xyy * y * y) + xxy * x * y, 0.5 * (xxy * x * x + yyy * y * y) + xyy * x * y];
+        // Rounding, by the cell coordinates: of sums of coefficients, which may all be far from zero, and of the cell
+        // coordinates themselves, which moves a point by a little of a cell.
+        let of_sums = 2.0 * ROUNDING * self.all.height.magnitude();
+        let moved = 4.0 * f64::EPSILON * self.end.max_element();
+        let [xx_cell, xy_cell, yy_cell] = [xx / (dx * dx), xy / (dx * dy), yy / (dy * dy)];
+        let around = |middle: f64, radius: f64, steepness: f64, scale: f64| {
+            let radius = radius * (1.0 + 1e-12) + (of_sums + moved * steepness) * scale;
+            Interval::new(middle - radius, middle + radius)
+        };
+        let [slope_x, slope_y] = [xx_cell * x + xy_cell * y, xy_cell * x + yy_cell * y];
+        let largest = xxx.max(xxy).max(xyy).max(yyy);
+        let bent = xx_cell.max(xy_cell).max(yy_cell) + largest;
         ShapeBounds {
             gradient: [
-                around(
-                    middle.gradient.x,
-                    xx * half_size.x + xy * half_size.y + second_order[0] * dx,
-                    self.all.gradient[0],
-                ),
-                around(
-                    middle.gradient.y,
-                    xy * half_size.x + yy * half_size.y + second_order[1] * dy,
-                    self.all.gradient[1],
-                ),
+                around(middle.gradient.x, (slope_x + second_order[0]) * dx, bent, dx),
+                around(middle.gradient.y, (slope_y + second_order[1]) * dy, bent, dy),
             ],
             hessian: [
-                around(middle.hessian[0], (xxx * x + xxy * y) * dx * dx, self.all.hessian[0]),
-                around(middle.hessian[1], (xxy * x + xyy * y) * dx * dy, self.all.hessian[1]),
-                around(middle.hessian[2], (xyy * x + yyy * y) * dy * dy, self.all.hessian[2]),
+                around(middle.hessian[0], (xxx * x + xxy * y) * dx * dx, largest, dx * dx),
+                around(middle.hessian[1], (xxy * x + xyy * y) * dx * dy, largest, dx * dy),
+                around(middle.hessian[2], (xyy * x + yyy * y) * dy * dy, largest, dy * dy),
             ],
         }
     }
@@ -666,9 +665,13 @@ mod tests {
         #[test]
         fn shape_bounds_hold_every_evaluation(
             a in any_point(0.8), b in any_point(0.8), inside in prop::collection::vec((0.0..=1.0f64, 0.0..=1.0f64), 64),
-            amplitude in prop::sample::select(vec![1e-9, 1e-3, 1.0, 1e6]), size in 0..40i32,
+            amplitude in prop::sample::select(vec![1e-9, 1e-3, 1.0, 1e6]), size in 0..60i32,
+            (columns, rows) in prop::sample::select(vec![(COLUMNS, ROWS), (700, 5)]),
+            offset in prop::sample::select(vec![0.0, 1.0]),
         ) {
-            let field = rough(COLUMNS, ROWS, amplitude, SIZE);
+            let field = rough(columns, rows, amplitude, SIZE);
+            let raised = field.coefficients().map(|value| (value + offset) as f32);
+            let field = HeightField::new(raised.collect(), columns, rows, SIZE).unwrap();
             let half = 0.5 * (b - a).abs() * libm::exp2(-f64::from(size));
             let rect = Rect::new(a - half, a + half);
             let ShapeBounds { gradient, hessian } = field.shape_bounds(&rect);

@@ -37,8 +37,8 @@ const MOST_PARTS: usize = 1000;
 /// cost more than it finds.
 const SMALLEST: f64 = 0.25;
 
-/// A shot lands with about this error, in thicknesses of the pane: its second vertex is off by the square of the slope
-/// along the ray.
+/// A shot lands with less than this error, in thicknesses of the pane: its second vertex is off by less than its last
+/// step (`fermat::Connection::shoot`).
 const SHOT_ERROR: f64 = 1e-3;
 
 /// Larger parts on a fold are halved without a shot, in cells of the finer face.

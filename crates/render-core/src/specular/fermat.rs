@@ -65,6 +65,12 @@ pub struct Shot {
     pub miss: DVec2,
 }
 
+/// A shot has found its second vertex when that moves by less than this part of the pane's thickness.
+const LANDED: f64 = 1e-3;
+
+/// Most rounds until then. Where slopes are so steep that these are too few, Newton's method decides.
+const LANDING_ROUNDS: usize = 8;
+
 /// The symmetric 4x4 Hessian of the optical length in 2x2 blocks.
 #[derive(Clone, Copy, Debug)]
 pub struct Hessian {
@@ -135,16 +141,24 @@ impl<'a> Connection<'a> {
     /// The path from the shading point through a point of the near face and on by Snell's law; `None` when it is totally
     /// reflected or leaves away from the source.
     pub fn shoot(&self, near: DVec2, counters: &mut Counters) -> Option<Shot> {
-        counters.height_evaluations += 4;
+        counters.height_evaluations += 2;
         let (height, gradient) = self.surfaces[0].slope(near);
         let x1 = near.extend(self.bases[0] + height);
         let first = x1 - self.origin;
         let inner = refract(first.normalize(), unit_normal(gradient), 1.0, self.index)?.direction;
         let tangent = inner.truncate() / inner.z;
         let flat = near + tangent * (self.bases[1] - x1.z);
-        // Each round leaves the slope along the ray of the error before.
-        let far = flat + tangent * self.surfaces[1].height(flat);
-        let far = flat + tangent * self.surfaces[1].height(far);
+        let landed = LANDED * (self.bases[1] - self.bases[0]).abs();
+        let mut far = flat;
+        for _ in 0..LANDING_ROUNDS {
+            counters.height_evaluations += 1;
+            let before = far;
+            far = flat + tangent * self.surfaces[1].height(far);
+            // Each round leaves of the error before the slope along the ray.
+            if (far - before).abs().max_element() < landed {
+                break;
+            }
+        }
         let (height, gradient) = self.surfaces[1].slope(far);
         let exit_z = self.bases[1] + height;
         let last = refract(inner, unit_normal(gradient), self.index, 1.0)?.direction;

@@ -116,7 +116,9 @@ pub(super) struct Stretch {
 
 /// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part: terms of
 /// the size of a slope times the sine of an angle of incidence times what is kept. This multiple of it is an estimate and
-/// no bound, so that what rests on it has to be checked at random.
+/// no bound, so that what rests on it has to be checked at random. It also stands for using x0, the matrices L and the levers
+/// a little outside the window that they are bounded for: by the slack of a shot, and by the height of the relief where the
+/// shot goes through it.
 const LEFT_OUT: f64 = 1.5;
 
 /// A part is injective when its defect is below 1; this much below, so that rounding cannot matter.
@@ -352,13 +354,13 @@ impl Stretch {
     /// Near a fold the landing moves hardly at all in one direction, however the place moves: that direction tells most.
     pub(super) fn excludes(&self, miss: DVec2, away: DVec2, slack: f64) -> bool {
         let squares = self.derivative * self.derivative.transpose();
-        // The eigenvector of the smaller eigenvalue.
+        // The eigenvector of the larger eigenvalue: the landing moves most along it, and least across it.
         let (half_difference, mixed) = (0.5 * (squares.x_axis.x - squares.y_axis.y), squares.x_axis.y);
-        let stiff = DVec2::new(half_difference + half_difference.hypot(mixed), mixed);
+        let half_distance = (half_difference * half_difference + mixed * mixed).sqrt();
         let stiff = if half_difference < 0.0 {
-            DVec2::new(mixed, half_difference.hypot(mixed) - half_difference)
+            DVec2::new(mixed, half_distance - half_difference)
         } else {
-            stiff
+            DVec2::new(half_distance + half_difference, mixed)
         };
         let stiff = stiff.try_normalize().unwrap_or(DVec2::X);
         [DVec2::new(-stiff.y, stiff.x), stiff].into_iter().any(|along| {
