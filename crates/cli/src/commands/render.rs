@@ -71,7 +71,11 @@ pub(crate) struct RenderArguments {
 pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
     let png = arguments.png.then(|| png_beside(&output));
-    check_outputs(&[("--output", Some(&output)), ("--png", png.as_deref()), ("--stats", arguments.stats.as_deref())])?;
+    check_outputs(&[
+        ("--output", Some(output.as_path())),
+        ("--png", png.as_deref()),
+        ("--stats", arguments.stats.as_deref()),
+    ])?;
     let order = Arc::new(interpret(&arguments)?);
     order.tell();
     let rendering = render(order.clone()).await?;
