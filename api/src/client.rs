@@ -21,7 +21,7 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 /// Longest silence in the middle of an answer. Long polls stay below it, event streams send comments more often.
 const READ_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Longest pause that an answer can ask for: below the time that a lease lasts.
+/// Longest pause that an answer can ask for: below the time that a lease lasts by default.
 const LONGEST_RETRY_AFTER: Duration = Duration::from_secs(30);
 
 /// A connection to a coordinator. Cheap to clone; clones share their connections.
@@ -63,6 +63,14 @@ pub enum ClientError {
         /// How long to wait before the next attempt, if the answer says.
         retry_after: Option<Duration>,
     },
+    /// The coordinator answered with success, and with a body of another form than this build knows.
+    #[error("the answer from {path} cannot be read")]
+    UnreadableAnswer {
+        /// The path that was asked.
+        path: String,
+        /// What could not be read.
+        source: serde_json::Error,
+    },
     /// The request did not get through.
     #[error("no answer from the coordinator")]
     Transport(#[from] reqwest::Error),
@@ -76,7 +84,7 @@ impl ClientError {
             Self::Transport(error) => !error.is_builder(),
             Self::Problem { problem, .. } => is_transient(problem.status),
             Self::UnexpectedAnswer { status, .. } => is_transient(*status),
-            Self::InvalidAddress { .. } | Self::InvalidToken => false,
+            Self::InvalidAddress { .. } | Self::InvalidToken | Self::UnreadableAnswer { .. } => false,
         }
     }
 
@@ -87,7 +95,9 @@ impl ClientError {
             Self::Problem { retry_after, .. } | Self::UnexpectedAnswer { retry_after, .. } => {
                 planned + retry_after.unwrap_or_default().min(LONGEST_RETRY_AFTER)
             }
-            Self::InvalidAddress { .. } | Self::InvalidToken | Self::Transport(_) => planned,
+            Self::InvalidAddress { .. } | Self::InvalidToken | Self::UnreadableAnswer { .. } | Self::Transport(_) => {
+                planned
+            }
         }
     }
 
@@ -280,7 +290,10 @@ impl Client {
 }
 
 async fn json<T: DeserializeOwned>(response: Response) -> Result<T, ClientError> {
-    Ok(check(response).await?.json().await?)
+    let response = check(response).await?;
+    let path = response.url().path().to_owned();
+    let body = response.bytes().await?;
+    serde_json::from_slice(&body).map_err(|source| ClientError::UnreadableAnswer { path, source })
 }
 
 /// Whether a status speaks of the moment and not of the request.
@@ -353,6 +366,17 @@ mod tests {
             assert_eq!(failure.is_transient(), passes, "{answer}");
             assert_eq!(failure.problem().is_some(), answer.contains("problem+json"), "{failure}");
         }
+    }
+
+    #[tokio::test]
+    async fn an_answer_that_cannot_be_read_does_not_pass_and_says_what_is_wrong_and_one_that_is_cut_off_does() {
+        let unreadable = failure("HTTP/1.1 200 OK\r\ncontent-length: 16\r\n\r\n[{\"id\": \"door\"}]").await;
+        assert!(!unreadable.is_transient());
+        assert!(unreadable.to_string().contains("/api/v1/jobs"), "{unreadable}");
+        let reason = std::error::Error::source(&unreadable).unwrap().to_string();
+        assert!(reason.contains("UUID"), "{reason}");
+        let cut_off = failure("HTTP/1.1 200 OK\r\ncontent-length: 16\r\n\r\n[{").await;
+        assert!(cut_off.is_transient(), "{cut_off}");
     }
 
     #[tokio::test]

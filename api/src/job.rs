@@ -29,10 +29,12 @@ pub struct JobSubmission {
     /// Jobs of higher priority are served first; among equals, the older.
     #[serde(default)]
     pub priority: i32,
-    /// An OpenEXR image of the same size, with a standard-error layer, that the error is measured against.
+    /// An OpenEXR image of the same size that the error is measured against. It may have a standard-error layer, whose
+    /// noise is then taken out of the error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<ContentHash>,
-    /// Milliseconds after the first lease at which no more work is given out; what is complete then is kept.
+    /// Milliseconds after the first lease at which no more work is given out, at most ten years; what is complete then is
+    /// kept. The first pass is rendered in any case.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_limit_ms: Option<i64>,
 }
@@ -114,7 +116,7 @@ pub struct JobView {
     /// Rounds recorded so far.
     pub rounds: u32,
     /// How far it is, 0 to 1: the fraction of its samples that is accepted, or of its time limit that has passed where
-    /// that is more; 1 when it is done.
+    /// that is more, but no more than the fraction of the first pass while that is not complete; 1 when it is done.
     pub progress: f64,
     /// Camera samples accepted so far, over all pixels.
     pub samples: u64,

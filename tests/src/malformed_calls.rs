@@ -198,7 +198,12 @@ fn submissions() -> Vec<BadCall> {
         BadCall::new(
             "no time",
             submission_with("time_limit_ms", json!(0)),
-            invalid("time_limit_ms", &["`0`", "at least 1"]),
+            invalid("time_limit_ms", &["`0`", "1 to 315360000000"]),
+        ),
+        BadCall::new(
+            "more time than anybody has",
+            submission_with("time_limit_ms", json!(i64::MAX)),
+            invalid("time_limit_ms", &["`9223372036854775807`", "1 to 315360000000"]),
         ),
         BadCall::new(
             "a file that the scene names and the submission does not",

@@ -142,6 +142,11 @@ fn bad_leases() -> Vec<BadDelivery> {
             invalid(CORE_MILLISECONDS_HEADER, &["`-5`", "a whole number, 0 or more"]),
         ),
         bad(
+            "a time that nobody can have spent",
+            |delivery| delivery.sound().without(CORE_MILLISECONDS_HEADER).header(CORE_MILLISECONDS_HEADER, i64::MAX),
+            invalid(CORE_MILLISECONDS_HEADER, &["`9223372036854775807`", "at most 1000000000000 milliseconds"]),
+        ),
+        bad(
             "a partial that is declared as JSON",
             |delivery| delivery.sound().without("content-type").header("content-type", "application/json"),
             refused(415, ProblemCode::UnsupportedMediaType, "content-type", &["application/json", EXR_MEDIA_TYPE]),
@@ -236,6 +241,11 @@ fn bad_nodes() -> Vec<BadDelivery> {
         malformed("a part without its counters", &["part 1", "missing field `counters`"], |delivery| {
             delivery.with_header(|header| drop(header.as_object_mut().expect("an object").remove("counters")))
         }),
+        malformed(
+            "a counter that nobody knows",
+            &["part 1", "counters", "unknown field `bounces`", "`height_evaluations`"],
+            |delivery| delivery.with_header(|header| header["counters"]["bounces"] = json!(1)),
+        ),
         malformed("samples that nobody rendered", &["claims counters.samples 5; it must be"], |delivery| {
             delivery.with_header(|header| header["counters"]["samples"] = json!(5))
         }),

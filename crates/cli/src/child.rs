@@ -33,7 +33,7 @@ pub(crate) enum Environment {
 /// A running child.
 pub(crate) struct Child {
     name: String,
-    log: Option<PathBuf>,
+    log: Option<Log>,
     process: process::Child,
     /// The writing end of the child's standard input. Kept apart from the process, which would close it while waiting.
     lifeline: Option<process::ChildStdin>,
@@ -49,7 +49,7 @@ impl Child {
         environment: Environment,
     ) -> Result<Self, Failure> {
         let binary = std::env::current_exe().map_err(Failure::Spawn)?;
-        let log_file = log.as_deref().map(open_log).transpose()?;
+        let (log, log_file) = log.map(Log::open).transpose()?.unzip();
         let mut command = process::Command::new(binary);
         if environment == Environment::WithoutSettings {
             let names = std::env::vars_os().map(|(name, _)| name);
@@ -87,7 +87,7 @@ impl Child {
     /// Waits for the child to end by itself; says how it did, and what it logged last.
     pub(crate) async fn ended(&mut self) -> Failure {
         let status = self.process.wait().await.map_or_else(|error| error.to_string(), |status| status.to_string());
-        let log = self.log.as_deref().map(end_of_log).unwrap_or_default();
+        let log = self.log.as_ref().map(Log::end).unwrap_or_default();
         Failure::Process(format!("{} ended by itself: {status}{log}", self.name))
     }
 
@@ -103,21 +103,37 @@ impl Child {
     }
 }
 
-/// Opens a log to append to it, in a folder that need not be there yet.
-fn open_log(file: &Path) -> Result<File, Failure> {
-    let folder = file.parent().unwrap_or(Path::new(""));
-    let opened = fs::create_dir_all(folder).and_then(|()| File::options().create(true).append(true).open(file));
-    opened.map_err(|source| Failure::Write { file: file.to_owned(), source })
+/// The log of a child, in a file that others may have written to before.
+struct Log {
+    file: PathBuf,
+    /// Bytes that were there when the child started.
+    start: u64,
 }
 
-/// Where a log is, and its last lines, to be added to a message.
-fn end_of_log(file: &Path) -> String {
-    let bytes = fs::read(file).unwrap_or_default();
-    let text = String::from_utf8_lossy(&bytes);
-    let lines: Vec<&str> = text.lines().collect();
-    let last = &lines[lines.len().saturating_sub(SHOWN_LINES)..];
-    let last: String = last.iter().map(|line| format!("\n    {line}")).collect();
-    format!("; the end of its log {}:{last}", file.display())
+impl Log {
+    /// Opens a log to append to it, in a folder that need not be there yet.
+    fn open(file: PathBuf) -> Result<(Self, File), Failure> {
+        let folder = file.parent().unwrap_or(Path::new(""));
+        let opened = fs::create_dir_all(folder)
+            .and_then(|()| File::options().create(true).append(true).open(&file))
+            .and_then(|opened| Ok((opened.metadata()?.len(), opened)));
+        match opened {
+            Ok((start, opened)) => Ok((Self { file, start }, opened)),
+            Err(source) => Err(Failure::Write { file, source }),
+        }
+    }
+
+    /// Where it is, and the last lines of the child, to be added to a message.
+    fn end(&self) -> String {
+        let bytes = fs::read(&self.file).unwrap_or_default();
+        // A log that is shorter than it was has been emptied meanwhile: all of it is the child's.
+        let own = usize::try_from(self.start).ok().and_then(|start| bytes.get(start..)).unwrap_or(&bytes);
+        let text = String::from_utf8_lossy(own);
+        let lines: Vec<&str> = text.lines().collect();
+        let last = &lines[lines.len().saturating_sub(SHOWN_LINES)..];
+        let last: String = last.iter().map(|line| format!("\n    {line}")).collect();
+        format!("; the end of its log {}:{last}", self.file.display())
+    }
 }
 
 #[cfg(test)]
@@ -125,12 +141,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_end_of_a_log_is_shown_with_its_place() {
+    fn the_end_of_a_log_is_shown_with_its_place_and_without_what_others_logged_before() {
+        use std::io::Write;
+
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("worker-1.log");
-        fs::write(&file, "1\n2\n3\n4\n5\n6\nerror: why\n").unwrap();
-        let text = end_of_log(&file);
+        fs::write(&file, "error: of yesterday\n").unwrap();
+        let (log, mut opened) = Log::open(file.clone()).unwrap();
+        assert!(log.end().ends_with("worker-1.log:"), "{}", log.end());
+        opened.write_all(b"1\n2\n").unwrap();
+        assert!(log.end().ends_with("worker-1.log:\n    1\n    2"), "{}", log.end());
+        opened.write_all(b"3\n4\n5\n6\nerror: why\n").unwrap();
+        let text = log.end();
         assert!(text.contains("worker-1.log:\n    3\n") && text.ends_with("\n    error: why"), "{text}");
-        assert!(end_of_log(&folder.path().join("absent.log")).ends_with("absent.log:"));
+        fs::remove_file(&file).unwrap();
+        assert!(log.end().ends_with("worker-1.log:"));
     }
 }

@@ -11,6 +11,10 @@ use crate::failure::Failure;
 /// Environment variable with the farm's token. There is no option for it: options can be seen by other users.
 pub(crate) const TOKEN_VARIABLE: &str = "CLERESTORY_TOKEN";
 
+/// Environment variable that names a file with the token. It is not read with the options: those win over
+/// [`TOKEN_VARIABLE`], and this does not.
+const TOKEN_FILE_VARIABLE: &str = "CLERESTORY_TOKEN_FILE";
+
 /// Address of the coordinator where none is given, and where a coordinator listens unless told otherwise.
 pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7171";
 
@@ -20,8 +24,8 @@ pub(crate) struct ConnectionArguments {
     /// Address of the coordinator.
     #[arg(long, value_name = "URL", default_value_t = format!("http://{DEFAULT_LISTEN}"), env = "CLERESTORY_COORDINATOR")]
     pub(crate) coordinator: String,
-    /// File with the farm's token; the token itself can be in CLERESTORY_TOKEN.
-    #[arg(long, value_name = "FILE", env = "CLERESTORY_TOKEN_FILE")]
+    /// File with the farm's token [env: CLERESTORY_TOKEN_FILE]; the token itself can be in CLERESTORY_TOKEN.
+    #[arg(long, value_name = "FILE")]
     pub(crate) token_file: Option<PathBuf>,
 }
 
@@ -35,7 +39,7 @@ pub(crate) struct Connection {
 impl ConnectionArguments {
     /// Sets the connection up. Nothing is sent yet.
     pub(crate) fn open(&self) -> Result<Connection, Failure> {
-        Connection::open(&self.coordinator, token(self.token_file.as_deref())?.as_deref())
+        Connection::open(&self.coordinator, token(self.token_file.as_deref(), None)?.as_deref())
     }
 }
 
@@ -61,18 +65,30 @@ impl Connection {
     }
 }
 
-/// The token from the environment or a file, the environment first. White space around it does not count.
-pub(crate) fn token(file: Option<&Path>) -> Result<Option<String>, Failure> {
+/// The file with the token that the environment names.
+pub(crate) fn named_token_file() -> Option<PathBuf> {
+    std::env::var_os(TOKEN_FILE_VARIABLE).filter(|name| !name.is_empty()).map(PathBuf::from)
+}
+
+/// The token: from the file that an option names, else from the environment, else from the file that a configuration
+/// names. White space around it does not count.
+pub(crate) fn token(option: Option<&Path>, configured: Option<&Path>) -> Result<Option<String>, Failure> {
+    if let Some(file) = option {
+        return token_in(file).map(Some);
+    }
     if let Ok(token) = std::env::var(TOKEN_VARIABLE) {
         return Ok(Some(token.trim().to_owned()).filter(|token| !token.is_empty()));
     }
-    let Some(file) = file else { return Ok(None) };
+    named_token_file().or_else(|| configured.map(Path::to_owned)).map(|file| token_in(&file)).transpose()
+}
+
+fn token_in(file: &Path) -> Result<String, Failure> {
     let text = fs::read_to_string(file).map_err(|source| Failure::Read { file: file.to_owned(), source })?;
     match text.trim() {
         "" => Err(Failure::Usage(format!(
             "the token file {} is empty: expected something like the output of `openssl rand -hex 32`",
             file.display()
         ))),
-        token => Ok(Some(token.to_owned())),
+        token => Ok(token.to_owned()),
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use clerestory_api::{ClientError, ConvergencePoint, EventBody, JobId, JobView};
+use clerestory_api::{ClientError, ConvergencePoint, EventBody, JobId, JobView, ProblemCode};
 use futures::StreamExt;
 
 use crate::commands::jobs::samples_text;
@@ -10,13 +10,16 @@ use crate::connection::Connection;
 use crate::failure::{Failure, root_cause};
 use crate::terminal::{Advance, Progress};
 
-/// Pause before the event stream is opened again.
+/// Pause before the event stream is opened again, or a call repeated.
 const RECONNECT_PAUSE: Duration = Duration::from_millis(500);
+
+/// How often in a row a call may meet a fault of the coordinator, which need not pass as an outage does.
+const MOST_FAULTS: u32 = 10;
 
 /// Shows a job's progress and rounds until it ends; returns it as it ended. A coordinator that goes away is waited for,
 /// and the user is told.
 pub(crate) async fn follow(connection: &Connection, job: JobId, progress: &mut Progress) -> Result<JobView, Failure> {
-    let mut follower = Follower { connection, job, progress, rounds: 0, is_away: false };
+    let mut follower = Follower { connection, job, progress, rounds: 0, outage: Outage::default() };
     loop {
         match follower.until_final().await {
             Ok(Some(view)) => {
@@ -24,10 +27,62 @@ pub(crate) async fn follow(connection: &Connection, job: JobId, progress: &mut P
                 return Ok(view);
             }
             Ok(None) => {}
-            Err(error) if error.is_transient() => follower.note_outage(&error),
+            Err(error) if error.is_transient() => follower.outage.note(connection, follower.progress, &error),
             Err(error) => return Err(connection.failure(error)),
         }
         tokio::time::sleep(RECONNECT_PAUSE).await;
+    }
+}
+
+/// Repeats a call that changes nothing until the coordinator answers it. A coordinator that goes away is waited for, and
+/// the user is told.
+pub(crate) async fn until_answered<T, Answer>(
+    connection: &Connection,
+    progress: &Progress,
+    mut call: impl FnMut() -> Answer,
+) -> Result<T, Failure>
+where
+    Answer: Future<Output = Result<T, ClientError>>,
+{
+    let mut outage = Outage::default();
+    let mut faults = 0;
+    loop {
+        match call().await {
+            Ok(answer) => {
+                outage.end(connection, progress);
+                return Ok(answer);
+            }
+            Err(error) if error.is_transient() && faults < MOST_FAULTS => {
+                let is_fault = error.problem().is_some_and(|problem| problem.code == ProblemCode::Internal);
+                faults = if is_fault { faults + 1 } else { 0 };
+                outage.note(connection, progress, &error);
+                tokio::time::sleep(error.pause(RECONNECT_PAUSE)).await;
+            }
+            Err(error) => return Err(connection.failure(error)),
+        }
+    }
+}
+
+/// Whether the user has been told that the coordinator does not answer.
+#[derive(Default)]
+struct Outage {
+    is_known: bool,
+}
+
+impl Outage {
+    /// Says, once in an outage, that the coordinator does not answer.
+    fn note(&mut self, connection: &Connection, progress: &Progress, error: &ClientError) {
+        if !std::mem::replace(&mut self.is_known, true) {
+            let (address, reason) = (connection.address(), root_cause(error));
+            progress.note(&format!("The coordinator at {address} does not answer, trying again: {reason}"));
+        }
+    }
+
+    /// Says that an outage is over.
+    fn end(&mut self, connection: &Connection, progress: &Progress) {
+        if std::mem::replace(&mut self.is_known, false) {
+            progress.note(&format!("The coordinator at {} answers again", connection.address()));
+        }
     }
 }
 
@@ -37,8 +92,7 @@ struct Follower<'a> {
     progress: &'a mut Progress,
     /// Rounds shown so far.
     rounds: u32,
-    /// Whether the user has been told that the coordinator does not answer.
-    is_away: bool,
+    outage: Outage,
 }
 
 impl Follower<'_> {
@@ -47,7 +101,7 @@ impl Follower<'_> {
     async fn until_final(&mut self) -> Result<Option<JobView>, ClientError> {
         let mut events = self.connection.client.events(Some(self.job), None).await?;
         self.catch_up().await?;
-        self.note_return();
+        self.outage.end(self.connection, self.progress);
         while let Some(Ok(event)) = events.next().await {
             let views = match event.body {
                 EventBody::Snapshot { jobs, .. } => jobs,
@@ -80,21 +134,6 @@ impl Follower<'_> {
         let series = self.connection.client.convergence(self.job).await?;
         series.points.iter().for_each(|point| self.round(point));
         Ok(())
-    }
-
-    /// Says, once in an outage, that the coordinator does not answer.
-    fn note_outage(&mut self, error: &ClientError) {
-        if !std::mem::replace(&mut self.is_away, true) {
-            let (address, reason) = (self.connection.address(), root_cause(error));
-            self.progress.note(&format!("The coordinator at {address} does not answer, trying again: {reason}"));
-        }
-    }
-
-    /// Says that an outage is over.
-    fn note_return(&mut self) {
-        if std::mem::replace(&mut self.is_away, false) {
-            self.progress.note(&format!("The coordinator at {} answers again", self.connection.address()));
-        }
     }
 
     fn round(&mut self, point: &ConvergencePoint) {

@@ -27,8 +27,48 @@ pub(crate) fn write_stats(file: &Path, counters: &impl Serialize) -> Result<(), 
     write(file, &serde_json::to_vec_pretty(counters).expect("counters have a form in JSON"))
 }
 
-/// Checks that a file can be written later, before the work for it starts.
-pub(crate) fn check_writable(file: &Path) -> Result<(), Failure> {
+/// The PNG that belongs to an image: of the same name, with another extension where the image has one of an image.
+pub(crate) fn png_beside(image: &Path) -> PathBuf {
+    let extension = image.extension().unwrap_or_default();
+    if ["exr", "png"].iter().any(|known| extension.eq_ignore_ascii_case(known)) {
+        return image.with_extension("png");
+    }
+    let mut name = image.as_os_str().to_owned();
+    name.push(".png");
+    PathBuf::from(name)
+}
+
+/// Checks, before the work for them starts, that the files of a command can be written later and that no two are the
+/// same. Each comes with the option that asks for it.
+pub(crate) fn check_outputs(files: &[(&str, Option<&Path>)]) -> Result<(), Failure> {
+    let mut seen: Vec<(&str, PathBuf)> = Vec::new();
+    for (option, file) in files.iter().filter_map(|(option, file)| Some((*option, (*file)?))) {
+        check_writable(file)?;
+        // Two texts may well go to one terminal or pipe.
+        if is_special(file) {
+            continue;
+        }
+        let place = place(file);
+        if let Some((other, _)) = seen.iter().find(|(_, other)| *other == place) {
+            let file = file.display();
+            return Err(Failure::Usage(format!("{other} and {option} both write {file}: expected a file for each")));
+        }
+        seen.push((option, place));
+    }
+    Ok(())
+}
+
+/// A file as the system finds it, however its folder was spelled.
+fn place(file: &Path) -> PathBuf {
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match (fs::canonicalize(folder), file.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => file.to_owned(),
+    }
+}
+
+/// Checks that a file can be written later.
+fn check_writable(file: &Path) -> Result<(), Failure> {
     if is_special(file) {
         return Ok(());
     }
@@ -62,6 +102,25 @@ mod tests {
         write(&file, b"new").unwrap();
         assert_eq!(fs::read(&file).unwrap(), b"new");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_png_keeps_the_name_of_its_image() {
+        for (image, png) in
+            [("a/room.exr", "a/room.png"), ("room-0.27.exr", "room-0.27.png"), ("room-0.27", "room-0.27.png")]
+        {
+            assert_eq!(png_beside(Path::new(image)), Path::new(png));
+        }
+    }
+
+    #[test]
+    fn two_outputs_in_one_file_are_refused_by_the_names_of_their_options() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, other) = (folder.path().join("a.png"), folder.path().join("./a.png"));
+        check_outputs(&[("--output", Some(&file)), ("--png", None), ("--stats", Some(&folder.path().join("b")))])
+            .unwrap();
+        let failure = check_outputs(&[("--output", Some(&file)), ("--png", Some(&other))]).unwrap_err().to_string();
+        assert!(failure.contains("--output and --png both write"), "{failure}");
     }
 
     #[test]

@@ -21,6 +21,9 @@ const UNREACHABLE_SAMPLES_PER_PIXEL: u32 = 1 << 24;
 /// Trials of the inverse probability where the scene's own integrator has none.
 const DEFAULT_MAX_TRIALS: u32 = 1000;
 
+/// Longest time that can be given, in seconds: ten years, as on a farm.
+const MOST_SECONDS: f64 = 10.0 * 365.0 * 24.0 * 3600.0;
+
 /// Options that change the scene and how much of it is rendered.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct SceneOverrides {
@@ -100,10 +103,12 @@ impl FromStr for Size {
 }
 
 fn parse_seconds(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0);
+    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && *seconds <= MOST_SECONDS);
     seconds
         .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-        .ok_or_else(|| "expected a positive number of seconds".to_owned())
+        // A farm counts milliseconds, and none at all is no limit.
+        .map(|time| time.max(Duration::from_millis(1)))
+        .ok_or_else(|| format!("expected a positive number of seconds, at most {MOST_SECONDS} (ten years)"))
 }
 
 impl SceneOverrides {
@@ -119,6 +124,11 @@ impl SceneOverrides {
     pub(crate) fn samples_per_pixel(&self) -> u32 {
         let default = if self.time.is_some() { UNREACHABLE_SAMPLES_PER_PIXEL } else { DEFAULT_SAMPLES_PER_PIXEL };
         self.spp.unwrap_or(default)
+    }
+
+    /// The time to render at most, in milliseconds, as a farm wants it.
+    pub(crate) fn time_limit_ms(&self) -> Option<i64> {
+        self.time.map(|time| i64::try_from(time.as_millis()).unwrap_or(i64::MAX))
     }
 
     fn apply(&self, mut description: SceneDescription) -> Result<SceneDescription, Failure> {
@@ -223,8 +233,10 @@ mod tests {
     #[test]
     fn a_time_is_a_positive_number_of_seconds() {
         assert_eq!(parse_seconds("2.5"), Ok(Duration::from_millis(2500)));
-        for text in ["0", "-1", "nan", "inf", "1e300", "ten", ""] {
-            assert!(parse_seconds(text).is_err(), "{text}");
+        assert_eq!(parse_seconds("0.0004"), Ok(Duration::from_millis(1)));
+        assert_eq!(parse_seconds("315360000"), Ok(Duration::from_secs(315_360_000)));
+        for text in ["0", "-1", "nan", "inf", "1e17", "1e300", "315360001", "ten", ""] {
+            assert!(parse_seconds(text).is_err_and(|message| message.contains("at most 315360000")), "{text}");
         }
     }
 

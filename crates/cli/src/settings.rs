@@ -1,6 +1,7 @@
 //! Settings of the services, in layers: defaults, then a TOML file, then the environment, then options.
 //!
-//! The environment and the options come out of the argument parser as one; this module reads the file below them.
+//! The environment and the options come out of the argument parser as one, but for the token; this module reads the file
+//! below them.
 
 use std::fs;
 use std::path::Path;

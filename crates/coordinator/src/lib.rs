@@ -39,3 +39,4 @@ pub use config::{Clock, Config, ExposedWithoutToken, InvalidToken, Token};
 pub use schedule::Rounds;
 pub use server::{RunError, run};
 pub use store::SchemaError;
+pub use submit::smallest_tile;

@@ -21,6 +21,9 @@ const LARGEST_TILE: u32 = 1024;
 /// Most tiles in a frame: each is a row for every node.
 const MOST_TILES: u64 = 65_536;
 
+/// Longest time limit, in milliseconds: ten years.
+const LONGEST_TIME_MS: i64 = 10 * 365 * 24 * 3600 * 1000;
+
 /// Most samples per pixel: the sampler counts no further.
 const MOST_SAMPLES: u32 = 1 << 24;
 
@@ -76,17 +79,23 @@ fn check_numbers(submission: &JobSubmission) -> Result<(), ApiError> {
     if !(1..=LARGEST_TILE).contains(&submission.tile_size) {
         return Err(ApiError::invalid_field("tile_size", submission.tile_size, format!("1 to {LARGEST_TILE} pixels")));
     }
-    if let Some(limit_ms) = submission.time_limit_ms.filter(|limit_ms| *limit_ms < 1) {
-        return Err(ApiError::invalid_field("time_limit_ms", limit_ms, "at least 1 millisecond"));
+    if let Some(limit_ms) = submission.time_limit_ms.filter(|limit_ms| !(1..=LONGEST_TIME_MS).contains(limit_ms)) {
+        let expected = format!("1 to {LONGEST_TIME_MS} milliseconds");
+        return Err(ApiError::invalid_field("time_limit_ms", limit_ms, expected));
     }
     Ok(())
 }
 
+/// Smallest edge of a tile, in pixels, with which an image of this size has no more tiles than a farm renders.
+pub fn smallest_tile(width: u32, height: u32) -> u32 {
+    let tiles = |edge: u32| u64::from(width.div_ceil(edge)) * u64::from(height.div_ceil(edge));
+    (1..=LARGEST_TILE).find(|edge| tiles(*edge) <= MOST_TILES).unwrap_or(LARGEST_TILE)
+}
+
 fn grid(submission: &JobSubmission, description: &SceneDescription) -> Result<TileGrid, ApiError> {
     let (width, height) = (description.film.width, description.film.height);
-    let tiles = |edge: u32| u64::from(width.div_ceil(edge)) * u64::from(height.div_ceil(edge));
-    if tiles(submission.tile_size) > MOST_TILES {
-        let smallest = (1..=LARGEST_TILE).find(|edge| tiles(*edge) <= MOST_TILES).unwrap_or(LARGEST_TILE);
+    let smallest = smallest_tile(width, height);
+    if submission.tile_size < smallest {
         let expected = format!("at least {smallest} pixels for an image of {width} x {height}");
         return Err(ApiError::invalid_field("tile_size", submission.tile_size, expected));
     }

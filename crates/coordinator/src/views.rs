@@ -21,9 +21,13 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
     let samples_per_second = started_ms.and_then(|started_ms| farm.rates.rate(job.id, started_ms, now_ms));
     let total_samples = job.total_samples();
     let remaining_ms = samples_per_second.map(|rate| {
-        let by_rate = (total_samples.saturating_sub(job.samples) as f64 / rate * 1000.0) as i64;
-        let by_limit = started_ms.zip(job.time_limit_ms).map(|(started, limit)| (started + limit - now_ms).max(0));
-        by_limit.map_or(by_rate, |by_limit| by_limit.min(by_rate))
+        let by_rate = |samples: u64| (samples.saturating_sub(job.samples) as f64 / rate * 1000.0) as i64;
+        let by_limit = started_ms.zip(job.time_limit_ms).map(|(started_ms, limit_ms)| {
+            // The first pass is rendered in any case.
+            let first_pass_ms = if job.rounds == 0 { by_rate(first_pass_samples(&job)) } else { 0 };
+            started_ms.saturating_add(limit_ms).saturating_sub(now_ms).max(first_pass_ms)
+        });
+        by_limit.map_or(by_rate(total_samples), |by_limit| by_limit.min(by_rate(total_samples)))
     });
     Ok(JobView {
         progress: progress(&job, now_ms),
@@ -58,15 +62,21 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
     })
 }
 
-/// How far a job is: a time limit may end it long before its last sample.
+/// Camera samples in the first pass of a job.
+fn first_pass_samples(job: &JobRecord) -> u64 {
+    job.total_samples() / u64::from(job.passes.max(1))
+}
+
+/// How far a job is: a time limit may end it long before its last sample, but not before its first pass is complete.
 fn progress(job: &JobRecord, now_ms: i64) -> f64 {
     if job.state == JobState::Done {
         return 1.0;
     }
     let by_samples = job.samples as f64 / job.total_samples().max(1) as f64;
-    let elapsed_ms = job.started_ms.map(|started_ms| job.finished_ms.unwrap_or(now_ms) - started_ms);
+    let elapsed_ms = job.started_ms.map(|started_ms| job.finished_ms.unwrap_or(now_ms).saturating_sub(started_ms));
     let by_time = elapsed_ms.zip(job.time_limit_ms).map(|(elapsed_ms, limit_ms)| elapsed_ms as f64 / limit_ms as f64);
-    by_time.map_or(by_samples, |by_time| by_time.max(by_samples)).min(1.0)
+    let first_pass = if job.rounds == 0 { job.samples as f64 / first_pass_samples(job).max(1) as f64 } else { 1.0 };
+    by_time.map_or(by_samples, |by_time| by_time.min(first_pass).max(by_samples)).min(1.0)
 }
 
 /// Counters as the wire has them.

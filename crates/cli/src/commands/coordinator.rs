@@ -2,7 +2,7 @@
 
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::num::NonZeroU32;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 
 use crate::commands::worker::BUILD;
-use crate::connection::{DEFAULT_LISTEN, token};
+use crate::connection::{DEFAULT_LISTEN, named_token_file, token};
 use crate::failure::Failure;
 use crate::settings;
 use crate::shutdown::{self, Parent};
@@ -32,8 +32,9 @@ pub(crate) struct CoordinatorArguments {
     /// Folder for the database and the images [default: clerestory-data].
     #[arg(long, value_name = "FOLDER", env = "CLERESTORY_DATA")]
     data: Option<PathBuf>,
-    /// File with the farm's token, required off loopback; the token itself can be in CLERESTORY_TOKEN.
-    #[arg(long, value_name = "FILE", env = "CLERESTORY_TOKEN_FILE")]
+    /// File with the farm's token, required off loopback [env: CLERESTORY_TOKEN_FILE]; the token itself can be in
+    /// CLERESTORY_TOKEN.
+    #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
     /// How long a lease lasts unless its worker renews it [default: 60].
     #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_SECONDS")]
@@ -93,7 +94,7 @@ pub(crate) async fn run(arguments: CoordinatorArguments) -> Result<(), Failure> 
     if arguments.print_config {
         return print_line(toml::to_string(&settings).expect("settings have a form in TOML").trim_end());
     }
-    let config = settings.config()?;
+    let config = settings.config(arguments.token_file.as_deref())?;
     let failure = |source| Failure::Listen { address: settings.listen.clone(), source };
     let listener = TcpListener::bind(&settings.listen).await.map_err(failure)?;
     let address = listener.local_addr().map_err(failure)?;
@@ -108,7 +109,7 @@ fn interpret(arguments: &CoordinatorArguments) -> Result<Settings, Failure> {
     Ok(Settings {
         listen: arguments.listen.clone().unwrap_or(file.listen),
         data: arguments.data.clone().unwrap_or(file.data),
-        token_file: arguments.token_file.clone().or(file.token_file),
+        token_file: arguments.token_file.clone().or_else(named_token_file).or(file.token_file),
         lease_seconds: arguments.lease_seconds.unwrap_or(file.lease_seconds),
         lease_work_seconds: arguments.lease_work_seconds.unwrap_or(file.lease_work_seconds),
         lease_nodes: arguments.lease_nodes.or(file.lease_nodes),
@@ -117,8 +118,10 @@ fn interpret(arguments: &CoordinatorArguments) -> Result<Settings, Failure> {
 }
 
 impl Settings {
-    fn config(&self) -> Result<Config, Failure> {
-        let token = token(self.token_file.as_deref())?.map(|token| token.parse::<Token>()).transpose();
+    /// The coordinator's settings. An option that names the token's file wins over the environment, which wins over the
+    /// configuration file.
+    fn config(&self, token_option: Option<&Path>) -> Result<Config, Failure> {
+        let token = token(token_option, self.token_file.as_deref())?.map(|token| token.parse::<Token>()).transpose();
         Ok(Config {
             token: token.map_err(|error| Failure::Usage(error.to_string()))?,
             lease_ttl: Duration::from_secs(self.lease_seconds.get().into()),

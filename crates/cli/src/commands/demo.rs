@@ -16,7 +16,7 @@ use crate::commands::submit::{Order, download, read_reference, submit};
 use crate::commands::watch::{check_done, check_image};
 use crate::connection::Connection;
 use crate::failure::Failure;
-use crate::follow::follow;
+use crate::follow::{follow, until_answered};
 use crate::image_file;
 use crate::local_farm::{FarmPlan, LocalFarm};
 use crate::scene_overrides::SceneOverrides;
@@ -79,7 +79,7 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
     let order = Order {
         name: None,
         samples_per_pixel: overrides.samples_per_pixel(),
-        time_limit_ms: overrides.time.and_then(|time| i64::try_from(time.as_millis()).ok()),
+        time_limit_ms: overrides.time_limit_ms(),
         tile_size: 32,
         priority: 0,
         reference: reference.as_deref().map(read_reference).transpose()?,
@@ -107,9 +107,9 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
         progress.missing_light(&job.missing_light);
         let job = follow(&connection, job.id, &mut progress).await?;
         check_image(&job)?;
-        let series = connection.client.convergence(job.id).await.map_err(|error| connection.failure(error))?;
+        let series = until_answered(&connection, &progress, || connection.client.convergence(job.id)).await?;
         let files = [arguments.output.join("demo.exr"), arguments.output.join("demo.png")];
-        download(&connection, &job, Some(&files[0]), Some(&files[1])).await?;
+        download(&connection, &job, Some(&files[0]), Some(&files[1]), &progress).await?;
         Ok((job, series.points, files))
     };
     let result = tokio::select! {

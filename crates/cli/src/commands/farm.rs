@@ -29,8 +29,8 @@ pub(crate) struct FarmArguments {
     /// Where the coordinator keeps its data.
     #[arg(long, value_name = "FOLDER", default_value = DEFAULT_DATA, env = "CLERESTORY_DATA")]
     data: PathBuf,
-    /// File with the farm's token; the token itself can be in CLERESTORY_TOKEN.
-    #[arg(long, value_name = "FILE", env = "CLERESTORY_TOKEN_FILE")]
+    /// File with the farm's token [env: CLERESTORY_TOKEN_FILE]; the token itself can be in CLERESTORY_TOKEN.
+    #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
 }
 

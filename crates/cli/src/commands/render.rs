@@ -8,6 +8,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use clap::Args;
 use clerestory_api::ConvergencePoint;
+use clerestory_coordinator::smallest_tile;
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{
     FrameImage, ImageError, ImageMetadata, Metrics, TileGrid, TileSum, compare, encode_png,
@@ -22,7 +23,7 @@ use crate::failure::Failure;
 use crate::image_file;
 use crate::like::{self, Recipe};
 use crate::local_render::{self, Control, LocalRenderError, PassPlan, Round};
-use crate::output_file::{check_writable, write, write_stats};
+use crate::output_file::{check_outputs, png_beside, write, write_stats};
 use crate::preview::PreviewArguments;
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
@@ -69,10 +70,12 @@ pub(crate) struct RenderArguments {
 
 pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
-    let png = arguments.png.then(|| output.with_extension("png"));
-    for file in [Some(&output), png.as_ref(), arguments.stats.as_ref()].into_iter().flatten() {
-        check_writable(file)?;
-    }
+    let png = arguments.png.then(|| png_beside(&output));
+    check_outputs(&[
+        ("--output", Some(output.as_path())),
+        ("--png", png.as_deref()),
+        ("--stats", arguments.stats.as_deref()),
+    ])?;
     let order = Arc::new(interpret(&arguments)?);
     order.tell();
     let rendering = render(order.clone()).await?;
@@ -141,6 +144,13 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
     let plan = match tiles {
         Some((tile_size, tile_passes)) => PassPlan { grid: grid(tile_size), sampling, tile_passes },
         None => {
+            let smallest = smallest_tile(film.width, film.height);
+            if arguments.tile < smallest {
+                return Err(Failure::Usage(format!(
+                    "tiles of {} pixels are too many: expected --tile of at least {smallest} pixels for an image of {} x {}",
+                    arguments.tile, film.width, film.height
+                )));
+            }
             let grid = grid(arguments.tile);
             let passes = arguments.overrides.samples_per_pixel().div_ceil(sampling.samples_per_pass());
             PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize] }
@@ -170,7 +180,9 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
 /// Renders on a pool of threads, and shows progress meanwhile.
 async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
     let start = Instant::now();
-    let control = Arc::new(Control { deadline: order.time.map(|time| start + time), ..Control::default() });
+    // A deadline that no clock reaches is none.
+    let deadline = order.time.and_then(|time| start.checked_add(time));
+    let control = Arc::new(Control { deadline, ..Control::default() });
     let pool = ThreadPoolBuilder::new().num_threads(order.threads.get()).build().map_err(Failure::Threads)?;
     let (rounds, mut complete) = mpsc::unbounded_channel();
     let mut work = {
@@ -281,7 +293,9 @@ impl Order {
         let by_samples = samples as f64 / self.plan.samples().max(1) as f64;
         let by_time = self.time.map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
         let fraction = by_samples.max(by_time).min(1.0);
-        let remaining = (samples > 0 && fraction > 0.0).then(|| elapsed.mul_f64(1.0 / fraction - 1.0));
+        let remaining = elapsed.as_secs_f64() * (1.0 / fraction - 1.0);
+        let remaining = Some(remaining).filter(|_| samples > 0 && fraction > 0.0);
+        let remaining = remaining.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
         let samples_per_second = (samples > 0).then(|| samples as f64 / elapsed.as_secs_f64());
         Advance { fraction, samples: None, samples_per_second, remaining }
     }
@@ -339,5 +353,7 @@ impl Summary {
 }
 
 fn default_output(scene: &Path) -> PathBuf {
-    Path::new(scene.file_stem().unwrap_or(scene.as_os_str())).with_extension("exr")
+    let mut name = scene.file_stem().unwrap_or(scene.as_os_str()).to_owned();
+    name.push(".exr");
+    PathBuf::from(name)
 }

@@ -14,8 +14,8 @@ use tracing::{info, warn};
 use crate::commands::watch::{check_done, check_image};
 use crate::connection::{Connection, ConnectionArguments};
 use crate::failure::Failure;
-use crate::follow::follow;
-use crate::output_file::{check_writable, write, write_stats};
+use crate::follow::{follow, until_answered};
+use crate::output_file::{check_outputs, png_beside, write, write_stats};
 use crate::scene_overrides::SceneOverrides;
 use crate::terminal::{Progress, print_json, print_line};
 
@@ -53,6 +53,8 @@ pub(crate) struct SubmitArguments {
     #[arg(long, requires = "output")]
     png: bool,
     /// Write the counters (height evaluations, solver calls, solutions, ...) as JSON to this file when the job has ended.
+    /// They count all work that was accepted; of a job that was cancelled or ran out of time, that may be more than is in
+    /// the image.
     #[arg(long, value_name = "FILE", requires = "wait")]
     stats: Option<PathBuf>,
     /// Write the job as JSON.
@@ -61,16 +63,18 @@ pub(crate) struct SubmitArguments {
 }
 
 pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
-    let png = arguments.output.as_deref().filter(|_| arguments.png).map(|file| file.with_extension("png"));
-    for file in arguments.output.iter().chain(&png).chain(&arguments.stats) {
-        check_writable(file)?;
-    }
+    let png = arguments.output.as_deref().filter(|_| arguments.png).map(png_beside);
+    check_outputs(&[
+        ("--output", arguments.output.as_deref()),
+        ("--png", png.as_deref()),
+        ("--stats", arguments.stats.as_deref()),
+    ])?;
     let connection = arguments.connection.open()?;
     let bundle = arguments.overrides.load(&arguments.scene)?;
     let order = Order {
         name: arguments.name,
         samples_per_pixel: arguments.overrides.samples_per_pixel(),
-        time_limit_ms: arguments.overrides.time.and_then(|time| i64::try_from(time.as_millis()).ok()),
+        time_limit_ms: arguments.overrides.time_limit_ms(),
         tile_size: arguments.tile,
         priority: arguments.priority,
         reference: arguments.reference.as_deref().map(read_reference).transpose()?,
@@ -82,7 +86,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     if arguments.wait {
         job = follow(&connection, job.id, &mut progress).await?;
         check_image(&job)?;
-        download(&connection, &job, arguments.output.as_deref(), png.as_deref()).await?;
+        download(&connection, &job, arguments.output.as_deref(), png.as_deref(), &progress).await?;
         if let Some(file) = &arguments.stats {
             write_stats(file, &job.counters)?;
         }
@@ -147,20 +151,22 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
     connection.client.submit_job(&submission).await.map_err(|error| connection.failure(error))
 }
 
-/// Fetches the image of a job into files.
+/// Fetches the image of a job into files. A coordinator that goes away is waited for.
 pub(crate) async fn download(
     connection: &Connection,
     job: &JobView,
     exr: Option<&Path>,
     png: Option<&Path>,
+    progress: &Progress,
 ) -> Result<(), Failure> {
     if let Some(file) = exr {
-        let image = connection.client.image(job.id).await.map_err(|error| connection.failure(error))?;
+        let image = until_answered(connection, progress, || connection.client.image(job.id)).await?;
         write(file, &image)?;
     }
     if let Some(file) = png {
-        let preview = connection.client.preview(job.id, &PreviewQuery::default()).await;
-        write(file, &preview.map_err(|error| connection.failure(error))?)?;
+        let query = PreviewQuery::default();
+        let preview = until_answered(connection, progress, || connection.client.preview(job.id, &query)).await?;
+        write(file, &preview)?;
     }
     Ok(())
 }

@@ -25,8 +25,8 @@ pub(crate) struct WorkerArguments {
     /// Address of the coordinator [default: http://127.0.0.1:7171].
     #[arg(long, value_name = "URL", env = "CLERESTORY_COORDINATOR")]
     coordinator: Option<String>,
-    /// File with the farm's token; the token itself can be in CLERESTORY_TOKEN.
-    #[arg(long, value_name = "FILE", env = "CLERESTORY_TOKEN_FILE")]
+    /// File with the farm's token [env: CLERESTORY_TOKEN_FILE]; the token itself can be in CLERESTORY_TOKEN.
+    #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
     /// A name for people [default: the machine's].
     #[arg(long, env = "CLERESTORY_WORKER_NAME")]
@@ -61,7 +61,7 @@ fn interpret(arguments: WorkerArguments) -> Result<clerestory_worker::Config, Fa
     let coordinator = arguments.coordinator.or(file.coordinator);
     Ok(clerestory_worker::Config {
         coordinator: coordinator.unwrap_or_else(|| format!("http://{DEFAULT_LISTEN}")),
-        token: token(arguments.token_file.or(file.token_file).as_deref())?,
+        token: token(arguments.token_file.as_deref(), file.token_file.as_deref())?,
         name: arguments.name.or(file.name).unwrap_or_else(machine_name),
         threads: arguments.threads.or(file.threads).unwrap_or_else(cores),
         build: BUILD.to_owned(),

@@ -10,6 +10,18 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
     folder.fails(&["render"], 2, &["SCENE"]);
     folder.fails(&["render", "scene.json", "--spp", "0"], 2, &["--spp"]);
     folder.fails(&["render", "scene.json", "--size", "12"], 2, &["--size", "640x480"]);
+    folder.fails(
+        &["render", "scene.json", "--size", "16384x16384", "--tile", "1"],
+        2,
+        &["--tile", "at least 64 pixels"],
+    );
+    for time in ["1e19", "1e17", "0"] {
+        folder.fails(&["render", "scene.json", "--time", time], 2, &["--time", "at most 315360000", "ten years"]);
+        folder.fails(&["submit", "scene.json", "--time", time], 2, &["--time", "at most 315360000", "ten years"]);
+    }
+    let output = ["render", "scene.json", "-o", "a.png"];
+    folder.fails(&[&output[..], &["--png"]].concat(), 2, &["--output and --png both write a.png"]);
+    folder.fails(&[&output[..], &["--stats", "./a.png"]].concat(), 2, &["--output and --stats both write ./a.png"]);
     folder.fails(&["render", "scene.json", "--solver", "published"], 2, &["--solver", "path", "--integrator fnee"]);
     folder.fails(&["render", "scene.json", "--png", "--exposure", "bright"], 2, &["--exposure", "auto"]);
     folder.fails(&["render", "scene.json", "--curve", "srgb"], 2, &["--png"]);
@@ -37,5 +49,10 @@ fn who_lacks_the_token_is_told_where_to_put_it() {
         folder.fails(&words, 1, &["Token required", "CLERESTORY_TOKEN", "--token-file"]);
     }
     fs::write(folder.path("token"), "0123456789abcdef\n").unwrap();
-    folder.succeeds(&["jobs", "--coordinator", farm.address(), "--token-file", "token"]);
+    let command = ["jobs", "--coordinator", farm.address(), "--token-file", "token"];
+    folder.succeeds(&command);
+    let output = folder.command(&command).env("CLERESTORY_TOKEN", "that of another farm").output().unwrap();
+    assert!(output.status.success(), "an option wins: {}", String::from_utf8_lossy(&output.stderr));
+    let named = folder.command(&command[..3]).env("CLERESTORY_TOKEN_FILE", "token").output().unwrap();
+    assert!(named.status.success(), "{}", String::from_utf8_lossy(&named.stderr));
 }

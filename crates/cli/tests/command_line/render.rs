@@ -54,6 +54,14 @@ fn a_render_reports_to_scripts_and_to_people_apart() {
 }
 
 #[test]
+fn an_image_is_called_as_its_scene_whatever_dots_are_in_the_name() {
+    let folder = Folder::new();
+    folder.write_scene("room-0.27.json", [1.0, 1.0, 2.0]);
+    folder.succeeds(&["render", "room-0.27.json", "--time", "0.0004", "--png"]);
+    assert!(folder.path("room-0.27.exr").is_file() && folder.path("room-0.27.png").is_file());
+}
+
+#[test]
 fn a_comparison_has_every_measure() {
     let folder = Folder::new();
     folder.succeeds(&["render", "scene.json", "--spp", "4", "-o", "a.exr"]);

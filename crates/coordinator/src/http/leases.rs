@@ -29,6 +29,10 @@ const LONGEST_WANTED_MS: u32 = 3_600_000;
 /// Longest reason for giving a lease back.
 const LONGEST_REASON: usize = 500;
 
+/// Longest time that a partial may have taken, in milliseconds of one core: thirty years. Who claims more has not
+/// measured.
+const MOST_CORE_MS: u64 = 1_000_000_000_000;
+
 /// Asks for work, and waits for it if there is none and the worker wants to.
 #[utoipa::path(
     post, path = "/leases", tag = "leases", request_body = LeaseRequest,
@@ -119,7 +123,7 @@ pub(super) async fn renew(
     params(
         ("lease" = LeaseId, Path),
         ("clerestory-fencing-token" = u64, Header, description = "The lease's fencing token."),
-        ("clerestory-core-ms" = u64, Header, description = "Milliseconds spent rendering, summed over cores."),
+        ("clerestory-core-ms" = u64, Header, description = "Milliseconds spent rendering, summed over cores, at most 10^12."),
     ),
     request_body(content = Vec<u8>, content_type = "image/x-exr"), responses((status = 200, body = PartialAnswer))
 )]
@@ -132,6 +136,10 @@ pub(super) async fn partial(
     require_media_type(headers, EXR_MEDIA_TYPE)?;
     let token = number_header(headers, FENCING_TOKEN_HEADER)?;
     let core_ms = number_header(headers, CORE_MILLISECONDS_HEADER)?;
+    if core_ms > MOST_CORE_MS {
+        let expected = format!("at most {MOST_CORE_MS} milliseconds");
+        return Err(ApiError::invalid_field(CORE_MILLISECONDS_HEADER, core_ms, expected));
+    }
     // A lease that is no good is refused before its body is received.
     farm.store.lease(lease).await?.check(token, farm.config.clock.now_ms()).map_err(|error| match error {
         LeaseError::StaleToken(_) => ApiError::from(error).field(FENCING_TOKEN_HEADER),

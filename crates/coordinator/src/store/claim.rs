@@ -2,7 +2,8 @@
 //!
 //! Jobs are served by priority, then age; within a job the oldest wave goes first. Claims run in the one writer, so no two
 //! of them see the same free row. Pending rows exist only for the near future: a claim that finds few of them cuts more
-//! from where the job's cursor stands.
+//! from where the job's cursor stands. A job whose time is up before its first round is complete is served with the nodes
+//! of that round alone.
 
 use clerestory_api::{LeaseId, WorkerId};
 use clerestory_render_core::film::{NodeAddress, PassRange};
@@ -82,11 +83,14 @@ async fn choose(
     let pace = pace(connection, job, claimant, terms).await?;
     let most = terms.fixed_nodes.or(terms.max_nodes).unwrap_or(STOCK).clamp(1, STOCK);
     stock(connection, job, &pace).await?;
+    // Past its limit, a job needs its first round to end, and nothing else.
+    let last_round = if job.is_past_limit(terms.now_ms) { 0 } else { u32::MAX };
     let rows = sqlx::query(
-        "select frame, tile, level, idx from pending where job = $1 and lease is null \
-         order by round, frame, tile, idx limit $2",
+        "select frame, tile, level, idx from pending where job = $1 and lease is null and round <= $2 \
+         order by round, frame, tile, idx limit $3",
     )
     .bind(job.id.to_string())
+    .bind(i64::from(last_round))
     .bind(i64::from(most))
     .fetch_all(connection)
     .await?;

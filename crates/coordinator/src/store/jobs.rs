@@ -123,8 +123,14 @@ impl JobRecord {
         (pixels * u64::from(self.samples_per_pass)) << address.level
     }
 
-    /// Whether its time limit has passed.
+    /// Whether its time is up and there is an image to end with: the first pass is rendered in any case, as it is
+    /// without a farm.
     pub(crate) fn is_out_of_time(&self, now_ms: i64) -> bool {
+        self.rounds > 0 && self.is_past_limit(now_ms)
+    }
+
+    /// Whether its time limit has passed.
+    pub(crate) fn is_past_limit(&self, now_ms: i64) -> bool {
         match (self.started_ms, self.time_limit_ms) {
             (Some(started_ms), Some(limit_ms)) => now_ms >= started_ms.saturating_add(limit_ms),
             _ => false,
@@ -266,7 +272,7 @@ impl Store {
         .await
     }
 
-    /// Ends the jobs whose time limit has passed, and answers which.
+    /// Ends the jobs that are out of time, and answers which.
     pub(crate) async fn end_jobs_out_of_time(&self, now_ms: i64) -> Result<Vec<JobId>, StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
@@ -332,8 +338,8 @@ pub(super) async fn add_accepted(
     let mut sum = job.counters;
     sum += counters;
     sqlx::query(
-        "update jobs set accepted_nodes = accepted_nodes + $2, samples = samples + $3, core_ms = core_ms + $4, \
-         counters = $5 where id = $1",
+        "update jobs set accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
+         core_ms = min(core_ms + $4, 9223372036854775807), counters = $5 where id = $1",
     )
     .bind(job.id.to_string())
     .bind(big(nodes))

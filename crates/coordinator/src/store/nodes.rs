@@ -2,6 +2,9 @@
 //!
 //! A node is accepted in one transaction, only under a valid lease that holds it, and only if no row of its tile shares a
 //! pass with it: no ancestor, no descendant, not itself. Its blob is on disk before the transaction begins.
+//!
+//! Sums of times saturate at the largest integer, as those of counters do: their terms were measured by others, and a sum
+//! that overflows would be a number that no reader takes.
 
 use std::collections::BTreeSet;
 use std::ops::AddAssign;
@@ -130,7 +133,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     let build = build(connection, lease.worker).await?;
     let brought: u64 = delivery.nodes.iter().map(|node| job.node_samples(&node.address)).sum();
     let mut verdicts = Vec::with_capacity(delivery.nodes.len());
-    let (mut nodes, mut samples, mut core_ms, mut counters) = (0, 0, 0, Counters::default());
+    let (mut nodes, mut samples, mut core_ms, mut counters) = (0, 0, 0_i64, Counters::default());
     for node in &delivery.nodes {
         let own_samples = job.node_samples(&node.address);
         let own_core_ms = (delivery.core_ms as f64 * own_samples as f64 / brought.max(1) as f64) as i64;
@@ -139,7 +142,8 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
         let verdict = accept_node(connection, &job, delivery.lease, &row, own_core_ms, delivery.now_ms).await?;
         if verdict == NodeVerdict::Accepted {
             counters += node.counters;
-            (nodes, samples, core_ms) = (nodes + 1, samples + own_samples, core_ms + own_core_ms);
+            (nodes, samples) = (nodes + 1, samples + own_samples);
+            core_ms = core_ms.saturating_add(own_core_ms);
         }
         verdicts.push(verdict);
     }
@@ -200,7 +204,7 @@ async fn accept_node(
     let Some(taken) = taken else { return Ok(NodeVerdict::Refused) };
     insert(connection, job.id, node).await?;
     sqlx::query(
-        "update waves set outstanding = outstanding - $4, core_ms = core_ms + $5, \
+        "update waves set outstanding = outstanding - $4, core_ms = min(core_ms + $5, 9223372036854775807), \
          completed_ms = case when outstanding = $4 then $6 else null end \
          where job = $1 and frame = $2 and round = $3",
     )
@@ -252,8 +256,8 @@ async fn credit_worker(
     core_ms: i64,
 ) -> Result<(), StoreError> {
     sqlx::query(
-        "update workers set accepted_nodes = accepted_nodes + $2, samples = samples + $3, core_ms = core_ms + $4, \
-         failures_in_a_row = 0 where id = $1",
+        "update workers set accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
+         core_ms = min(core_ms + $4, 9223372036854775807), failures_in_a_row = 0 where id = $1",
     )
     .bind(worker.to_string())
     .bind(big(nodes))
@@ -263,7 +267,8 @@ async fn credit_worker(
     .await?;
     sqlx::query(
         "insert into rates (worker, job, samples, core_ms) values ($1, $2, $3, $4) on conflict (worker, job) \
-         do update set samples = rates.samples + excluded.samples, core_ms = rates.core_ms + excluded.core_ms",
+         do update set samples = rates.samples + excluded.samples, \
+         core_ms = min(rates.core_ms + excluded.core_ms, 9223372036854775807)",
     )
     .bind(worker.to_string())
     .bind(job.to_string())

@@ -25,9 +25,10 @@ impl Store {
     /// The next round of a job, if it is complete and not recorded.
     pub(crate) async fn complete_wave(&self, job: &JobRecord) -> Result<Option<CompleteWave>, StoreError> {
         let Some(passes) = job.boundaries().end(job.rounds) else { return Ok(None) };
+        // `sum` fails where it overflows; `total` counts in floats, exactly up to 285 000 years.
         let row = sqlx::query(
             "select count(*) as waves, coalesce(sum(outstanding), 0) as outstanding, \
-             coalesce(sum(core_ms), 0) as core_ms, coalesce(max(completed_ms), 0) as completed_ms \
+             cast(min(total(core_ms), 9223372036854775807) as integer) as core_ms, coalesce(max(completed_ms), 0) as completed_ms \
              from waves where job = $1 and round <= $2",
         )
         .bind(job.id.to_string())

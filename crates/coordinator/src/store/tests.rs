@@ -365,17 +365,63 @@ async fn rounds_complete_in_order_and_the_last_ends_the_job() {
 }
 
 #[tokio::test]
+async fn times_beyond_all_numbers_leave_the_farm_usable() {
+    let farm = Farm::new().await;
+    let job = farm.job(2).await;
+    let worker = farm.worker().await;
+    let grant = farm.claim(worker, 256, 0).await.unwrap();
+    for node in &grant.nodes {
+        let (lease, token) = (grant.lease.id, grant.lease.token);
+        let delivery = Delivery { lease, token, nodes: vec![delivered(*node)], core_ms: i64::MAX, now_ms: 0 };
+        farm.store.accept(delivery).await.unwrap();
+    }
+    for _ in 0..2 {
+        assert_eq!(farm.next_wave(job).await.unwrap().core_ms, i64::MAX);
+        let record = farm.store.job(job).await.unwrap().unwrap();
+        assert_eq!(record.core_ms, i64::MAX);
+        farm.store.record_round(&record, Vec::new(), 0).await.unwrap();
+    }
+    assert_eq!(farm.state(job).await, JobState::Done);
+    assert_eq!(farm.store.workers(0, 0).await.unwrap()[0].core_ms, i64::MAX);
+    let next = farm.job(1).await;
+    assert_eq!(farm.claim(worker, 1, 0).await.unwrap().lease.job, next);
+}
+
+#[tokio::test]
 async fn a_time_limit_counts_from_the_first_lease_and_keeps_what_is_complete() {
     let farm = Farm::new().await;
     let job = farm.job_with(100, 0, Some(500)).await;
     let worker = farm.worker().await;
     assert!(farm.store.end_jobs_out_of_time(10_000).await.unwrap().is_empty());
-    let grant = farm.claim(worker, 2, 10_000).await.unwrap();
-    farm.deliver(&grant, &grant.nodes[..1], 10_100).await.unwrap();
+    let grant = farm.claim(worker, 20, 10_000).await.unwrap();
+    farm.deliver(&grant, &grant.nodes[..16], 10_100).await.unwrap();
+    farm.store.record_round(&farm.store.job(job).await.unwrap().unwrap(), Vec::new(), 10_200).await.unwrap();
     assert!(farm.claim(worker, 2, 10_500).await.is_none(), "no work after the limit");
     assert_eq!(farm.store.end_jobs_out_of_time(10_500).await.unwrap(), [job]);
     assert_eq!(farm.state(job).await, JobState::Done);
-    assert_eq!(farm.addresses(job).await, grant.nodes[..1]);
+    let kept: BTreeSet<NodeAddress> = farm.addresses(job).await.into_iter().collect();
+    assert_eq!(kept, grant.nodes[..16].iter().copied().collect());
+}
+
+#[tokio::test]
+async fn a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_is_rendered() {
+    let farm = Farm::new().await;
+    let job = farm.job_with(100, 0, Some(500)).await;
+    let worker = farm.worker().await;
+    let lost = farm.claim(worker, 3, 10_000).await.unwrap();
+    farm.deliver(&lost, &lost.nodes[..1], 10_100).await.unwrap();
+    assert!(farm.store.end_jobs_out_of_time(20_000).await.unwrap().is_empty(), "there is no image yet");
+    farm.store.expire_leases(20_000).await.unwrap();
+    let rest = farm.claim(worker, 256, 20_000).await.unwrap();
+    let tiles = farm.store.job(job).await.unwrap().unwrap().grid.len();
+    assert_eq!(rest.nodes.len() as u32, tiles - 1);
+    assert!(rest.nodes.iter().all(|node| node.passes().first == 0), "{:?}", rest.nodes);
+    assert!(farm.claim(worker, 1, 20_000).await.is_none(), "nothing but the first round");
+    farm.deliver(&rest, &rest.nodes, 20_100).await.unwrap();
+    assert_eq!(farm.next_wave(job).await.unwrap().round, 0);
+    farm.store.record_round(&farm.store.job(job).await.unwrap().unwrap(), Vec::new(), 20_200).await.unwrap();
+    assert_eq!(farm.store.end_jobs_out_of_time(20_300).await.unwrap(), [job]);
+    assert_eq!(farm.state(job).await, JobState::Done);
 }
 
 #[tokio::test]

@@ -141,7 +141,10 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     check(farm, submit(&submission_with("tile_size", json!(0))), 400, "invalid_field", Some("tile_size")).await;
     check(farm, submit(&submission_with("tile_size", json!(5000))), 400, "invalid_field", Some("tile_size")).await;
     check(farm, submit(&submission_with("name", json!(""))), 400, "invalid_field", Some("name")).await;
-    check(farm, submit(&submission_with("time_limit_ms", json!(0))), 400, "invalid_field", Some("time_limit_ms")).await;
+    for limit_ms in [0, i64::MAX] {
+        let body = submission_with("time_limit_ms", json!(limit_ms));
+        check(farm, submit(&body), 400, "invalid_field", Some("time_limit_ms")).await;
+    }
     check(farm, submit(&submission_with("reference", json!("abc"))), 400, "invalid_field", Some("reference")).await;
     let surplus = json!({"roof.ply": hash(b"roof")});
     check(farm, submit(&submission_with("assets", surplus)), 400, "invalid_field", Some("assets.roof.ply")).await;
@@ -221,6 +224,9 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     check(farm, upload(Vec::new()), 400, "invalid_field", Some("clerestory-fencing-token")).await;
     let without_time = upload(Vec::new()).header("clerestory-fencing-token", lease.token);
     check(farm, without_time, 400, "invalid_field", Some("clerestory-core-ms")).await;
+    let absurd = upload(Vec::new()).header("clerestory-fencing-token", lease.token);
+    let absurd = absurd.header("clerestory-core-ms", i64::MAX);
+    check(farm, absurd, 400, "invalid_field", Some("clerestory-core-ms")).await;
     let stale = upload(Vec::new()).header("clerestory-fencing-token", 0).header("clerestory-core-ms", 5);
     check(farm, stale, 409, "stale_token", Some("clerestory-fencing-token")).await;
     check(farm, complete(upload(vec![0; 2 << 20])), 413, "body_too_large", Some("body")).await;

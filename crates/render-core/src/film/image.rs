@@ -31,7 +31,7 @@ pub struct ImageMetadata {
     /// The programs that rendered it, where they are not just `build`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub worker_builds: Vec<String>,
-    /// Light that the integrator cannot see, in words.
+    /// Light that the image lacks, in words.
     pub missing_light: Vec<String>,
     /// What was done.
     pub counters: Counters,

@@ -32,8 +32,23 @@ pub(super) struct NodeHeader {
     passes: u64,
     samples: u64,
     sampling: Sampling,
+    #[serde(with = "StrictCounters")]
     pub(super) counters: Counters,
     pub(super) hash: String,
+}
+
+/// The counters, without members that nobody knows. Images and the rows of a farm may have some of another build.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "Counters", deny_unknown_fields)]
+struct StrictCounters {
+    height_evaluations: u64,
+    solver_calls: u64,
+    converged: u64,
+    unique_solutions: u64,
+    trials: u64,
+    truncated: u64,
+    rays: u64,
+    samples: u64,
 }
 
 /// Only the version, which is read first.

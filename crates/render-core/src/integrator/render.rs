@@ -76,11 +76,6 @@ fn specular_method(integrator: &IntegratorDescription) -> Option<Box<dyn Specula
     }
 }
 
-/// What the image lacks: classes of paths of point lights that no sampling can find, for the image's metadata.
-pub fn missing_light(scene: &Scene) -> Vec<String> {
-    scene.description().missing_light()
-}
-
 struct Renderer<'a> {
     scene: &'a Scene,
     tracer: PathTracer<'a>,
