@@ -12,9 +12,9 @@ use clerestory_tests::traced_scene::TracedScene;
 
 const SIZE: [u32; 2] = [96, 72];
 const REPLICATES: u64 = 32;
-const SAMPLES: u32 = 24;
+const SAMPLES: u32 = 12;
 /// Samples under suns so large that their caustics are blurred.
-const FEWER_SAMPLES: u32 = 8;
+const FEWER_SAMPLES: u32 = 6;
 /// The sun's own angular radius, and larger ones.
 const ANGLES: [f64; 3] = [0.27, 1.0, 3.0];
 const SHORT_SAMPLES: u32 = 4;
