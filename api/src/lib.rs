@@ -12,29 +12,37 @@
 
 mod client;
 mod convergence;
+mod counters;
 mod event;
 mod event_stream;
 mod hash;
 mod ids;
 mod job;
+mod job_scene;
 mod lease;
+mod preview;
 mod problem;
+mod session;
+mod submission;
 mod worker;
 
 pub use client::{Client, ClientError};
 pub use convergence::{ConvergencePoint, ConvergenceSeries};
+pub use counters::Counters;
 pub use event::{Event, EventBody};
 pub use event_stream::EventStream;
 pub use hash::{ContentHash, InvalidContentHash};
 pub use ids::{JobId, LeaseId, WorkerId};
-pub use job::{
-    Counters, JobScene, JobState, JobSubmission, JobView, PreviewExposure, PreviewQuery, SessionRequest, ToneCurve,
-};
+pub use job::{JobState, JobView};
+pub use job_scene::JobScene;
 pub use lease::{
     CORE_MILLISECONDS_HEADER, FENCING_TOKEN_HEADER, Lease, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken,
     NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialUpload,
 };
+pub use preview::{PreviewExposure, PreviewQuery, ToneCurve};
 pub use problem::{PROBLEM_MEDIA_TYPE, Problem, ProblemCode};
+pub use session::SessionRequest;
+pub use submission::JobSubmission;
 pub use worker::{WorkerRegistration, WorkerState, WorkerView};
 
 /// Path under which every endpoint of this version of the API lies.

@@ -1,0 +1,44 @@
+//! What is submitted: a scene and how it is to be rendered.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::ToSchema;
+
+use crate::ContentHash;
+
+/// A request to render a scene. Every asset and the reference must have been uploaded before.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct JobSubmission {
+    /// A short name, shown in lists; default: the scene's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// The scene description, with all overrides applied.
+    #[schema(value_type = Object)]
+    pub scene: Value,
+    /// Content hash of every asset that the scene names, by the path as the scene writes it.
+    #[serde(default)]
+    pub assets: BTreeMap<String, ContentHash>,
+    /// Samples to render for each pixel; rounded up to whole passes.
+    pub samples_per_pixel: u32,
+    /// Edge of a tile in pixels, 1 to 1024.
+    #[serde(default = "default_tile_size")]
+    pub tile_size: u32,
+    /// Jobs of higher priority are served first; among equals, the older.
+    #[serde(default)]
+    pub priority: i32,
+    /// An OpenEXR image of the same size that the error is measured against. It may have a standard-error layer, whose
+    /// noise is then taken out of the error.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<ContentHash>,
+    /// Milliseconds after the first lease at which no more work is given out, at most ten years; what is complete then is
+    /// kept. The first pass is rendered in any case.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_limit_ms: Option<i64>,
+}
+
+fn default_tile_size() -> u32 {
+    64
+}
