@@ -137,24 +137,10 @@ impl Client {
         Ok(Self { http, base })
     }
 
-    /// Address of the coordinator, which is also that of its dashboard.
-    pub fn address(&self) -> &Url {
-        &self.base
-    }
-
     /// Whether the coordinator is up and its store is usable.
     pub async fn is_ready(&self) -> bool {
         let Ok(url) = self.base.join("/readyz") else { return false };
         matches!(self.http.get(url).send().await, Ok(response) if response.status().is_success())
-    }
-
-    /// Whether the coordinator has an asset.
-    pub async fn has_asset(&self, hash: &ContentHash) -> Result<bool, ClientError> {
-        let response = self.request(Method::HEAD, &format!("/assets/{hash}")).send().await?;
-        match response.status() {
-            StatusCode::NOT_FOUND => Ok(false),
-            _ => check(response).await.map(|_| true),
-        }
     }
 
     /// Uploads an asset under its content hash. Uploading it again changes nothing.
@@ -215,7 +201,7 @@ impl Client {
         if let Some(id) = last_id {
             request = request.header("last-event-id", id);
         }
-        Ok(EventStream::new(check(request.send().await?).await?, last_id))
+        Ok(EventStream::new(check(request.send().await?).await?))
     }
 
     /// Registers a worker.

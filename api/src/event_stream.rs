@@ -9,22 +9,16 @@ use std::task::{Context, Poll};
 use crate::client::ClientError;
 use crate::{Event, EventBody};
 
-/// Events as they arrive. It ends when the coordinator closes the connection; to go on, open a new stream after
-/// [`EventStream::last_id`].
+/// Events as they arrive. It ends when the coordinator closes the connection; to go on, open a new stream after the last
+/// event that has an `id`.
 pub struct EventStream {
     bytes: BoxStream<'static, reqwest::Result<Bytes>>,
     parser: Parser,
-    last_id: Option<i64>,
 }
 
 impl EventStream {
-    pub(crate) fn new(response: reqwest::Response, last_id: Option<i64>) -> Self {
-        Self { bytes: response.bytes_stream().boxed(), parser: Parser::default(), last_id }
-    }
-
-    /// Sequence number of the last stored event that came by.
-    pub fn last_id(&self) -> Option<i64> {
-        self.last_id
+    pub(crate) fn new(response: reqwest::Response) -> Self {
+        Self { bytes: response.bytes_stream().boxed(), parser: Parser::default() }
     }
 }
 
@@ -34,13 +28,11 @@ impl Stream for EventStream {
     fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         loop {
             if let Some(message) = self.parser.next_message() {
-                let event = match serde_json::from_slice::<EventBody>(&message.data) {
-                    Ok(body) => Event { id: message.id, body },
+                match serde_json::from_slice::<EventBody>(&message.data) {
+                    Ok(body) => return Poll::Ready(Some(Ok(Event { id: message.id, body }))),
                     // A newer coordinator may send kinds of events that this build does not know.
                     Err(_) => continue,
-                };
-                self.last_id = event.id.or(self.last_id);
-                return Poll::Ready(Some(Ok(event)));
+                }
             }
             match self.bytes.poll_next_unpin(context) {
                 Poll::Ready(Some(Ok(bytes))) => self.parser.push(&bytes),
