@@ -1,10 +1,12 @@
 //! The typed client: one method for each endpoint.
 
+use std::convert::Infallible;
 use std::time::Duration;
 
 use bytes::Bytes;
-use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
-use reqwest::{Method, RequestBuilder, Response, StatusCode, Url};
+use futures::stream;
+use reqwest::header::{AUTHORIZATION, CONTENT_LENGTH, CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
+use reqwest::{Body, Method, RequestBuilder, Response, StatusCode, Url};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -23,6 +25,9 @@ const READ_TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Longest pause that an answer can ask for: below the time that a lease lasts by default.
 const LONGEST_RETRY_AFTER: Duration = Duration::from_secs(30);
+
+/// Bytes of an upload that are handed to the connection at a time.
+const UPLOAD_PIECE: usize = 64 << 10;
 
 /// A connection to a coordinator. Cheap to clone; clones share their connections.
 #[derive(Clone, Debug)]
@@ -143,9 +148,25 @@ impl Client {
         matches!(self.http.get(url).send().await, Ok(response) if response.status().is_success())
     }
 
-    /// Uploads an asset under its content hash. Uploading it again changes nothing.
-    pub async fn upload_asset(&self, hash: &ContentHash, content: Bytes) -> Result<(), ClientError> {
-        check(self.request(Method::PUT, &format!("/assets/{hash}")).body(content).send().await?).await?;
+    /// Uploads an asset under its content hash, and tells `sent` of each piece how many bytes it has. Uploading it again
+    /// changes nothing.
+    pub async fn upload_asset(
+        &self,
+        hash: &ContentHash,
+        content: Bytes,
+        mut sent: impl FnMut(u64) + Send + 'static,
+    ) -> Result<(), ClientError> {
+        let length = content.len();
+        let pieces = (0..length).step_by(UPLOAD_PIECE).map(move |start| {
+            let piece = content.slice(start..length.min(start + UPLOAD_PIECE));
+            sent(piece.len() as u64);
+            Ok::<_, Infallible>(piece)
+        });
+        let request = self
+            .request(Method::PUT, &format!("/assets/{hash}"))
+            .header(CONTENT_LENGTH, length)
+            .body(Body::wrap_stream(stream::iter(pieces)));
+        check(request.send().await?).await?;
         Ok(())
     }
 
@@ -319,6 +340,29 @@ mod tests {
     use tokio::net::TcpListener;
 
     use super::*;
+
+    #[tokio::test]
+    async fn an_upload_announces_its_length_and_tells_of_every_piece() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let client = Client::new(&format!("http://{}", listener.local_addr().unwrap()), None).unwrap();
+        let content = Bytes::from(vec![b'g'; 2 * UPLOAD_PIECE + 5]);
+        let length = content.len();
+        let server = tokio::spawn(async move {
+            let (mut connection, _) = listener.accept().await.unwrap();
+            let mut request = Vec::new();
+            while !request.ends_with(&vec![b'g'; length]) {
+                assert!(connection.read_buf(&mut request).await.unwrap() > 0, "the whole of a request");
+            }
+            connection.write_all(b"HTTP/1.1 204 No Content\r\n\r\n").await.unwrap();
+            String::from_utf8(request).unwrap()
+        });
+        let (pieces, told) = std::sync::mpsc::channel();
+        let hash = ContentHash::from([7; 32]);
+        client.upload_asset(&hash, content, move |bytes| pieces.send(bytes).unwrap()).await.unwrap();
+        let request = server.await.unwrap();
+        assert!(request.contains(&format!("content-length: {length}\r\n")), "{}", &request[..400]);
+        assert_eq!(told.iter().collect::<Vec<_>>(), [UPLOAD_PIECE as u64, UPLOAD_PIECE as u64, 5]);
+    }
 
     /// What a call makes of this answer.
     async fn failure(answer: &'static str) -> ClientError {

@@ -135,7 +135,7 @@ impl Caller {
     /// When it is refused.
     pub fn upload(&self, content: &[u8]) -> ContentHash {
         let hash = content_hash(content);
-        self.wait(self.client.upload_asset(&hash, content.to_vec().into())).expect("an upload that is taken");
+        self.wait(self.client.upload_asset(&hash, content.to_vec().into(), |_| ())).expect("an upload that is taken");
         hash
     }
 

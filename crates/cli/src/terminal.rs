@@ -60,10 +60,9 @@ pub(crate) struct Progress {
 impl Progress {
     pub(crate) fn new() -> Self {
         let is_drawn = io::stderr().is_terminal();
-        let target = if is_drawn { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let style =
             ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}").expect("the template is well formed");
-        let bar = ProgressBar::with_draw_target(Some(BAR_STEPS), target).with_style(style);
+        let bar = ProgressBar::with_draw_target(Some(BAR_STEPS), bar_target()).with_style(style);
         Self { bar, is_drawn, last_line: None, has_header: false }
     }
 
@@ -107,6 +106,18 @@ impl Progress {
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }
+}
+
+/// Where bars are drawn: on standard error, and nowhere when that is no terminal.
+fn bar_target() -> ProgressDrawTarget {
+    if io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() }
+}
+
+/// A bar for an upload of so many bytes.
+pub(crate) fn upload_bar(bytes: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("Uploading {bar:20} {bytes} of {total_bytes}, {bytes_per_sec}")
+        .expect("the template is well formed");
+    ProgressBar::with_draw_target(Some(bytes), bar_target()).with_style(style)
 }
 
 fn advance_text(advance: &Advance) -> String {

@@ -17,7 +17,7 @@ use crate::failure::Failure;
 use crate::follow::{follow, until_answered};
 use crate::output_file::{check_outputs, png_beside, write, write_stats};
 use crate::scene_overrides::SceneOverrides;
-use crate::terminal::{Progress, print_json, print_line};
+use crate::terminal::{Progress, print_json, print_line, upload_bar};
 
 /// How often an upload is repeated, with pauses of one second and more.
 const UPLOAD_REPETITIONS: usize = 5;
@@ -133,21 +133,34 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,
         answer => return answer.map_err(|error| connection.failure(error)),
     };
-    for hash in missing {
-        // A hash that is not ours cannot be helped; the second attempt says what is wrong with it.
-        let Some(asset) = contents.get(&hash) else { continue };
-        info!(%hash, bytes = asset.bytes().len(), "uploading");
+    // A hash that is not ours cannot be helped; the second attempt says what is wrong with it.
+    let missing: Vec<(ContentHash, &Asset)> =
+        missing.into_iter().filter_map(|hash| Some((hash, *contents.get(&hash)?))).collect();
+    let size = |asset: &Asset| asset.bytes().len() as u64;
+    let bar = upload_bar(missing.iter().map(|(_, asset)| size(asset)).sum());
+    let mut uploaded = 0;
+    for (hash, asset) in missing {
+        info!(%hash, bytes = size(asset), "uploading");
         let content = Bytes::copy_from_slice(asset.bytes());
         // The coordinator has answered once, so what fails now may well pass.
-        let upload = || connection.client.upload_asset(&hash, content.clone());
+        let upload = || {
+            // What an earlier attempt sent does not count.
+            bar.set_position(uploaded);
+            let bar = bar.clone();
+            connection.client.upload_asset(&hash, content.clone(), move |bytes| bar.inc(bytes))
+        };
         upload
             .retry(ExponentialBuilder::default().with_max_times(UPLOAD_REPETITIONS).with_jitter())
             .when(ClientError::is_transient)
             .adjust(|error, pause| pause.map(|pause| error.pause(pause)))
-            .notify(|error, pause| warn!(%hash, ?pause, reason = %error, "the upload failed, trying again"))
+            .notify(|error, pause| {
+                bar.suspend(|| warn!(%hash, ?pause, reason = %error, "the upload failed, trying again"));
+            })
             .await
             .map_err(|error| connection.failure(error))?;
+        uploaded += size(asset);
     }
+    bar.finish_and_clear();
     connection.client.submit_job(&submission).await.map_err(|error| connection.failure(error))
 }
 

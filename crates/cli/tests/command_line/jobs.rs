@@ -63,6 +63,19 @@ fn who_waits_is_told_once_that_the_coordinator_is_away_and_when_it_is_back() {
 }
 
 #[test]
+fn an_upload_draws_no_bar_where_there_is_no_terminal() {
+    let folder = Folder::new();
+    folder.succeeds(&["render", "scene.json", "--spp", "4", "-o", "reference.exr"]);
+    let farm = folder.coordinator("127.0.0.1:0", None);
+    let words = ["submit", "scene.json", "--reference", "reference.exr", "--json", "--coordinator", farm.address()];
+    let output = folder.run(&words);
+    let messages = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success(), "{messages}");
+    assert!(serde_json::from_slice::<Value>(&output.stdout).unwrap()["reference"].is_string());
+    assert!(messages.starts_with("Job ") && !messages.contains('\x1b'), "{messages}");
+}
+
+#[test]
 fn a_cancelled_job_leaves_its_image_and_fails_those_who_wait() {
     let folder = Folder::new();
     let farm = folder.farm();

@@ -89,7 +89,7 @@ async fn the_error_against_the_reference_falls_to_zero_when_the_image_is_the_ref
     farm.finished(first.id).await;
     let reference = farm.client.image(first.id).await.unwrap();
     let hash = hash(&reference);
-    farm.client.upload_asset(&hash, reference).await.unwrap();
+    farm.client.upload_asset(&hash, reference, |_| ()).await.unwrap();
 
     let mut submission = submission(16);
     submission.reference = Some(hash);
