@@ -46,8 +46,11 @@ fn who_lacks_the_token_is_told_where_to_put_it() {
     let farm = folder.coordinator("127.0.0.1:0", Some("0123456789abcdef"));
     for command in [["jobs"].as_slice(), &["submit", "scene.json"], &["worker"]] {
         let words = [command, &["--coordinator", farm.address()]].concat();
-        folder.fails(&words, 1, &["Token required", "CLERESTORY_TOKEN", "--token-file"]);
+        folder.fails(&words, 1, &["no token was sent", "CLERESTORY_TOKEN", "--token-file"]);
     }
+    fs::write(folder.path("wrong"), "0123456789abcdee\n").unwrap();
+    let wrong = ["jobs", "--coordinator", farm.address(), "--token-file", "wrong"];
+    folder.fails(&wrong, 1, &["the token that was sent is not the farm's", "CLERESTORY_TOKEN", "--token-file"]);
     fs::write(folder.path("token"), "0123456789abcdef\n").unwrap();
     let command = ["jobs", "--coordinator", farm.address(), "--token-file", "token"];
     folder.succeeds(&command);

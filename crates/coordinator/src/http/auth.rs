@@ -57,8 +57,11 @@ fn check(token: Option<&Token>, request: &Request) -> Result<(), ApiError> {
     if is_open || presents(token, request.headers()) {
         return Ok(());
     }
-    let detail = "this coordinator has a token: send it as `Authorization: Bearer TOKEN`";
-    Err(ApiError::new(ProblemCode::Unauthorized, detail).field("authorization"))
+    let is_sent = request.headers().contains_key(AUTHORIZATION);
+    let detail = if is_sent { "the token that was sent is not the farm's" } else { "no token was sent" };
+    Err(ApiError::new(ProblemCode::Unauthorized, detail)
+        .field("authorization")
+        .expected("`Bearer` and the token that the coordinator was started with"))
 }
 
 fn presents(token: &Token, headers: &HeaderMap) -> bool {

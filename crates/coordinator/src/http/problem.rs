@@ -104,7 +104,7 @@ impl ApiError {
 
 fn status_and_title(code: ProblemCode) -> (StatusCode, &'static str) {
     match code {
-        ProblemCode::Unauthorized => (StatusCode::UNAUTHORIZED, "Token required"),
+        ProblemCode::Unauthorized => (StatusCode::UNAUTHORIZED, "The farm's token is required"),
         ProblemCode::ForeignOrigin => (StatusCode::FORBIDDEN, "Request from another site"),
         ProblemCode::UnknownPath => (StatusCode::NOT_FOUND, "No such path"),
         ProblemCode::MethodNotAllowed => (StatusCode::METHOD_NOT_ALLOWED, "Method not allowed"),

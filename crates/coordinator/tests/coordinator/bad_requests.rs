@@ -290,9 +290,11 @@ async fn nothing_but_the_page_and_the_probes_opens_without_the_token() {
     let farm = TestFarm::start_with(|config| config.token = Some(TOKEN.parse().unwrap())).await;
     let farm = &farm;
     let session = |token: &str| call(Method::POST, "/session").json(&json!({"token": token}));
-    check(farm, call(Method::GET, "/jobs"), 401, "unauthorized", Some("authorization")).await;
+    let problem = check(farm, call(Method::GET, "/jobs"), 401, "unauthorized", Some("authorization")).await;
+    assert_eq!(problem.detail, "no token was sent");
     let wrong = call(Method::GET, "/jobs").header("authorization", "Bearer 0123456789abcdef");
-    check(farm, wrong, 401, "unauthorized", Some("authorization")).await;
+    let problem = check(farm, wrong, 401, "unauthorized", Some("authorization")).await;
+    assert_eq!(problem.detail, "the token that was sent is not the farm's");
     check(farm, call(Method::GET, "/events"), 401, "unauthorized", Some("authorization")).await;
     check(farm, call(Method::GET, "/nothing"), 401, "unauthorized", Some("authorization")).await;
     let forged = call(Method::GET, "/jobs").header("cookie", format!("clerestory_session={TOKEN}"));
