@@ -256,7 +256,7 @@ fn references() -> Vec<BadCall> {
         with(
             "a reference that claims 60001 pixels each way",
             with_huge_claim(&sound),
-            &["60001 x 60001 pixels need", "at most 196608 are allowed"],
+            &["the reference has 60001 x 60001 pixels", "48 x 32 pixels, as the scene's film"],
         ),
         with("a reference of another size", sized(8, 8, 1.0), &["8 x 8 pixels", "48 x 32 pixels, as the scene's film"]),
         with(

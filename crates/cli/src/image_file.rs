@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use clerestory_render_core::film::{DecodeBudget, FrameImage};
+use clerestory_render_core::scene::description::FilmDescription;
 
 use crate::failure::Failure;
 
@@ -12,6 +13,29 @@ const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 16384 * 16384 * 3 * 4 }
 
 /// Reads an OpenEXR image.
 pub(crate) fn read(file: &Path) -> Result<FrameImage, Failure> {
+    Ok(read_with_bytes(file)?.1)
+}
+
+/// Reads a reference for images of this size: the file as it is, and the image in it.
+pub(crate) fn read_reference(file: &Path, film: FilmDescription) -> Result<(Vec<u8>, FrameImage), Failure> {
+    let (bytes, image) = read_with_bytes(file)?;
+    if (image.width(), image.height()) != (film.width, film.height) {
+        return Err(Failure::Usage(format!(
+            "the reference {} has {}x{} pixels, the image {}x{}: expected the same size, see --size",
+            file.display(),
+            image.width(),
+            image.height(),
+            film.width,
+            film.height
+        )));
+    }
+    Ok((bytes, image))
+}
+
+fn read_with_bytes(file: &Path) -> Result<(Vec<u8>, FrameImage), Failure> {
     let bytes = fs::read(file).map_err(|source| Failure::Read { file: file.to_owned(), source })?;
-    FrameImage::decode(&bytes, BUDGET).map_err(|source| Failure::Image { file: file.to_owned(), source })
+    match FrameImage::decode(&bytes, BUDGET) {
+        Ok(image) => Ok((bytes, image)),
+        Err(source) => Err(Failure::Image { file: file.to_owned(), source }),
+    }
 }

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{ContentHash, JobId, JobSubmission, ProblemCode};
-use clerestory_render_core::film::{FrameImage, TileGrid};
+use clerestory_render_core::film::{FrameImage, ImageError, OpenExrError, TileGrid};
 use clerestory_render_core::scene::{self, Asset, Scene, SceneBundle, SceneDescription, SceneError};
 use uuid::Uuid;
 
@@ -134,12 +134,22 @@ async fn check_uploaded(farm: &Farm, hashes: impl Iterator<Item = ContentHash>) 
 
 fn check_reference(bytes: &[u8], grid: &TileGrid, hash: ContentHash) -> Result<(), ApiError> {
     let refuse = |detail: String| ApiError::new(ProblemCode::InvalidReference, detail).field("reference").value(hash);
-    let image = FrameImage::decode(bytes, reference_budget(grid.width, grid.height))
-        .map_err(|error| refuse(error.to_string()).expected("an OpenEXR image with finite channels R, G and B"))?;
-    if (image.width(), image.height()) == (grid.width, grid.height) {
+    let (width, height) = match FrameImage::decode(bytes, reference_budget(grid.width, grid.height)) {
+        Ok(image) => (image.width().into(), image.height().into()),
+        // The memory that it may take depends on the film, so a film of its size would perhaps let it in.
+        Err(ImageError::OpenExr(OpenExrError::TooLarge { width, height, .. }))
+            if (width, height) != (grid.width.into(), grid.height.into()) =>
+        {
+            (width, height)
+        }
+        Err(error) => {
+            return Err(refuse(error.to_string()).expected("an OpenEXR image with finite channels R, G and B"));
+        }
+    };
+    if (width, height) == (grid.width.into(), grid.height.into()) {
         return Ok(());
     }
-    Err(refuse(format!("the reference has {} x {} pixels", image.width(), image.height()))
+    Err(refuse(format!("the reference has {width} x {height} pixels"))
         .expected(format!("{} x {} pixels, as the scene's film", grid.width, grid.height)))
 }
 

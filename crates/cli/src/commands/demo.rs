@@ -12,7 +12,7 @@ use tempfile::TempDir;
 
 use crate::child::Environment;
 use crate::commands::farm::share_of_cores;
-use crate::commands::submit::{Order, download, read_reference, submit};
+use crate::commands::submit::{Order, download, reference_asset, submit};
 use crate::commands::watch::{check_done, check_image};
 use crate::connection::Connection;
 use crate::failure::Failure;
@@ -82,7 +82,7 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
         time_limit_ms: overrides.time_limit_ms(),
         tile_size: 32,
         priority: 0,
-        reference: reference.as_deref().map(read_reference).transpose()?,
+        reference: reference_asset(reference.as_deref(), &bundle)?,
     };
 
     let data = new_folder(&arguments.output)?;

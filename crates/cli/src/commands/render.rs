@@ -20,7 +20,7 @@ use tokio::sync::mpsc;
 
 use crate::commands::worker::{BUILD, cores};
 use crate::failure::Failure;
-use crate::image_file;
+use crate::image_file::read_reference;
 use crate::like::{self, Recipe};
 use crate::local_render::{self, Control, LocalRenderError, PassPlan, Round};
 use crate::output_file::{check_outputs, png_beside, write, write_stats};
@@ -114,7 +114,7 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
 struct Order {
     scene: Scene,
     plan: PassPlan,
-    reference: Option<(PathBuf, FrameImage)>,
+    reference: Option<FrameImage>,
     threads: NonZeroUsize,
     time: Option<Duration>,
 }
@@ -156,23 +156,8 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
             PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize] }
         }
     };
-    let reference = match &arguments.reference {
-        None => None,
-        Some(file) => {
-            let image = image_file::read(file)?;
-            if (image.width(), image.height()) != (film.width, film.height) {
-                return Err(Failure::Usage(format!(
-                    "the reference {} has {}x{} pixels, the image {}x{}: expected the same size, see --size",
-                    file.display(),
-                    image.width(),
-                    image.height(),
-                    film.width,
-                    film.height
-                )));
-            }
-            Some((file.clone(), image))
-        }
-    };
+    let reference = arguments.reference.as_deref().map(|file| read_reference(file, film)).transpose()?;
+    let reference = reference.map(|(_, image)| image);
     let threads = arguments.threads.unwrap_or_else(cores);
     Ok(Order { scene, plan, reference, threads, time: arguments.overrides.time })
 }
@@ -256,7 +241,7 @@ impl Order {
     }
 
     fn metrics(&self, image: &FrameImage) -> Result<Option<Metrics>, Failure> {
-        self.reference.as_ref().map(|(_, reference)| compare(image, reference).map_err(Failure::Compare)).transpose()
+        self.reference.as_ref().map(|reference| compare(image, reference).map_err(Failure::Compare)).transpose()
     }
 
     /// The error at a round; what cannot be measured is absent.

@@ -1,7 +1,6 @@
 //! `clerestory submit`: a scene on its way to a farm, and its image back.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use backon::{ExponentialBuilder, Retryable};
@@ -15,6 +14,7 @@ use crate::commands::watch::{check_done, check_image};
 use crate::connection::{Connection, ConnectionArguments};
 use crate::failure::Failure;
 use crate::follow::{follow, until_answered};
+use crate::image_file::read_reference;
 use crate::output_file::{check_outputs, png_beside, write, write_stats};
 use crate::scene_overrides::SceneOverrides;
 use crate::terminal::{Progress, print_json, print_line, upload_bar};
@@ -77,7 +77,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         time_limit_ms: arguments.overrides.time_limit_ms(),
         tile_size: arguments.tile,
         priority: arguments.priority,
-        reference: arguments.reference.as_deref().map(read_reference).transpose()?,
+        reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
     };
     let mut job = submit(&connection, &bundle, order).await?;
     let mut progress = Progress::new();
@@ -107,10 +107,10 @@ pub(crate) struct Order {
     pub(crate) reference: Option<Asset>,
 }
 
-/// Reads a reference image, to be sent as it is.
-pub(crate) fn read_reference(file: &Path) -> Result<Asset, Failure> {
-    let bytes = fs::read(file).map_err(|source| Failure::Read { file: file.to_owned(), source })?;
-    Ok(Asset::new(bytes))
+/// Reads the reference for images of a scene, to be sent as it is.
+pub(crate) fn reference_asset(file: Option<&Path>, bundle: &SceneBundle) -> Result<Option<Asset>, Failure> {
+    let reference = file.map(|file| read_reference(file, bundle.description().film)).transpose()?;
+    Ok(reference.map(|(bytes, _)| Asset::new(bytes)))
 }
 
 /// Submits a job, and uploads what the coordinator does not have yet.

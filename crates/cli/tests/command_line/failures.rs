@@ -41,6 +41,19 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
 }
 
 #[test]
+fn a_reference_of_another_size_is_refused_by_the_sizes() {
+    let folder = Folder::new();
+    folder.succeeds(&["render", "scene.json", "--spp", "4", "--size", "12x8", "-o", "small.exr"]);
+    folder.succeeds(&["render", "scene.json", "--spp", "4", "--size", "480x320", "-o", "large.exr"]);
+    for command in ["render", "submit"] {
+        for (reference, size) in [("small.exr", "12x8"), ("large.exr", "480x320")] {
+            let words = [command, "scene.json", "--reference", reference];
+            folder.fails(&words, 2, &[reference, size, "the image 24x16", "--size"]);
+        }
+    }
+}
+
+#[test]
 fn who_lacks_the_token_is_told_where_to_put_it() {
     let folder = Folder::new();
     let farm = folder.coordinator("127.0.0.1:0", Some("0123456789abcdef"));
