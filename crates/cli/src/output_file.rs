@@ -27,10 +27,26 @@ pub(crate) fn write_stats(file: &Path, counters: &impl Serialize) -> Result<(), 
     write(file, &serde_json::to_vec_pretty(counters).expect("counters have a form in JSON"))
 }
 
-/// The PNG that belongs to an image: of the same name, with another extension where the image has one of an image.
+/// Extensions of image files that hold something else than OpenEXR.
+const FOREIGN_EXTENSIONS: [&str; 15] =
+    ["avif", "bmp", "dpx", "gif", "hdr", "jpeg", "jpg", "jxl", "pfm", "png", "ppm", "tga", "tif", "tiff", "webp"];
+
+/// Refuses a name for an image that says that the file is of another format.
+pub(crate) fn check_image_name(file: &Path) -> Result<(), Failure> {
+    let extension = file.extension().unwrap_or_default();
+    if FOREIGN_EXTENSIONS.iter().any(|foreign| extension.eq_ignore_ascii_case(foreign)) {
+        return Err(Failure::Usage(format!(
+            "--output {} would be an OpenEXR image in spite of its name: expected {}, with --png for a PNG beside it",
+            file.display(),
+            file.with_extension("exr").display()
+        )));
+    }
+    Ok(())
+}
+
+/// The PNG that belongs to an image: of the same name, with another extension where the image has its own.
 pub(crate) fn png_beside(image: &Path) -> PathBuf {
-    let extension = image.extension().unwrap_or_default();
-    if ["exr", "png"].iter().any(|known| extension.eq_ignore_ascii_case(known)) {
+    if image.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
         return image.with_extension("png");
     }
     let mut name = image.as_os_str().to_owned();
@@ -110,6 +126,18 @@ mod tests {
             [("a/room.exr", "a/room.png"), ("room-0.27.exr", "room-0.27.png"), ("room-0.27", "room-0.27.png")]
         {
             assert_eq!(png_beside(Path::new(image)), Path::new(png));
+        }
+    }
+
+    #[test]
+    fn a_name_of_another_image_format_is_refused_and_any_other_is_not() {
+        for name in ["a.png", "a/room.JPG", "room-0.27.tiff"] {
+            let message = check_image_name(Path::new(name)).unwrap_err().to_string();
+            let expected = Path::new(name).with_extension("exr");
+            assert!(message.contains(name) && message.contains(&*expected.to_string_lossy()), "{message}");
+        }
+        for name in ["a.exr", "a.EXR", "room-0.27", "/dev/stdout", "png", ""] {
+            check_image_name(Path::new(name)).unwrap();
         }
     }
 

@@ -23,7 +23,7 @@ use crate::failure::Failure;
 use crate::image_file::read_reference;
 use crate::like::{self, Recipe};
 use crate::local_render::{self, Control, LocalRenderError, PassPlan, Round};
-use crate::output_file::{check_outputs, png_beside, write, write_stats};
+use crate::output_file::{check_image_name, check_outputs, png_beside, write, write_stats};
 use crate::preview::PreviewArguments;
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
@@ -70,6 +70,7 @@ pub(crate) struct RenderArguments {
 
 pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
+    check_image_name(&output)?;
     let png = arguments.png.then(|| png_beside(&output));
     check_outputs(&[
         ("--output", Some(output.as_path())),

@@ -15,7 +15,7 @@ use crate::connection::{Connection, ConnectionArguments};
 use crate::failure::Failure;
 use crate::follow::{follow, until_answered};
 use crate::image_file::read_reference;
-use crate::output_file::{check_outputs, png_beside, write, write_stats};
+use crate::output_file::{check_image_name, check_outputs, png_beside, write, write_stats};
 use crate::scene_overrides::SceneOverrides;
 use crate::terminal::{Progress, print_json, print_line, upload_bar};
 
@@ -63,6 +63,7 @@ pub(crate) struct SubmitArguments {
 }
 
 pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
+    arguments.output.as_deref().map_or(Ok(()), check_image_name)?;
     let png = arguments.output.as_deref().filter(|_| arguments.png).map(png_beside);
     check_outputs(&[
         ("--output", arguments.output.as_deref()),

@@ -19,9 +19,13 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
         folder.fails(&["render", "scene.json", "--time", time], 2, &["--time", "at most 315360000", "ten years"]);
         folder.fails(&["submit", "scene.json", "--time", time], 2, &["--time", "at most 315360000", "ten years"]);
     }
-    let output = ["render", "scene.json", "-o", "a.png"];
-    folder.fails(&[&output[..], &["--png"]].concat(), 2, &["--output and --png both write a.png"]);
-    folder.fails(&[&output[..], &["--stats", "./a.png"]].concat(), 2, &["--output and --stats both write ./a.png"]);
+    let output = ["render", "scene.json", "--png", "-o", "a.exr", "--stats"];
+    folder.fails(&[&output[..], &["a.png"]].concat(), 2, &["--png and --stats both write a.png"]);
+    folder.fails(&[&output[..], &["./a.exr"]].concat(), 2, &["--output and --stats both write ./a.exr"]);
+    for command in [["render"].as_slice(), &["submit", "--wait"]] {
+        let words = [command, &["scene.json", "-o", "a.png"]].concat();
+        folder.fails(&words, 2, &["--output a.png", "OpenEXR", "expected a.exr", "--png"]);
+    }
     folder.fails(&["render", "scene.json", "--solver", "published"], 2, &["--solver", "path", "--integrator fnee"]);
     folder.fails(&["render", "scene.json", "--png", "--exposure", "bright"], 2, &["--exposure", "auto"]);
     folder.fails(&["render", "scene.json", "--curve", "srgb"], 2, &["--png"]);
