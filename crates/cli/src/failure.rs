@@ -2,7 +2,7 @@
 
 use std::error::Error;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clerestory_api::{ClientError, ProblemCode};
@@ -86,6 +86,14 @@ pub(crate) enum Failure {
 }
 
 impl Failure {
+    /// A scene that cannot be used. A file that cannot be read at all is no matter of scenes.
+    pub(crate) fn scene(file: &Path, source: SceneError) -> Self {
+        match source {
+            SceneError::Unreadable { file, source } => Self::Read { file, source },
+            source => Self::Scene { file: file.to_owned(), source },
+        }
+    }
+
     /// 2 when the arguments or settings are to blame, else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {

@@ -29,7 +29,7 @@ pub(crate) fn recipe(scene: &Path, image: &Path) -> Result<Recipe, Failure> {
         )));
     };
     check_tiles(image, &picture, metadata)?;
-    let failure = |source| Failure::Scene { file: scene.to_owned(), source };
+    let failure = |source| Failure::scene(scene, source);
     let bundle = scene::load(scene).map_err(failure)?;
     let mut description = bundle.description().clone();
     description.seed = metadata.seed;

@@ -114,7 +114,7 @@ fn parse_seconds(text: &str) -> Result<Duration, String> {
 impl SceneOverrides {
     /// Loads a scene and changes it.
     pub(crate) fn load(&self, file: &Path) -> Result<SceneBundle, Failure> {
-        let failure = |source| Failure::Scene { file: file.to_owned(), source };
+        let failure = |source| Failure::scene(file, source);
         let bundle = scene::load(file).map_err(failure)?;
         let description = self.apply(bundle.description().clone())?;
         bundle.with_description(description).map_err(failure)

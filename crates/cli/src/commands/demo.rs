@@ -70,7 +70,7 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
     }
     let bundle = overrides.load(&scene)?;
     let description = SceneDescription { sampling: SAMPLING, ..bundle.description().clone() };
-    let failure = |source| Failure::Scene { file: scene.clone(), source };
+    let failure = |source| Failure::scene(&scene, source);
     let bundle = bundle.with_description(description).map_err(failure)?;
     let reference = match arguments.scene {
         Some(_) => arguments.reference,

@@ -130,7 +130,7 @@ struct Rendering {
 
 fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
     let file = &arguments.scene;
-    let failure = |source| Failure::Scene { file: file.clone(), source };
+    let failure = |source| Failure::scene(file, source);
     let (bundle, tiles) = match &arguments.like {
         None => (arguments.overrides.load(file)?, None),
         Some(image) => {

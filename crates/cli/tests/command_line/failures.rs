@@ -29,7 +29,9 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
     folder.fails(&["render", "scene.json", "--solver", "published"], 2, &["--solver", "path", "--integrator fnee"]);
     folder.fails(&["render", "scene.json", "--png", "--exposure", "bright"], 2, &["--exposure", "auto"]);
     folder.fails(&["render", "scene.json", "--curve", "srgb"], 2, &["--png"]);
-    folder.fails(&["render", "absent.json"], 1, &["cannot use the scene absent.json", "No such file"]);
+    for command in ["render", "submit"] {
+        folder.fails(&[command, "absent.json"], 1, &["error: cannot read absent.json: No such file"]);
+    }
     folder.fails(&["render", "scene.json", "-o", "no/such/image.exr"], 1, &["cannot write no/such/image.exr"]);
     folder.fails(&["render", "scene.json", "--reference", "scene.json"], 1, &["scene.json", "not an OpenEXR file"]);
     folder.fails(&["compare", "absent.exr", "absent.exr"], 1, &["cannot read absent.exr"]);
