@@ -113,8 +113,21 @@ impl Failure {
         std::iter::successors(Some(first), |&error| error.source())
     }
 
+    /// Whether the machine of the coordinator says that nobody listens there.
+    fn is_connection_refused(&self) -> bool {
+        let mut system = self.causes().filter_map(|cause| cause.downcast_ref::<io::Error>());
+        system.any(|error| error.kind() == io::ErrorKind::ConnectionRefused)
+    }
+
     /// What the user can do about it, where the causes do not say.
     pub(crate) fn advice(&self) -> Option<String> {
+        if self.is_connection_refused() {
+            return Some(
+                "no coordinator is there: start one with `clerestory farm` or `clerestory coordinator`, or name another \
+                 with --coordinator"
+                    .to_owned(),
+            );
+        }
         let mut calls = self.causes().filter_map(|cause| cause.downcast_ref::<ClientError>());
         let is_refused = calls.any(|error| match error {
             ClientError::Problem { problem, .. } => problem.code == ProblemCode::Unauthorized,

@@ -36,6 +36,11 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
     folder.fails(&["render", "scene.json", "--reference", "scene.json"], 1, &["scene.json", "not an OpenEXR file"]);
     folder.fails(&["compare", "absent.exr", "absent.exr"], 1, &["cannot read absent.exr"]);
     folder.fails(&["jobs", "--coordinator", "http://127.0.0.1:1"], 1, &["http://127.0.0.1:1", "no answer"]);
+    folder.fails(
+        &["jobs", "--coordinator", "http://127.0.0.1:1"],
+        1,
+        &["`clerestory farm`", "`clerestory coordinator`", "--coordinator"],
+    );
     folder.fails(&["jobs", "--coordinator", "nonsense"], 1, &["nonsense", "expected"]);
     folder.fails(&["watch", "17"], 2, &["17"]);
     folder.fails(&["coordinator", "--listen", "nowhere"], 1, &["nowhere", "127.0.0.1:7171"]);
