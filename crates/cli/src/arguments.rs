@@ -1,5 +1,7 @@
 //! What can be typed: the commands, and the options that all of them have. Each command's own options are in its module.
 
+use std::num::NonZeroU32;
+
 use clap::{Parser, Subcommand, ValueEnum};
 use tracing_subscriber::EnvFilter;
 
@@ -65,11 +67,28 @@ pub(crate) enum Command {
     Demo(DemoArguments),
 }
 
+/// Reads a number of things of which there is at least one.
+pub(crate) fn positive<T: TryFrom<NonZeroU32>>(text: &str) -> Result<T, String> {
+    let number = text.parse::<NonZeroU32>().ok().and_then(|number| T::try_from(number).ok());
+    number.ok_or_else(|| format!("expected a whole number, 1 to {}", u32::MAX))
+}
+
 #[cfg(test)]
 mod tests {
+    use std::num::NonZeroUsize;
+
     use clap::CommandFactory;
 
     use super::*;
+
+    #[test]
+    fn a_number_of_things_is_whole_and_not_zero() {
+        assert_eq!(positive("7"), Ok(NonZeroUsize::new(7).unwrap()));
+        for text in ["0", "-1", "1.5", "4294967296", "many", ""] {
+            let message = positive::<NonZeroU32>(text).unwrap_err();
+            assert_eq!(message, "expected a whole number, 1 to 4294967295", "{text}");
+        }
+    }
 
     #[test]
     fn the_command_line_is_consistent() {

@@ -3,6 +3,7 @@
 use clap::Args;
 use clerestory_api::JobId;
 
+use crate::commands::jobs::parse_job;
 use crate::connection::ConnectionArguments;
 use crate::failure::Failure;
 use crate::terminal::{print_json, print_line};
@@ -11,6 +12,7 @@ use crate::terminal::{print_json, print_line};
 #[derive(Debug, Args)]
 pub(crate) struct CancelArguments {
     /// The job.
+    #[arg(value_parser = parse_job)]
     job: JobId,
     #[command(flatten)]
     connection: ConnectionArguments,

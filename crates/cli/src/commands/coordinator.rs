@@ -10,6 +10,7 @@ use clerestory_coordinator::{Config, Token};
 use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 
+use crate::arguments::positive;
 use crate::commands::worker::BUILD;
 use crate::connection::{DEFAULT_LISTEN, named_token_file, token};
 use crate::failure::Failure;
@@ -37,13 +38,13 @@ pub(crate) struct CoordinatorArguments {
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
     /// How long a lease lasts unless its worker renews it [default: 60].
-    #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_SECONDS")]
+    #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_SECONDS", value_parser = positive::<NonZeroU32>)]
     lease_seconds: Option<NonZeroU32>,
     /// How long the work of a lease should take [default: 10].
-    #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_WORK_SECONDS")]
+    #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_WORK_SECONDS", value_parser = positive::<NonZeroU32>)]
     lease_work_seconds: Option<NonZeroU32>,
     /// Give out exactly this many nodes with each lease, whatever they take; for experiments.
-    #[arg(long, value_name = "N", env = "CLERESTORY_LEASE_NODES")]
+    #[arg(long, value_name = "N", env = "CLERESTORY_LEASE_NODES", value_parser = positive::<NonZeroU32>)]
     lease_nodes: Option<NonZeroU32>,
     /// Print the settings as they come out of all layers, as a configuration file, and end.
     #[arg(long)]

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::arguments::positive;
 use crate::child::Environment;
 use crate::commands::coordinator::DEFAULT_DATA;
 use crate::commands::worker::cores;
@@ -18,10 +19,10 @@ use crate::terminal::print_line;
 #[derive(Debug, Args)]
 pub(crate) struct FarmArguments {
     /// Number of workers.
-    #[arg(long, value_name = "N", default_value = "1")]
+    #[arg(long, value_name = "N", default_value = "1", value_parser = positive::<NonZeroUsize>)]
     workers: NonZeroUsize,
     /// Threads of each worker [default: the cores, shared evenly].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = positive::<NonZeroUsize>)]
     threads: Option<NonZeroUsize>,
     /// Address on which the coordinator listens.
     #[arg(long, value_name = "HOST:PORT", default_value = DEFAULT_LISTEN, env = "CLERESTORY_LISTEN")]

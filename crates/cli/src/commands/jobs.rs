@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use clap::Args;
-use clerestory_api::{ConvergencePoint, JobView};
+use clerestory_api::{ConvergencePoint, JobId, JobView};
 
 use crate::connection::ConnectionArguments;
 use crate::failure::Failure;
@@ -31,6 +31,11 @@ pub(crate) async fn run(arguments: JobsArguments) -> Result<(), Failure> {
     }
     print_line(&line(["JOB", "STATE", "DONE", "SAMPLES A PIXEL", "MSE (~ESTIMATE)", "METHOD", "NAME"]))?;
     jobs.iter().try_for_each(|job| print_line(&row(job)))
+}
+
+/// Reads the identity of a job.
+pub(crate) fn parse_job(text: &str) -> Result<JobId, String> {
+    text.parse().map_err(|_| "expected the UUID of a job, as `clerestory jobs` lists them".to_owned())
 }
 
 fn row(job: &JobView) -> String {

@@ -18,6 +18,7 @@ use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 use tokio::sync::mpsc;
 
+use crate::arguments::positive;
 use crate::commands::worker::{BUILD, cores};
 use crate::failure::Failure;
 use crate::image_file::read_reference;
@@ -58,7 +59,7 @@ pub(crate) struct RenderArguments {
     #[arg(long, value_name = "FILE")]
     reference: Option<PathBuf>,
     /// Threads that render [default: one for each core].
-    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
+    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS", value_parser = positive::<NonZeroUsize>)]
     threads: Option<NonZeroUsize>,
     /// Write the counters (height evaluations, solver calls, solutions, ...) as JSON to this file.
     #[arg(long, value_name = "FILE")]

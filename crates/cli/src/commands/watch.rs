@@ -3,6 +3,7 @@
 use clap::Args;
 use clerestory_api::{JobId, JobState, JobView};
 
+use crate::commands::jobs::parse_job;
 use crate::connection::ConnectionArguments;
 use crate::failure::Failure;
 use crate::follow::follow;
@@ -12,6 +13,7 @@ use crate::terminal::{Progress, print_json, print_line};
 #[derive(Debug, Args)]
 pub(crate) struct WatchArguments {
     /// The job.
+    #[arg(value_parser = parse_job)]
     job: JobId,
     #[command(flatten)]
     connection: ConnectionArguments,

@@ -8,6 +8,7 @@ use std::thread::available_parallelism;
 use clap::Args;
 use serde::Deserialize;
 
+use crate::arguments::positive;
 use crate::connection::{DEFAULT_LISTEN, token};
 use crate::failure::Failure;
 use crate::settings;
@@ -32,7 +33,7 @@ pub(crate) struct WorkerArguments {
     #[arg(long, env = "CLERESTORY_WORKER_NAME")]
     name: Option<String>,
     /// Threads that render [default: one for each core].
-    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
+    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS", value_parser = positive::<NonZeroUsize>)]
     threads: Option<NonZeroUsize>,
     /// Stop when standard input ends; for workers that belong to another process.
     #[arg(long, hide = true)]

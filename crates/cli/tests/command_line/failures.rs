@@ -42,7 +42,17 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
         &["`clerestory farm`", "`clerestory coordinator`", "--coordinator"],
     );
     folder.fails(&["jobs", "--coordinator", "nonsense"], 1, &["nonsense", "expected"]);
-    folder.fails(&["watch", "17"], 2, &["17"]);
+    for command in ["watch", "cancel"] {
+        folder.fails(&[command, "17"], 2, &["'17'", "expected the UUID of a job", "`clerestory jobs`"]);
+    }
+    for (command, option) in [
+        ("coordinator", "--lease-seconds"),
+        ("coordinator", "--lease-nodes"),
+        ("farm", "--workers"),
+        ("worker", "--threads"),
+    ] {
+        folder.fails(&[command, option, "0"], 2, &["'0'", option, "expected a whole number, 1 to 4294967295"]);
+    }
     folder.fails(&["coordinator", "--listen", "nowhere"], 1, &["nowhere", "127.0.0.1:7171"]);
     fs::write(folder.path("bad.toml"), "lisen = \"127.0.0.1:0\"\n").unwrap();
     folder.fails(&["coordinator", "--config", "bad.toml"], 2, &["bad.toml", "lisen", "listen"]);
