@@ -13,7 +13,7 @@ use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::process;
 use tracing::warn;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, USAGE};
 
 /// How long a child may take to end before it is killed. Longer than its own grace.
 const ENDING_TIME: Duration = Duration::from_secs(10);
@@ -86,9 +86,11 @@ impl Child {
 
     /// Waits for the child to end by itself; says how it did, and what it logged last.
     pub(crate) async fn ended(&mut self) -> Failure {
-        let status = self.process.wait().await.map_or_else(|error| error.to_string(), |status| status.to_string());
+        let status = self.process.wait().await;
+        let is_usage = status.as_ref().is_ok_and(|status| status.code() == Some(USAGE.into()));
+        let status = status.map_or_else(|error| error.to_string(), |status| status.to_string());
         let log = self.log.as_ref().map(Log::end).unwrap_or_default();
-        Failure::Process(format!("{} ended by itself: {status}{log}", self.name))
+        Failure::Process { message: format!("{} ended by itself: {status}{log}", self.name), is_usage }
     }
 
     /// Lets the child end in good order, and kills it if it does not.

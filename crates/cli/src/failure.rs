@@ -14,6 +14,9 @@ use clerestory_worker::WorkerError;
 use crate::connection::TOKEN_VARIABLE;
 use crate::local_render::LocalRenderError;
 
+/// Exit code of a command whose arguments or settings cannot be used.
+pub(crate) const USAGE: u8 = 2;
+
 /// A command failed. Printed with its causes.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
@@ -75,8 +78,12 @@ pub(crate) enum Failure {
     #[error("the worker cannot work")]
     Worker(#[from] WorkerError),
     /// A process of the farm did not start or ended too early.
-    #[error("{0}")]
-    Process(String),
+    #[error("{message}")]
+    Process {
+        message: String,
+        /// Whether it could not use its arguments or settings, which are those of the farm.
+        is_usage: bool,
+    },
     /// A process of the farm could not be started at all.
     #[error("cannot start a process of the farm")]
     Spawn(#[source] io::Error),
@@ -97,7 +104,7 @@ impl Failure {
     /// 2 when the arguments or settings are to blame, else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Usage(_) | Self::Configuration { .. } => ExitCode::from(2),
+            Self::Usage(_) | Self::Configuration { .. } | Self::Process { is_usage: true, .. } => ExitCode::from(USAGE),
             _ => ExitCode::FAILURE,
         }
     }

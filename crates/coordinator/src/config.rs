@@ -56,7 +56,11 @@ impl Config {
     }
 
     /// Refuses to serve the network without a token.
-    pub(crate) fn check_exposure(&self, address: SocketAddr) -> Result<(), ExposedWithoutToken> {
+    ///
+    /// # Errors
+    ///
+    /// When other machines can reach this address and there is no token.
+    pub fn check_exposure(&self, address: SocketAddr) -> Result<(), ExposedWithoutToken> {
         match self.token {
             None if !address.ip().is_loopback() => Err(ExposedWithoutToken { address }),
             _ => Ok(()),

@@ -9,6 +9,7 @@ use clap::Args;
 use clerestory_coordinator::{Config, Token};
 use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
+use tracing::info;
 
 use crate::arguments::positive;
 use crate::commands::worker::BUILD;
@@ -99,6 +100,13 @@ pub(crate) async fn run(arguments: CoordinatorArguments) -> Result<(), Failure> 
     let failure = |source| Failure::Listen { address: settings.listen.clone(), source };
     let listener = TcpListener::bind(&settings.listen).await.map_err(failure)?;
     let address = listener.local_addr().map_err(failure)?;
+    config.check_exposure(address).map_err(|error| Failure::Usage(error.to_string()))?;
+    if address.ip().is_unspecified() {
+        info!(
+            port = address.port(),
+            "other machines reach the coordinator by a name or address of this one, on this port"
+        );
+    }
     let stop = shutdown::token(if arguments.stop_with_stdin { Parent::HoldsStdin } else { Parent::None });
     print_line(&format!("http://{}", reachable(address)))?;
     Ok(clerestory_coordinator::run(listener, config, async move { stop.cancelled().await }).await?)

@@ -62,6 +62,14 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
 }
 
 #[test]
+fn a_coordinator_is_not_open_to_the_network_without_a_token() {
+    let folder = Folder::new();
+    for command in ["coordinator", "farm"] {
+        folder.fails(&[command, "--listen", "0.0.0.0:0"], 2, &["0.0.0.0:", "openssl rand", "CLERESTORY_TOKEN"]);
+    }
+}
+
+#[test]
 fn a_reference_of_another_size_is_refused_by_the_sizes() {
     let folder = Folder::new();
     folder.succeeds(&["render", "scene.json", "--spp", "4", "--size", "12x8", "-o", "small.exr"]);

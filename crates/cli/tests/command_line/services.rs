@@ -12,6 +12,18 @@ fn the_printed_configuration_does_not_hold_the_token() {
 }
 
 #[test]
+fn a_coordinator_for_all_machines_prints_where_this_one_reaches_it_and_tells_what_holds_for_others() {
+    let folder = Folder::new();
+    // Its standard input is at its end, so it stops at once.
+    let mut command = folder.command(&["coordinator", "--listen", "0.0.0.0:0", "--stop-with-stdin"]);
+    let output = command.env("CLERESTORY_TOKEN", "0123456789abcdef").output().unwrap();
+    let (address, log) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
+    let port = address.trim_end().strip_prefix("http://127.0.0.1:").unwrap();
+    let told = log.lines().find(|line| line.contains("other machines reach")).unwrap();
+    assert!(told.contains(&format!("port={port}")), "{told}");
+}
+
+#[test]
 fn a_coordinator_prints_its_address_and_ends_with_its_parent() {
     let folder = Folder::new();
     let coordinator = folder.coordinator("127.0.0.1:0", None);
