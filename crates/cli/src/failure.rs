@@ -69,7 +69,7 @@ pub(crate) enum Failure {
     #[error("cannot set up the connection to the coordinator")]
     Connection(#[source] ClientError),
     /// The coordinator cannot listen.
-    #[error("cannot listen on {address}: expected a free address of this machine, such as 127.0.0.1:7171")]
+    #[error("cannot listen on {address}: {}", expected_address(address, source))]
     Listen { address: String, source: io::Error },
     /// The coordinator of this process stopped.
     #[error("the coordinator cannot work")]
@@ -90,6 +90,16 @@ pub(crate) enum Failure {
     /// A job or a render ended before it was done.
     #[error("{0}")]
     Job(String),
+}
+
+/// What would be right instead of an address on which a coordinator cannot listen.
+fn expected_address(address: &str, reason: &io::Error) -> String {
+    match (reason.kind(), address.rsplit_once(':')) {
+        (io::ErrorKind::AddrInUse, Some((host, _))) => {
+            format!("the port is taken, perhaps by another farm: expected another, or --listen {host}:0 for a free one")
+        }
+        _ => "expected an address of this machine, such as 127.0.0.1:7171".to_owned(),
+    }
 }
 
 impl Failure {

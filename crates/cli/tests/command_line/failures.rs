@@ -70,6 +70,17 @@ fn a_coordinator_is_not_open_to_the_network_without_a_token() {
 }
 
 #[test]
+fn a_port_that_is_taken_is_called_so_and_a_free_one_suggested() {
+    let folder = Folder::new();
+    let first = folder.coordinator("127.0.0.1:0", None);
+    let listen = first.address().trim_start_matches("http://");
+    for command in ["coordinator", "farm"] {
+        let expected = [listen, "the port is taken", "--listen 127.0.0.1:0"];
+        folder.fails(&[command, "--listen", listen, "--data", "second"], 1, &expected);
+    }
+}
+
+#[test]
 fn a_reference_of_another_size_is_refused_by_the_sizes() {
     let folder = Folder::new();
     folder.succeeds(&["render", "scene.json", "--spp", "4", "--size", "12x8", "-o", "small.exr"]);
