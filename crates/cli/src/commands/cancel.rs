@@ -23,9 +23,11 @@ pub(crate) struct CancelArguments {
 
 pub(crate) async fn run(arguments: CancelArguments) -> Result<(), Failure> {
     let connection = arguments.connection.open()?;
+    let before = connection.client.job(arguments.job).await.map_err(|error| connection.failure(error))?;
     let job = connection.client.cancel_job(arguments.job).await.map_err(|error| connection.failure(error))?;
     if arguments.json {
         return print_json(&job);
     }
-    print_line(&format!("{} is {}", job.id, job.state.name()))
+    let verb = if before.state.is_final() { "was already" } else { "is" };
+    print_line(&format!("{} {verb} {}", job.id, job.state.name()))
 }

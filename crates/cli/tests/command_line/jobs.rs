@@ -55,7 +55,9 @@ fn who_waits_is_told_once_that_the_coordinator_is_away_and_when_it_is_back() {
     let coordinator = folder.coordinator(&listen, None);
     waiting.message("answers again");
 
-    folder.succeeds(&["cancel", &waiting.job, "--coordinator", coordinator.address()]);
+    let cancel = ["cancel", &waiting.job, "--coordinator", coordinator.address()];
+    assert_eq!(folder.succeeds(&cancel), format!("{} is cancelled\n", waiting.job));
+    assert_eq!(folder.succeeds(&cancel), format!("{} was already cancelled\n", waiting.job));
     let (code, messages) = waiting.end();
     assert_eq!(code, Some(1), "{messages}");
     assert!(messages.contains("cancelled before anything was complete"), "{messages}");
