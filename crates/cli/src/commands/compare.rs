@@ -28,7 +28,7 @@ pub(crate) fn run(arguments: &CompareArguments) -> Result<(), Failure> {
 
 fn rows(metrics: &Metrics) -> Vec<String> {
     let row = |name: &str, value: Option<f64>| {
-        format!("{name:<16} {}", value.map_or_else(|| "-".to_owned(), |value| format!("{value:e}")))
+        format!("{name:<16} {}", value.map_or_else(|| "-".to_owned(), |value| format!("{value:.5e}")))
     };
     vec![
         row("MSE", Some(metrics.mse)),

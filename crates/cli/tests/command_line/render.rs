@@ -71,6 +71,13 @@ fn a_comparison_has_every_measure() {
         assert!(comparison[key].is_number(), "{key}: {comparison}");
     }
     assert!(comparison["mse"].as_f64() > Some(0.0) && comparison["bit_identical"] == false);
+    let rows = folder.succeeds(&["compare", "a.exr", "b.exr"]);
+    let values: Vec<&str> = rows.lines().map(|row| row.split_whitespace().next_back().unwrap()).collect();
+    assert_eq!(values.len(), 7, "{rows}");
+    for value in &values[..6] {
+        let (digits, _) = value.split_once('e').unwrap();
+        assert!(digits.bytes().filter(u8::is_ascii_digit).count() <= 6, "{rows}");
+    }
 }
 
 #[test]
