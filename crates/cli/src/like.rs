@@ -8,6 +8,7 @@ use clerestory_render_core::scene::{self, SceneBundle};
 
 use crate::failure::Failure;
 use crate::image_file;
+use crate::terminal::counted;
 
 /// How to make an image again.
 pub(crate) struct Recipe {
@@ -59,11 +60,11 @@ fn check_tiles(file: &Path, picture: &FrameImage, metadata: &ImageMetadata) -> R
     let grid = TileGrid { width: picture.width(), height: picture.height(), tile_size: metadata.tile_size.max(1) };
     if metadata.tile_size == 0 || metadata.tile_passes.len() != grid.len() as usize {
         return Err(Failure::Usage(format!(
-            "the image {} counts passes for {} tiles of edge {}: expected {} tiles",
+            "the image {} counts passes for {} of edge {}: expected {}",
             file.display(),
-            metadata.tile_passes.len(),
+            counted(metadata.tile_passes.len() as u64, "tile", "tiles"),
             metadata.tile_size,
-            grid.len()
+            counted(grid.len().into(), "tile", "tiles")
         )));
     }
     Ok(())

@@ -157,6 +157,11 @@ pub(crate) fn duration_text(duration: Duration) -> String {
     }
 }
 
+/// A number of things, in the right one of two words.
+pub(crate) fn counted(count: u64, one: &str, many: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { many })
+}
+
 /// A number with a decimal prefix: `12.3 k`, `4.56 M`.
 fn with_prefix(value: f64) -> String {
     let prefixes = [(1e9, " G"), (1e6, " M"), (1e3, " k")];

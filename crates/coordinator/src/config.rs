@@ -86,8 +86,9 @@ pub struct Token(String);
 /// A text cannot be a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the token has {length} characters{}: expected at least {SHORTEST_TOKEN} visible ASCII characters, for instance \
+    "the token has {length} {}{}: expected at least {SHORTEST_TOKEN} visible ASCII characters, for instance \
      the output of `openssl rand -hex 32`",
+    if *.length == 1 { "character" } else { "characters" },
     if *.visible { "" } else { ", some of them not visible ASCII" }
 )]
 pub struct InvalidToken {

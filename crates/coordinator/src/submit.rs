@@ -128,7 +128,7 @@ async fn check_uploaded(farm: &Farm, hashes: impl Iterator<Item = ContentHash>) 
     if missing.is_empty() {
         return Ok(());
     }
-    let detail = format!("{} of the named contents have not been uploaded; `missing` lists them", missing.len());
+    let detail = format!("{} of the named contents must be uploaded first; `missing` lists them", missing.len());
     Err(ApiError::new(ProblemCode::MissingAssets, detail).missing(missing))
 }
 

@@ -21,7 +21,7 @@ use crate::image_file;
 use crate::local_farm::{FarmPlan, LocalFarm};
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
-use crate::terminal::{Progress, duration_text, print_json, print_line};
+use crate::terminal::{Progress, counted, duration_text, print_json, print_line};
 
 /// The scene that is rendered, from the root of the repository.
 const SCENE: &str = "scenes/references/cathedral-point.json";
@@ -99,7 +99,8 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
     let mut farm = LocalFarm::start(&plan).await?;
     let connection = Connection::open(farm.address(), None)?;
     progress.note(&format!("The farm's page: {}", farm.address()));
-    progress.note(&format!("Rendering {} on {WORKERS} workers of {} threads", scene.display(), plan.threads));
+    let threads = counted(plan.threads as u64, "thread", "threads");
+    progress.note(&format!("Rendering {} on {WORKERS} workers of {threads}", scene.display()));
 
     let rendering = async {
         let job = submit(&connection, &bundle, order).await?;

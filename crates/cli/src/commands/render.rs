@@ -28,7 +28,7 @@ use crate::output_file::{check_image_name, check_outputs, png_beside, write, wri
 use crate::preview::PreviewArguments;
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
-use crate::terminal::{Advance, Progress, duration_text, print_json, print_line};
+use crate::terminal::{Advance, Progress, counted, duration_text, print_json, print_line};
 
 /// Time between updates of the progress bar.
 const REFRESH_PERIOD: Duration = Duration::from_millis(200);
@@ -149,7 +149,7 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
             let smallest = smallest_tile(film.width, film.height);
             if arguments.tile < smallest {
                 return Err(Failure::Usage(format!(
-                    "tiles of {} pixels are too many: expected --tile of at least {smallest} pixels for an image of {} x {}",
+                    "tiles of {0} x {0} pixels are too many: expected --tile of at least {smallest} pixels for an image of {1} x {2}",
                     arguments.tile, film.width, film.height
                 )));
             }
@@ -322,13 +322,13 @@ impl PassCounts {
 impl Summary {
     fn text(&self) -> String {
         let mut text = format!(
-            "Wrote {}: {} passes, {} samples in {}, {:.0} a second",
+            "Wrote {}: {}, {} in {}, {:.0} a second",
             self.output.display(),
             match self.passes {
-                PassCounts { fewest, most } if fewest == most => most.to_string(),
-                PassCounts { fewest, most } => format!("{fewest} to {most}"),
+                PassCounts { fewest, most } if fewest == most => counted(most.into(), "pass", "passes"),
+                PassCounts { fewest, most } => format!("{fewest} to {most} passes"),
             },
-            self.samples,
+            counted(self.samples, "sample", "samples"),
             duration_text(Duration::from_secs_f64(self.seconds)),
             self.samples_per_second,
         );

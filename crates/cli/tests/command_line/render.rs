@@ -46,6 +46,9 @@ fn a_render_reports_to_scripts_and_to_people_apart() {
     assert_eq!(stats, summary["counters"]);
     assert!(fs::read(folder.path("image.png")).unwrap().starts_with(b"\x89PNG"));
 
+    let text = folder.succeeds(&["render", "scene.json", "--spp", "4", "--size", "1x1", "-o", "pixel.exr"]);
+    assert!(text.starts_with("Wrote pixel.exr: 1 pass, 4 samples in "), "{text}");
+
     let reference = ["--reference", "image.exr", "-o", "second.exr"];
     let output = folder.run(&[&["render", "scene.json", "--spp", "8"], reference.as_slice()].concat());
     let progress = String::from_utf8(output.stderr).unwrap();
