@@ -18,7 +18,7 @@ pub struct ConvergenceSeries {
 
 /// The error of a frame at a complete round. An error that is not a finite number is absent: without a reference, or,
 /// for `psnr`, when the image equals the reference.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ConvergencePoint {
     /// The frame.
     pub frame: u32,

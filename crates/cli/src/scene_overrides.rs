@@ -18,9 +18,6 @@ const DEFAULT_SAMPLES_PER_PIXEL: u32 = 256;
 /// Samples per pixel that a time limit alone never reaches.
 const UNREACHABLE_SAMPLES_PER_PIXEL: u32 = 1 << 24;
 
-/// Trials of the inverse probability where the scene's own integrator has none.
-const DEFAULT_MAX_TRIALS: u32 = 1000;
-
 /// Longest time that can be given, in seconds: ten years, as on a farm.
 const MOST_SECONDS: f64 = 10.0 * 365.0 * 24.0 * 3600.0;
 
@@ -133,7 +130,7 @@ impl SceneOverrides {
 
     fn apply(&self, mut description: SceneDescription) -> Result<SceneDescription, Failure> {
         if let Some(name) = self.integrator {
-            description.integrator = name.settings(description.integrator);
+            description = description.with_integrator_named(name.name()).expect("every name is that of an integrator");
         }
         self.apply_to_fnee(&mut description.integrator)?;
         if let Some(seed) = self.seed {
@@ -188,32 +185,11 @@ impl SelectionName {
 }
 
 impl IntegratorName {
-    /// Settings of this integrator that keep what they have in common with `current`.
-    fn settings(self, current: IntegratorDescription) -> IntegratorDescription {
-        if self == Self::of(&current) {
-            return current;
-        }
-        let (IntegratorDescription::Path { max_depth }
-        | IntegratorDescription::Cone { max_depth }
-        | IntegratorDescription::Fnee { max_depth, .. }) = current;
+    fn name(self) -> &'static str {
         match self {
-            Self::Path => IntegratorDescription::Path { max_depth },
-            Self::Cone => IntegratorDescription::Cone { max_depth },
-            Self::Fnee => IntegratorDescription::Fnee {
-                max_depth,
-                solver: FneeSolver::default(),
-                selection: PaneSelection::default(),
-                max_trials: DEFAULT_MAX_TRIALS,
-            },
-        }
-    }
-
-    /// The name of the integrator with these settings.
-    pub(crate) fn of(settings: &IntegratorDescription) -> Self {
-        match settings {
-            IntegratorDescription::Path { .. } => Self::Path,
-            IntegratorDescription::Cone { .. } => Self::Cone,
-            IntegratorDescription::Fnee { .. } => Self::Fnee,
+            Self::Path => "path",
+            Self::Cone => "cone",
+            Self::Fnee => "fnee",
         }
     }
 }
@@ -241,15 +217,14 @@ mod tests {
     }
 
     #[test]
-    fn changing_the_integrator_keeps_the_depth_and_its_own_settings() {
-        let published = IntegratorDescription::Fnee {
-            max_depth: 7,
-            solver: FneeSolver::Published,
-            selection: PaneSelection::Sharp,
-            max_trials: 50,
-        };
-        assert_eq!(IntegratorName::Fnee.settings(published.clone()), published);
-        assert_eq!(IntegratorName::Path.settings(published), IntegratorDescription::Path { max_depth: 7 });
+    fn every_integrator_can_replace_the_scenes_own() {
+        let scene = include_bytes!("../../../scenes/references/flat-point.json");
+        let description = SceneDescription::parse(scene).unwrap();
+        for name in IntegratorName::value_variants() {
+            let overrides = SceneOverrides { integrator: Some(*name), ..SceneOverrides::default() };
+            let changed = overrides.apply(description.clone()).unwrap().integrator;
+            assert_eq!((changed.name(), changed.max_depth()), (name.name(), description.integrator.max_depth()));
+        }
     }
 
     #[test]

@@ -192,18 +192,10 @@ mod tests {
     #[test]
     fn a_round_without_a_reference_shows_its_own_estimate() {
         let point = ConvergencePoint {
-            frame: 0,
-            round: 2,
-            passes: 4,
             samples_per_pixel: 64,
-            core_ms: 10,
             wall_ms: 1500,
-            recorded_ms: 0,
-            mse: None,
-            corrected_mse: None,
-            rel_mse: None,
-            psnr: None,
             estimated_mse: Some(1.25e-3),
+            ..ConvergencePoint::default()
         };
         let row = round_text(&point);
         assert!(row.contains("64      1.5 s") && row.ends_with("(estimated MSE 1.25e-3)"), "{row}");

@@ -74,20 +74,7 @@ mod tests {
 
     #[test]
     fn an_estimated_error_is_told_from_a_measured_one() {
-        let mut point = ConvergencePoint {
-            frame: 0,
-            round: 2,
-            passes: 4,
-            samples_per_pixel: 64,
-            core_ms: 10,
-            wall_ms: 1500,
-            recorded_ms: 0,
-            mse: None,
-            corrected_mse: None,
-            rel_mse: None,
-            psnr: None,
-            estimated_mse: None,
-        };
+        let mut point = ConvergencePoint::default();
         assert_eq!(mse_text(&point), "-");
         point.estimated_mse = Some(1.25e-3);
         assert_eq!(mse_text(&point), "~1.250e-3");
