@@ -120,8 +120,9 @@ fn deliver(caller: &Caller, worker: &HandWorker<'_>, deliveries: &[BadDelivery],
     // A node fails once at most: the leases are all claimed before the first is taken back.
     let leases: Vec<Delivery> = deliveries.iter().map(|_| worker.claim()).collect();
     let sound = worker.claim();
-    for (BadDelivery { what, call, refusal }, delivery) in deliveries.iter().zip(&leases) {
-        worker.renew(&delivery.lease);
+    for (index, (BadDelivery { what, call, refusal }, delivery)) in deliveries.iter().zip(&leases).enumerate() {
+        // However slow the machine is, no lease runs out while it waits for its turn.
+        leases[index..].iter().chain([&sound]).for_each(|waiting| worker.renew(&waiting.lease));
         let bad = BadCall::new(what, call(delivery), refusal.clone());
         faults.note(caller.check(&bad));
         if refusal.code == ProblemCode::InvalidPartial {
@@ -131,7 +132,6 @@ fn deliver(caller: &Caller, worker: &HandWorker<'_>, deliveries: &[BadDelivery],
         }
         worker.give_back(&delivery.lease);
     }
-    worker.renew(&sound.lease);
     let upload = PartialUpload {
         lease: sound.lease.id,
         token: sound.lease.token,

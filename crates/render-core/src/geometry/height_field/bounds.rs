@@ -127,7 +127,7 @@ impl HeightField {
 pub(super) fn of_cells(padded: &[f64], [columns, rows]: [usize; 2]) -> Pyramid {
     let (value, slope) = (bernstein_weights(0.0, 1.0), bernstein_slope_weights(0.0, 1.0));
     let curvature = bernstein_curvature_weights(0.0, 1.0);
-    let bounds = patches(&padded, [columns, rows]).map(|patch| {
+    let bounds = patches(padded, [columns, rows]).map(|patch| {
         [
             hull(patch, &tensor(patch, &value, &value)),
             hull(patch, &tensor(patch, &slope, &value)),
@@ -147,7 +147,7 @@ pub(super) fn thirds_of_cells(padded: &[f64], grid: [usize; 2]) -> Vec<[f32; 4]>
     let slope = bernstein_slope_weights(0.0, 1.0);
     let curvature = bernstein_curvature_weights(0.0, 1.0);
     let third = [THIRD_DERIVATIVE_WEIGHTS];
-    patches(&padded, grid)
+    patches(padded, grid)
         .map(|patch| {
             [
                 hull(patch, &tensor(patch, &third, &value)),
