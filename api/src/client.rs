@@ -1,4 +1,4 @@
-//! The typed client: one method for each endpoint.
+//! The typed client: one method for each call that the programs of this repository make.
 
 use std::convert::Infallible;
 use std::time::Duration;
@@ -20,8 +20,12 @@ use crate::{
 /// Longest wait for a connection.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Longest silence in the middle of an answer. Long polls stay below it, event streams send comments more often.
-const READ_TIMEOUT: Duration = Duration::from_secs(60);
+/// Longest wait for an answer, and longest silence in the middle of it. Long polls stay below it, event streams send comments
+/// more often.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// The slowest line on which an upload gets through, bytes a second: the longer the body, the longer the wait for the answer.
+const SLOWEST_LINE: usize = 64 << 10;
 
 /// Longest pause that an answer can ask for: below the time that a lease lasts by default.
 const LONGEST_RETRY_AFTER: Duration = Duration::from_secs(30);
@@ -33,6 +37,9 @@ const UPLOAD_PIECE: usize = 64 << 10;
 #[derive(Clone, Debug)]
 pub struct Client {
     http: reqwest::Client,
+    /// Without a limit of its own on the wait for an answer, which would run while the body is still on its way.
+    uploads: reqwest::Client,
+    patience: Duration,
     base: Url,
 }
 
@@ -122,6 +129,10 @@ impl Client {
     ///
     /// When the address or the token cannot be used, or the client's TLS cannot be set up.
     pub fn new(address: &str, token: Option<&str>) -> Result<Self, ClientError> {
+        Self::with_patience(address, token, PATIENCE)
+    }
+
+    fn with_patience(address: &str, token: Option<&str>, patience: Duration) -> Result<Self, ClientError> {
         let invalid = || ClientError::InvalidAddress { value: address.to_owned() };
         let mut base: Url = address.parse().map_err(|_| invalid())?;
         if !matches!(base.scheme(), "http" | "https") || base.cannot_be_a_base() {
@@ -134,12 +145,8 @@ impl Client {
             value.set_sensitive(true);
             headers.insert(AUTHORIZATION, value);
         }
-        let http = reqwest::Client::builder()
-            .default_headers(headers)
-            .connect_timeout(CONNECT_TIMEOUT)
-            .read_timeout(READ_TIMEOUT)
-            .build()?;
-        Ok(Self { http, base })
+        let client = || reqwest::Client::builder().default_headers(headers.clone()).connect_timeout(CONNECT_TIMEOUT);
+        Ok(Self { http: client().read_timeout(patience).build()?, uploads: client().build()?, patience, base })
     }
 
     /// Whether the coordinator is up and its store is usable.
@@ -148,8 +155,8 @@ impl Client {
         matches!(self.http.get(url).send().await, Ok(response) if response.status().is_success())
     }
 
-    /// Uploads an asset under its content hash, and tells `sent` of each piece how many bytes it has. Uploading it again
-    /// changes nothing.
+    /// Uploads an asset under its content hash, and tells `sent`, as pieces are handed to the connection, how many bytes each
+    /// has. Uploading it again changes nothing.
     pub async fn upload_asset(
         &self,
         hash: &ContentHash,
@@ -163,7 +170,7 @@ impl Client {
             Ok::<_, Infallible>(piece)
         });
         let request = self
-            .request(Method::PUT, &format!("/assets/{hash}"))
+            .upload(&format!("/assets/{hash}"), length)
             .header(CONTENT_LENGTH, length)
             .body(Body::wrap_stream(stream::iter(pieces)));
         check(request.send().await?).await?;
@@ -258,7 +265,7 @@ impl Client {
     /// Uploads complete nodes of a lease. The answer comes when they are safe on disk.
     pub async fn upload_partial(&self, upload: PartialUpload) -> Result<PartialAnswer, ClientError> {
         let request = self
-            .request(Method::PUT, &format!("/leases/{}/partial", upload.lease))
+            .upload(&format!("/leases/{}/partial", upload.lease), upload.body.len())
             .header(CONTENT_TYPE, EXR_MEDIA_TYPE)
             .header(FENCING_TOKEN_HEADER, upload.token)
             .header(CORE_MILLISECONDS_HEADER, upload.core_ms)
@@ -273,9 +280,19 @@ impl Client {
     }
 
     fn request(&self, method: Method, path: &str) -> RequestBuilder {
+        self.http.request(method, self.url(path))
+    }
+
+    /// A request with a body of `bytes`, which has as long as the slowest line takes.
+    fn upload(&self, path: &str, bytes: usize) -> RequestBuilder {
+        let on_its_way = Duration::from_secs_f64(bytes as f64 / SLOWEST_LINE as f64);
+        self.uploads.put(self.url(path)).timeout(self.patience + on_its_way)
+    }
+
+    fn url(&self, path: &str) -> Url {
         let mut url = self.base.clone();
         url.set_path(&format!("{API_PREFIX}{path}"));
-        self.http.request(method, url)
+        url
     }
 
     async fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientError> {
@@ -362,6 +379,28 @@ mod tests {
         let request = server.await.unwrap();
         assert!(request.contains(&format!("content-length: {length}\r\n")), "{}", &request[..400]);
         assert_eq!(told.iter().collect::<Vec<_>>(), [UPLOAD_PIECE as u64, UPLOAD_PIECE as u64, 5]);
+    }
+
+    #[tokio::test]
+    async fn an_upload_has_longer_than_an_answer_when_the_line_is_slow() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = format!("http://{}", listener.local_addr().unwrap());
+        let patience = Duration::from_millis(200);
+        let client = Client::with_patience(&address, None, patience).unwrap();
+        let server = tokio::spawn(async move {
+            for answer in ["HTTP/1.1 204 No Content\r\n\r\n", ""] {
+                let (mut connection, _) = listener.accept().await.unwrap();
+                connection.readable().await.unwrap();
+                tokio::time::sleep(3 * patience).await;
+                connection.write_all(answer.as_bytes()).await.unwrap();
+                let _ = connection.read_to_end(&mut Vec::new()).await;
+            }
+        });
+        // At the slowest line this takes ten seconds.
+        let content = Bytes::from(vec![0; 10 * SLOWEST_LINE]);
+        client.upload_asset(&ContentHash::from([7; 32]), content, |_| ()).await.unwrap();
+        assert!(client.jobs().await.unwrap_err().is_transient());
+        server.abort();
     }
 
     /// What a call makes of this answer.

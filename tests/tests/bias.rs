@@ -79,7 +79,7 @@ fn fnee_is_unbiased_for_a_point_light() {
     check_with_power("flat", "point", "fnee", 4);
     check_with_power("bump", "point", "fnee", 8);
     check_with_power("crown", "point", "fnee", 16);
-    check_without_power("cathedral", "point", "fnee", 3);
+    check_without_power("cathedral", "point", "fnee", 2);
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn fnee_is_unbiased_for_a_sphere() {
     check_with_power("flat", "sphere", "fnee", 2);
     check_with_power("bump", "sphere", "fnee", 3);
     check_with_power("crown", "sphere", "fnee", 4);
-    check_without_power("cathedral", "sphere", "fnee", 2);
+    check_without_power("cathedral", "sphere", "fnee", 1);
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn cone_is_unbiased_for_a_sphere() {
     check_with_power("flat", "sphere", "cone", 2);
     check_with_power("bump", "sphere", "cone", 4);
     check_with_power("crown", "sphere", "cone", 7);
-    check_without_power("cathedral", "sphere", "cone", 3);
+    check_without_power("cathedral", "sphere", "cone", 2);
 }
 
 #[test]
@@ -110,22 +110,26 @@ fn cone_is_unbiased_for_the_sun() {
     check_with_power("flat", "sun", "cone", 2);
     check_with_power("bump", "sun", "cone", 4);
     check_with_power("crown", "sun", "cone", 5);
-    check_without_power("cathedral", "sun", "cone", 3);
+    check_without_power("cathedral", "sun", "cone", 2);
 }
 
 #[test]
 fn spheres_at_growing_distance_converge_to_the_sun() {
     let farthest = check_with_power("crown", "distant-500000", "cone", 8);
-    // The light of a nearer sphere comes under other angles to each point: the caustic is larger, as bright in all.
+    // The light of a nearer sphere comes under other angles to each point: the caustic is larger, as bright in all. Few
+    // samples are enough to reject it, and more would make the chi-square larger still.
     let [near, farther] = ["distant-50", "distant-500"].map(|light| {
         let comparison = comparison("crown", light, "cone");
         let reference = comparison.reference(PHOTONS, Fault::None).expect("the reference ships");
-        let report = compare(&comparison.replicates(8, 1).0, &reference, &[]);
+        let report = compare(&comparison.replicates(4, 1).0, &reference, &[]);
         println!("{}: {report}", comparison.name);
         assert!(!report.agrees(), "{}: {report}", comparison.name);
         report
     });
-    assert!(near.chi_square > 4.0 * farther.chi_square && farther.chi_square > 4.0 * farthest.chi_square);
+    assert!(
+        near.chi_square > 4.0 * farther.chi_square && farther.chi_square > 4.0 * farthest.chi_square,
+        "{near}; {farther}; {farthest}"
+    );
 }
 
 #[test]
@@ -135,7 +139,9 @@ fn path_and_cone_are_unbiased_for_a_large_light() {
         let [path, cone] = ["path", "cone"].map(|integrator| comparison(case, "near", integrator));
         let traced = |photons, fault| path.reference(photons, fault).expect("nothing is read");
         let reference = traced(PHOTONS, Fault::None);
-        let faulty = [(Fault::MissingFresnelFactor, traced(FAULTY_PHOTONS, Fault::MissingFresnelFactor))];
+        // Brightness alone, by half a percent, takes full power.
+        let faults = path.faults().into_iter().filter(|fault| *fault != Fault::Scaled);
+        let faulty: Vec<_> = faults.map(|fault| (fault, traced(FAULTY_PHOTONS, fault))).collect();
         check_against(&path, 64, &reference, &faulty);
         check_against(&cone, 16, &reference, &faulty);
     }

@@ -12,12 +12,12 @@ use clerestory_tests::traced_scene::TracedScene;
 
 const SIZE: [u32; 2] = [96, 72];
 const REPLICATES: u64 = 32;
-const SAMPLES: u32 = 12;
+const SAMPLES: u32 = 8;
 /// Samples under suns so large that their caustics are blurred.
-const FEWER_SAMPLES: u32 = 6;
+const FEWER_SAMPLES: u32 = 4;
 /// The sun's own angular radius, and larger ones.
 const ANGLES: [f64; 3] = [0.27, 1.0, 3.0];
-const SHORT_SAMPLES: u32 = 4;
+const SHORT_SAMPLES: u32 = 2;
 const PHOTONS: u64 = 8_000_000;
 const FAULTY_PHOTONS: u64 = 2_000_000;
 

@@ -98,6 +98,7 @@ fn expected_address(address: &str, reason: &io::Error) -> String {
         (io::ErrorKind::AddrInUse, Some((host, _))) => {
             format!("the port is taken, perhaps by another farm: expected another, or --listen {host}:0 for a free one")
         }
+        (io::ErrorKind::PermissionDenied, _) => "expected a port that this user may listen on, 1024 or more".to_owned(),
         _ => "expected an address of this machine, such as 127.0.0.1:7171".to_owned(),
     }
 }
@@ -138,7 +139,7 @@ impl Failure {
 
     /// What the user can do about it, where the causes do not say.
     pub(crate) fn advice(&self) -> Option<String> {
-        if self.is_connection_refused() {
+        if matches!(self, Self::Coordinator { .. }) && self.is_connection_refused() {
             return Some(
                 "no coordinator is there: start one with `clerestory farm` or `clerestory coordinator`, or name another \
                  with --coordinator"

@@ -44,7 +44,7 @@ pub(crate) fn check_image_name(file: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The PNG that belongs to an image: of the same name, with another extension where the image has its own.
+/// The PNG that belongs to an image: `.exr` becomes `.png`, and to any other name `.png` is added.
 pub(crate) fn png_beside(image: &Path) -> PathBuf {
     if image.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
         return image.with_extension("png");

@@ -23,6 +23,7 @@ pub(crate) struct CancelArguments {
 
 pub(crate) async fn run(arguments: CancelArguments) -> Result<(), Failure> {
     let connection = arguments.connection.open()?;
+    // Asked before, because the answer to the second cancelling is that to the first.
     let before = connection.client.job(arguments.job).await.map_err(|error| connection.failure(error))?;
     let job = connection.client.cancel_job(arguments.job).await.map_err(|error| connection.failure(error))?;
     if arguments.json {

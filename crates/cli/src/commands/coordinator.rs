@@ -100,6 +100,7 @@ pub(crate) async fn run(arguments: CoordinatorArguments) -> Result<(), Failure> 
     let failure = |source| Failure::Listen { address: settings.listen.clone(), source };
     let listener = TcpListener::bind(&settings.listen).await.map_err(failure)?;
     let address = listener.local_addr().map_err(failure)?;
+    // Before the address is printed, on which a farm starts its workers.
     config.check_exposure(address).map_err(|error| Failure::Usage(error.to_string()))?;
     if address.ip().is_unspecified() {
         info!(

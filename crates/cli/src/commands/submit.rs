@@ -141,7 +141,7 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
     let bar = upload_bar(missing.iter().map(|(_, asset)| size(asset)).sum());
     let mut uploaded = 0;
     for (hash, asset) in missing {
-        info!(%hash, bytes = size(asset), "uploading");
+        bar.suspend(|| info!(%hash, bytes = size(asset), "uploading"));
         let content = Bytes::copy_from_slice(asset.bytes());
         // The coordinator has answered once, so what fails now may well pass.
         let upload = || {

@@ -216,8 +216,12 @@ mod tests {
     }
 
     #[test]
-    fn changing_the_integrator_keeps_its_depth() {
+    fn changing_the_integrator_keeps_its_depth_and_the_settings_that_the_scene_has() {
         let description = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
+        let mut scene = valid_scene();
+        scene["integrator"] = serde_json::json!({"fnee": {"max_depth": 7, "solver": "published", "max_trials": 50}});
+        let published = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+        assert_eq!(published.clone().with_integrator_named("fnee").unwrap().integrator, published.integrator);
         let mut deep = description.clone();
         deep.integrator = super::super::description::IntegratorDescription::Path { max_depth: 5 };
         let cone = deep.with_integrator_named("cone").unwrap();

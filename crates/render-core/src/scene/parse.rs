@@ -31,7 +31,8 @@ impl SceneDescription {
         Ok(description)
     }
 
-    /// The same scene with another integrator at its default settings; `max_depth` stays.
+    /// The same scene with the integrator of this name: with its settings where the scene has it already, else with the
+    /// default ones and the scene's `max_depth`.
     ///
     /// # Errors
     ///
