@@ -79,7 +79,7 @@ fn fnee_is_unbiased_for_a_point_light() {
     check_with_power("flat", "point", "fnee", 4);
     check_with_power("bump", "point", "fnee", 8);
     check_with_power("crown", "point", "fnee", 16);
-    check_without_power("cathedral", "point", "fnee", 2);
+    check_without_power("cathedral", "point", "fnee", 3);
 }
 
 #[test]
