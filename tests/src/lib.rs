@@ -11,6 +11,7 @@
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`rendering`]: scenes rendered in this process;
+//! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
 //! - [`folds`]: where the caustic of a point light is singular;
 //! - [`sun_scene`]: scenes whose sun is made larger or smaller, and references of them.
 
@@ -29,6 +30,7 @@ pub mod malformed_scenes;
 pub mod random;
 pub mod reference;
 pub mod rendering;
+pub mod solution_lists;
 pub mod spline;
 pub mod sun_scene;
 pub mod traced_scene;

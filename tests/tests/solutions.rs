@@ -1,36 +1,14 @@
 //! Every connection of a receiver point to a point light through old glass, against lists found by brute force.
 
-use std::{fs, path::Path};
-
 use clerestory_render_core::{
     counters::Counters,
     geometry::Face,
     optics::{LightKind, Source},
-    scene::{self, Scene, description::FneeSolver},
+    scene::{Scene, description::FneeSolver},
     specular::{fnee::PathSearch, newton::Root, side::PaneSide},
 };
 use clerestory_tests::random::Random;
-use serde::Deserialize;
-
-#[derive(Deserialize)]
-struct SolutionList {
-    points: Vec<ListedPoint>,
-}
-
-#[derive(Deserialize)]
-struct ListedPoint {
-    #[serde(rename = "O")]
-    origin: [f64; 3],
-    solutions: Vec<ListedSolution>,
-}
-
-#[derive(Deserialize)]
-struct ListedSolution {
-    back_uv: [f64; 2],
-    front_uv: [f64; 2],
-    #[serde(rename = "E_per_unit_intensity")]
-    irradiance: f64,
-}
+use clerestory_tests::solution_lists::{ListedPoint, load_case, load_list};
 
 /// A vertex this near the outline, in units of the pane's size, lies on it but for rounding: some points of the lists are
 /// images of border vertices.
@@ -44,20 +22,6 @@ struct FoundSolution {
 /// Seeds tried at each point: with a window seed every listed path has a basin of more than a hundredth of the window
 /// but for those at folds, so none is missed by chance.
 const SEEDS: u32 = 2000;
-
-fn references() -> std::path::PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/references")
-}
-
-fn load_case(case: &str) -> Scene {
-    let bundle = scene::load(&references().join(format!("{case}-point.json"))).expect("the scene ships");
-    Scene::build(&bundle).expect("the scene is valid")
-}
-
-fn load_list(file: &str) -> SolutionList {
-    let text = fs::read_to_string(references().join("solutions").join(file)).expect("the list ships");
-    serde_json::from_str(&text).expect("the list is valid")
-}
 
 /// The search for the paths of a listed point; `None` when the bounds say that there are none.
 fn search<'a>(scene: &'a Scene, point: &ListedPoint, solver: FneeSolver) -> Option<PathSearch<'a>> {
@@ -147,7 +111,7 @@ fn check(case: &str, list: &str) {
     let mut published = Counters::default();
     let (mut listed, mut missed_by_published) = (0, 0);
     let mut enumerated = Enumerated::default();
-    for (index, point) in load_list(list).points.iter().enumerate() {
+    for (index, point) in load_list(list).iter().enumerate() {
         let found = find_all(&scene, point, FneeSolver::Complete, &mut complete);
         check_enumeration(&scene, point, &found, &mut enumerated);
         let on_border = found.iter().filter(|solution| on_the_border(&solution.root, size)).count();

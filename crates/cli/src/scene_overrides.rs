@@ -59,6 +59,10 @@ pub(crate) enum IntegratorName {
     Cone,
     /// Light through glass by Fermat next event estimation.
     Fnee,
+    /// Light through glass by specular manifold sampling.
+    Sms,
+    /// Light through glass by one manifold walk from the straight line to the light.
+    Mnee,
 }
 
 /// Names of the ways in which `fnee` searches for paths.
@@ -190,6 +194,8 @@ impl IntegratorName {
             Self::Path => "path",
             Self::Cone => "cone",
             Self::Fnee => "fnee",
+            Self::Sms => "sms",
+            Self::Mnee => "mnee",
         }
     }
 }

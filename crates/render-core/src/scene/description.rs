@@ -137,6 +137,55 @@ pub enum IntegratorDescription {
         #[schemars(range(min = 1, max = 1_000_000))]
         max_trials: u32,
     },
+    /// Path tracing, with light through panes found by specular manifold sampling.
+    Sms {
+        /// Largest number of vertices between camera and light, 1 to 1000.
+        #[serde(default = "default_max_depth")]
+        #[schemars(range(min = 1, max = 1000))]
+        max_depth: u32,
+        /// What a vertex on a face has to obey.
+        #[serde(default)]
+        constraint: ManifoldConstraint,
+        /// What is made of the paths that are found.
+        #[serde(default)]
+        estimator: ManifoldEstimator,
+    },
+}
+
+/// How a manifold walk writes Snell's law at a vertex (Zeltner et al. 2020, section 4).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ManifoldConstraint {
+    /// The outgoing direction is that of the refracted ray.
+    #[default]
+    AngleDifference,
+    /// The half vector is the normal.
+    HalfVector,
+}
+
+/// What specular manifold sampling makes of the paths that it finds (Zeltner et al. 2020, section 4.3).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ManifoldEstimator {
+    /// One path, weighted by an unbiased estimate of one over the probability with which a seed leads to it.
+    Unbiased {
+        /// Largest number of trials of that estimate, 1 to 10000000.
+        #[serde(default = "default_manifold_trials")]
+        #[schemars(range(min = 1, max = 10_000_000))]
+        max_trials: u32,
+    },
+    /// All distinct paths that a fixed number of seeds finds: too dark where they find few.
+    Biased {
+        /// Number of seeds, 1 to 10000.
+        #[schemars(range(min = 1, max = 10_000))]
+        trials: u32,
+    },
+}
+
+impl Default for ManifoldEstimator {
+    fn default() -> Self {
+        Self::Unbiased { max_trials: default_manifold_trials() }
+    }
 }
 
 /// How Fermat next event estimation searches for stationary paths.
@@ -169,6 +218,11 @@ fn default_max_depth() -> u32 {
 
 pub(super) fn default_max_trials() -> u32 {
     1000
+}
+
+/// As in the scenes of the authors of specular manifold sampling.
+fn default_manifold_trials() -> u32 {
+    10_000_000
 }
 
 /// How samples are grouped. Both numbers decide the order of summation and so the last bits of the image.

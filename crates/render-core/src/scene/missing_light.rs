@@ -2,7 +2,9 @@
 //!
 //! These are classes of paths. How much light there is in them depends on the scene.
 
-use super::description::{FneeSolver, IntegratorDescription, LightDescription, PaneSelection, SceneDescription};
+use super::description::{
+    FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, PaneSelection, SceneDescription,
+};
 use crate::specular::side::GRAZING_COSINE;
 
 /// Vertices of the shortest path that brings light through a pane to a surface that the camera sees.
@@ -39,28 +41,35 @@ impl SceneDescription {
 
     /// Paths through panes, whatever light they come from, that the path tracer leaves to the search and that it misses.
     fn unfound_paths(&self) -> Vec<String> {
-        let IntegratorDescription::Fnee { solver, max_trials, .. } = self.integrator else { return Vec::new() };
-        // A path that a seed finds with probability p is weighted by the number of seeds until the next success, cut off
-        // at N: on average by (1 - (1 - p)^N) / p instead of 1 / p.
-        let cut_off = format!(
-            "finds with a small probability p, by up to the part (1 - p)^{max_trials} of their light (max_trials)"
-        );
-        match solver {
-            FneeSolver::Complete => {
+        match self.integrator {
+            IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => Vec::new(),
+            IntegratorDescription::Fnee { solver: FneeSolver::Complete, max_trials, .. } => {
+                let cut_off = cut_off(max_trials);
                 vec![format!("paths through a pane that the enumeration misses and a random seed {cut_off}")]
             }
-            FneeSolver::Published => vec![
+            IntegratorDescription::Fnee { solver: FneeSolver::Published, max_trials, .. } => vec![
                 "paths through a pane along which the optical length is no minimum: the published solver finds almost none"
                     .to_owned(),
-                format!("paths through a pane that a random seed {cut_off}"),
+                format!("paths through a pane that a random seed {}", cut_off(max_trials)),
             ],
+            IntegratorDescription::Sms { estimator: ManifoldEstimator::Unbiased { max_trials }, .. } => {
+                vec![format!("paths through a pane that a random seed {}", cut_off(max_trials))]
+            }
+            IntegratorDescription::Sms { estimator: ManifoldEstimator::Biased { trials }, .. } => vec![format!(
+                "the part (1 - p)^{trials} of the light of each path through a pane, p being the probability with which a \
+                 random seed finds it (trials)"
+            )],
         }
     }
 
     /// Light of point lights, which no path meets by chance.
     fn light_of_points(&self) -> Vec<String> {
-        let IntegratorDescription::Fnee { selection, .. } = self.integrator else {
-            return vec!["light of point lights that comes through or off a pane to a surface".to_owned()];
+        let selection = match self.integrator {
+            IntegratorDescription::Fnee { selection, .. } => selection,
+            IntegratorDescription::Sms { .. } => PaneSelection::All,
+            IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => {
+                return vec!["light of point lights that comes through or off a pane to a surface".to_owned()];
+            }
         };
         let mut missing = vec![
             "light of point lights that a pane reflects, on its outside or between its faces, or that passes through \
@@ -85,6 +94,12 @@ impl SceneDescription {
         }
         missing
     }
+}
+
+/// What a search by chance loses. A path that a seed finds with probability p is weighted by the number of seeds until the
+/// next success, cut off at N: on average by (1 - (1 - p)^N) / p instead of 1 / p.
+fn cut_off(max_trials: u32) -> String {
+    format!("finds with a small probability p, by up to the part (1 - p)^{max_trials} of their light (max_trials)")
 }
 
 #[cfg(test)]

@@ -5,7 +5,8 @@ use serde::de::IgnoredAny;
 use serde_json::Value;
 
 use super::description::{
-    FilmDescription, FneeSolver, IntegratorDescription, PaneSelection, SCENE_FORMAT_VERSION, SceneDescription,
+    FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, PaneSelection,
+    SCENE_FORMAT_VERSION, SceneDescription,
 };
 use super::error::SceneError;
 use super::json_path::JsonPath;
@@ -51,12 +52,20 @@ impl SceneDescription {
                     max_trials: super::description::default_max_trials(),
                 },
             },
+            "sms" => match self.integrator {
+                IntegratorDescription::Sms { .. } => self.integrator,
+                _ => IntegratorDescription::Sms {
+                    max_depth,
+                    constraint: ManifoldConstraint::default(),
+                    estimator: ManifoldEstimator::default(),
+                },
+            },
             other => {
                 let path = JsonPath::Root;
                 return Err(SceneError::value(
                     &path.member("integrator"),
                     format_args!("\"{other}\""),
-                    "\"path\", \"cone\" or \"fnee\"",
+                    "\"path\", \"cone\", \"fnee\" or \"sms\"",
                 ));
             }
         };
@@ -87,13 +96,17 @@ impl IntegratorDescription {
             Self::Path { .. } => "path",
             Self::Cone { .. } => "cone",
             Self::Fnee { .. } => "fnee",
+            Self::Sms { .. } => "sms",
         }
     }
 
     /// Largest number of vertices between camera and light.
     pub fn max_depth(&self) -> u32 {
         match *self {
-            Self::Path { max_depth } | Self::Cone { max_depth } | Self::Fnee { max_depth, .. } => max_depth,
+            Self::Path { max_depth }
+            | Self::Cone { max_depth }
+            | Self::Fnee { max_depth, .. }
+            | Self::Sms { max_depth, .. } => max_depth,
         }
     }
 }

@@ -9,9 +9,9 @@ use glam::{DVec3, UVec3};
 
 use super::assets::check_asset_name;
 use super::description::{
-    CameraDescription, IntegratorDescription, LightDescription, MaterialDescription, MeshDescription, MeshSource,
-    PaneDescription, ProfileDescription, ReflectanceDescription, SCENE_FORMAT_VERSION, SamplingDescription,
-    SceneDescription, Triple,
+    CameraDescription, IntegratorDescription, LightDescription, ManifoldEstimator, MaterialDescription,
+    MeshDescription, MeshSource, PaneDescription, ProfileDescription, ReflectanceDescription, SCENE_FORMAT_VERSION,
+    SamplingDescription, SceneDescription, Triple,
 };
 use super::error::SceneError;
 use super::json_path::JsonPath;
@@ -194,6 +194,17 @@ fn check_integrator(integrator: &IntegratorDescription, path: &JsonPath<'_>) -> 
     match integrator {
         IntegratorDescription::Fnee { max_trials, .. } => {
             check_range(*max_trials, 1, 1_000_000, &path.member("max_trials"))
+        }
+        IntegratorDescription::Sms { estimator, .. } => {
+            let path = path.member("estimator");
+            match estimator {
+                ManifoldEstimator::Unbiased { max_trials } => {
+                    check_range(*max_trials, 1, 10_000_000, &path.member("unbiased").member("max_trials"))
+                }
+                ManifoldEstimator::Biased { trials } => {
+                    check_range(*trials, 1, 10_000, &path.member("biased").member("trials"))
+                }
+            }
         }
         IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => Ok(()),
     }

@@ -49,7 +49,7 @@ pub struct FermatPath {
     pub lengths: [f64; 3],
     /// Gradient of the optical length with respect to X1 and X2: the mismatch of tangential optical momentum.
     pub gradient: [DVec2; 2],
-    jets: [SurfaceJet; 2],
+    pub(super) jets: [SurfaceJet; 2],
     index: f64,
 }
 
@@ -268,7 +268,7 @@ impl Factorisation {
     }
 }
 
-fn inverse(matrix: &DMat2, determinant: f64) -> Option<DMat2> {
+pub(super) fn inverse(matrix: &DMat2, determinant: f64) -> Option<DMat2> {
     let scale = 1.0 / determinant;
     scale.is_finite().then(|| {
         let [a, b, c, d] = matrix.to_cols_array();

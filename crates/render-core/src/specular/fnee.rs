@@ -21,18 +21,20 @@
 use glam::{DVec2, DVec3};
 
 use super::{
-    Arrival, ShadingPoint, SpecularMethod, coverage,
+    Arrival, ShadingPoint, SpecularMethod,
     enumeration::{Enumeration, enumerate},
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete, solve_published},
+    passage::{Found, Passage, local, transmission},
     side::{PaneSide, Transmission},
+    trials::RandomSearch,
     view::{Effort, Glimpse, Opening, View},
     window::{SourceBounds, Window},
 };
 use crate::{
     counters::Counters,
     film::{SampleStream, TrialStream},
-    geometry::{Frame, Leaving, Ray, Rect},
+    geometry::Rect,
     optics::{Source, SourceSample},
     scene::{
         Scene,
@@ -62,9 +64,6 @@ pub struct PathSearch<'a> {
 
 /// How often a random seed is tried although the enumeration says that it is complete.
 const CHECKED: f64 = 1.0 / 16.0;
-
-/// The vertices replayed by tracing may differ from the solved ones by this part of the pane's thickness.
-const REPLAY_TOLERANCE: f64 = 1e-3;
 
 impl<'a> PathSearch<'a> {
     /// Prepares the search; `None` when no path can exist.
@@ -116,39 +115,17 @@ impl<'a> PathSearch<'a> {
     /// What the pane lets through along a root; `None` when the root is no path of light that the method owns: outside
     /// the outline, not crossing both faces, or blocked by the pane's own relief.
     pub fn transmission(&self, root: &Root, counters: &mut Counters) -> Option<Transmission> {
-        let outline = self.side().pane.outline();
-        if !(outline.contains(root.theta[0]) && outline.contains(root.theta[1]) && root.path.crosses(self.side().sign))
-        {
-            return None;
-        }
-        if !coverage::owns(self.side(), root.path.directions) {
-            return None;
-        }
-        let through = self.side().transmit(&Ray::new(self.connection.origin, root.path.directions[0]), counters)?;
-        let limit = REPLAY_TOLERANCE * self.side().pane.thickness;
-        let near = (through.entry - root.path.vertices[0]).length() < limit;
-        let far = (through.exit - root.path.vertices[1]).length() < limit;
-        (near && far).then_some(through)
+        transmission(self.side(), self.connection.origin, root, counters)
+    }
+}
+
+impl RandomSearch for PathSearch<'_> {
+    fn solve(&self, random: &mut TrialStream, counters: &mut Counters) -> Option<Root> {
+        Self::solve(self, || DVec2::new(random.next_f64(), random.next_f64()), counters)
     }
 
-    /// Number of independent seeds until `root` is found again: an unbiased estimate of one over its probability. Cut
-    /// off at `max_trials`.
-    fn inverse_probability(
-        &self,
-        root: &Root,
-        max_trials: u32,
-        trials: &mut TrialStream,
-        counters: &mut Counters,
-    ) -> f64 {
-        for trial in 1..=max_trials {
-            counters.trials += 1;
-            let found = self.solve(|| DVec2::new(trials.next_f64(), trials.next_f64()), counters);
-            if found.is_some_and(|found| self.same(root, &found)) {
-                return f64::from(trial);
-            }
-        }
-        counters.truncated += 1;
-        f64::from(max_trials)
+    fn same(&self, first: &Root, second: &Root) -> bool {
+        Self::same(self, first, second)
     }
 }
 
@@ -228,14 +205,6 @@ fn density_of_glimpse(scene: &Scene, light: u32, glimpse: &Glimpse, opening: &Op
     factor.map_or(0.0, |factor| source.source_density(centre, radius, met) / factor)
 }
 
-/// A source in a pane's frame.
-fn local(source: Source, frame: &Frame) -> Source {
-    match source {
-        Source::Point(position) => Source::Point(frame.point_to_local(position)),
-        Source::Direction(direction) => Source::Direction(frame.vector_to_local(direction)),
-    }
-}
-
 impl Fnee {
     /// Whether rays towards the light are combined with the search. The other selections leave paths out by the straight
     /// line to the source, and the published method knows no rays.
@@ -256,18 +225,23 @@ impl Fnee {
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     ) {
-        let pane = &scene.accelerator().panes()[index as usize];
-        let frame = &pane.frame;
-        let source = local(light.sample.source, frame);
-        let origin = frame.point_to_local(point.position);
-        let Some(side) = PaneSide::facing(pane, origin) else { return };
-        if !side.rises_above(origin, frame.vector_to_local(point.normal)) {
-            return;
-        }
-        let Some(search) = PathSearch::new(side, origin, source, self.solver) else { return };
+        let Some(passage) = Passage::new(scene, point, light.index, light.sample, index) else { return };
+        let Connection { origin, source, .. } = passage.connection;
+        let Some(search) = PathSearch::new(passage.side, origin, source, self.solver) else { return };
+        let arrival = |root: &Root, counters: &mut Counters| {
+            let Found { arrival, factor } = passage.found(root, counters)?;
+            let rays =
+                light.view.map_or(0.0, |view| view.density(index, search.window.place_of(root.path.vertices[0])));
+            let (centre, radius) = scene.pane_ball();
+            let found =
+                scene.lights()[light.index as usize].source_density(centre, radius, light.sample.source) / factor;
+            // The balance heuristic (Veach and Guibas 1995); a point light is found by the search alone.
+            let share = if rays > 0.0 { found / (found + rays) } else { 1.0 };
+            Some(Arrival { weight: arrival.weight * share, ..arrival })
+        };
         let Enumeration { roots: known, complete } = search.enumerate(counters);
         for root in &known {
-            if let Some(arrival) = arrival(scene, point, light, index, &search, root, counters) {
+            if let Some(arrival) = arrival(root, counters) {
                 arrive(arrival);
             }
         }
@@ -283,48 +257,8 @@ impl Fnee {
         if known.iter().any(|known| search.same(known, &root)) {
             return;
         }
-        let Some(arrival) = arrival(scene, point, light, index, &search, &root, counters) else { return };
+        let Some(arrival) = arrival(&root, counters) else { return };
         let inverse = search.inverse_probability(&root, self.max_trials, trials, counters);
         arrive(Arrival { weight: arrival.weight * (inverse / odds), ..arrival });
     }
-}
-
-/// The light that arrives along a root, if it is a path that the method owns and nothing is in the way.
-fn arrival(
-    scene: &Scene,
-    point: &ShadingPoint,
-    light: &SampledLight<'_>,
-    index: u32,
-    search: &PathSearch<'_>,
-    root: &Root,
-    counters: &mut Counters,
-) -> Option<Arrival> {
-    let frame = &search.side().pane.frame;
-    let direction = frame.vector_to_world(root.path.directions[0]);
-    if direction.dot(point.normal) <= 0.0 {
-        return None;
-    }
-    let last = frame.vector_to_world(root.path.directions[2]);
-    let light_cosine = light.sample.normal.map_or(1.0, |normal| -normal.dot(last));
-    if light_cosine <= 0.0 {
-        return None;
-    }
-    let through = search.transmission(root, counters)?;
-    let [entry, exit] = root.path.vertices.map(|vertex| frame.point_to_world(vertex));
-    let leaving = Leaving::Pane { index, face: search.side().far };
-    let outside = Ray::new(exit, last);
-    if scene.blocked_through_pane(point, entry, index, search.side().near, &exit, counters)
-        || scene.blocked(&outside, root.path.lengths[2], leaving, None, Some(light.index), counters)
-    {
-        return None;
-    }
-    counters.unique_solutions += 1;
-    let factor = root.path.geometry_factor(root.determinant) * light_cosine;
-    let weight = light.sample.weight * through.transmittance * factor;
-    let rays = light.view.map_or(0.0, |view| view.density(index, search.window.place_of(root.path.vertices[0])));
-    let (centre, radius) = scene.pane_ball();
-    let found = scene.lights()[light.index as usize].source_density(centre, radius, light.sample.source) / factor;
-    // The balance heuristic (Veach and Guibas 1995); a point light is found by the search alone.
-    let share = if rays > 0.0 { found / (found + rays) } else { 1.0 };
-    Some(Arrival { direction, weight: weight * share })
 }

@@ -4,17 +4,23 @@
 //! [`cone`] samples directions and sees whether they reach the light; [`fnee`] solves for the paths that do. Both own the
 //! same paths ([`coverage`]) and look for them in the same window ([`window`]).
 
+mod block_tridiagonal;
 pub mod cone;
+mod constraint;
 pub mod coverage;
 mod direction_bounds;
 pub mod enumeration;
 pub mod fermat;
 pub mod fnee;
 mod landing;
+mod manifold;
 pub mod newton;
+mod passage;
 pub mod side;
+pub mod sms;
 #[cfg(test)]
 mod testing;
+mod trials;
 mod view;
 pub mod window;
 

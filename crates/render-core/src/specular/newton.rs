@@ -148,7 +148,7 @@ pub fn solve_published(
     None
 }
 
-fn polished(
+pub(super) fn polished(
     connection: &Connection<'_>,
     mut theta: Theta,
     region: &SearchRegion,

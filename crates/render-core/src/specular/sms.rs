@@ -1,0 +1,87 @@
+//! `sms`: specular manifold sampling (Zeltner et al. 2020), for the two faces of a pane.
+//!
+//! Seeds are uniform over the outline of each pane; manifold walks (`manifold`) lead from them to paths, whose light is
+//! estimated from how often they are found (`trials`). Every pane of the scene is a caster, and all get an estimate each, as
+//! in the authors' code.
+
+use glam::DVec2;
+
+use super::{
+    Arrival, ShadingPoint, SpecularMethod,
+    manifold::ManifoldWalk,
+    newton::Root,
+    passage::{Found, Passage},
+    trials::RandomSearch,
+};
+use crate::{
+    counters::Counters,
+    film::{SampleStream, TrialStream},
+    optics::Source,
+    scene::{
+        Scene,
+        description::{ManifoldConstraint, ManifoldEstimator},
+    },
+};
+
+/// Specular manifold sampling.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sms {
+    /// What a vertex has to obey.
+    pub constraint: ManifoldConstraint,
+    /// What is made of the paths that are found.
+    pub estimator: ManifoldEstimator,
+}
+
+/// Walks from uniform seeds.
+struct UniformSeeds<'a>(ManifoldWalk<'a>, &'a Passage<'a>);
+
+impl RandomSearch for UniformSeeds<'_> {
+    fn solve(&self, random: &mut TrialStream, counters: &mut Counters) -> Option<Root> {
+        let outline = self.1.side.pane.outline();
+        let place = DVec2::new(random.next_f64(), random.next_f64());
+        self.0.walk_from(outline.min + (outline.max - outline.min) * place, counters)
+    }
+
+    fn same(&self, first: &Root, second: &Root) -> bool {
+        self.0.same(first, second)
+    }
+}
+
+impl SpecularMethod for Sms {
+    fn gather(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        light: u32,
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+        arrive: &mut dyn FnMut(Arrival),
+    ) {
+        let (centre, radius) = scene.pane_ball();
+        let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
+        for pane in 0..scene.accelerator().panes().len() {
+            let mut trials = stream.trials();
+            let Some(passage) = Passage::new(scene, point, light, &sample, pane as u32) else { continue };
+            let search = UniformSeeds(ManifoldWalk::new(&passage, self.constraint), &passage);
+            match self.estimator {
+                ManifoldEstimator::Unbiased { max_trials } => {
+                    let Some(root) = search.solve(&mut trials, counters) else { continue };
+                    let Some(Found { arrival, .. }) = passage.found(&root, counters) else { continue };
+                    let inverse = search.inverse_probability(&root, max_trials, &mut trials, counters);
+                    arrive(Arrival { weight: arrival.weight * inverse, ..arrival });
+                }
+                ManifoldEstimator::Biased { trials: runs } => {
+                    for root in search.distinct(runs, &mut trials, counters) {
+                        if let Some(Found { arrival, .. }) = passage.found(&root, counters) {
+                            arrive(arrival);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn selects(&self, scene: &Scene, _: &ShadingPoint, _: Source, pane: u32, _: &mut Counters) -> bool {
+        (pane as usize) < scene.accelerator().panes().len()
+    }
+}

@@ -1,0 +1,53 @@
+//! What a search that finds paths by chance says about their light (Zeltner et al. 2020, section 4.3).
+//!
+//! One run finds path k with an unknown probability `p_k`. Two estimators make something of that:
+//!
+//! - **unbiased**: the path that the first run finds, times the number of further independent runs until one finds the same
+//!   path again, whose expectation is `1 / p_k` (Booth 2007);
+//! - **biased**: the distinct paths that a fixed number M of runs finds, each counted once. Its expectation lacks the part
+//!   `(1 - p_k)^M` of each path's light: too dark, never too bright.
+
+use super::newton::Root;
+use crate::{counters::Counters, film::TrialStream};
+
+/// A search for the paths of one connection from random seeds.
+pub(crate) trait RandomSearch {
+    /// Runs once: a function of the numbers that it draws and of nothing else that is random.
+    fn solve(&self, random: &mut TrialStream, counters: &mut Counters) -> Option<Root>;
+
+    /// Whether two roots are the same path.
+    fn same(&self, first: &Root, second: &Root) -> bool;
+
+    /// Number of independent runs until `root` is found again: an unbiased estimate of one over its probability. Cut off
+    /// at `max_trials`.
+    fn inverse_probability(
+        &self,
+        root: &Root,
+        max_trials: u32,
+        random: &mut TrialStream,
+        counters: &mut Counters,
+    ) -> f64 {
+        for trial in 1..=max_trials {
+            counters.trials += 1;
+            if self.solve(random, counters).is_some_and(|found| self.same(root, &found)) {
+                return f64::from(trial);
+            }
+        }
+        counters.truncated += 1;
+        f64::from(max_trials)
+    }
+
+    /// The distinct paths that `runs` runs find.
+    fn distinct(&self, runs: u32, random: &mut TrialStream, counters: &mut Counters) -> Vec<Root> {
+        let mut roots: Vec<Root> = Vec::new();
+        for _ in 0..runs {
+            counters.trials += 1;
+            if let Some(root) = self.solve(random, counters)
+                && !roots.iter().any(|known| self.same(known, &root))
+            {
+                roots.push(root);
+            }
+        }
+        roots
+    }
+}

@@ -1,0 +1,54 @@
+//! Lists of all paths from points of a receiver through a pane to a point light, found by brute force.
+
+use std::fs;
+
+use clerestory_render_core::scene::{self, Scene};
+use serde::Deserialize;
+
+use crate::comparisons::reference_folder;
+
+/// A point and its paths.
+#[derive(Deserialize)]
+pub struct ListedPoint {
+    /// The point.
+    #[serde(rename = "O")]
+    pub origin: [f64; 3],
+    /// All paths.
+    pub solutions: Vec<ListedSolution>,
+}
+
+/// A path.
+#[derive(Deserialize)]
+pub struct ListedSolution {
+    /// Where it crosses the back, in units of the pane's size.
+    pub back_uv: [f64; 2],
+    /// Where it crosses the front.
+    pub front_uv: [f64; 2],
+    /// Irradiance at the point for a light of unit intensity.
+    #[serde(rename = "E_per_unit_intensity")]
+    pub irradiance: f64,
+}
+
+/// The points of a list, by its file name.
+///
+/// # Panics
+///
+/// When there is no such list.
+pub fn load_list(file: &str) -> Vec<ListedPoint> {
+    #[derive(Deserialize)]
+    struct List {
+        points: Vec<ListedPoint>,
+    }
+    let text = fs::read_to_string(reference_folder().join("solutions").join(file)).expect("the list ships");
+    serde_json::from_str::<List>(&text).expect("the list is valid").points
+}
+
+/// The scene of a case, with its point light.
+///
+/// # Panics
+///
+/// When there is no such case.
+pub fn load_case(case: &str) -> Scene {
+    let bundle = scene::load(&reference_folder().join(format!("{case}-point.json"))).expect("the scene ships");
+    Scene::build(&bundle).expect("the scene is valid")
+}
