@@ -17,7 +17,7 @@ use crate::{
         light_sampling::LightHit,
     },
     scene::Scene,
-    specular::{ShadingPoint, SpecularMethod, coverage, side::PaneSide, side::unit_normal},
+    specular::{PanePath, ShadingPoint, SpecularMethod, coverage, side::PaneSide, side::unit_normal},
 };
 
 /// What one camera sample sees.
@@ -72,6 +72,7 @@ enum Course {
 struct PaneCrossing {
     pane: u32,
     face: Face,
+    position: DVec3,
     direction: DVec3,
 }
 
@@ -194,7 +195,8 @@ impl<'a> PathTracer<'a> {
                 } else {
                     Source::Direction(walk.ray.direction)
                 };
-                if self.owned(&point, &entry, exit_face, inner_direction, walk.ray.direction, source, counters) {
+                let path = PanePath { light, source, pane: entry.pane, entry: entry.position };
+                if self.owned(&point, &entry, exit_face, inner_direction, walk.ray.direction, &path, counters) {
                     DVec3::ZERO
                 } else {
                     carried
@@ -213,7 +215,7 @@ impl<'a> PathTracer<'a> {
         exit_face: Face,
         inner_direction: DVec3,
         last_direction: DVec3,
-        source: Source,
+        path: &PanePath,
         counters: &mut Counters,
     ) -> bool {
         let Some(method) = self.method else { return false };
@@ -224,7 +226,7 @@ impl<'a> PathTracer<'a> {
         side.near == entry.face
             && side.far == exit_face
             && coverage::owns(&side, directions)
-            && method.selects(self.scene, point, source, entry.pane, counters)
+            && method.selects(self.scene, point, path, counters)
     }
 
     /// Gathers light at a diffuse surface and scatters the path; false when the path ends.
@@ -335,7 +337,7 @@ impl<'a> PathTracer<'a> {
         };
         walk.stretch.course = match (walk.stretch.course, event) {
             (Course::Straight, PathEvent::Transmission) => {
-                Course::Inside { entry: PaneCrossing { pane: index, face, direction } }
+                Course::Inside { entry: PaneCrossing { pane: index, face, position, direction } }
             }
             (Course::Inside { entry }, PathEvent::Transmission) => {
                 Course::Through { entry, exit_face: face, inner_direction: direction }

@@ -14,7 +14,7 @@ use crate::{
         Sampling, Tile, TileGrid,
     },
     scene::{Scene, description::IntegratorDescription},
-    specular::{SpecularMethod, cone::Cone, fnee::Fnee, sms::Sms},
+    specular::{SpecularMethod, cone::Cone, fnee::Fnee, mnee::Mnee, sms::Sms},
 };
 
 /// Why a node was not rendered.
@@ -73,6 +73,7 @@ fn specular_method(integrator: &IntegratorDescription) -> Option<Box<dyn Specula
         IntegratorDescription::Fnee { solver, selection, max_trials, .. } => {
             Some(Box::new(Fnee { solver, selection, max_trials }))
         }
+        IntegratorDescription::Mnee { missed, .. } => Some(Box::new(Mnee { missed })),
         IntegratorDescription::Sms { constraint, estimator, .. } => Some(Box::new(Sms { constraint, estimator })),
     }
 }

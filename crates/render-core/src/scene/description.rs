@@ -150,6 +150,27 @@ pub enum IntegratorDescription {
         #[serde(default)]
         estimator: ManifoldEstimator,
     },
+    /// Path tracing, with one path through the pane on the straight line to a light found by a manifold walk.
+    Mnee {
+        /// Largest number of vertices between camera and light, 1 to 1000.
+        #[serde(default = "default_max_depth")]
+        #[schemars(range(min = 1, max = 1000))]
+        max_depth: u32,
+        /// What happens to the paths that the walk does not find.
+        #[serde(default)]
+        missed: MissedPaths,
+    },
+}
+
+/// What manifold next event estimation does about the paths through a pane that its walk does not find.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MissedPaths {
+    /// They count when chance finds them: unbiased, but for point lights, which chance never meets.
+    #[default]
+    LeftToChance,
+    /// They are dropped: dark where there is more than one path, and without the noise of rare finds.
+    Dropped,
 }
 
 /// How a manifold walk writes Snell's law at a vertex (Zeltner et al. 2020, section 4).

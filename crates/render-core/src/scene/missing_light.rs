@@ -3,7 +3,7 @@
 //! These are classes of paths. How much light there is in them depends on the scene.
 
 use super::description::{
-    FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, PaneSelection, SceneDescription,
+    FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, MissedPaths, PaneSelection, SceneDescription,
 };
 use crate::specular::side::GRAZING_COSINE;
 
@@ -42,7 +42,12 @@ impl SceneDescription {
     /// Paths through panes, whatever light they come from, that the path tracer leaves to the search and that it misses.
     fn unfound_paths(&self) -> Vec<String> {
         match self.integrator {
-            IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => Vec::new(),
+            IntegratorDescription::Path { .. }
+            | IntegratorDescription::Cone { .. }
+            | IntegratorDescription::Mnee { missed: MissedPaths::LeftToChance, .. } => Vec::new(),
+            IntegratorDescription::Mnee { missed: MissedPaths::Dropped, .. } => vec![
+                "paths through a pane but for the one that a walk from the straight line to the light finds".to_owned(),
+            ],
             IntegratorDescription::Fnee { solver: FneeSolver::Complete, max_trials, .. } => {
                 let cut_off = cut_off(max_trials);
                 vec![format!("paths through a pane that the enumeration misses and a random seed {cut_off}")]
@@ -67,6 +72,13 @@ impl SceneDescription {
         let selection = match self.integrator {
             IntegratorDescription::Fnee { selection, .. } => selection,
             IntegratorDescription::Sms { .. } => PaneSelection::All,
+            IntegratorDescription::Mnee { .. } => {
+                return vec![
+                    "light of point lights that comes through or off a pane to a surface, but for the one path that a walk \
+                     from the straight line to the light finds"
+                        .to_owned(),
+                ];
+            }
             IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => {
                 return vec!["light of point lights that comes through or off a pane to a surface".to_owned()];
             }

@@ -34,7 +34,7 @@ mod shipped_scenes;
 mod surface;
 mod texture;
 mod validate;
-mod visibility;
+pub(crate) mod visibility;
 
 pub use assets::asset_names;
 pub use build::Scene;

@@ -5,7 +5,7 @@ use serde::de::IgnoredAny;
 use serde_json::Value;
 
 use super::description::{
-    FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, PaneSelection,
+    FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
     SCENE_FORMAT_VERSION, SceneDescription,
 };
 use super::error::SceneError;
@@ -60,12 +60,16 @@ impl SceneDescription {
                     estimator: ManifoldEstimator::default(),
                 },
             },
+            "mnee" => match self.integrator {
+                IntegratorDescription::Mnee { .. } => self.integrator,
+                _ => IntegratorDescription::Mnee { max_depth, missed: MissedPaths::default() },
+            },
             other => {
                 let path = JsonPath::Root;
                 return Err(SceneError::value(
                     &path.member("integrator"),
                     format_args!("\"{other}\""),
-                    "\"path\", \"cone\", \"fnee\" or \"sms\"",
+                    "\"path\", \"cone\", \"fnee\", \"sms\" or \"mnee\"",
                 ));
             }
         };
@@ -97,6 +101,7 @@ impl IntegratorDescription {
             Self::Cone { .. } => "cone",
             Self::Fnee { .. } => "fnee",
             Self::Sms { .. } => "sms",
+            Self::Mnee { .. } => "mnee",
         }
     }
 
@@ -106,7 +111,8 @@ impl IntegratorDescription {
             Self::Path { max_depth }
             | Self::Cone { max_depth }
             | Self::Fnee { max_depth, .. }
-            | Self::Sms { max_depth, .. } => max_depth,
+            | Self::Sms { max_depth, .. }
+            | Self::Mnee { max_depth, .. } => max_depth,
         }
     }
 }

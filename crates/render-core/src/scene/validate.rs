@@ -206,7 +206,7 @@ fn check_integrator(integrator: &IntegratorDescription, path: &JsonPath<'_>) -> 
                 }
             }
         }
-        IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => Ok(()),
+        IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } | IntegratorDescription::Mnee { .. } => Ok(()),
     }
 }
 

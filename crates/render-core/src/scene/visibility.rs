@@ -69,7 +69,8 @@ fn segment(from: DVec3, to: DVec3) -> (Ray, f64) {
     (Ray::new(from, offset / length), length)
 }
 
-fn straight(from: DVec3, source: Source) -> (Ray, f64) {
+/// The straight line from a point to a source, and its length.
+pub(crate) fn straight(from: DVec3, source: Source) -> (Ray, f64) {
     match source {
         Source::Point(position) => segment(from, position),
         Source::Direction(direction) => (Ray::new(from, direction), f64::INFINITY),

@@ -9,10 +9,10 @@
 //! window that may hold one (`view`).
 
 use super::{
-    Arrival, ShadingPoint, SpecularMethod,
+    Arrival, PanePath, ShadingPoint, SpecularMethod,
     view::{Effort, View},
 };
-use crate::{counters::Counters, film::SampleStream, optics::Source, scene::Scene};
+use crate::{counters::Counters, film::SampleStream, scene::Scene};
 
 /// Forward sampling of the cone from which a light's rays can come through each pane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -33,7 +33,7 @@ impl SpecularMethod for Cone {
         view.cast(random, counters, &mut |glimpse, _| arrive(glimpse.arrival));
     }
 
-    fn selects(&self, scene: &Scene, _: &ShadingPoint, _: Source, pane: u32, _: &mut Counters) -> bool {
-        (pane as usize) < scene.accelerator().panes().len()
+    fn selects(&self, scene: &Scene, _: &ShadingPoint, path: &PanePath, _: &mut Counters) -> bool {
+        (path.pane as usize) < scene.accelerator().panes().len()
     }
 }

@@ -21,7 +21,7 @@
 use glam::{DVec2, DVec3};
 
 use super::{
-    Arrival, ShadingPoint, SpecularMethod,
+    Arrival, PanePath, ShadingPoint, SpecularMethod,
     enumeration::{Enumeration, enumerate},
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete, solve_published},
@@ -174,11 +174,11 @@ impl SpecularMethod for Fnee {
         }
     }
 
-    fn selects(&self, scene: &Scene, point: &ShadingPoint, source: Source, pane: u32, counters: &mut Counters) -> bool {
+    fn selects(&self, scene: &Scene, point: &ShadingPoint, path: &PanePath, counters: &mut Counters) -> bool {
         match self.selection {
             PaneSelection::All => true,
-            PaneSelection::Sharp => scene.first_pane_towards(point, source, counters) == Some(pane),
-            PaneSelection::Bleed => scene.is_blocked_towards(point, source, counters),
+            PaneSelection::Sharp => scene.first_pane_towards(point, path.source, counters) == Some(path.pane),
+            PaneSelection::Bleed => scene.is_blocked_towards(point, path.source, counters),
         }
     }
 }

@@ -20,9 +20,9 @@ use super::{
 };
 use crate::{
     counters::Counters,
-    geometry::{Face, PaneBoundary, Ray, Surface},
+    geometry::{Face, Leaving, PaneBoundary, Ray, Surface},
     optics::dielectric::refract,
-    scene::description::ManifoldConstraint,
+    scene::{description::ManifoldConstraint, visibility::straight},
 };
 
 /// Zeltner et al. 2020, the published configuration.
@@ -59,8 +59,27 @@ impl<'a> ManifoldWalk<'a> {
         self.walk(seed, counters)
     }
 
+    /// Walks from where the straight line to the light crosses both faces; `None` when anything but this pane is on it.
+    pub(super) fn walk_from_straight_line(&self, counters: &mut Counters) -> Option<Root> {
+        counters.solver_calls += 1;
+        let Passage { scene, point, light, sample, side, .. } = self.passage;
+        let frame = &side.pane.frame;
+        let (outside, distance) = straight(point.position, sample.source);
+        let hit = scene.accelerator().closest_hit(&outside, distance, point.leaving, counters)?;
+        let (entry, _) = self.crossing(&hit.surface, side.near)?;
+        let inside = Ray::new(frame.point_to_world(entry), outside.direction);
+        let hit = scene.accelerator().closest_hit_inside(self.passage.pane, &inside, Some(side.near), counters)?;
+        let (exit, _) = self.crossing(&hit.surface, side.far)?;
+        let (beyond, distance) = straight(frame.point_to_world(exit), sample.source);
+        let leaving = Leaving::Pane { index: self.passage.pane, face: side.far };
+        if scene.blocked(&beyond, distance, leaving, None, Some(*light), counters) {
+            return None;
+        }
+        self.walk([entry.truncate(), exit.truncate()], counters)
+    }
+
     /// Walks from a pair of vertices.
-    pub(super) fn walk(&self, seed: Theta, counters: &mut Counters) -> Option<Root> {
+    fn walk(&self, seed: Theta, counters: &mut Counters) -> Option<Root> {
         let connection = &self.passage.connection;
         let mut theta = seed;
         let mut fraction = 1.0;
@@ -94,7 +113,7 @@ impl<'a> ManifoldWalk<'a> {
 
     /// The vertices of the path that light takes from the shading point towards `target` (in the pane's frame); `None` when
     /// it does not cross the pane.
-    pub(super) fn trace(&self, target: DVec3, counters: &mut Counters) -> Option<Theta> {
+    fn trace(&self, target: DVec3, counters: &mut Counters) -> Option<Theta> {
         let Passage { scene, point, side, connection, .. } = self.passage;
         let direction = (target - connection.origin).normalize();
         let outside = Ray::new(point.position, side.pane.frame.vector_to_world(direction));

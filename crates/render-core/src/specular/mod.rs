@@ -14,6 +14,7 @@ pub mod fermat;
 pub mod fnee;
 mod landing;
 mod manifold;
+pub mod mnee;
 pub mod newton;
 mod passage;
 pub mod side;
@@ -64,7 +65,20 @@ pub trait SpecularMethod: Send + Sync {
         arrive: &mut dyn FnMut(Arrival),
     );
 
-    /// Whether the method looks for paths from `point` to `source` through `pane`: a function of these alone, so that
-    /// the path tracer can own exactly the paths that the method does not look for.
-    fn selects(&self, scene: &Scene, point: &ShadingPoint, source: Source, pane: u32, counters: &mut Counters) -> bool;
+    /// Whether the method looks for this path from `point` through a pane: a function of these alone, so that the path
+    /// tracer can own exactly the paths that the method does not look for.
+    fn selects(&self, scene: &Scene, point: &ShadingPoint, path: &PanePath, counters: &mut Counters) -> bool;
+}
+
+/// A path of light through one pane to a shading point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PanePath {
+    /// Index of the light in the scene.
+    pub light: u32,
+    /// Where on the light it comes from.
+    pub source: Source,
+    /// Index of the pane in the scene.
+    pub pane: u32,
+    /// Where it crosses the face that looks at the shading point.
+    pub entry: DVec3,
 }

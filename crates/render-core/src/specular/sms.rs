@@ -7,7 +7,7 @@
 use glam::DVec2;
 
 use super::{
-    Arrival, ShadingPoint, SpecularMethod,
+    Arrival, PanePath, ShadingPoint, SpecularMethod,
     manifold::ManifoldWalk,
     newton::Root,
     passage::{Found, Passage},
@@ -16,7 +16,6 @@ use super::{
 use crate::{
     counters::Counters,
     film::{SampleStream, TrialStream},
-    optics::Source,
     scene::{
         Scene,
         description::{ManifoldConstraint, ManifoldEstimator},
@@ -81,7 +80,7 @@ impl SpecularMethod for Sms {
         }
     }
 
-    fn selects(&self, scene: &Scene, _: &ShadingPoint, _: Source, pane: u32, _: &mut Counters) -> bool {
-        (pane as usize) < scene.accelerator().panes().len()
+    fn selects(&self, scene: &Scene, _: &ShadingPoint, path: &PanePath, _: &mut Counters) -> bool {
+        (path.pane as usize) < scene.accelerator().panes().len()
     }
 }
