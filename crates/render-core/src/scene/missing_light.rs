@@ -3,7 +3,8 @@
 //! These are classes of paths. How much light there is in them depends on the scene.
 
 use super::description::{
-    FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, MissedPaths, PaneSelection, SceneDescription,
+    FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, MissedPaths, PaneSelection,
+    SceneDescription,
 };
 use crate::specular::side::GRAZING_COSINE;
 
@@ -146,7 +147,13 @@ mod tests {
         check(&missing(json!({"cone": {}}), lights.clone()), &[long]);
         check(&missing(json!({"fnee": {"selection": "bleed"}}), lights.clone()), &[long, "enumeration misses"]);
         let published = json!({"fnee": {"solver": "published", "max_trials": 50}});
-        check(&missing(published, lights), &[long, "no minimum", "(1 - p)^50"]);
+        check(&missing(published, lights.clone()), &[long, "no minimum", "(1 - p)^50"]);
+        let sms = |estimator: Value| missing(json!({"sms": {"estimator": estimator}}), lights.clone());
+        check(&sms(json!({"unbiased": {"max_trials": 70}})), &[long, "(1 - p)^70"]);
+        check(&sms(json!({"biased": {"trials": 4}})), &[long, "(1 - p)^4"]);
+        let mnee = |missed| missing(json!({"mnee": {"missed": missed}}), lights.clone());
+        check(&mnee("left_to_chance"), &[long]);
+        check(&mnee("dropped"), &[long, "but for the one"]);
     }
 
     #[test]
@@ -155,6 +162,9 @@ mod tests {
         for integrator in ["path", "cone"] {
             check(&missing(json!({integrator: {}}), 0..4), &[long, "through or off a pane"]);
         }
+        check(&missing(json!({"mnee": {}}), 0..4), &[long, "but for the one path"]);
+        let manifold = [long, "(1 - p)^10000000", "more than one pane", "less than 0.06 degrees"];
+        check(&missing(json!({"sms": {}}), 0..1), &manifold);
         let always = [long, "(1 - p)^1000", "more than one pane", "less than 0.06 degrees"];
         let with = |selection| missing(json!({"fnee": {"selection": selection}}), 0..1);
         check(&with("all"), &always);

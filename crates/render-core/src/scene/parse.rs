@@ -5,8 +5,8 @@ use serde::de::IgnoredAny;
 use serde_json::Value;
 
 use super::description::{
-    FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
-    SCENE_FORMAT_VERSION, SceneDescription,
+    FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths,
+    PaneSelection, SCENE_FORMAT_VERSION, SceneDescription,
 };
 use super::error::SceneError;
 use super::json_path::JsonPath;

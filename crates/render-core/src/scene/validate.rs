@@ -206,7 +206,9 @@ fn check_integrator(integrator: &IntegratorDescription, path: &JsonPath<'_>) -> 
                 }
             }
         }
-        IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } | IntegratorDescription::Mnee { .. } => Ok(()),
+        IntegratorDescription::Path { .. }
+        | IntegratorDescription::Cone { .. }
+        | IntegratorDescription::Mnee { .. } => Ok(()),
     }
 }
 
