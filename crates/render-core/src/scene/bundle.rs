@@ -227,7 +227,10 @@ mod tests {
         let cone = deep.with_integrator_named("cone").unwrap();
         assert_eq!((cone.integrator.name(), cone.integrator.max_depth()), ("cone", 5));
         let error = cone.with_integrator_named("magic").unwrap_err().to_string();
-        assert!(error.contains("integrator: found \"magic\", must be \"path\", \"cone\" or \"fnee\""), "{error}");
+        assert!(
+            error.contains("integrator: found \"magic\", must be \"path\", \"cone\", \"fnee\", \"sms\" or \"mnee\""),
+            "{error}"
+        );
         assert!(description.with_size(0, 5).unwrap_err().to_string().contains("film.width"));
     }
 }
