@@ -6,7 +6,9 @@ use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::LightKind;
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, MissedPaths};
-use clerestory_render_core::specular::{ShadingPoint, SpecularMethod, mnee::Mnee, sms::Sms};
+use clerestory_render_core::specular::{
+    ShadingPoint, SpecularMethod, THROUGH_PANE, mnee::Mnee, scope::Scope, sms::Sms,
+};
 use clerestory_tests::solution_lists::{load_case, load_list};
 use glam::DVec3;
 
@@ -27,11 +29,16 @@ fn irradiance(
     let settings = SamplerSettings { seed: 5, samples_per_block: 1 };
     let mut stream = SampleStream::new(&settings, 0, [0, 0], stream);
     let mut sum = 0.0;
-    method.gather(scene, &point, 0, &mut stream, counters, &mut |arrival| {
+    method.gather(scene, &point, 0, &THROUGH_PANE, &mut stream, counters, &mut |arrival| {
         sum += arrival.weight.x * arrival.direction.dot(normal);
     });
     let LightKind::Point { intensity, .. } = scene.lights()[0].kind else { panic!("a point light") };
     sum / intensity.x
+}
+
+/// Paths that go through one pane.
+fn through_panes(scene: &Scene) -> Scope {
+    Scope::new(scene, &["TT".to_owned()], None, None)
 }
 
 /// Checks that many walks find light of the listed paths only, and almost all of it.
@@ -39,7 +46,8 @@ fn irradiance(
 fn check(case: &str, list: &str, least: f64) {
     let scene = load_case(case);
     for constraint in CONSTRAINTS {
-        let method = Sms { constraint, estimator: ManifoldEstimator::Biased { trials: 2000 } };
+        let method =
+            Sms { constraint, estimator: ManifoldEstimator::Biased { trials: 2000 }, scope: through_panes(&scene) };
         let counters = &mut Counters::default();
         let (mut listed, mut found) = (0.0, 0.0);
         for (index, point) in (0..).zip(load_list(list)).step_by(4) {
@@ -86,7 +94,8 @@ fn few_walks_lack_the_light_that_theory_says_and_weighted_ones_none() {
         for (index, point) in several.take(6).enumerate() {
             let all: f64 = point.solutions.iter().map(|solution| solution.irradiance).sum();
             let estimates = |estimator| {
-                let method = Sms { constraint: ManifoldConstraint::AngleDifference, estimator };
+                let constraint = ManifoldConstraint::AngleDifference;
+                let method = Sms { constraint, estimator, scope: through_panes(&scene) };
                 let counters = &mut Counters::default();
                 let one = |stream| irradiance(&scene, point.origin, &method, stream, counters);
                 mean_and_variance(&(0..ESTIMATES).map(one).collect::<Vec<_>>())
@@ -115,7 +124,7 @@ fn few_walks_lack_the_light_that_theory_says_and_weighted_ones_none() {
 fn the_walk_from_the_straight_line_finds_one_listed_path() {
     for (case, least) in [("flat", 0.99999), ("crown", 0.5), ("bump", 0.5)] {
         let scene = load_case(case);
-        let method = Mnee { missed: MissedPaths::Dropped };
+        let method = Mnee { missed: MissedPaths::Dropped, scope: through_panes(&scene) };
         let (mut listed, mut found) = (0.0, 0.0);
         for point in load_list(&format!("{case}.json")) {
             let ours = irradiance(&scene, point.origin, &method, 0, &mut Counters::default());

@@ -130,6 +130,11 @@ impl Accelerator {
         &self.panes
     }
 
+    /// The corners of a triangle.
+    pub fn corners(&self, triangle: u32) -> &[DVec3; 3] {
+        &self.corners[triangle as usize]
+    }
+
     /// Corners of a box that holds everything; `None` when there is nothing.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         self.hierarchy.as_ref().map(Hierarchy::bounds)

@@ -6,6 +6,7 @@
 pub mod accelerator;
 mod bernstein;
 mod crossing;
+pub mod differential;
 pub mod frame;
 pub mod height_field;
 mod hierarchy;
@@ -20,6 +21,7 @@ mod thickness;
 mod triangle;
 
 pub use accelerator::{Accelerator, AcceleratorError, Hit, Surface};
+pub use differential::SurfaceDifferential;
 pub use frame::Frame;
 pub(crate) use height_field::ShapeBounds;
 pub use height_field::{HeightField, HeightFieldError, JetBounds, SurfaceJet};

@@ -1,9 +1,10 @@
 //! The path tracer: next event estimation, specular methods for light through glass, and everything else by chance.
 //!
 //! Light that arrives at a diffuse vertex is split by path: straight from a light (next event estimation combined with
-//! BSDF sampling by the balance heuristic), through one pane (owned by the specular method, if there is one; see
+//! BSDF sampling by the balance heuristic), over specular vertices that the specular method owns, if there is one (see
 //! [`crate::specular::coverage`]), and all the rest (found by following the path).
 
+use arrayvec::ArrayVec;
 use glam::DVec3;
 
 use super::path_filter::{FilterState, PathEvent, PathFilter};
@@ -12,12 +13,12 @@ use crate::{
     film::SampleStream,
     geometry::{Face, Frame, Hit, Leaving, PaneBoundary, Ray, Surface},
     optics::{
-        Source,
+        Interface, Source,
         dielectric::{absorption, reflect, refract},
         light_sampling::LightHit,
     },
-    scene::Scene,
-    specular::{PanePath, ShadingPoint, SpecularMethod, coverage, side::PaneSide, side::unit_normal},
+    scene::{Scene, description::MOST_SPECULAR_VERTICES},
+    specular::{Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, side::unit_normal},
 };
 
 /// What one camera sample sees.
@@ -43,37 +44,37 @@ const MAX_SURVIVAL: f64 = 0.95;
 pub struct PathTracer<'a> {
     scene: &'a Scene,
     method: Option<&'a dyn SpecularMethod>,
+    chains: Vec<Chain>,
     max_depth: u32,
 }
 
+/// A chain of specular vertices that the specular method looks for.
+struct Chain {
+    events: Vec<SpecularEvent>,
+    /// The same for the path filter, with the light at its end.
+    with_light: Vec<PathEvent>,
+}
+
 /// The stretch of a path since its last diffuse vertex.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Stretch {
     /// The diffuse vertex, and the BSDF's density per solid angle with which the stretch's first direction was drawn;
     /// `None` before the first diffuse vertex.
     from: Option<(ShadingPoint, f64)>,
-    course: Course,
+    /// The specular vertices since then.
+    links: ArrayVec<Link, MOST_SPECULAR_VERTICES>,
+    /// Whether there were more of them than any method owns.
+    too_long: bool,
 }
 
-/// What has happened on a stretch.
-#[derive(Clone, Copy, Debug)]
-enum Course {
-    /// Nothing.
-    Straight,
-    /// One transmission into a pane.
-    Inside { entry: PaneCrossing },
-    /// Two transmissions, in and out of the same pane.
-    Through { entry: PaneCrossing, exit_face: Face, inner_direction: DVec3 },
-    /// Anything else.
-    Other,
-}
+impl Stretch {
+    fn new(from: Option<(ShadingPoint, f64)>) -> Self {
+        Self { from, links: ArrayVec::new(), too_long: false }
+    }
 
-#[derive(Clone, Copy, Debug)]
-struct PaneCrossing {
-    pane: u32,
-    face: Face,
-    position: DVec3,
-    direction: DVec3,
+    fn push(&mut self, link: Link) {
+        self.too_long |= self.links.try_push(link).is_err();
+    }
 }
 
 /// A path on its way.
@@ -91,7 +92,12 @@ struct Walk {
 impl<'a> PathTracer<'a> {
     /// A path tracer that leaves the paths that `method` owns to it.
     pub fn new(scene: &'a Scene, method: Option<&'a dyn SpecularMethod>, max_depth: u32) -> Self {
-        Self { scene, method, max_depth }
+        let chain = |events: Vec<SpecularEvent>| {
+            let with_light = events.iter().map(|event| PathEvent::from(*event)).chain([PathEvent::Light]).collect();
+            Chain { events, with_light }
+        };
+        let chains = method.map_or(Vec::new(), |method| method.chains().into_iter().map(chain).collect());
+        Self { scene, method, chains, max_depth }
     }
 
     /// Traces one path from the camera.
@@ -102,7 +108,7 @@ impl<'a> PathTracer<'a> {
             leaving: Leaving::Nothing,
             inside: None,
             throughput: DVec3::ONE,
-            stretch: Stretch { from: None, course: Course::Straight },
+            stretch: Stretch::new(None),
             filter: self.scene.path_filter().map(PathFilter::start),
             depth: 0,
         };
@@ -134,9 +140,10 @@ impl<'a> PathTracer<'a> {
             }
             walk.depth += 1;
             let goes_on = match hit.surface {
-                Surface::Triangle { index, barycentric } => {
-                    self.diffuse(&mut walk, hit.distance, index, barycentric, &mut sample, stream, counters)
-                }
+                Surface::Triangle { index, barycentric } => match self.scene.interface(index) {
+                    Some(interface) => self.smooth(&mut walk, hit.distance, index, barycentric, interface, stream),
+                    None => self.diffuse(&mut walk, hit.distance, index, barycentric, &mut sample, stream, counters),
+                },
                 Surface::Pane { index, .. } => self.glass(&mut walk, index, &hit, stream),
             };
             if !goes_on || !self.survives(&mut walk, stream) {
@@ -149,7 +156,12 @@ impl<'a> PathTracer<'a> {
         sample.depth = hit.distance;
         let (normal, albedo) = match &hit.surface {
             Surface::Triangle { index, barycentric } => {
-                (self.scene.triangle_normal(*index), self.scene.reflectance(*index, *barycentric))
+                let albedo = match self.scene.interface(*index) {
+                    Some(Interface::Dielectric { .. }) => DVec3::ONE,
+                    Some(Interface::Mirror { reflectance }) => *reflectance,
+                    None => self.scene.reflectance(*index, *barycentric),
+                };
+                (self.scene.normals(*index, *barycentric).shading, albedo)
             }
             Surface::Pane { index, hit } => {
                 let pane = &self.scene.accelerator().panes()[*index as usize];
@@ -184,49 +196,18 @@ impl<'a> PathTracer<'a> {
         }
         let carried = walk.throughput * hit.radiance;
         let Some((point, density)) = walk.stretch.from else { return carried };
-        match walk.stretch.course {
-            Course::Straight => {
-                let light_density = self.scene.lights()[light as usize].direct_density(&walk.ray, hit);
-                carried * (density / (density + light_density))
-            }
-            Course::Through { entry, exit_face, inner_direction } => {
-                let source = if hit.distance.is_finite() {
-                    Source::Point(walk.ray.at(hit.distance))
-                } else {
-                    Source::Direction(walk.ray.direction)
-                };
-                let path = PanePath { light, source, pane: entry.pane, entry: entry.position };
-                if self.owned(&point, &entry, exit_face, inner_direction, walk.ray.direction, &path, counters) {
-                    DVec3::ZERO
-                } else {
-                    carried
-                }
-            }
-            Course::Inside { .. } | Course::Other => carried,
+        if walk.stretch.links.is_empty() {
+            let light_density = self.scene.lights()[light as usize].direct_density(&walk.ray, hit);
+            return carried * (density / (density + light_density));
         }
-    }
-
-    /// Whether the specular method owns this path through a pane.
-    #[expect(clippy::too_many_arguments, reason = "the path's vertices and directions")]
-    fn owned(
-        &self,
-        point: &ShadingPoint,
-        entry: &PaneCrossing,
-        exit_face: Face,
-        inner_direction: DVec3,
-        last_direction: DVec3,
-        path: &PanePath,
-        counters: &mut Counters,
-    ) -> bool {
-        let Some(method) = self.method else { return false };
-        let pane = &self.scene.accelerator().panes()[entry.pane as usize];
-        let Some(side) = PaneSide::facing(pane, pane.frame.point_to_local(point.position)) else { return false };
-        let directions =
-            [entry.direction, inner_direction, last_direction].map(|world| pane.frame.vector_to_local(world));
-        side.near == entry.face
-            && side.far == exit_face
-            && coverage::owns(&side, directions)
-            && method.selects(self.scene, point, path, counters)
+        let Some(method) = self.method else { return carried };
+        let source = if hit.distance.is_finite() {
+            Source::Point(walk.ray.at(hit.distance))
+        } else {
+            Source::Direction(walk.ray.direction)
+        };
+        let path = SpecularPath { light, source, last_direction: walk.ray.direction, links: &walk.stretch.links };
+        if !walk.stretch.too_long && method.owns(self.scene, &point, &path, counters) { DVec3::ZERO } else { carried }
     }
 
     /// Gathers light at a diffuse surface and scatters the path; false when the path ends.
@@ -259,9 +240,11 @@ impl<'a> PathTracer<'a> {
             if self.accepts(walk.filter, &[PathEvent::Light]) {
                 sample.radiance += carried * self.direct_light(&point, stream, counters);
             }
-            let through_glass = [PathEvent::Transmission, PathEvent::Transmission, PathEvent::Light];
-            if walk.depth + 2 <= self.max_depth && self.accepts(walk.filter, &through_glass) {
-                sample.radiance += carried * self.light_through_glass(&point, stream, counters);
+            for chain in &self.chains {
+                let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
+                if fits && self.accepts(walk.filter, &chain.with_light) {
+                    sample.radiance += carried * self.specular_light(&point, &chain.events, stream, counters);
+                }
             }
         }
         let random = stream.next_2d();
@@ -272,7 +255,7 @@ impl<'a> PathTracer<'a> {
         walk.throughput *= self.scene.reflectance(triangle, barycentric);
         walk.ray = Ray::new(point.position, direction);
         walk.leaving = leaving;
-        walk.stretch = Stretch { from: Some((point, cosine * std::f64::consts::FRAC_1_PI)), course: Course::Straight };
+        walk.stretch = Stretch::new(Some((point, cosine * std::f64::consts::FRAC_1_PI)));
         cosine > 0.0
     }
 
@@ -296,16 +279,60 @@ impl<'a> PathTracer<'a> {
         irradiance
     }
 
-    /// Irradiance by the paths through panes that the specular method owns.
-    fn light_through_glass(&self, point: &ShadingPoint, stream: &mut SampleStream, counters: &mut Counters) -> DVec3 {
+    /// Irradiance by the paths over a chain of specular vertices that the specular method owns.
+    fn specular_light(
+        &self,
+        point: &ShadingPoint,
+        events: &[SpecularEvent],
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+    ) -> DVec3 {
         let mut irradiance = DVec3::ZERO;
         let Some(method) = self.method else { return irradiance };
         for light in (0u32..).take(self.scene.lights().len()) {
-            method.gather(self.scene, point, light, stream, counters, &mut |arrival| {
+            method.gather(self.scene, point, light, events, stream, counters, &mut |arrival| {
                 irradiance += arrival.weight * arrival.direction.dot(point.normal).max(0.0);
             });
         }
         irradiance
+    }
+
+    /// Reflects or refracts the path at a smooth triangle; false when it is black there.
+    fn smooth(
+        &self,
+        walk: &mut Walk,
+        distance: f64,
+        triangle: u32,
+        barycentric: [f64; 2],
+        interface: &Interface,
+        stream: &mut SampleStream,
+    ) -> bool {
+        // Nothing describes how a mesh and the glass of a pane touch.
+        if walk.inside.is_some() {
+            return false;
+        }
+        let direction = walk.ray.direction;
+        let normals = self.scene.normals(triangle, barycentric);
+        let crossing = interface.transmit(direction, &normals);
+        let choice = stream.next_1d();
+        let (event, next) = match crossing {
+            Some(crossing) if choice < crossing.transmittance => {
+                walk.throughput *= crossing.radiance_factor() / crossing.transmittance;
+                (SpecularEvent::Transmission, crossing.direction)
+            }
+            _ => {
+                let Some((next, fraction)) = interface.reflect(direction, &normals) else { return false };
+                // The part of the light that is transmitted is that which is not drawn, or lost.
+                walk.throughput *= fraction / (1.0 - crossing.map_or(0.0, |crossing| crossing.transmittance));
+                (SpecularEvent::Reflection, next)
+            }
+        };
+        let position = walk.ray.at(distance);
+        let surface = Leaving::Triangle(triangle);
+        walk.leaving = surface;
+        walk.stretch.push(Link { event, surface, position, direction });
+        walk.ray = Ray::new(position, next);
+        self.advance(walk, event.into())
     }
 
     /// Reflects or refracts the path at a pane; false when the path ends at the pane's black edge.
@@ -328,24 +355,16 @@ impl<'a> PathTracer<'a> {
         let (event, next) = match refraction {
             Some(refraction) if choice < refraction.transmittance => {
                 walk.inside = (!was_inside).then_some((index, face));
-                (PathEvent::Transmission, refraction.direction)
+                (SpecularEvent::Transmission, refraction.direction)
             }
             _ => {
                 walk.inside = was_inside.then_some((index, face));
-                (PathEvent::Reflection, reflect(direction, normal))
+                (SpecularEvent::Reflection, reflect(direction, normal))
             }
         };
-        walk.stretch.course = match (walk.stretch.course, event) {
-            (Course::Straight, PathEvent::Transmission) => {
-                Course::Inside { entry: PaneCrossing { pane: index, face, position, direction } }
-            }
-            (Course::Inside { entry }, PathEvent::Transmission) => {
-                Course::Through { entry, exit_face: face, inner_direction: direction }
-            }
-            _ => Course::Other,
-        };
+        walk.stretch.push(Link { event, surface: walk.leaving, position, direction });
         walk.ray = Ray::new(position, next);
-        self.advance(walk, event)
+        self.advance(walk, event.into())
     }
 
     /// Reads one event into the path filter; false when the path cannot match any more.

@@ -11,6 +11,8 @@ use regex_automata::{
 };
 use thiserror::Error;
 
+use crate::specular::SpecularEvent;
+
 /// What light does at a vertex of a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PathEvent {
@@ -58,6 +60,15 @@ pub enum PathFilterError {
 
 /// Bound on the compiled size, against hostile scenes, bytes.
 const SIZE_LIMIT: usize = 1 << 20;
+
+impl From<SpecularEvent> for PathEvent {
+    fn from(event: SpecularEvent) -> Self {
+        match event {
+            SpecularEvent::Reflection => Self::Reflection,
+            SpecularEvent::Transmission => Self::Transmission,
+        }
+    }
+}
 
 impl PathEvent {
     fn letter(self) -> u8 {

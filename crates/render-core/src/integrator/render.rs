@@ -14,7 +14,7 @@ use crate::{
         Sampling, Tile, TileGrid,
     },
     scene::{Scene, description::IntegratorDescription},
-    specular::{SpecularMethod, cone::Cone, fnee::Fnee, mnee::Mnee, sms::Sms},
+    specular::{SpecularMethod, cone::Cone, fnee::Fnee, mnee::Mnee, scope::Scope, sms::Sms},
 };
 
 /// Why a node was not rendered.
@@ -50,7 +50,7 @@ pub fn render_node(
     if !address.exists() {
         return Err(RenderError::NoSuchNode(address));
     }
-    let method = specular_method(&scene.description().integrator);
+    let method = specular_method(scene);
     let renderer = Renderer {
         scene,
         tracer: PathTracer::new(scene, method.as_deref(), scene.description().integrator.max_depth()),
@@ -65,16 +65,22 @@ pub fn render_node(
     renderer.subtree(address)
 }
 
-/// The method that an integrator uses for light through glass.
-fn specular_method(integrator: &IntegratorDescription) -> Option<Box<dyn SpecularMethod>> {
-    match *integrator {
+/// The method that the scene's integrator uses for light by way of specular surfaces.
+fn specular_method(scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
+    match &scene.description().integrator {
         IntegratorDescription::Path { .. } => None,
         IntegratorDescription::Cone { .. } => Some(Box::new(Cone)),
-        IntegratorDescription::Fnee { solver, selection, max_trials, .. } => {
+        &IntegratorDescription::Fnee { solver, selection, max_trials, .. } => {
             Some(Box::new(Fnee { solver, selection, max_trials }))
         }
-        IntegratorDescription::Mnee { missed, .. } => Some(Box::new(Mnee { missed })),
-        IntegratorDescription::Sms { constraint, estimator, .. } => Some(Box::new(Sms { constraint, estimator })),
+        IntegratorDescription::Mnee { missed, chains, casters, receivers, .. } => {
+            let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());
+            Some(Box::new(Mnee { missed: *missed, scope }))
+        }
+        IntegratorDescription::Sms { constraint, estimator, chains, casters, receivers, .. } => {
+            let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());
+            Some(Box::new(Sms { constraint: *constraint, estimator: *estimator, scope }))
+        }
     }
 }
 

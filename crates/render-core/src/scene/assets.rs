@@ -16,13 +16,12 @@ pub fn asset_names(description: &SceneDescription) -> BTreeSet<&str> {
 
 /// All members that name a file, with their places, in the order of the scene file.
 pub(super) fn asset_uses(description: &SceneDescription) -> Vec<(String, &str)> {
-    let materials =
-        description.materials.iter().filter_map(
-            |(name, MaterialDescription::Diffuse { reflectance })| match reflectance {
-                ReflectanceDescription::Texture { file } => Some((texture_path(name), file.as_str())),
-                ReflectanceDescription::Colour(_) => None,
-            },
-        );
+    let materials = description.materials.iter().filter_map(|(name, material)| match material {
+        MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Texture { file } } => {
+            Some((texture_path(name), file.as_str()))
+        }
+        _ => None,
+    });
     let meshes = description.meshes.iter().enumerate().filter_map(|(index, mesh)| match &mesh.source {
         MeshSource::Ply { file } => Some((format!("meshes[{index}].source.ply.file"), file.as_str())),
         MeshSource::Obj { file } => Some((format!("meshes[{index}].source.obj.file"), file.as_str())),

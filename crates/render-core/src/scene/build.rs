@@ -25,7 +25,8 @@ pub struct Scene {
     accelerator: Accelerator,
     path_filter: Option<PathFilter>,
     sampling: Sampling,
-    pane_ball: (DVec3, f64),
+    specular_ball: (DVec3, f64),
+    mesh_bounds: Vec<[DVec3; 2]>,
     lights: Vec<Light>,
     meshes: Vec<MeshSurface>,
     normals: Vec<DVec3>,
@@ -46,6 +47,8 @@ impl Scene {
             meshes.add(index, mesh)?;
         }
         let Meshes { positions, triangles, surfaces, .. } = meshes;
+        let mesh_bounds: Vec<[DVec3; 2]> =
+            surfaces.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
         let accelerator = Accelerator::build(&positions, &triangles, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
         Ok(Self {
@@ -53,8 +56,9 @@ impl Scene {
             camera: Camera::new(&description.camera, description.film),
             lights: description.lights.iter().map(Light::new).collect(),
             normals: triangles.iter().map(|&triangle| normal(&positions, triangle)).collect(),
+            specular_ball: specular_ball(&accelerator, &surfaces, &mesh_bounds),
+            mesh_bounds,
             meshes: surfaces,
-            pane_ball: pane_ball(accelerator.panes()),
             accelerator,
             path_filter: description.compiled_path_filter()?,
             sampling: sampling(description)?,
@@ -87,9 +91,14 @@ impl Scene {
         self.sampling
     }
 
-    /// Centre and radius, metres, of a ball around all panes; radius 0 without panes.
-    pub fn pane_ball(&self) -> (DVec3, f64) {
-        self.pane_ball
+    /// Centre and radius, metres, of a ball around all panes and smooth meshes; radius 0 without any.
+    pub fn specular_ball(&self) -> (DVec3, f64) {
+        self.specular_ball
+    }
+
+    /// The smallest and the largest corner of a box around a mesh, metres.
+    pub fn mesh_bounds(&self, mesh: u32) -> [DVec3; 2] {
+        self.mesh_bounds[mesh as usize]
     }
 
     /// The hierarchy over triangles and panes.
@@ -115,8 +124,7 @@ impl Scene {
     /// Diffuse reflectance, each channel 0 to 1, at a point of a triangle. The weights of its second and third corner
     /// are `barycentric`.
     pub fn reflectance(&self, triangle: u32, barycentric: [f64; 2]) -> DVec3 {
-        let mesh = self.meshes.partition_point(|mesh| mesh.first_triangle <= triangle) - 1;
-        self.meshes[mesh].reflectance(triangle, barycentric)
+        self.meshes[self.mesh_of(triangle) as usize].reflectance(triangle, barycentric)
     }
 
     /// The unit normal of a triangle, on the side from which its corners are seen counterclockwise.
@@ -138,9 +146,18 @@ fn sampling(description: &SceneDescription) -> Result<Sampling, SceneError> {
     })
 }
 
-/// A ball around all panes.
-fn pane_ball(panes: &[Pane]) -> (DVec3, f64) {
-    let bounds = panes.iter().map(Pane::world_bounds);
+/// A box around a mesh.
+fn mesh_bounds(positions: &[DVec3], triangles: &[[u32; 3]], mesh: &MeshSurface) -> [DVec3; 2] {
+    let range = mesh.triangle_range();
+    let corners = triangles[range.start as usize..range.end as usize].iter().flatten();
+    let empty = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    corners.map(|vertex| positions[*vertex as usize]).fold(empty, |[min, max], at| [min.min(at), max.max(at)])
+}
+
+/// A ball around all panes and smooth meshes.
+fn specular_ball(accelerator: &Accelerator, meshes: &[MeshSurface], mesh_bounds: &[[DVec3; 2]]) -> (DVec3, f64) {
+    let smooth = meshes.iter().zip(mesh_bounds).filter(|(mesh, _)| mesh.is_smooth()).map(|(_, bounds)| *bounds);
+    let bounds = accelerator.panes().iter().map(Pane::world_bounds).chain(smooth);
     let Some([min, max]) = bounds.reduce(|[min, max], [other_min, other_max]| [min.min(other_min), max.max(other_max)])
     else {
         return (DVec3::ZERO, 0.0);

@@ -16,8 +16,9 @@ use super::limits::{MAX_COORDINATE, MAX_TEXELS, MAX_TRIANGLES};
 use super::mesh::{Placement, TriangleMesh, is_degenerate};
 use super::obj::decode_obj;
 use super::ply::decode_ply;
-use super::surface::{MeshSurface, Reflectance};
+use super::surface::{Material, MeshSurface, Reflectance, SmoothMesh};
 use super::texture::Texture;
+use crate::optics::Interface;
 
 /// Textures by the names of their files.
 pub(super) type Textures<'a> = BTreeMap<&'a str, Arc<Texture>>;
@@ -26,8 +27,10 @@ pub(super) type Textures<'a> = BTreeMap<&'a str, Arc<Texture>>;
 pub(super) fn decode_textures(bundle: &SceneBundle) -> Result<Textures<'_>, SceneError> {
     let mut textures = BTreeMap::new();
     let mut texels = 0;
-    for (name, MaterialDescription::Diffuse { reflectance }) in &bundle.description().materials {
-        let ReflectanceDescription::Texture { file } = reflectance else { continue };
+    for (name, material) in &bundle.description().materials {
+        let MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Texture { file } } = material else {
+            continue;
+        };
         if textures.contains_key(file.as_str()) {
             continue;
         }
@@ -53,7 +56,7 @@ pub(super) struct Meshes<'a> {
     pub(super) positions: Vec<DVec3>,
     /// All triangles that have an area.
     pub(super) triangles: Vec<[u32; 3]>,
-    /// What they reflect, one for each mesh.
+    /// What they do to light, one for each mesh.
     pub(super) surfaces: Vec<MeshSurface>,
 }
 
@@ -73,14 +76,14 @@ impl<'a> Meshes<'a> {
         let first_triangle = self.triangles.len() as u32;
         self.place_vertices(index, &mesh, Placement::of(description))?;
         let kept = self.place_triangles(index, &mesh, first_vertex)?;
-        let reflectance = self.reflectance(index, description, &mesh, &kept)?;
+        let material = self.material(index, description, &mesh, &kept)?;
         let triangles = kept.len() as u32;
         self.surfaces.push(MeshSurface {
             name: description.name.clone(),
             first_triangle,
             triangles,
             omitted_triangles: mesh.triangles.len() as u32 - triangles,
-            reflectance,
+            material,
         });
         Ok(())
     }
@@ -88,11 +91,12 @@ impl<'a> Meshes<'a> {
     fn decode(&mut self, index: usize, description: &'a MeshDescription) -> Result<Arc<TriangleMesh>, SceneError> {
         type Decode = fn(&[u8]) -> Result<TriangleMesh, AssetProblem>;
         let (kind, file, decode): (_, _, Decode) = match &description.source {
-            MeshSource::Inline { positions, triangles, texture_coordinates } => {
+            MeshSource::Inline { positions, triangles, texture_coordinates, normals } => {
                 return Ok(Arc::new(TriangleMesh {
                     positions: positions.iter().copied().map(DVec3::from).collect(),
                     triangles: triangles.clone(),
                     texture_coordinates: texture_coordinates.iter().copied().map(DVec2::from).collect(),
+                    normals: normals.iter().copied().map(DVec3::from).collect(),
                 }));
             }
             MeshSource::Ply { file } => ("ply", file, decode_ply),
@@ -149,23 +153,68 @@ impl<'a> Meshes<'a> {
         Ok(kept)
     }
 
-    fn reflectance(
+    /// The material of a mesh of which these triangles were kept, as the last ones so far.
+    fn material(
         &self,
         index: usize,
         description: &MeshDescription,
         mesh: &TriangleMesh,
         triangles: &[[u32; 3]],
-    ) -> Result<Reflectance, SceneError> {
+    ) -> Result<Material, SceneError> {
         let material = self.bundle.description().materials.get(&description.material);
-        let texture = match material {
-            Some(MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Colour(colour) }) => {
-                return Ok(Reflectance::Uniform(DVec3::from(*colour)));
+        let interface = match material {
+            Some(MaterialDescription::Diffuse { reflectance }) => {
+                return self.reflectance(index, description, reflectance, mesh, triangles).map(Material::Diffuse);
             }
-            Some(MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Texture { file } }) => {
-                self.textures.get(file.as_str())
+            Some(MaterialDescription::Dielectric { index_of_refraction }) => {
+                Interface::Dielectric { index_of_refraction: *index_of_refraction }
             }
-            None => None,
+            Some(MaterialDescription::Mirror { reflectance }) => {
+                Interface::Mirror { reflectance: DVec3::from(*reflectance) }
+            }
+            None => unreachable!("validation knows every material"),
         };
+        let corners = self.triangles[self.triangles.len() - triangles.len()..]
+            .iter()
+            .map(|triangle| triangle.map(|vertex| self.positions[vertex as usize]));
+        let crosses: Vec<DVec3> = corners.map(|[a, b, c]| (b - a).cross(c - a)).collect();
+        let areas = crosses.iter().scan(0.0, |sum, cross| {
+            *sum += 0.5 * cross.length();
+            Some(*sum)
+        });
+        let areas = areas.collect();
+        if mesh.normals.is_empty() {
+            return Ok(Material::Smooth(SmoothMesh { interface, normals: None, areas }));
+        }
+        let placement = Placement::of(description);
+        let placed: Option<Vec<DVec3>> =
+            mesh.normals.iter().map(|normal| placement.turn(*normal).try_normalize()).collect();
+        let Some(placed) = placed else {
+            return Err(mesh_error(index, "a normal of no length", "normals that point somewhere, or none at all"));
+        };
+        let outwards = |(triangle, cross): (&[u32; 3], &DVec3)| {
+            triangle.map(|vertex| {
+                let normal = placed[vertex as usize];
+                if normal.dot(*cross) < 0.0 { -normal } else { normal }
+            })
+        };
+        let normals = Some(triangles.iter().zip(&crosses).map(outwards).collect());
+        Ok(Material::Smooth(SmoothMesh { interface, normals, areas }))
+    }
+
+    fn reflectance(
+        &self,
+        index: usize,
+        description: &MeshDescription,
+        reflectance: &ReflectanceDescription,
+        mesh: &TriangleMesh,
+        triangles: &[[u32; 3]],
+    ) -> Result<Reflectance, SceneError> {
+        let file = match reflectance {
+            ReflectanceDescription::Colour(colour) => return Ok(Reflectance::Uniform(DVec3::from(*colour))),
+            ReflectanceDescription::Texture { file } => file,
+        };
+        let texture = self.textures.get(file.as_str());
         let texture = texture.expect("validation knows every material, and every texture is decoded").clone();
         let coordinates = &mesh.texture_coordinates;
         if coordinates.len() != mesh.positions.len() || !coordinates.iter().all(|pair| is_within(&pair.to_array())) {

@@ -137,7 +137,7 @@ pub enum IntegratorDescription {
         #[schemars(range(min = 1, max = 1_000_000))]
         max_trials: u32,
     },
-    /// Path tracing, with light through panes found by specular manifold sampling.
+    /// Path tracing, with light by way of panes and smooth meshes found by specular manifold sampling.
     Sms {
         /// Largest number of vertices between camera and light, 1 to 1000.
         #[serde(default = "default_max_depth")]
@@ -149,8 +149,19 @@ pub enum IntegratorDescription {
         /// What is made of the paths that are found.
         #[serde(default)]
         estimator: ManifoldEstimator,
+        /// Which chains of specular vertices between a surface and a light are looked for: each a word of 1 to 16 letters R
+        /// (reflection) and T (transmission), from the surface to the light.
+        #[serde(default = "default_chains")]
+        #[schemars(length(min = 1, max = 16), inner(regex(pattern = "^[RT]{1,16}$")))]
+        chains: Vec<String>,
+        /// Names of the panes and smooth meshes on which chains begin; all by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        casters: Option<Vec<String>>,
+        /// Names of the meshes on which their light is gathered; all by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        receivers: Option<Vec<String>>,
     },
-    /// Path tracing, with one path through the pane on the straight line to a light found by a manifold walk.
+    /// Path tracing, with one path through what refracts on the straight line to a light found by a manifold walk.
     Mnee {
         /// Largest number of vertices between camera and light, 1 to 1000.
         #[serde(default = "default_max_depth")]
@@ -159,6 +170,17 @@ pub enum IntegratorDescription {
         /// What happens to the paths that the walk does not find.
         #[serde(default)]
         missed: MissedPaths,
+        /// Which chains of specular vertices between a surface and a light are looked for: each a word of 1 to 16 letters T
+        /// (transmission).
+        #[serde(default = "default_chains")]
+        #[schemars(length(min = 1, max = 16), inner(regex(pattern = "^T{1,16}$")))]
+        chains: Vec<String>,
+        /// Names of the panes and smooth meshes on which chains begin; all by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        casters: Option<Vec<String>>,
+        /// Names of the meshes on which their light is gathered; all by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        receivers: Option<Vec<String>>,
     },
 }
 
@@ -241,6 +263,13 @@ pub(super) fn default_max_trials() -> u32 {
     1000
 }
 
+/// Most specular vertices between a surface and a light that a manifold method looks for.
+pub const MOST_SPECULAR_VERTICES: usize = 16;
+
+pub(super) fn default_chains() -> Vec<String> {
+    vec!["TT".to_owned()]
+}
+
 /// As in the scenes of the authors of specular manifold sampling.
 fn default_manifold_trials() -> u32 {
     10_000_000
@@ -274,6 +303,25 @@ pub enum MaterialDescription {
         /// Fraction of light reflected.
         reflectance: ReflectanceDescription,
     },
+    /// A smooth boundary between air and a clear dielectric, such as glass or water: air is on the side to which the
+    /// triangles' normals point, from which their corners are seen counterclockwise.
+    Dielectric {
+        /// Index of refraction behind the surface, 1 to 3.
+        #[serde(default = "default_index_of_refraction")]
+        #[schemars(range(min = 1.0, max = 3.0))]
+        index_of_refraction: f64,
+    },
+    /// A mirror on both sides.
+    Mirror {
+        /// Fraction of light reflected; each channel between 0 and 1.
+        #[serde(default = "white")]
+        #[schemars(inner(range(min = 0.0, max = 1.0)))]
+        reflectance: Triple,
+    },
+}
+
+fn white() -> Triple {
+    [1.0; 3]
 }
 
 /// Diffuse reflectance.
@@ -333,6 +381,9 @@ pub enum MeshSource {
         /// Texture coordinates, one for each vertex.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         texture_coordinates: Vec<[f64; 2]>,
+        /// Normals of any length, one for each vertex, which make dielectrics and mirrors smooth.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        normals: Vec<Triple>,
     },
     /// A Stanford PLY file, relative to the scene file.
     Ply {

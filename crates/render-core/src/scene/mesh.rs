@@ -13,6 +13,8 @@ pub(super) struct TriangleMesh {
     pub(super) triangles: Vec<[u32; 3]>,
     /// Texture coordinates, one for each vertex; empty when there are none.
     pub(super) texture_coordinates: Vec<DVec2>,
+    /// Normals of any length, one for each vertex; empty when there are none.
+    pub(super) normals: Vec<DVec3>,
 }
 
 /// Whether three points lie on one line, as far as double precision can tell.
@@ -26,19 +28,25 @@ pub(super) fn is_degenerate([a, b, c]: [DVec3; 3]) -> bool {
 /// How a mesh is placed in the scene: scaled, then rotated, then moved.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placement {
-    linear: DMat3,
+    rotation: DMat3,
+    scale: f64,
     translate: DVec3,
 }
 
 impl Placement {
     /// The placement that a scene file describes.
     pub(super) fn of(mesh: &MeshDescription) -> Self {
-        Self { linear: rotation(mesh.rotate) * mesh.scale, translate: DVec3::from(mesh.translate) }
+        Self { rotation: rotation(mesh.rotate), scale: mesh.scale, translate: DVec3::from(mesh.translate) }
     }
 
     /// Where a point of the file lies in the scene.
     pub(super) fn apply(&self, point: DVec3) -> DVec3 {
-        self.linear * point + self.translate
+        self.rotation * self.scale * point + self.translate
+    }
+
+    /// Where a normal of the file points in the scene.
+    pub(super) fn turn(&self, normal: DVec3) -> DVec3 {
+        self.rotation * normal
     }
 }
 

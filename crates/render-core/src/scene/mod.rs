@@ -34,6 +34,7 @@ mod shipped_scenes;
 mod surface;
 mod texture;
 mod validate;
+mod validate_integrator;
 pub(crate) mod visibility;
 
 pub use assets::asset_names;

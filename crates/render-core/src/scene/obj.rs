@@ -1,5 +1,5 @@
 //! Triangle meshes from Wavefront OBJ files. Groups become one mesh, polygons become fans of triangles; materials,
-//! normals, lines and points are left out.
+//! lines and points are left out.
 
 use glam::{DVec2, DVec3};
 
@@ -15,10 +15,12 @@ pub(super) fn decode_obj(mut bytes: &[u8]) -> Result<TriangleMesh, AssetProblem>
 
     let mut mesh = TriangleMesh::default();
     let mut all_have_texture_coordinates = true;
+    let mut all_have_normals = true;
     for part in models.iter().map(|model| &model.mesh) {
         let first = mesh.positions.len();
         let (positions, _) = part.positions.as_chunks::<3>();
         let (texture_coordinates, _) = part.texcoords.as_chunks::<2>();
+        let (normals, _) = part.normals.as_chunks::<3>();
         let (triangles, _) = part.indices.as_chunks::<3>();
         let vertex = |index: u32| u32::try_from(first + index as usize);
         for triangle in triangles {
@@ -30,7 +32,12 @@ pub(super) fn decode_obj(mut bytes: &[u8]) -> Result<TriangleMesh, AssetProblem>
         }
         mesh.positions.extend(positions.iter().map(|position| DVec3::from(position.map(f64::from))));
         mesh.texture_coordinates.extend(texture_coordinates.iter().map(|pair| DVec2::from(pair.map(f64::from))));
+        mesh.normals.extend(normals.iter().map(|normal| DVec3::from(normal.map(f64::from))));
         all_have_texture_coordinates &= texture_coordinates.len() == positions.len();
+        all_have_normals &= normals.len() == positions.len();
+    }
+    if !all_have_normals {
+        mesh.normals.clear();
     }
     if !all_have_texture_coordinates {
         mesh.texture_coordinates.clear();

@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::description::{
     FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths,
-    PaneSelection, SCENE_FORMAT_VERSION, SceneDescription,
+    PaneSelection, SCENE_FORMAT_VERSION, SceneDescription, default_chains,
 };
 use super::error::SceneError;
 use super::json_path::JsonPath;
@@ -58,11 +58,20 @@ impl SceneDescription {
                     max_depth,
                     constraint: ManifoldConstraint::default(),
                     estimator: ManifoldEstimator::default(),
+                    chains: default_chains(),
+                    casters: None,
+                    receivers: None,
                 },
             },
             "mnee" => match self.integrator {
                 IntegratorDescription::Mnee { .. } => self.integrator,
-                _ => IntegratorDescription::Mnee { max_depth, missed: MissedPaths::default() },
+                _ => IntegratorDescription::Mnee {
+                    max_depth,
+                    missed: MissedPaths::default(),
+                    chains: default_chains(),
+                    casters: None,
+                    receivers: None,
+                },
             },
             other => {
                 let path = JsonPath::Root;

@@ -1,5 +1,5 @@
 //! Triangle meshes from PLY files: text and binary, either byte order. Polygons become fans of triangles; elements and
-//! properties other than positions, texture coordinates and faces are left out.
+//! properties other than positions, normals, texture coordinates and faces are left out.
 
 use glam::{DVec2, DVec3};
 use ply_rs_bw::parser::{ParseError, Parser, Reader};
@@ -73,10 +73,14 @@ fn read_vertices(
     }
     let has_texture_coordinates =
         [&U_NAMES, &V_NAMES].iter().all(|names| names.iter().any(|name| element.properties.contains_key(*name)));
+    let has_normals = ["nx", "ny", "nz"].iter().all(|name| element.properties.contains_key(*name));
     for vertex in read_elements::<Vertex>(reader, element, header)? {
         mesh.positions.push(vertex.position);
         if has_texture_coordinates {
             mesh.texture_coordinates.push(vertex.texture_coordinate);
+        }
+        if has_normals {
+            mesh.normals.push(vertex.normal);
         }
     }
     Ok(())
@@ -109,6 +113,7 @@ const V_NAMES: [&str; 3] = ["v", "t", "texture_v"];
 #[derive(Default)]
 struct Vertex {
     position: DVec3,
+    normal: DVec3,
     texture_coordinate: DVec2,
 }
 
@@ -122,6 +127,9 @@ impl PropertyAccess for Vertex {
             "x" => &mut self.position.x,
             "y" => &mut self.position.y,
             "z" => &mut self.position.z,
+            "nx" => &mut self.normal.x,
+            "ny" => &mut self.normal.y,
+            "nz" => &mut self.normal.z,
             name if U_NAMES.contains(&name) => &mut self.texture_coordinate.x,
             name if V_NAMES.contains(&name) => &mut self.texture_coordinate.y,
             _ => return PropertyAccessResult::Ignored,

@@ -1,10 +1,13 @@
-//! What the triangles of a scene reflect.
+//! What the triangles of a scene do to light.
 
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
+use super::Scene;
 use super::texture::Texture;
+use crate::geometry::SurfaceDifferential;
+use crate::optics::{Interface, interface::Normals};
 
 /// The triangles of one mesh, which follow one another in the scene.
 #[derive(Clone, Debug)]
@@ -13,7 +16,26 @@ pub struct MeshSurface {
     pub(super) first_triangle: u32,
     pub(super) triangles: u32,
     pub(super) omitted_triangles: u32,
-    pub(super) reflectance: Reflectance,
+    pub(super) material: Material,
+}
+
+/// What a mesh does to light.
+#[derive(Clone, Debug)]
+pub(super) enum Material {
+    /// It scatters light.
+    Diffuse(Reflectance),
+    /// It refracts or mirrors light.
+    Smooth(SmoothMesh),
+}
+
+/// A smooth boundary.
+#[derive(Clone, Debug)]
+pub(super) struct SmoothMesh {
+    pub(super) interface: Interface,
+    /// Normals at the corners of each triangle, on the side of the triangle's own; none where that is all there is.
+    pub(super) normals: Option<Vec<[DVec3; 3]>>,
+    /// For each triangle, the area of all triangles up to it, square metres.
+    pub(super) areas: Vec<f64>,
 }
 
 /// Diffuse reflectance over a mesh.
@@ -46,9 +68,20 @@ impl MeshSurface {
         self.omitted_triangles
     }
 
-    /// The reflectance at a point of a triangle of the scene.
+    /// Whether its triangles refract or mirror light.
+    pub fn is_smooth(&self) -> bool {
+        matches!(self.material, Material::Smooth(_))
+    }
+
+    /// The numbers of its triangles in the scene.
+    pub fn triangle_range(&self) -> std::ops::Range<u32> {
+        self.first_triangle..self.first_triangle + self.triangles
+    }
+
+    /// The reflectance at a point of a triangle of the scene; zero for what does not scatter light.
     pub(super) fn reflectance(&self, triangle: u32, barycentric: [f64; 2]) -> DVec3 {
-        match &self.reflectance {
+        let Material::Diffuse(reflectance) = &self.material else { return DVec3::ZERO };
+        match reflectance {
             Reflectance::Uniform(colour) => *colour,
             Reflectance::Textured { texture, corners } => {
                 let [a, b, c] = corners[(triangle - self.first_triangle) as usize];
@@ -56,5 +89,60 @@ impl MeshSurface {
                 texture.lookup(a * (1.0 - u - v) + b * u + c * v)
             }
         }
+    }
+}
+
+impl SmoothMesh {
+    fn normals(&self, triangle: u32) -> Option<&[DVec3; 3]> {
+        self.normals.as_ref().map(|normals| &normals[triangle as usize])
+    }
+}
+
+impl Scene {
+    /// The mesh to which a triangle belongs.
+    pub fn mesh_of(&self, triangle: u32) -> u32 {
+        self.meshes().partition_point(|mesh| mesh.first_triangle <= triangle) as u32 - 1
+    }
+
+    /// What a triangle does to light if it is smooth.
+    pub fn interface(&self, triangle: u32) -> Option<&Interface> {
+        self.smooth(triangle).map(|(mesh, _)| &mesh.interface)
+    }
+
+    fn smooth(&self, triangle: u32) -> Option<(&SmoothMesh, u32)> {
+        let mesh = &self.meshes()[self.mesh_of(triangle) as usize];
+        match &mesh.material {
+            Material::Smooth(smooth) => Some((smooth, triangle - mesh.first_triangle)),
+            Material::Diffuse(_) => None,
+        }
+    }
+
+    /// The normals at a point of a triangle. The weights of its second and third corner are `barycentric`.
+    pub fn normals(&self, triangle: u32, barycentric: [f64; 2]) -> Normals {
+        let geometric = self.triangle_normal(triangle);
+        let corners = self.smooth(triangle).and_then(|(mesh, index)| mesh.normals(index));
+        let shading = corners.map_or(geometric, |[a, b, c]| {
+            let [v, w] = barycentric;
+            (*a * (1.0 - v - w) + *b * v + *c * w).normalize()
+        });
+        Normals { geometric, shading }
+    }
+
+    /// The surface around a point of a triangle.
+    pub fn differential(&self, triangle: u32, position: DVec3, barycentric: [f64; 2]) -> SurfaceDifferential {
+        let flat = [self.triangle_normal(triangle); 3];
+        let normals = self.smooth(triangle).and_then(|(mesh, index)| mesh.normals(index)).unwrap_or(&flat);
+        SurfaceDifferential::of_triangle(self.accelerator().corners(triangle), normals, position, barycentric)
+    }
+
+    /// A point on a smooth mesh, uniform over its area.
+    pub fn sample_mesh(&self, mesh: u32, random: [f64; 3]) -> Option<DVec3> {
+        let surface = &self.meshes()[mesh as usize];
+        let Material::Smooth(smooth) = &surface.material else { return None };
+        let target = smooth.areas.last()? * random[0];
+        let index = smooth.areas.partition_point(|area| *area <= target).min(smooth.areas.len() - 1);
+        let [a, b, c] = self.accelerator().corners(surface.first_triangle + index as u32);
+        let root = random[1].sqrt();
+        Some(*a * (1.0 - root) + *b * (root * (1.0 - random[2])) + *c * (root * random[2]))
     }
 }

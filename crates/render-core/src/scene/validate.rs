@@ -9,9 +9,8 @@ use glam::{DVec3, UVec3};
 
 use super::assets::check_asset_name;
 use super::description::{
-    CameraDescription, IntegratorDescription, LightDescription, ManifoldEstimator, MaterialDescription,
-    MeshDescription, MeshSource, PaneDescription, ProfileDescription, ReflectanceDescription, SCENE_FORMAT_VERSION,
-    SamplingDescription, SceneDescription, Triple,
+    CameraDescription, LightDescription, MaterialDescription, MeshDescription, MeshSource, PaneDescription,
+    ProfileDescription, ReflectanceDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple,
 };
 use super::error::SceneError;
 use super::json_path::JsonPath;
@@ -22,7 +21,7 @@ use super::mesh::is_degenerate;
 use super::profile;
 use crate::integrator::PathFilter;
 
-type Check = Result<(), SceneError>;
+pub(super) type Check = Result<(), SceneError>;
 
 /// Two directions are parallel when the sine of the angle between them is below this.
 const MIN_SINE: f64 = 1e-6;
@@ -49,7 +48,7 @@ impl SceneDescription {
         check_range(self.film.width, 1, MAX_IMAGE_EDGE, &film.member("width"))?;
         check_range(self.film.height, 1, MAX_IMAGE_EDGE, &film.member("height"))?;
         check_camera(&self.camera, &root.member("camera"))?;
-        check_integrator(&self.integrator, &root.member("integrator"))?;
+        self.check_integrator(&root.member("integrator"))?;
         self.compiled_path_filter()?;
         check_sampling(self.sampling, &root.member("sampling"))?;
         self.check_materials(&root.member("materials"))?;
@@ -69,7 +68,7 @@ impl SceneDescription {
             check_light(light, &light_path.member(light.kind()))?;
             names.add(light.name(), &light_path.member(light.kind()))?;
         }
-        Ok(())
+        self.check_integrator_names(&root.member("integrator"))
     }
 
     /// The path filter, if there is one, ready for use.
@@ -88,17 +87,7 @@ impl SceneDescription {
         for (name, material) in &self.materials {
             let material_path = path.member(name);
             check_name(name, &material_path)?;
-            let MaterialDescription::Diffuse { reflectance } = material;
-            let diffuse = material_path.member("diffuse");
-            let reflectance_path = diffuse.member("reflectance");
-            match reflectance {
-                ReflectanceDescription::Colour(colour) => {
-                    check_triple(*colour, 0.0, 1.0, &reflectance_path.member("colour"))?;
-                }
-                ReflectanceDescription::Texture { file } => {
-                    check_asset_name(file, &reflectance_path.member("texture").member("file"))?;
-                }
-            }
+            check_material(material, &material_path)?;
         }
         Ok(())
     }
@@ -124,9 +113,10 @@ impl SceneDescription {
         check_triple(mesh.translate, -MAX_COORDINATE, MAX_COORDINATE, &path.member("translate"))?;
         let source = path.member("source");
         match &mesh.source {
-            MeshSource::Inline { positions, triangles, texture_coordinates } => {
+            MeshSource::Inline { positions, triangles, texture_coordinates, normals } => {
                 let inline = source.member("inline");
                 check_inline_triangles(positions, triangles, &inline)?;
+                check_normals(normals, positions.len(), &inline)?;
                 check_texture_coordinates(texture_coordinates, positions.len(), material, &inline)
             }
             MeshSource::Ply { file } => check_asset_name(file, &source.member("ply").member("file")),
@@ -188,30 +178,6 @@ fn check_view(position: Triple, look_at: Triple, up: Triple, path: &JsonPath<'_>
     Ok(())
 }
 
-fn check_integrator(integrator: &IntegratorDescription, path: &JsonPath<'_>) -> Check {
-    let path = path.member(integrator.name());
-    check_range(integrator.max_depth(), 1, 1000, &path.member("max_depth"))?;
-    match integrator {
-        IntegratorDescription::Fnee { max_trials, .. } => {
-            check_range(*max_trials, 1, 1_000_000, &path.member("max_trials"))
-        }
-        IntegratorDescription::Sms { estimator, .. } => {
-            let path = path.member("estimator");
-            match estimator {
-                ManifoldEstimator::Unbiased { max_trials } => {
-                    check_range(*max_trials, 1, 10_000_000, &path.member("unbiased").member("max_trials"))
-                }
-                ManifoldEstimator::Biased { trials } => {
-                    check_range(*trials, 1, 10_000, &path.member("biased").member("trials"))
-                }
-            }
-        }
-        IntegratorDescription::Path { .. }
-        | IntegratorDescription::Cone { .. }
-        | IntegratorDescription::Mnee { .. } => Ok(()),
-    }
-}
-
 fn check_sampling(sampling: SamplingDescription, path: &JsonPath<'_>) -> Check {
     let SamplingDescription { samples_per_pass, samples_per_block } = sampling;
     check_range(samples_per_pass, 1, MAX_SAMPLES_PER_BLOCK, &path.member("samples_per_pass"))?;
@@ -249,6 +215,39 @@ fn check_inline_triangles(positions: &[Triple], triangles: &[[u32; 3]], path: &J
     Ok(())
 }
 
+fn check_material(material: &MaterialDescription, path: &JsonPath<'_>) -> Check {
+    match material {
+        MaterialDescription::Diffuse { reflectance } => {
+            let diffuse = path.member("diffuse");
+            let path = diffuse.member("reflectance");
+            match reflectance {
+                ReflectanceDescription::Colour(colour) => check_triple(*colour, 0.0, 1.0, &path.member("colour")),
+                ReflectanceDescription::Texture { file } => {
+                    check_asset_name(file, &path.member("texture").member("file"))
+                }
+            }
+        }
+        MaterialDescription::Dielectric { index_of_refraction } => {
+            check_range(*index_of_refraction, 1.0, 3.0, &path.member("dielectric").member("index_of_refraction"))
+        }
+        MaterialDescription::Mirror { reflectance } => {
+            check_triple(*reflectance, 0.0, 1.0, &path.member("mirror").member("reflectance"))
+        }
+    }
+}
+
+fn check_normals(normals: &[Triple], vertices: usize, path: &JsonPath<'_>) -> Check {
+    let path = path.member("normals");
+    for (index, normal) in normals.iter().enumerate() {
+        check_direction(*normal, &path.element(index))?;
+    }
+    if normals.is_empty() || normals.len() == vertices {
+        return Ok(());
+    }
+    let found = format!("{} normals", normals.len());
+    Err(SceneError::value(&path, found, format!("{vertices} normals, one for each position, or none")))
+}
+
 fn check_texture_coordinates(
     coordinates: &[[f64; 2]],
     vertices: usize,
@@ -272,8 +271,7 @@ fn check_texture_coordinates(
 impl MaterialDescription {
     /// Whether the meshes of this material must have texture coordinates.
     pub(super) fn needs_texture_coordinates(&self) -> bool {
-        let Self::Diffuse { reflectance } = self;
-        matches!(reflectance, ReflectanceDescription::Texture { .. })
+        matches!(self, Self::Diffuse { reflectance: ReflectanceDescription::Texture { .. } })
     }
 }
 
@@ -429,7 +427,7 @@ fn check_count(count: usize, limit: usize, path: &JsonPath<'_>) -> Check {
 }
 
 /// Checks `min <= value <= max`; a number that is not finite is out of every range.
-fn check_range<T: PartialOrd + fmt::Debug + fmt::Display + Copy>(
+pub(super) fn check_range<T: PartialOrd + fmt::Debug + fmt::Display + Copy>(
     value: T,
     min: T,
     max: T,
@@ -486,7 +484,7 @@ impl fmt::Display for Numbers<'_> {
 }
 
 /// A text in quotation marks.
-struct Quoted<'a>(&'a str);
+pub(super) struct Quoted<'a>(pub(super) &'a str);
 
 impl fmt::Display for Quoted<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -21,12 +21,17 @@ impl Scene {
         target_light: Option<u32>,
         counters: &mut Counters,
     ) -> bool {
-        let by_light = (0u32..).zip(self.lights()).any(|(index, light)| {
+        self.blocked_by_light(ray, max_distance, leaving, target_light)
+            || self.accelerator().occluded(ray, max_distance, leaving, ignored_pane, counters)
+    }
+
+    /// Whether a light stands on the ray before `max_distance`, apart from the one that is named.
+    pub fn blocked_by_light(&self, ray: &Ray, max_distance: f64, leaving: Leaving, target_light: Option<u32>) -> bool {
+        (0u32..).zip(self.lights()).any(|(index, light)| {
             Some(index) != target_light
                 && leaving != Leaving::Light(index)
                 && light.intersect(ray).is_some_and(|hit| hit.distance < max_distance && hit.distance.is_finite())
-        });
-        by_light || self.accelerator().occluded(ray, max_distance, leaving, ignored_pane, counters)
+        })
     }
 
     /// Whether anything but the pane blocks the way from `point` to `entry` on its near face, or stands in the glass

@@ -9,7 +9,7 @@
 //! window that may hold one (`view`).
 
 use super::{
-    Arrival, PanePath, ShadingPoint, SpecularMethod,
+    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage,
     view::{Effort, View},
 };
 use crate::{counters::Counters, film::SampleStream, scene::Scene};
@@ -19,11 +19,16 @@ use crate::{counters::Counters, film::SampleStream, scene::Scene};
 pub struct Cone;
 
 impl SpecularMethod for Cone {
+    fn chains(&self) -> Vec<Vec<SpecularEvent>> {
+        vec![THROUGH_PANE.to_vec()]
+    }
+
     fn gather(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
         light: u32,
+        _: &[SpecularEvent],
         stream: &mut SampleStream,
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
@@ -33,7 +38,7 @@ impl SpecularMethod for Cone {
         view.cast(random, counters, &mut |glimpse, _| arrive(glimpse.arrival));
     }
 
-    fn selects(&self, scene: &Scene, _: &ShadingPoint, path: &PanePath, _: &mut Counters) -> bool {
-        (path.pane as usize) < scene.accelerator().panes().len()
+    fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, _: &mut Counters) -> bool {
+        coverage::through_one_pane(scene, point, path).is_some()
     }
 }

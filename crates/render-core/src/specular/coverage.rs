@@ -1,22 +1,79 @@
 //! The coverage rule `K(path)`: which paths a specular method owns.
 //!
-//! A method owns the path O, X1, X2, S when O is a vertex that is not specular, the path enters one pane through the
-//! face that looks at O and leaves it through the other, with exactly these two transmissions between O and the light,
-//! and all of the following hold:
+//! A path from a vertex O that is not specular to a light is owned by the method that answers for its chain: the specular
+//! vertices between the two. Every method says itself which chains it owns ([`super::SpecularMethod::owns`]), as a function
+//! of O, the chain and the point of the light alone. The path tracer leaves out the light of exactly these paths, whatever
+//! it was that sampled them, and keeps all others.
+//!
+//! `cone` and `fnee` own the chains through one pane ([`through_one_pane`]): exactly two transmissions, in through the face
+//! that looks at O and out through the other, where
 //!
 //! - O does not lie between the highest and the lowest point of a face or its plane ([`PaneSide::facing`]);
-//! - no segment runs along the pane (cosine at least [`GRAZING_COSINE`]);
-//! - the method's selection of panes would have looked at this pane for this O and S
-//!   ([`super::SpecularMethod::selects`]).
-//!
-//! The path tracer leaves out the light of exactly these paths, whatever it was that sampled them, and keeps all others:
-//! reflections, internal reflections, two panes in a row.
+//! - no segment runs along the pane (cosine at least [`GRAZING_COSINE`]).
 
 use glam::DVec3;
 
-use super::side::{GRAZING_COSINE, PaneSide};
+use super::{
+    ShadingPoint, SpecularEvent,
+    side::{GRAZING_COSINE, PaneSide},
+};
+use crate::{
+    geometry::{Face, Leaving},
+    optics::Source,
+    scene::Scene,
+};
+
+/// A specular vertex that the path tracer has met.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link {
+    /// What happened there.
+    pub event: SpecularEvent,
+    /// The surface: a face of a pane, or a triangle.
+    pub surface: Leaving,
+    /// Where, metres.
+    pub position: DVec3,
+    /// Unit direction in which the path came, away from the shading point.
+    pub direction: DVec3,
+}
+
+/// A path from a shading point over specular vertices to a light, as the path tracer has found it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpecularPath<'a> {
+    /// Index of the light in the scene.
+    pub light: u32,
+    /// Where on the light it comes from.
+    pub source: Source,
+    /// Unit direction towards the light behind the last vertex.
+    pub last_direction: DVec3,
+    /// The specular vertices, from the shading point on; at least one.
+    pub links: &'a [Link],
+}
+
+/// The pane through which a path goes, when that is all that it meets, and steeply enough.
+pub fn through_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>) -> Option<u32> {
+    let [entry, exit] = path.links else { return None };
+    let (Leaving::Pane { index, face: near }, Leaving::Pane { index: left, face: far }) = (entry.surface, exit.surface)
+    else {
+        return None;
+    };
+    let transmitted = [entry, exit].iter().all(|link| link.event == SpecularEvent::Transmission);
+    if index != left || !transmitted {
+        return None;
+    }
+    let pane = &scene.panes()[index as usize];
+    let side = PaneSide::facing(pane, pane.frame.point_to_local(point.position))?;
+    let directions =
+        [entry.direction, exit.direction, path.last_direction].map(|world| pane.frame.vector_to_local(world));
+    (near == side.near && far == side.far && steep(&side, directions)).then_some(index)
+}
 
 /// Whether the segments `directions` (towards the light, in the pane's frame) are steep enough to be owned.
-pub fn owns(side: &PaneSide<'_>, directions: [DVec3; 3]) -> bool {
+pub fn steep(side: &PaneSide<'_>, directions: [DVec3; 3]) -> bool {
     directions.into_iter().all(|direction| direction.z * side.sign >= GRAZING_COSINE)
+}
+
+/// Whether a point sees this face of a pane as the near one.
+pub(super) fn is_near(scene: &Scene, point: &ShadingPoint, pane: u32, face: Face) -> bool {
+    let pane = &scene.panes()[pane as usize];
+    PaneSide::facing(pane, pane.frame.point_to_local(point.position)).is_some_and(|side| side.near == face)
 }

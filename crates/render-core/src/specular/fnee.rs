@@ -21,7 +21,7 @@
 use glam::{DVec2, DVec3};
 
 use super::{
-    Arrival, PanePath, ShadingPoint, SpecularMethod,
+    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage,
     enumeration::{Enumeration, enumerate},
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete, solve_published},
@@ -120,6 +120,8 @@ impl<'a> PathSearch<'a> {
 }
 
 impl RandomSearch for PathSearch<'_> {
+    type Path = Root;
+
     fn solve(&self, random: &mut TrialStream, counters: &mut Counters) -> Option<Root> {
         Self::solve(self, || DVec2::new(random.next_f64(), random.next_f64()), counters)
     }
@@ -130,17 +132,22 @@ impl RandomSearch for PathSearch<'_> {
 }
 
 impl SpecularMethod for Fnee {
+    fn chains(&self) -> Vec<Vec<SpecularEvent>> {
+        vec![THROUGH_PANE.to_vec()]
+    }
+
     fn gather(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
         light: u32,
+        _: &[SpecularEvent],
         stream: &mut SampleStream,
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     ) {
         let panes = scene.accelerator().panes();
-        let (centre, radius) = scene.pane_ball();
+        let (centre, radius) = scene.specular_ball();
         let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
         let random = stream.next_2d();
         let view = self.combines().then(|| View::new(scene, point, light, &Effort::at(point)));
@@ -174,10 +181,11 @@ impl SpecularMethod for Fnee {
         }
     }
 
-    fn selects(&self, scene: &Scene, point: &ShadingPoint, path: &PanePath, counters: &mut Counters) -> bool {
+    fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, counters: &mut Counters) -> bool {
+        let Some(pane) = coverage::through_one_pane(scene, point, path) else { return false };
         match self.selection {
             PaneSelection::All => true,
-            PaneSelection::Sharp => scene.first_pane_towards(point, path.source, counters) == Some(path.pane),
+            PaneSelection::Sharp => scene.first_pane_towards(point, path.source, counters) == Some(pane),
             PaneSelection::Bleed => scene.is_blocked_towards(point, path.source, counters),
         }
     }
@@ -195,7 +203,7 @@ struct SampledLight<'a> {
 fn density_of_glimpse(scene: &Scene, light: u32, glimpse: &Glimpse, opening: &Opening<'_>) -> f64 {
     let source = &scene.lights()[light as usize];
     let (met, cosine) = source.met(&glimpse.exit, &glimpse.hit);
-    let (centre, radius) = scene.pane_ball();
+    let (centre, radius) = scene.specular_ball();
     let frame = &opening.side.pane.frame;
     let connection = Connection::new(&opening.side, opening.origin, local(met, frame));
     let theta = [glimpse.through.entry.truncate(), glimpse.through.exit.truncate()];
@@ -232,7 +240,7 @@ impl Fnee {
             let Found { arrival, factor } = passage.found(root, counters)?;
             let rays =
                 light.view.map_or(0.0, |view| view.density(index, search.window.place_of(root.path.vertices[0])));
-            let (centre, radius) = scene.pane_ball();
+            let (centre, radius) = scene.specular_ball();
             let found =
                 scene.lights()[light.index as usize].source_density(centre, radius, light.sample.source) / factor;
             // The balance heuristic (Veach and Guibas 1995); a point light is found by the search alone.

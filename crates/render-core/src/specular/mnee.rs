@@ -1,22 +1,22 @@
-//! `mnee`: manifold next event estimation (Hanika, Droske, Fascione 2015), for the two faces of a pane.
+//! `mnee`: manifold next event estimation (Hanika, Droske, Fascione 2015).
 //!
-//! One manifold walk (`manifold`) on half vectors starts from the straight line to the light and finds one path at most. It
-//! is a function of the shading point and the point on the light, so its light counts with weight one. What it misses is
-//! either left to chance, which is unbiased (a path that chance finds counts if the walk from its own ends does not lead to
-//! it), or dropped.
-
-use glam::DVec3;
+//! One manifold walk (`manifold`) on half vectors starts from the straight line to the light and finds one path at most, over
+//! as many refractions as there are surfaces on that line. It is a function of the shading point and the point on the light,
+//! so its light counts with weight one. What it misses is either left to chance, which is unbiased (a path that chance finds
+//! counts if the walk from its own ends does not lead to it), or dropped.
 
 use super::{
-    Arrival, PanePath, ShadingPoint, SpecularMethod,
-    manifold::ManifoldWalk,
-    newton::Root,
-    passage::{Found, Passage},
+    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath,
+    caster::Caster,
+    chain::Chain,
+    coverage::Link,
+    manifold::{ManifoldWalk, SolvedChain},
+    scope::Scope,
 };
 use crate::{
     counters::Counters,
     film::SampleStream,
-    optics::SourceSample,
+    optics::Source,
     scene::{
         Scene,
         description::{ManifoldConstraint, MissedPaths},
@@ -24,53 +24,79 @@ use crate::{
 };
 
 /// Manifold next event estimation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct Mnee {
     /// What happens to the paths that the walk does not find.
     pub missed: MissedPaths,
+    /// Which paths are looked for.
+    pub scope: Scope,
 }
 
-/// A path that chance has found is the one to which the walk leads, if they cross the near face within this part of the
-/// pane's thickness.
-const SAME_PATH: f64 = 1e-3;
-
 impl SpecularMethod for Mnee {
+    fn chains(&self) -> Vec<Vec<SpecularEvent>> {
+        self.scope.chains.clone()
+    }
+
     fn gather(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
         light: u32,
+        events: &[SpecularEvent],
         stream: &mut SampleStream,
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     ) {
-        let (centre, radius) = scene.pane_ball();
+        let (centre, radius) = scene.specular_ball();
         let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
-        let Some(pane) = scene.first_pane_towards(point, sample.source, counters) else { return };
-        let Some(passage) = Passage::new(scene, point, light, &sample, pane) else { return };
-        if let Some(root) = root(&passage, counters)
-            && let Some(Found { arrival, .. }) = passage.found(&root, counters)
+        if self.scope.receives(scene, point)
+            && let Some(path) = self.path(scene, point, sample.source, events, counters)
+            && let Some(arrival) = path.arrival(scene, point, light, &sample, counters)
         {
             arrive(arrival);
         }
     }
 
-    fn selects(&self, scene: &Scene, point: &ShadingPoint, path: &PanePath, counters: &mut Counters) -> bool {
+    fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, counters: &mut Counters) -> bool {
+        if !self.scope.holds(scene, point, path) {
+            return false;
+        }
         match self.missed {
             MissedPaths::Dropped => true,
             MissedPaths::LeftToChance => {
-                let sample = SourceSample { source: path.source, normal: None, weight: DVec3::ZERO };
-                let Some(passage) = Passage::new(scene, point, path.light, &sample, path.pane) else { return false };
-                let Some(root) = root(&passage, counters) else { return false };
-                let pane = passage.side.pane;
-                let apart = root.path.vertices[0] - pane.frame.point_to_local(path.entry);
-                apart.length() < SAME_PATH * pane.thickness
+                let events: Vec<SpecularEvent> = path.links.iter().map(|link| link.event).collect();
+                let found = self.path(scene, point, path.source, &events, counters);
+                found.is_some_and(|found| found.is_at(path.links[0].position))
             }
         }
     }
 }
 
-/// The path to which the walk leads.
-fn root(passage: &Passage<'_>, counters: &mut Counters) -> Option<Root> {
-    ManifoldWalk::new(passage, ManifoldConstraint::HalfVector).walk_from_straight_line(counters)
+impl Mnee {
+    /// The path to which the walk leads.
+    fn path(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        source: Source,
+        events: &[SpecularEvent],
+        counters: &mut Counters,
+    ) -> Option<SolvedChain> {
+        if events.contains(&SpecularEvent::Reflection) {
+            return None;
+        }
+        let seed = Chain::along_straight_line(scene, point, source, events.len(), counters)?;
+        let first = seed.vertices.first()?;
+        let link = Link {
+            event: events[0],
+            surface: first.surface,
+            position: first.at.position,
+            direction: (first.at.position - point.position).normalize(),
+        };
+        let caster = Caster::of(scene, &link).filter(|caster| self.scope.casters.contains(caster))?;
+        let seen = caster.seen_from(scene, point)?;
+        let walk =
+            ManifoldWalk { scene, point, source, caster: seen, events, constraint: ManifoldConstraint::HalfVector };
+        walk.walk_from(seed, counters)
+    }
 }

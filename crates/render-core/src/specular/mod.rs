@@ -5,6 +5,8 @@
 //! same paths ([`coverage`]) and look for them in the same window ([`window`]).
 
 mod block_tridiagonal;
+mod caster;
+mod chain;
 pub mod cone;
 mod constraint;
 pub mod coverage;
@@ -17,6 +19,7 @@ mod manifold;
 pub mod mnee;
 pub mod newton;
 mod passage;
+pub mod scope;
 pub mod side;
 pub mod sms;
 #[cfg(test)]
@@ -27,7 +30,9 @@ pub mod window;
 
 use glam::DVec3;
 
-use crate::{counters::Counters, film::SampleStream, geometry::Leaving, optics::Source, scene::Scene};
+use crate::{counters::Counters, film::SampleStream, geometry::Leaving, scene::Scene};
+
+pub use coverage::{Link, SpecularPath};
 
 /// A point of a surface that is not specular, where light is gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,34 +56,39 @@ pub struct Arrival {
     pub weight: DVec3,
 }
 
-/// A method that finds the light that arrives through a pane.
+/// What light does at a specular vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum SpecularEvent {
+    /// It is mirrored.
+    Reflection,
+    /// It is refracted.
+    Transmission,
+}
+
+/// In through one face of a pane, and out through the other.
+pub const THROUGH_PANE: [SpecularEvent; 2] = [SpecularEvent::Transmission; 2];
+
+/// A method that finds the light that arrives by way of specular surfaces.
 pub trait SpecularMethod: Send + Sync {
-    /// Estimates the light of `light` (an index into the scene) that arrives at `point` by the paths that the method
-    /// owns, and hands each piece to `arrive`. The expectation of the sum over all pieces is the light that arrives.
+    /// The chains that the method looks for, each as what happens from the shading point to the light.
+    fn chains(&self) -> Vec<Vec<SpecularEvent>>;
+
+    /// Estimates the light of `light` (an index into the scene) that arrives at `point` by the paths over the chain
+    /// `events` that the method owns, and hands each piece to `arrive`. The expectation of the sum over all pieces is the
+    /// light that arrives.
+    #[expect(clippy::too_many_arguments, reason = "one estimate depends on all of them, and none belong together")]
     fn gather(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
         light: u32,
+        events: &[SpecularEvent],
         stream: &mut SampleStream,
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     );
 
-    /// Whether the method looks for this path from `point` through a pane: a function of these alone, so that the path
-    /// tracer can own exactly the paths that the method does not look for.
-    fn selects(&self, scene: &Scene, point: &ShadingPoint, path: &PanePath, counters: &mut Counters) -> bool;
-}
-
-/// A path of light through one pane to a shading point.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PanePath {
-    /// Index of the light in the scene.
-    pub light: u32,
-    /// Where on the light it comes from.
-    pub source: Source,
-    /// Index of the pane in the scene.
-    pub pane: u32,
-    /// Where it crosses the face that looks at the shading point.
-    pub entry: DVec3,
+    /// Whether the method looks for this path to `point`: a function of these alone, so that the path tracer can own
+    /// exactly the paths that the method does not look for.
+    fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, counters: &mut Counters) -> bool;
 }

@@ -97,7 +97,7 @@ pub(crate) fn transmission(
 ) -> Option<Transmission> {
     let outline = side.pane.outline();
     let inside = root.theta.iter().all(|vertex| outline.contains(*vertex));
-    if !(inside && root.path.crosses(side.sign) && coverage::owns(side, root.path.directions)) {
+    if !(inside && root.path.crosses(side.sign) && coverage::steep(side, root.path.directions)) {
         return None;
     }
     let through = side.transmit(&Ray::new(origin, root.path.directions[0]), counters)?;

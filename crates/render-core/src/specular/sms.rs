@@ -1,16 +1,13 @@
-//! `sms`: specular manifold sampling (Zeltner et al. 2020), for the two faces of a pane.
+//! `sms`: specular manifold sampling (Zeltner et al. 2020).
 //!
-//! Seeds are uniform over the outline of each pane; manifold walks (`manifold`) lead from them to paths, whose light is
-//! estimated from how often they are found (`trials`). Every pane of the scene is a caster, and all get an estimate each, as
-//! in the authors' code.
-
-use glam::DVec2;
+//! Seeds are uniform over each caster, a pane or a smooth mesh; manifold walks (`manifold`) lead from them to paths, whose
+//! light is estimated from how often they are found (`trials`). Every caster gets an estimate of its own, as in the authors'
+//! code; a path belongs to the caster that it meets first.
 
 use super::{
-    Arrival, PanePath, ShadingPoint, SpecularMethod,
-    manifold::ManifoldWalk,
-    newton::Root,
-    passage::{Found, Passage},
+    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath,
+    manifold::{ManifoldWalk, SolvedChain},
+    scope::Scope,
     trials::RandomSearch,
 };
 use crate::{
@@ -23,55 +20,67 @@ use crate::{
 };
 
 /// Specular manifold sampling.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct Sms {
     /// What a vertex has to obey.
     pub constraint: ManifoldConstraint,
     /// What is made of the paths that are found.
     pub estimator: ManifoldEstimator,
+    /// Which paths are looked for.
+    pub scope: Scope,
 }
 
 /// Walks from uniform seeds.
-struct UniformSeeds<'a>(ManifoldWalk<'a>, &'a Passage<'a>);
+struct UniformSeeds<'a>(ManifoldWalk<'a>);
 
 impl RandomSearch for UniformSeeds<'_> {
-    fn solve(&self, random: &mut TrialStream, counters: &mut Counters) -> Option<Root> {
-        let outline = self.1.side.pane.outline();
-        let place = DVec2::new(random.next_f64(), random.next_f64());
-        self.0.walk_from(outline.min + (outline.max - outline.min) * place, counters)
+    type Path = SolvedChain;
+
+    fn solve(&self, random: &mut TrialStream, counters: &mut Counters) -> Option<SolvedChain> {
+        let target = self.0.caster.sample(self.0.scene, random, counters)?;
+        self.0.walk_towards(target, counters)
     }
 
-    fn same(&self, first: &Root, second: &Root) -> bool {
-        self.0.same(first, second)
+    fn same(&self, first: &SolvedChain, second: &SolvedChain) -> bool {
+        first.same(second)
     }
 }
 
 impl SpecularMethod for Sms {
+    fn chains(&self) -> Vec<Vec<SpecularEvent>> {
+        self.scope.chains.clone()
+    }
+
     fn gather(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
         light: u32,
+        events: &[SpecularEvent],
         stream: &mut SampleStream,
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     ) {
-        let (centre, radius) = scene.pane_ball();
+        let (centre, radius) = scene.specular_ball();
         let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
-        for pane in 0..scene.accelerator().panes().len() {
+        if !self.scope.receives(scene, point) {
+            return;
+        }
+        for caster in &self.scope.casters {
             let mut trials = stream.trials();
-            let Some(passage) = Passage::new(scene, point, light, &sample, pane as u32) else { continue };
-            let search = UniformSeeds(ManifoldWalk::new(&passage, self.constraint), &passage);
+            let Some(caster) = caster.seen_from(scene, point) else { continue };
+            let (source, constraint) = (sample.source, self.constraint);
+            let search = UniformSeeds(ManifoldWalk { scene, point, source, caster, events, constraint });
             match self.estimator {
                 ManifoldEstimator::Unbiased { max_trials } => {
-                    let Some(root) = search.solve(&mut trials, counters) else { continue };
-                    let Some(Found { arrival, .. }) = passage.found(&root, counters) else { continue };
-                    let inverse = search.inverse_probability(&root, max_trials, &mut trials, counters);
+                    let Some(path) = search.solve(&mut trials, counters) else { continue };
+                    let Some(arrival) = path.arrival(scene, point, light, &sample, counters) else { continue };
+                    let inverse = search.inverse_probability(&path, max_trials, &mut trials, counters);
                     arrive(Arrival { weight: arrival.weight * inverse, ..arrival });
                 }
                 ManifoldEstimator::Biased { trials: runs } => {
-                    for root in search.distinct(runs, &mut trials, counters) {
-                        if let Some(Found { arrival, .. }) = passage.found(&root, counters) {
+                    for path in search.distinct(runs, &mut trials, counters) {
+                        if let Some(arrival) = path.arrival(scene, point, light, &sample, counters) {
                             arrive(arrival);
                         }
                     }
@@ -80,7 +89,7 @@ impl SpecularMethod for Sms {
         }
     }
 
-    fn selects(&self, scene: &Scene, _: &ShadingPoint, path: &PanePath, _: &mut Counters) -> bool {
-        (path.pane as usize) < scene.accelerator().panes().len()
+    fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, _: &mut Counters) -> bool {
+        self.scope.holds(scene, point, path)
     }
 }

@@ -7,29 +7,31 @@
 //! - **biased**: the distinct paths that a fixed number M of runs finds, each counted once. Its expectation lacks the part
 //!   `(1 - p_k)^M` of each path's light: too dark, never too bright.
 
-use super::newton::Root;
 use crate::{counters::Counters, film::TrialStream};
 
 /// A search for the paths of one connection from random seeds.
 pub(crate) trait RandomSearch {
+    /// A path.
+    type Path;
+
     /// Runs once: a function of the numbers that it draws and of nothing else that is random.
-    fn solve(&self, random: &mut TrialStream, counters: &mut Counters) -> Option<Root>;
+    fn solve(&self, random: &mut TrialStream, counters: &mut Counters) -> Option<Self::Path>;
 
-    /// Whether two roots are the same path.
-    fn same(&self, first: &Root, second: &Root) -> bool;
+    /// Whether two of them are the same path.
+    fn same(&self, first: &Self::Path, second: &Self::Path) -> bool;
 
-    /// Number of independent runs until `root` is found again: an unbiased estimate of one over its probability. Cut off
+    /// Number of independent runs until `path` is found again: an unbiased estimate of one over its probability. Cut off
     /// at `max_trials`.
     fn inverse_probability(
         &self,
-        root: &Root,
+        path: &Self::Path,
         max_trials: u32,
         random: &mut TrialStream,
         counters: &mut Counters,
     ) -> f64 {
         for trial in 1..=max_trials {
             counters.trials += 1;
-            if self.solve(random, counters).is_some_and(|found| self.same(root, &found)) {
+            if self.solve(random, counters).is_some_and(|found| self.same(path, &found)) {
                 return f64::from(trial);
             }
         }
@@ -38,16 +40,16 @@ pub(crate) trait RandomSearch {
     }
 
     /// The distinct paths that `runs` runs find.
-    fn distinct(&self, runs: u32, random: &mut TrialStream, counters: &mut Counters) -> Vec<Root> {
-        let mut roots: Vec<Root> = Vec::new();
+    fn distinct(&self, runs: u32, random: &mut TrialStream, counters: &mut Counters) -> Vec<Self::Path> {
+        let mut paths: Vec<Self::Path> = Vec::new();
         for _ in 0..runs {
             counters.trials += 1;
-            if let Some(root) = self.solve(random, counters)
-                && !roots.iter().any(|known| self.same(known, &root))
+            if let Some(path) = self.solve(random, counters)
+                && !paths.iter().any(|known| self.same(known, &path))
             {
-                roots.push(root);
+                paths.push(path);
             }
         }
-        roots
+        paths
     }
 }

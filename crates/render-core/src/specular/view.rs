@@ -160,7 +160,7 @@ impl<'a> View<'a> {
             return None;
         }
         let through = side.transmit(&ray, counters)?;
-        if !coverage::owns(side, [ray.direction, through.inner_direction, through.direction]) {
+        if !coverage::steep(side, [ray.direction, through.inner_direction, through.direction]) {
             return None;
         }
         let exit = Ray::new(frame.point_to_world(through.exit), frame.vector_to_world(through.direction));

@@ -212,7 +212,7 @@ mod tests {
             let target = ((pair(&mut random) - 0.5) * pane.size).extend(side.near_base());
             let direction = (target - origin).normalize();
             let Some(through) = side.transmit(&Ray::new(origin, direction), &mut counters) else { continue };
-            if !coverage::owns(&side, [direction, through.inner_direction, through.direction]) {
+            if !coverage::steep(&side, [direction, through.inner_direction, through.direction]) {
                 continue;
             }
             traced += 1;
@@ -286,7 +286,7 @@ mod tests {
             let direction = (through - origin).normalize();
             let side = PaneSide::facing(&pane, origin).unwrap();
             let Some(path) = side.transmit(&Ray::new(origin, direction), &mut Counters::default()) else { continue };
-            if !coverage::owns(&side, [direction, path.inner_direction, path.direction]) {
+            if !coverage::steep(&side, [direction, path.inner_direction, path.direction]) {
                 continue;
             }
             let light = path.exit + direction * between(&mut random, 0.01, 1000.0);

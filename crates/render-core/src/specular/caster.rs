@@ -1,0 +1,106 @@
+//! Casters: the panes and the smooth meshes of a scene, as the first thing that a chain of specular vertices meets.
+
+use glam::DVec3;
+
+use super::{Link, ShadingPoint, coverage, side::PaneSide};
+use crate::{
+    counters::Counters,
+    film::TrialStream,
+    geometry::{Face, Leaving, Surface},
+    scene::Scene,
+};
+
+/// A specular thing, by its index in the scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Caster {
+    /// A pane.
+    Pane(u32),
+    /// A smooth mesh.
+    Mesh(u32),
+}
+
+/// A caster, as seen from a shading point.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum SeenCaster {
+    /// The face of a pane that looks at the point.
+    Face { pane: u32, face: Face },
+    /// A mesh.
+    Mesh(u32),
+}
+
+/// All casters of a scene: panes first, then meshes.
+pub(super) fn casters(scene: &Scene) -> impl Iterator<Item = Caster> {
+    let panes = (0u32..).zip(scene.panes()).map(|(index, _)| Caster::Pane(index));
+    let meshes = (0u32..).zip(scene.meshes()).filter(|(_, mesh)| mesh.is_smooth());
+    panes.chain(meshes.map(|(index, _)| Caster::Mesh(index)))
+}
+
+impl Caster {
+    /// The caster on which a chain begins.
+    pub(super) fn of(scene: &Scene, first: &Link) -> Option<Self> {
+        match first.surface {
+            Leaving::Pane { index, .. } => Some(Self::Pane(index)),
+            Leaving::Triangle(triangle) => Some(Self::Mesh(scene.mesh_of(triangle))),
+            Leaving::Nothing | Leaving::Light(_) => None,
+        }
+    }
+
+    /// The caster from a shading point; `None` where no chain that begins on it is owned.
+    pub(super) fn seen_from(self, scene: &Scene, point: &ShadingPoint) -> Option<SeenCaster> {
+        match self {
+            Self::Pane(pane) => {
+                let geometry = &scene.panes()[pane as usize];
+                let origin = geometry.frame.point_to_local(point.position);
+                let side = PaneSide::facing(geometry, origin)?;
+                let above = side.rises_above(origin, geometry.frame.vector_to_local(point.normal));
+                above.then_some(SeenCaster::Face { pane, face: side.near })
+            }
+            Self::Mesh(mesh) => {
+                let [low, high] = scene.mesh_bounds(mesh);
+                let highest = DVec3::select(point.normal.cmpgt(DVec3::ZERO), high, low);
+                ((highest - point.position).dot(point.normal) > 0.0).then_some(SeenCaster::Mesh(mesh))
+            }
+        }
+    }
+
+    /// Whether a chain that begins with `first` is one that begins on the caster as seen from the point.
+    pub(super) fn owns(self, scene: &Scene, point: &ShadingPoint, first: &Link) -> bool {
+        match first.surface {
+            Leaving::Pane { index, face } => Self::Pane(index) == self && coverage::is_near(scene, point, index, face),
+            Leaving::Triangle(triangle) => Self::Mesh(scene.mesh_of(triangle)) == self,
+            Leaving::Nothing | Leaving::Light(_) => false,
+        }
+    }
+}
+
+impl SeenCaster {
+    /// A point on it, uniform over its area (over the plane of a pane).
+    pub(super) fn sample(&self, scene: &Scene, random: &mut TrialStream, counters: &mut Counters) -> Option<DVec3> {
+        match *self {
+            Self::Face { pane, face } => {
+                let pane = &scene.panes()[pane as usize];
+                let outline = pane.outline();
+                let random = glam::DVec2::new(random.next_f64(), random.next_f64());
+                let place = outline.min + (outline.max - outline.min) * random;
+                counters.height_evaluations += 1;
+                let height = pane.base_height(face) + pane.surface(face).height(place);
+                Some(pane.frame.point_to_world(place.extend(height)))
+            }
+            Self::Mesh(mesh) => {
+                let random = [random.next_f64(), random.next_f64(), random.next_f64()];
+                scene.sample_mesh(mesh, random)
+            }
+        }
+    }
+
+    /// Whether a surface that a ray has met belongs to it.
+    pub(super) fn holds(&self, scene: &Scene, surface: &Surface) -> bool {
+        match (self, surface) {
+            (Self::Face { pane, face }, Surface::Pane { index, hit }) => {
+                pane == index && hit.boundary == crate::geometry::PaneBoundary::Face(*face)
+            }
+            (Self::Mesh(mesh), Surface::Triangle { index, .. }) => scene.mesh_of(*index) == *mesh,
+            _ => false,
+        }
+    }
+}

@@ -1,0 +1,325 @@
+//! A chain: the specular vertices that light meets on its way from a shading point, traced through the scene.
+//!
+//! A ray from the shading point is followed as the path tracer would follow it, but with what happens at each vertex given
+//! beforehand. The last vertex is to be joined to a point of a light, which it need not obey Snell's law to reach: how far it
+//! is from that, and how that changes with the first vertex, is what a walk over a specular manifold (`manifold`) needs.
+
+use arrayvec::ArrayVec;
+use glam::{DMat2, DVec2, DVec3};
+
+use super::{
+    ShadingPoint, SpecularEvent,
+    block_tridiagonal::{Row, solve},
+    caster::SeenCaster,
+    constraint::{Bend, Residual, Vertex},
+    side::unit_normal,
+};
+use crate::{
+    counters::Counters,
+    geometry::{Hit, Leaving, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential},
+    optics::{
+        Source,
+        dielectric::{absorption, reflect, refract},
+    },
+    scene::{Scene, description::MOST_SPECULAR_VERTICES, description::ManifoldConstraint, visibility::straight},
+};
+
+/// A specular vertex.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ChainVertex {
+    /// The surface, to be skipped by a ray that leaves it.
+    pub(super) surface: Leaving,
+    /// The pane in whose glass light goes on, as [`Leaving`] when it starts there.
+    pub(super) inside: Option<u32>,
+    /// The surface around the vertex.
+    pub(super) at: SurfaceDifferential,
+    /// What happens there.
+    pub(super) bend: Bend,
+}
+
+/// The specular vertices between a shading point and a light.
+#[derive(Clone, Debug)]
+pub(super) struct Chain {
+    /// From the shading point on; at least one.
+    pub(super) vertices: ArrayVec<ChainVertex, MOST_SPECULAR_VERTICES>,
+    /// What radiance from the light is multiplied by at all vertices and in the glass between them.
+    pub(super) throughput: DVec3,
+    /// Unit direction into which the last vertex sends light.
+    pub(super) exit: DVec3,
+}
+
+/// One vertex of a chain that obeys its law, and where light goes from there.
+struct Step {
+    vertex: ChainVertex,
+    factor: DVec3,
+    next: DVec3,
+}
+
+/// The way of light between its ends, from the shading point to the light.
+#[derive(Clone, Debug)]
+pub(super) struct Segments {
+    /// Unit directions.
+    pub(super) directions: ArrayVec<DVec3, { MOST_SPECULAR_VERTICES + 1 }>,
+    /// Lengths, metres; the last is infinite for a light at infinity.
+    pub(super) lengths: ArrayVec<f64, { MOST_SPECULAR_VERTICES + 1 }>,
+}
+
+impl Segments {
+    /// Direction of the last one.
+    pub(super) fn last(&self) -> DVec3 {
+        self.directions[self.directions.len() - 1]
+    }
+
+    /// Length of the shortest one, metres.
+    pub(super) fn shortest(&self) -> f64 {
+        self.lengths.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+}
+
+impl Chain {
+    /// The chain that a ray in `direction` from the shading point meets, when that begins on `caster` and each vertex can
+    /// do what `events` says.
+    pub(super) fn trace(
+        scene: &Scene,
+        point: &ShadingPoint,
+        direction: DVec3,
+        caster: &SeenCaster,
+        events: &[SpecularEvent],
+        counters: &mut Counters,
+    ) -> Option<Self> {
+        let mut chain = Self { vertices: ArrayVec::new(), throughput: DVec3::ONE, exit: direction };
+        let mut ray = Ray::new(point.position, direction);
+        for event in events {
+            let (inside, leaving) =
+                chain.vertices.last().map_or((None, point.leaving), |last| (last.inside, last.surface));
+            let hit = next_hit(scene, &ray, inside, leaving, f64::INFINITY, counters)?;
+            if chain.vertices.is_empty() && !caster.holds(scene, &hit.surface) {
+                return None;
+            }
+            let step = chain.meet(scene, &ray, &hit, *event, counters)?;
+            chain.throughput *= step.factor;
+            chain.vertices.try_push(step.vertex).ok()?;
+            chain.exit = step.next;
+            ray = Ray::new(step.vertex.at.position, step.next);
+        }
+        Some(chain)
+    }
+
+    /// The vertices at which the straight line from the shading point to the source crosses specular surfaces, refracting
+    /// at none; `None` when they are not as many as `count`, or anything else is in the way.
+    pub(super) fn along_straight_line(
+        scene: &Scene,
+        point: &ShadingPoint,
+        source: Source,
+        count: usize,
+        counters: &mut Counters,
+    ) -> Option<Self> {
+        let (mut ray, mut distance) = straight(point.position, source);
+        let mut chain = Self { vertices: ArrayVec::new(), throughput: DVec3::ONE, exit: ray.direction };
+        loop {
+            let (inside, leaving) =
+                chain.vertices.last().map_or((None, point.leaving), |last| (last.inside, last.surface));
+            let Some(hit) = next_hit(scene, &ray, inside, leaving, distance, counters) else { break };
+            let vertex = chain.cross(scene, &ray, &hit, counters)?;
+            if chain.vertices.len() == count {
+                return None;
+            }
+            chain.vertices.try_push(vertex).ok()?;
+            (ray, distance) = straight(vertex.at.position, source);
+        }
+        (chain.vertices.len() == count && chain.vertices.last()?.inside.is_none()).then_some(chain)
+    }
+
+    /// The vertex where a ray has met a surface, and what the event makes of the ray.
+    fn meet(&self, scene: &Scene, ray: &Ray, hit: &Hit, event: SpecularEvent, counters: &mut Counters) -> Option<Step> {
+        match &hit.surface {
+            Surface::Triangle { index, barycentric } => {
+                if self.vertices.last().is_some_and(|last| last.inside.is_some()) {
+                    return None;
+                }
+                let interface = scene.interface(*index)?;
+                let normals = scene.normals(*index, *barycentric);
+                let (bend, factor, next) = match event {
+                    SpecularEvent::Transmission => {
+                        let crossing = interface.transmit(ray.direction, &normals)?;
+                        let factor = DVec3::splat(crossing.radiance_factor());
+                        (Bend::Transmission { ratio: crossing.ratio }, factor, crossing.direction)
+                    }
+                    SpecularEvent::Reflection => {
+                        let (next, fraction) = interface.reflect(ray.direction, &normals)?;
+                        (Bend::Reflection, fraction, next)
+                    }
+                };
+                let at = scene.differential(*index, ray.at(hit.distance), *barycentric);
+                let vertex = ChainVertex { surface: Leaving::Triangle(*index), inside: None, at, bend };
+                Some(Step { vertex, factor, next })
+            }
+            Surface::Pane { index, hit: pane_hit } => {
+                let pane = &scene.panes()[*index as usize];
+                let glass = if pane_hit.inside { absorption(pane.absorption, hit.distance) } else { DVec3::ONE };
+                let normal = pane.frame.vector_to_world(unit_normal(pane_hit.gradient));
+                let (before, behind) =
+                    if pane_hit.inside { (pane.index_of_refraction, 1.0) } else { (1.0, pane.index_of_refraction) };
+                let refraction = refract(ray.direction, normal, before, behind);
+                let (bend, fraction, next, stays) = match event {
+                    SpecularEvent::Transmission => {
+                        let refraction = refraction?;
+                        let bend = Bend::Transmission { ratio: behind / before };
+                        (bend, refraction.transmittance, refraction.direction, !pane_hit.inside)
+                    }
+                    SpecularEvent::Reflection => {
+                        let reflected = 1.0 - refraction.map_or(0.0, |refraction| refraction.transmittance);
+                        (Bend::Reflection, reflected, reflect(ray.direction, normal), pane_hit.inside)
+                    }
+                };
+                let vertex = face_vertex(scene, *index, pane_hit, bend, stays, counters)?;
+                Some(Step { vertex, factor: glass * fraction, next })
+            }
+        }
+    }
+
+    /// The vertex where a ray goes straight through a surface.
+    fn cross(&self, scene: &Scene, ray: &Ray, hit: &Hit, counters: &mut Counters) -> Option<ChainVertex> {
+        match &hit.surface {
+            Surface::Triangle { index, barycentric } => {
+                if self.vertices.last().is_some_and(|last| last.inside.is_some()) {
+                    return None;
+                }
+                let normals = scene.normals(*index, *barycentric);
+                let ratio = scene.interface(*index)?.ratio(ray.direction, &normals)?;
+                let at = scene.differential(*index, ray.at(hit.distance), *barycentric);
+                let bend = Bend::Transmission { ratio };
+                Some(ChainVertex { surface: Leaving::Triangle(*index), inside: None, at, bend })
+            }
+            Surface::Pane { index, hit: pane_hit } => {
+                let glass = scene.panes()[*index as usize].index_of_refraction;
+                let ratio = if pane_hit.inside { 1.0 / glass } else { glass };
+                face_vertex(scene, *index, pane_hit, Bend::Transmission { ratio }, !pane_hit.inside, counters)
+            }
+        }
+    }
+
+    /// Directions and lengths of the segments when the last vertex is joined to the source.
+    pub(super) fn segments(&self, origin: DVec3, source: Source) -> Segments {
+        let mut segments = Segments { directions: ArrayVec::new(), lengths: ArrayVec::new() };
+        let mut from = origin;
+        for vertex in &self.vertices {
+            let offset = vertex.at.position - from;
+            let length = offset.length();
+            segments.directions.push(offset / length);
+            segments.lengths.push(length);
+            from = vertex.at.position;
+        }
+        let (last, length) = straight(from, source);
+        segments.directions.push(last.direction);
+        segments.lengths.push(length);
+        segments
+    }
+
+    /// The constraints at all vertices; `None` where light is totally reflected both ways.
+    pub(super) fn residuals(
+        &self,
+        segments: &Segments,
+        constraint: ManifoldConstraint,
+    ) -> Option<ArrayVec<Residual, MOST_SPECULAR_VERTICES>> {
+        let mut residuals = ArrayVec::new();
+        for (k, vertex) in self.vertices.iter().enumerate() {
+            let to_previous = -segments.directions[k];
+            let to_next = segments.directions[k + 1];
+            residuals
+                .push(Vertex { surface: &vertex.at, to_previous, to_next, bend: vertex.bend }.residual(constraint)?);
+        }
+        Some(residuals)
+    }
+
+    /// The linearised constraints, each vertex moving along its surface.
+    pub(super) fn rows(&self, segments: &Segments, residuals: &[Residual]) -> ArrayVec<Row, MOST_SPECULAR_VERTICES> {
+        let by_segment = |gradients: &[DVec3; 2], segment: usize, vertex: usize| {
+            let tangents = &self.vertices[vertex].at.tangents;
+            turned(gradients, segments.directions[segment], segments.lengths[segment], tangents)
+        };
+        let last = self.vertices.len() - 1;
+        let row = |(k, residual): (usize, &Residual)| Row {
+            before: if k > 0 { by_segment(&residual.by_previous, k, k - 1) } else { DMat2::ZERO },
+            // Moving a vertex turns the directions to its neighbours the other way.
+            own: residual.by_normal - by_segment(&residual.by_previous, k, k) - by_segment(&residual.by_next, k + 1, k),
+            after: if k < last { by_segment(&residual.by_next, k + 1, k + 1) } else { DMat2::ZERO },
+            right: residual.value,
+        };
+        residuals.iter().enumerate().map(row).collect()
+    }
+
+    /// The generalised geometry factor of a chain that obeys the constraints everywhere, with its sign: solid angle at the
+    /// shading point for each area, perpendicular to the path, at a light point, or for each solid angle of a light at
+    /// infinity (Jakob and Marschner 2012, section 5.1). `None` on a fold.
+    pub(super) fn geometry_factor(&self, segments: &Segments, residuals: &[Residual]) -> Option<f64> {
+        let rows = self.rows(segments, residuals);
+        let last = self.vertices.len() - 1;
+        let direction = segments.directions[last + 1];
+        let (u, v) = direction.any_orthonormal_pair();
+        let length = segments.lengths[last + 1];
+        let scale = if length.is_finite() { 1.0 / length } else { 1.0 };
+        // How the first vertex moves when the light's end of the last segment does.
+        let mut columns = [DVec2::ZERO; 2];
+        for (column, across) in columns.iter_mut().zip([u, v]) {
+            let mut rows = rows.clone();
+            for row in &mut rows {
+                row.right = DVec2::ZERO;
+            }
+            let [first, second] = &residuals[last].by_next;
+            rows[last].right = -DVec2::new(first.dot(across), second.dot(across)) * scale;
+            solve(&mut rows)?;
+            *column = rows[0].right;
+        }
+        let moved = DMat2::from_cols(columns[0], columns[1]);
+        let towards = segments.directions[0];
+        let (u, v) = towards.any_orthonormal_pair();
+        let turned = turned(&[u, v], towards, segments.lengths[0], &self.vertices[0].at.tangents);
+        let factor = (turned * moved).determinant();
+        factor.is_finite().then_some(factor)
+    }
+}
+
+/// What a ray meets next, in the glass of a pane or in the air.
+fn next_hit(
+    scene: &Scene,
+    ray: &Ray,
+    inside: Option<u32>,
+    leaving: Leaving,
+    distance: f64,
+    counters: &mut Counters,
+) -> Option<Hit> {
+    match (inside, leaving) {
+        (Some(pane), Leaving::Pane { face, .. }) => {
+            let hit = scene.accelerator().closest_hit_inside(pane, ray, Some(face), counters);
+            hit.filter(|hit| hit.distance < distance)
+        }
+        _ => scene.accelerator().closest_hit(ray, distance, leaving, counters),
+    }
+}
+
+/// A vertex on a face of a pane; `None` on its edge.
+fn face_vertex(
+    scene: &Scene,
+    index: u32,
+    hit: &PaneHit,
+    bend: Bend,
+    stays_inside: bool,
+    counters: &mut Counters,
+) -> Option<ChainVertex> {
+    let PaneBoundary::Face(face) = hit.boundary else { return None };
+    let pane = &scene.panes()[index as usize];
+    counters.height_evaluations += 1;
+    let jet = pane.surface(face).jet(hit.point.truncate());
+    let position = pane.frame.point_to_world(hit.point);
+    let at = SurfaceDifferential::of_face(&pane.frame, position, &jet);
+    Some(ChainVertex { surface: Leaving::Pane { index, face }, inside: stays_inside.then_some(index), at, bend })
+}
+
+/// Derivatives of two components, given by their gradients with respect to a direction, when the far end of a segment
+/// with this direction (of either sign) and this length moves along two tangents.
+fn turned(gradients: &[DVec3; 2], direction: DVec3, length: f64, tangents: &[DVec3; 2]) -> DMat2 {
+    let across = gradients.map(|gradient| (gradient - direction * direction.dot(gradient)) / length);
+    let column = |tangent: DVec3| DVec2::new(across[0].dot(tangent), across[1].dot(tangent));
+    DMat2::from_cols(column(tangents[0]), column(tangents[1]))
+}

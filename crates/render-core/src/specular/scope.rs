@@ -1,0 +1,61 @@
+//! Which paths the manifold methods look for: over which chains of specular vertices, beginning on which casters, from which
+//! receivers. What is not named is marked by what it is: panes and smooth meshes cast, everything else receives.
+
+use super::{ShadingPoint, SpecularEvent, SpecularPath, caster::Caster, caster::casters};
+use crate::{geometry::Leaving, scene::Scene};
+
+/// The paths that a manifold method looks for.
+#[derive(Clone, Debug)]
+pub struct Scope {
+    /// The chains, each as what happens from the shading point to the light.
+    pub(super) chains: Vec<Vec<SpecularEvent>>,
+    /// The first things that they meet.
+    pub(super) casters: Vec<Caster>,
+    /// For each mesh, whether light is gathered on it.
+    receivers: Vec<bool>,
+}
+
+impl Scope {
+    /// The paths over `chains` (strings of R for reflection and T for transmission, from the surface to the light) that
+    /// begin on the named panes and meshes, all by default, and end on the named meshes, all by default.
+    pub fn new(
+        scene: &Scene,
+        chains: &[String],
+        casters_named: Option<&[String]>,
+        receivers: Option<&[String]>,
+    ) -> Self {
+        let is_named = |names: Option<&[String]>, name: &str| names.is_none_or(|names| names.iter().any(|n| n == name));
+        let name = |caster: &Caster| match *caster {
+            Caster::Pane(index) => scene.panes()[index as usize].name.as_str(),
+            Caster::Mesh(index) => scene.meshes()[index as usize].name(),
+        };
+        Self {
+            chains: chains.iter().map(|chain| events(chain)).collect(),
+            casters: casters(scene).filter(|caster| is_named(casters_named, name(caster))).collect(),
+            receivers: scene.meshes().iter().map(|mesh| is_named(receivers, mesh.name())).collect(),
+        }
+    }
+
+    /// Whether light is gathered at a point.
+    pub(super) fn receives(&self, scene: &Scene, point: &ShadingPoint) -> bool {
+        match point.leaving {
+            Leaving::Triangle(triangle) => self.receivers[scene.mesh_of(triangle) as usize],
+            _ => true,
+        }
+    }
+
+    /// Whether a path is one of them.
+    pub(super) fn holds(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>) -> bool {
+        let is_chain = |chain: &Vec<SpecularEvent>| chain.iter().copied().eq(path.links.iter().map(|link| link.event));
+        let Some(first) = path.links.first() else { return false };
+        let begins = Caster::of(scene, first)
+            .is_some_and(|caster| self.casters.contains(&caster) && caster.owns(scene, point, first));
+        begins && self.chains.iter().any(is_chain) && self.receives(scene, point)
+    }
+}
+
+/// A chain from its letters.
+fn events(chain: &str) -> Vec<SpecularEvent> {
+    let event = |letter| if letter == 'R' { SpecularEvent::Reflection } else { SpecularEvent::Transmission };
+    chain.chars().map(event).collect()
+}
