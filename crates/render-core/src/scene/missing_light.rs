@@ -3,8 +3,8 @@
 //! These are classes of paths. How much light there is in them depends on the scene.
 
 use super::description::{
-    FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, MissedPaths, PaneSelection,
-    SceneDescription,
+    FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, MaterialDescription, MeshDescription,
+    MissedPaths, PaneSelection, SceneDescription,
 };
 use crate::specular::side::GRAZING_COSINE;
 
@@ -22,13 +22,19 @@ impl SceneDescription {
             missing.push(format!("paths that do not match the path filter {filter}"));
         }
         missing.push(self.long_paths());
-        if !self.panes.is_empty() {
-            missing.extend(self.unfound_paths());
-            if self.lights.iter().any(|light| matches!(light, LightDescription::Point { .. })) {
-                missing.extend(self.light_of_points());
-            }
+        if self.panes.is_empty() && !self.has_smooth_meshes() {
+            return missing;
+        }
+        missing.extend(self.unfound_paths());
+        if self.lights.iter().any(|light| matches!(light, LightDescription::Point { .. })) {
+            missing.extend(self.light_of_points());
         }
         missing
+    }
+
+    fn has_smooth_meshes(&self) -> bool {
+        let material = |mesh: &MeshDescription| self.materials.get(&mesh.material);
+        self.meshes.iter().any(|mesh| !matches!(material(mesh), Some(MaterialDescription::Diffuse { .. })))
     }
 
     fn long_paths(&self) -> String {
@@ -70,30 +76,41 @@ impl SceneDescription {
 
     /// Light of point lights, which no path meets by chance.
     fn light_of_points(&self) -> Vec<String> {
-        let selection = match self.integrator {
-            IntegratorDescription::Fnee { selection, .. } => selection,
-            IntegratorDescription::Sms { .. } => PaneSelection::All,
-            IntegratorDescription::Mnee { .. } => {
-                return vec![
-                    "light of point lights that comes through or off a pane to a surface, but for the one path that a walk \
-                     from the straight line to the light finds"
-                        .to_owned(),
-                ];
-            }
+        match &self.integrator {
             IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => {
-                return vec!["light of point lights that comes through or off a pane to a surface".to_owned()];
+                vec!["light of point lights that comes through or off a pane or a smooth mesh to a surface".to_owned()]
             }
-        };
+            IntegratorDescription::Fnee { selection, .. } => self.light_of_points_without_fnee(*selection),
+            IntegratorDescription::Sms { chains, casters, receivers, .. } => {
+                let mut missing = vec![
+                    format!("light of point lights over other specular vertices than {} (chains)", chains.join(", ")),
+                    between_the_faces(None),
+                ];
+                missing.extend(unmarked(casters.as_deref(), receivers.as_deref()));
+                missing
+            }
+            IntegratorDescription::Mnee { chains, casters, receivers, .. } => {
+                let mut missing = vec![format!(
+                    "light of point lights that comes through or off a pane or a smooth mesh to a surface, but for the one \
+                     path over {} that a walk from the straight line to the light finds",
+                    chains.join(" or ")
+                )];
+                missing.extend(unmarked(casters.as_deref(), receivers.as_deref()));
+                missing
+            }
+        }
+    }
+
+    fn light_of_points_without_fnee(&self, selection: PaneSelection) -> Vec<String> {
         let mut missing = vec![
             "light of point lights that a pane reflects, on its outside or between its faces, or that passes through \
              more than one pane, on its way to a surface"
                 .to_owned(),
-            format!(
-                "light of point lights through a pane at less than {:.2} degrees to it, or to a surface that lies between \
-                 the pane's highest and lowest point",
-                libm::asin(GRAZING_COSINE).to_degrees()
-            ),
+            between_the_faces(Some(libm::asin(GRAZING_COSINE).to_degrees())),
         ];
+        if self.has_smooth_meshes() {
+            missing.push("light of point lights that comes by way of a smooth mesh to a surface".to_owned());
+        }
         match selection {
             PaneSelection::All => {}
             PaneSelection::Sharp => missing.push(
@@ -107,6 +124,25 @@ impl SceneDescription {
         }
         missing
     }
+}
+
+/// Light through panes that no method owns: at less than this angle [degrees], and too near to them.
+fn between_the_faces(grazing: Option<f64>) -> String {
+    let grazing = grazing.map_or(String::new(), |degrees| format!(" at less than {degrees:.2} degrees to it, or"));
+    format!(
+        "light of point lights through a pane{grazing} to a surface that lies between the pane's highest and lowest point"
+    )
+}
+
+/// What is lost where only some things are marked.
+fn unmarked(casters: Option<&[String]>, receivers: Option<&[String]>) -> Vec<String> {
+    let other = |names: &[String], place| {
+        let names = names.join(", ");
+        format!("light of point lights over specular vertices {place} other than {names}")
+    };
+    let casters = casters.map(|names| other(names, "of which the first is on a pane or a mesh"));
+    let receivers = receivers.map(|names| other(names, "to a mesh"));
+    casters.into_iter().chain(receivers).collect()
 }
 
 /// What a search by chance loses. A path that a seed finds with probability p is weighted by the number of seeds until the
@@ -160,11 +196,23 @@ mod tests {
     fn a_point_light_lacks_all_that_only_chance_could_find() {
         let long = "more than 16 vertices";
         for integrator in ["path", "cone"] {
-            check(&missing(json!({integrator: {}}), 0..4), &[long, "through or off a pane"]);
+            check(&missing(json!({integrator: {}}), 0..4), &[long, "through or off a pane or a smooth mesh"]);
         }
         check(&missing(json!({"mnee": {}}), 0..4), &[long, "but for the one path"]);
-        let manifold = [long, "(1 - p)^10000000", "more than one pane", "less than 0.06 degrees"];
+        let manifold =
+            [long, "(1 - p)^10000000", "other specular vertices than TT (chains)", "highest and lowest point"];
         check(&missing(json!({"sms": {}}), 0..1), &manifold);
+        let marked = missing(json!({"sms": {"chains": ["TT", "R"], "casters": ["left"]}}), 0..1);
+        check(
+            &marked,
+            &[
+                manifold[0],
+                manifold[1],
+                "than TT, R (chains)",
+                manifold[3],
+                "the first is on a pane or a mesh other than left",
+            ],
+        );
         let always = [long, "(1 - p)^1000", "more than one pane", "less than 0.06 degrees"];
         let with = |selection| missing(json!({"fnee": {"selection": selection}}), 0..1);
         check(&with("all"), &always);

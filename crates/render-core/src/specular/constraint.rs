@@ -134,3 +134,109 @@ impl Vertex<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::dvec3;
+
+    use super::*;
+    use crate::{
+        geometry::{Frame, SurfaceJet},
+        specular::testing::{between, pair, random},
+    };
+
+    const CONSTRAINTS: [ManifoldConstraint; 2] = [ManifoldConstraint::AngleDifference, ManifoldConstraint::HalfVector];
+
+    /// A curved surface around (x, y), with terms of third order.
+    fn surface(frame: &Frame, [x, y]: [f64; 2]) -> SurfaceDifferential {
+        let jet = SurfaceJet {
+            height: 0.3 * x * x - 0.2 * x * y + 0.1 * y * y * y,
+            gradient: DVec2::new(0.6 * x - 0.2 * y, -0.2 * x + 0.3 * y * y),
+            hessian: [0.6, -0.2, 0.6 * y],
+        };
+        SurfaceDifferential::of_face(frame, frame.point_to_world(dvec3(x, y, jet.height)), &jet)
+    }
+
+    /// Where the next vertex has to be for the vertex to obey its law.
+    fn obedient(surface: &SurfaceDifferential, previous: DVec3, bend: Bend) -> Option<DVec3> {
+        let incident = (surface.position - previous).normalize();
+        match bend {
+            Bend::Reflection => Some(crate::optics::dielectric::reflect(incident, surface.normal)),
+            Bend::Transmission { ratio } => {
+                refract(incident, surface.normal, 1.0, ratio).map(|refraction| refraction.direction)
+            }
+        }
+    }
+
+    fn at(
+        surface: &SurfaceDifferential,
+        previous: DVec3,
+        next: DVec3,
+        bend: Bend,
+        constraint: ManifoldConstraint,
+    ) -> Residual {
+        let to_previous = (previous - surface.position).normalize();
+        let to_next = (next - surface.position).normalize();
+        Vertex { surface, to_previous, to_next, bend }.residual(constraint).unwrap()
+    }
+
+    #[test]
+    fn residuals_vanish_where_the_vertex_obeys_its_law_and_change_as_their_derivatives_say() {
+        let frame = Frame::new(dvec3(0.3, -0.2, 0.5), dvec3(0.6, 0.8, 0.0), dvec3(-0.8, 0.6, 0.0));
+        let mut random = random(31);
+        let mut checked = 0;
+        for bend in [Bend::Reflection, Bend::Transmission { ratio: 1.5 }, Bend::Transmission { ratio: 1.0 / 1.33 }] {
+            for case in 0..50 {
+                let side = if case % 2 == 0 { 1.0 } else { -1.0 };
+                let place = ((pair(&mut random) - 0.5) * 0.6).to_array();
+                let previous =
+                    frame.point_to_world((pair(&mut random) - 0.5).extend(side * between(&mut random, 0.8, 2.0)));
+                let here = surface(&frame, place);
+                let Some(next_direction) = obedient(&here, previous, bend) else { continue };
+                let next = here.position + next_direction * between(&mut random, 0.5, 2.0);
+                for constraint in CONSTRAINTS {
+                    checked += 1;
+                    let residual = at(&here, previous, next, bend, constraint);
+                    assert!(residual.value.length() < 1e-14, "{bend:?} {constraint:?}: {}", residual.value);
+                    let step = 1e-6;
+                    // Each neighbour moves.
+                    for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+                        let turned = |end: DVec3| {
+                            let offset = end - here.position;
+                            let direction = offset.normalize();
+                            (axis - direction * direction.dot(axis)) / offset.length()
+                        };
+                        let by = |gradients: &[DVec3; 2], turned: DVec3| {
+                            DVec2::new(gradients[0].dot(turned), gradients[1].dot(turned))
+                        };
+                        let move_previous = (at(&here, previous + axis * step, next, bend, constraint).value
+                            - at(&here, previous - axis * step, next, bend, constraint).value)
+                            / (2.0 * step);
+                        let expected = by(&residual.by_previous, turned(previous));
+                        assert!((move_previous - expected).length() < 1e-8, "{bend:?} {constraint:?}: previous");
+                        let move_next = (at(&here, previous, next + axis * step, bend, constraint).value
+                            - at(&here, previous, next - axis * step, bend, constraint).value)
+                            / (2.0 * step);
+                        let expected = by(&residual.by_next, turned(next));
+                        assert!((move_next - expected).length() < 1e-8, "{bend:?} {constraint:?}: next");
+                    }
+                    // The vertex moves along its surface, and its neighbours with it: only the normal turns.
+                    for (index, moved) in [[step, 0.0], [0.0, step]].into_iter().enumerate() {
+                        let beside = |sign: f64| {
+                            let there = surface(&frame, [place[0] + sign * moved[0], place[1] + sign * moved[1]]);
+                            let shift = there.position - here.position;
+                            at(&there, previous + shift, next + shift, bend, constraint).value
+                        };
+                        let difference = (beside(1.0) - beside(-1.0)) / (2.0 * step);
+                        let expected = residual.by_normal.col(index);
+                        assert!(
+                            (difference - expected).length() < 1e-8,
+                            "{bend:?} {constraint:?}: {difference} {expected}"
+                        );
+                    }
+                }
+            }
+        }
+        assert!(checked > 200, "{checked} problems only");
+    }
+}

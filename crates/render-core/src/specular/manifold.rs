@@ -74,18 +74,23 @@ impl ManifoldWalk<'_> {
     /// Walks from the chain that light takes from the shading point in the direction of `target`.
     pub(super) fn walk_towards(&self, target: DVec3, counters: &mut Counters) -> Option<SolvedChain> {
         counters.solver_calls += 1;
-        let seed = self.trace(target, counters)?;
+        let seed = self.linearised(self.trace(target, counters)?)?;
         self.walk(seed, counters)
     }
 
     /// Walks from where the straight line to the light crosses the surfaces.
     pub(super) fn walk_from(&self, seed: Chain, counters: &mut Counters) -> Option<SolvedChain> {
         counters.solver_calls += 1;
+        let mut seed = self.linearised(seed)?;
+        if seed.error <= THRESHOLD {
+            // Nothing was refracted on the straight line, so nothing is known of what is transmitted.
+            seed = self.linearised(self.trace(seed.target(1.0), counters)?)?;
+        }
         self.walk(seed, counters)
     }
 
-    fn walk(&self, seed: Chain, counters: &mut Counters) -> Option<SolvedChain> {
-        let mut current = self.linearised(seed)?;
+    fn walk(&self, seed: Iterate, counters: &mut Counters) -> Option<SolvedChain> {
+        let mut current = seed;
         let mut fraction = 1.0;
         for _ in 0..MAX_ITERATIONS {
             if current.error <= THRESHOLD {
