@@ -10,12 +10,13 @@
 //! - [`farm`]: a farm of real processes, and [`browser`]: what a user sees of it;
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
-//! - [`rendering`]: scenes rendered in this process;
+//! - [`rendering`]: scenes rendered in this process, and [`agreement`] of two ways to render one;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
 //! - [`slab`]: the faces of a slab whose caustic has no folds;
 //! - [`folds`]: where the caustic of a point light is singular;
 //! - [`sun_scene`]: scenes whose sun is made larger or smaller, and references of them.
 
+pub mod agreement;
 pub mod bias;
 pub mod browser;
 pub mod calls;

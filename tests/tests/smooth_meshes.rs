@@ -12,7 +12,7 @@ use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription}
 use clerestory_render_core::specular::{
     ShadingPoint, SpecularEvent, SpecularMethod, mnee::Mnee, scope::Scope, sms::Sms,
 };
-use clerestory_tests::rendering::Rendering;
+use clerestory_tests::agreement::{check_agreement, render_blocks};
 use clerestory_tests::solution_lists::{load_case, load_list};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
@@ -73,81 +73,20 @@ fn build(description: &Value, assets: BTreeMap<String, Asset>) -> Scene {
     Scene::build(&bundle).expect("a scene that can be built")
 }
 
-/// Pixels along the edge of a block.
-const BLOCK: usize = 2;
-
-/// The mean of each block of pixels over all passes, and the variance of that mean.
-fn render(scene: &Scene, passes: u32) -> Vec<(f64, f64)> {
-    let mut rendering = Rendering::new(scene);
-    let mut sums = vec![(0.0, 0.0); 64 / (BLOCK * BLOCK)];
-    let mut before = vec![0.0; sums.len()];
-    for _ in 0..passes {
-        rendering.render_pass().expect("finite samples");
-        let image = rendering.image();
-        let mut total = vec![0.0; sums.len()];
-        for (index, pixel) in image.pixels.iter().enumerate() {
-            total[index / 8 / BLOCK * (8 / BLOCK) + index % 8 / BLOCK] += pixel.x * f64::from(rendering.passes());
-        }
-        for ((sum, before), total) in sums.iter_mut().zip(&mut before).zip(total) {
-            let value = total - *before;
-            *before = total;
-            *sum = (sum.0 + value, sum.1 + value * value);
-        }
-    }
-    let count = f64::from(passes);
-    let mean = |&(sum, squares): &(f64, f64)| {
-        let mean = sum / count;
-        (mean, (squares / count - mean * mean).max(0.0) / (count - 1.0))
-    };
-    sums.iter().map(mean).collect()
-}
-
-/// Of 16 deviates the largest exceeds this by chance once in 4 000 times.
-const LARGEST_DEVIATE: f64 = 4.2;
-
-/// Checks that two ways to render the same light agree in every block and on the whole, and that the whole would not agree
-/// if one of them were scaled by `1 + fault`.
-#[track_caller]
-fn check_agreement(name: &str, ours: &[(f64, f64)], theirs: &[(f64, f64)], fault: f64) {
-    let deviate = |(mean, variance): (f64, f64), (other, other_variance): (f64, f64)| {
-        (mean - other) / (variance + other_variance).sqrt()
-    };
-    let total = |pixels: &[(f64, f64)]| pixels.iter().fold((0.0, 0.0), |sum, pixel| (sum.0 + pixel.0, sum.1 + pixel.1));
-    let whole = deviate(total(ours), total(theirs));
-    let largest = ours
-        .iter()
-        .zip(theirs)
-        .map(|(a, b)| deviate(*a, *b))
-        .filter(|z| z.is_finite())
-        .fold(0.0, |l: f64, z| l.max(z.abs()));
-    let (sum, variance) = total(ours);
-    println!(
-        "{name}: {:.4} of the path tracer's light, standard error {:.4}; {whole:.2} deviates, blocks {largest:.2}",
-        sum / total(theirs).0,
-        ((variance + total(theirs).1).sqrt()) / sum
-    );
-    assert!(whole.abs() < LARGEST_DEVIATE && largest < LARGEST_DEVIATE, "{name}");
-    let scaled: Vec<_> = ours.iter().map(|(mean, variance)| (mean * (1.0 + fault), *variance)).collect();
-    assert!(
-        deviate(total(&scaled), total(theirs)).abs() > LARGEST_DEVIATE,
-        "{name}: a fault of {fault} is not noticed"
-    );
-}
-
 /// Checks the manifold methods on one chain over one smooth mesh against the path tracer.
 #[track_caller]
 fn check_by_chance(name: &str, chain: &str, parts: [&Value; 3], with_mnee: bool, fault: f64) {
     let [material, mesh, lights] = parts;
     let filter = format!("D {chain} L");
     let build = |integrator| scene(material.clone(), mesh.clone(), lights.clone(), &filter, integrator);
-    let chance = render(&build(json!({"path": {}})), 4000);
+    let chance = render_blocks(&build(json!({"path": {}})), 4000);
     for constraint in ["angle_difference", "half_vector"] {
         let sms = build(json!({"sms": {"chains": [chain], "constraint": constraint}}));
-        check_agreement(&format!("{name}, sms, {constraint}"), &render(&sms, 150), &chance, fault);
+        check_agreement(&format!("{name}, sms, {constraint}"), &render_blocks(&sms, 150), &chance, fault);
     }
     if with_mnee {
         let mnee = build(json!({"mnee": {"chains": [chain]}}));
-        check_agreement(&format!("{name}, mnee"), &render(&mnee, 100), &chance, fault);
+        check_agreement(&format!("{name}, mnee"), &render_blocks(&mnee, 100), &chance, fault);
     }
 }
 

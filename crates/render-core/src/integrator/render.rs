@@ -70,8 +70,8 @@ fn specular_method(scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
     match &scene.description().integrator {
         IntegratorDescription::Path { .. } => None,
         IntegratorDescription::Cone { .. } => Some(Box::new(Cone)),
-        &IntegratorDescription::Fnee { solver, selection, max_trials, .. } => {
-            Some(Box::new(Fnee { solver, selection, max_trials }))
+        &IntegratorDescription::Fnee { solver, selection, max_trials, reflected, .. } => {
+            Some(Box::new(Fnee { solver, selection, max_trials, reflected }))
         }
         IntegratorDescription::Mnee { missed, chains, casters, receivers, .. } => {
             let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());

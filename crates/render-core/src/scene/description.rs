@@ -136,6 +136,9 @@ pub enum IntegratorDescription {
         #[serde(default = "default_max_trials")]
         #[schemars(range(min = 1, max = 1_000_000))]
         max_trials: u32,
+        /// Whether light that the outside of a pane reflects is searched for, too.
+        #[serde(default)]
+        reflected: bool,
     },
     /// Path tracing, with light by way of panes and smooth meshes found by specular manifold sampling.
     Sms {

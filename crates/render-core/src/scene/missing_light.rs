@@ -80,7 +80,9 @@ impl SceneDescription {
             IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => {
                 vec!["light of point lights that comes through or off a pane or a smooth mesh to a surface".to_owned()]
             }
-            IntegratorDescription::Fnee { selection, .. } => self.light_of_points_without_fnee(*selection),
+            IntegratorDescription::Fnee { selection, reflected, .. } => {
+                self.light_of_points_without_fnee(*selection, *reflected)
+            }
             IntegratorDescription::Sms { chains, casters, receivers, .. } => {
                 let mut missing = vec![
                     format!("light of point lights over other specular vertices than {} (chains)", chains.join(", ")),
@@ -101,11 +103,13 @@ impl SceneDescription {
         }
     }
 
-    fn light_of_points_without_fnee(&self, selection: PaneSelection) -> Vec<String> {
+    fn light_of_points_without_fnee(&self, selection: PaneSelection, reflected: bool) -> Vec<String> {
+        let outside = if reflected { "" } else { "on its outside or " };
         let mut missing = vec![
-            "light of point lights that a pane reflects, on its outside or between its faces, or that passes through \
-             more than one pane, on its way to a surface"
-                .to_owned(),
+            format!(
+                "light of point lights that a pane reflects, {outside}between its faces, or that passes through more than \
+                 one pane, on its way to a surface"
+            ),
             between_the_faces(Some(libm::asin(GRAZING_COSINE).to_degrees())),
         ];
         if self.has_smooth_meshes() {
@@ -216,6 +220,8 @@ mod tests {
         let always = [long, "(1 - p)^1000", "more than one pane", "less than 0.06 degrees"];
         let with = |selection| missing(json!({"fnee": {"selection": selection}}), 0..1);
         check(&with("all"), &always);
+        let reflected = missing(json!({"fnee": {"reflected": true}}), 0..1);
+        assert!(!reflected.iter().any(|text| text.contains("on its outside")), "{reflected:?}");
         check(&with("sharp"), &[&always[..], &["meets first"]].concat());
         check(&with("bleed"), &[&always[..], &["nothing blocks"]].concat());
     }

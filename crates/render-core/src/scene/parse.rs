@@ -50,6 +50,7 @@ impl SceneDescription {
                     solver: FneeSolver::default(),
                     selection: PaneSelection::default(),
                     max_trials: super::description::default_max_trials(),
+                    reflected: false,
                 },
             },
             "sms" => match self.integrator {

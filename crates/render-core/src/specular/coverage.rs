@@ -67,6 +67,16 @@ pub fn through_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularPath
     (near == side.near && far == side.far && steep(&side, directions)).then_some(index)
 }
 
+/// Whether a path goes to the light by way of one reflection at the face of a pane that looks at the point.
+pub(super) fn off_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>) -> bool {
+    match path.links {
+        [Link { event: SpecularEvent::Reflection, surface: Leaving::Pane { index, face }, .. }] => {
+            is_near(scene, point, *index, *face)
+        }
+        _ => false,
+    }
+}
+
 /// Whether the segments `directions` (towards the light, in the pane's frame) are steep enough to be owned.
 pub fn steep(side: &PaneSide<'_>, directions: [DVec3; 3]) -> bool {
     directions.into_iter().all(|direction| direction.z * side.sign >= GRAZING_COSINE)

@@ -277,17 +277,17 @@ pub(super) fn inverse(matrix: &DMat2, determinant: f64) -> Option<DMat2> {
 }
 
 /// The unnormalised normal `(-h_x, -h_y, 1)`.
-fn normal(jet: &SurfaceJet) -> DVec3 {
+pub(super) fn normal(jet: &SurfaceJet) -> DVec3 {
     DVec3::new(-jet.gradient.x, -jet.gradient.y, 1.0)
 }
 
 /// `T^T v` for the tangents `(1, 0, h_x)` and `(0, 1, h_y)`.
-fn pulled_back(jet: &SurfaceJet, vector: DVec3) -> DVec2 {
+pub(super) fn pulled_back(jet: &SurfaceJet, vector: DVec3) -> DVec2 {
     vector.truncate() + jet.gradient * vector.z
 }
 
 /// `T1^T (I - v v^T) T2`.
-fn projector(first: &SurfaceJet, second: &SurfaceJet, direction: DVec3) -> DMat2 {
+pub(super) fn projector(first: &SurfaceJet, second: &SurfaceJet, direction: DVec3) -> DMat2 {
     let left = pulled_back(first, direction);
     let right = pulled_back(second, direction);
     let (g1, g2) = (first.gradient, second.gradient);
@@ -298,7 +298,7 @@ fn projector(first: &SurfaceJet, second: &SurfaceJet, direction: DVec3) -> DMat2
     )
 }
 
-fn second_derivatives(jet: &SurfaceJet) -> DMat2 {
+pub(super) fn second_derivatives(jet: &SurfaceJet) -> DMat2 {
     let [xx, xy, yy] = jet.hessian;
     DMat2::from_cols(DVec2::new(xx, xy), DVec2::new(xy, yy))
 }

@@ -16,6 +16,9 @@
 //! balance heuristic, with the density of the search being that of S over the geometry factor. The search is unbiased for
 //! each path by itself, so any weights that sum to one keep the whole unbiased.
 //!
+//! Light that the outside of a pane reflects is found in the same way, in two unknowns, when `reflected` is set
+//! (`reflection`).
+//!
 //! An estimate that exceeds `max_trials` is cut off there, which loses light; the counter `truncated` says how often.
 
 use glam::{DVec2, DVec3};
@@ -26,6 +29,7 @@ use super::{
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete, solve_published},
     passage::{Found, Passage, local, transmission},
+    reflection::Reflections,
     side::{PaneSide, Transmission},
     trials::RandomSearch,
     view::{Effort, Glimpse, Opening, View},
@@ -51,6 +55,8 @@ pub struct Fnee {
     pub selection: PaneSelection,
     /// Largest number of trials of one estimate of an inverse probability.
     pub max_trials: u32,
+    /// Whether it looks for the light that panes reflect, too.
+    pub reflected: bool,
 }
 
 /// The search for paths from one point to one source through one pane, in the pane's frame.
@@ -61,6 +67,9 @@ pub struct PathSearch<'a> {
     region: SearchRegion,
     solver: FneeSolver,
 }
+
+/// Mirrored by the outside of a pane.
+const REFLECTED: [SpecularEvent; 1] = [SpecularEvent::Reflection];
 
 /// How often a random seed is tried although the enumeration says that it is complete.
 const CHECKED: f64 = 1.0 / 16.0;
@@ -133,7 +142,8 @@ impl RandomSearch for PathSearch<'_> {
 
 impl SpecularMethod for Fnee {
     fn chains(&self) -> Vec<Vec<SpecularEvent>> {
-        vec![THROUGH_PANE.to_vec()]
+        let reflected = self.reflected.then(|| REFLECTED.to_vec());
+        [THROUGH_PANE.to_vec()].into_iter().chain(reflected).collect()
     }
 
     fn gather(
@@ -141,7 +151,7 @@ impl SpecularMethod for Fnee {
         scene: &Scene,
         point: &ShadingPoint,
         light: u32,
-        _: &[SpecularEvent],
+        events: &[SpecularEvent],
         stream: &mut SampleStream,
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
@@ -149,6 +159,21 @@ impl SpecularMethod for Fnee {
         let panes = scene.accelerator().panes();
         let (centre, radius) = scene.specular_ball();
         let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
+        if events == REFLECTED {
+            for pane in 0..panes.len() as u32 {
+                let mut trials = stream.trials();
+                let search = Reflections {
+                    scene,
+                    point,
+                    light,
+                    sample: &sample,
+                    solver: self.solver,
+                    max_trials: self.max_trials,
+                };
+                search.gather(pane, &mut trials, counters, arrive);
+            }
+            return;
+        }
         let random = stream.next_2d();
         let view = self.combines().then(|| View::new(scene, point, light, &Effort::at(point)));
         if let Some(view) = &view {
@@ -182,6 +207,9 @@ impl SpecularMethod for Fnee {
     }
 
     fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, counters: &mut Counters) -> bool {
+        if self.reflected && coverage::off_one_pane(scene, point, path) {
+            return true;
+        }
         let Some(pane) = coverage::through_one_pane(scene, point, path) else { return false };
         match self.selection {
             PaneSelection::All => true,

@@ -19,6 +19,7 @@ mod manifold;
 pub mod mnee;
 pub mod newton;
 mod passage;
+mod reflection;
 pub mod scope;
 pub mod side;
 pub mod sms;

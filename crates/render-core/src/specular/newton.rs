@@ -26,19 +26,19 @@ pub struct SearchRegion {
 }
 
 /// Huan et al. 2023, section 3.1.
-const MAX_ITERATIONS: usize = 20;
+pub(super) const MAX_ITERATIONS: usize = 20;
 /// Huan et al. 2023: convergence threshold on the gradient, in the paper's coordinates (u, v, h), where it is
 /// dimensionless.
-const PUBLISHED_GRADIENT: f64 = 1e-4;
+pub(super) const PUBLISHED_GRADIENT: f64 = 1e-4;
 /// Huan et al. 2023, Algorithm 1.
-const ALPHA: f64 = 0.45;
+pub(super) const PUBLISHED_ALPHA: f64 = 0.45;
 /// Huan et al. 2023, Algorithm 1.
-const BETA: f64 = 0.5;
+pub(super) const PUBLISHED_BETA: f64 = 0.5;
 /// Huan et al. 2023, section 3.1.
-const T_MIN: f64 = 0.004;
+pub(super) const PUBLISHED_T_MIN: f64 = 0.004;
 
 /// The damped step is given up below this length, relative to the full one.
-const SHORTEST_STEP: f64 = 1.0 / 64.0;
+pub(super) const SHORTEST_STEP: f64 = 1.0 / 64.0;
 
 /// Roots closer than this many tolerances are the same root.
 const SAME_ROOT: f64 = 100.0;
@@ -137,10 +137,10 @@ pub fn solve_published(
         let (next, next_length) = loop {
             let next = moved(&theta, &step, fraction);
             let next_length = connection.optical_length(&next, counters);
-            if next_length <= length + ALPHA * fraction * slope || fraction == T_MIN {
+            if next_length <= length + PUBLISHED_ALPHA * fraction * slope || fraction == PUBLISHED_T_MIN {
                 break (next, next_length);
             }
-            fraction = f64::max(BETA * fraction, T_MIN);
+            fraction = f64::max(PUBLISHED_BETA * fraction, PUBLISHED_T_MIN);
         };
         theta = next;
         length = next_length;
