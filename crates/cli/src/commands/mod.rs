@@ -7,6 +7,7 @@ pub(crate) mod demo;
 pub(crate) mod farm;
 pub(crate) mod jobs;
 pub(crate) mod render;
+pub(crate) mod scene;
 pub(crate) mod submit;
 pub(crate) mod watch;
 pub(crate) mod worker;
@@ -26,6 +27,7 @@ pub(crate) async fn run(command: Command) -> Result<(), Failure> {
         Command::Watch(arguments) => watch::run(arguments).await,
         Command::Cancel(arguments) => cancel::run(arguments).await,
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Scene(arguments) => scene::run(&arguments),
         Command::Demo(arguments) => demo::run(arguments).await,
     }
 }

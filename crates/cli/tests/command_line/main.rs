@@ -5,5 +5,6 @@
 mod failures;
 mod jobs;
 mod render;
+mod scene;
 mod services;
 mod support;
