@@ -242,6 +242,7 @@ mod tests {
             solver: FneeSolver::Complete,
             selection: PaneSelection::Sharp,
             max_trials: 9,
+            reflected: false,
         };
         overrides.apply_to_fnee(&mut integrator).unwrap();
         let expected = IntegratorDescription::Fnee {
@@ -249,6 +250,7 @@ mod tests {
             solver: FneeSolver::Published,
             selection: PaneSelection::Sharp,
             max_trials: 50,
+            reflected: false,
         };
         assert_eq!(integrator, expected);
         let message =

@@ -15,6 +15,7 @@ use crate::film::Sampling;
 use crate::geometry::{Accelerator, Pane};
 use crate::integrator::PathFilter;
 use crate::optics::Light;
+use crate::specular::pane_tree::PaneTree;
 
 /// A scene that can be rendered. It does not change any more.
 #[derive(Debug)]
@@ -27,6 +28,7 @@ pub struct Scene {
     sampling: Sampling,
     specular_ball: (DVec3, f64),
     mesh_bounds: Vec<[DVec3; 2]>,
+    pane_tree: PaneTree,
     lights: Vec<Light>,
     meshes: Vec<MeshSurface>,
     normals: Vec<DVec3>,
@@ -57,6 +59,7 @@ impl Scene {
             lights: description.lights.iter().map(Light::new).collect(),
             normals: triangles.iter().map(|&triangle| normal(&positions, triangle)).collect(),
             specular_ball: specular_ball(&accelerator, &surfaces, &mesh_bounds),
+            pane_tree: PaneTree::new(accelerator.panes()),
             mesh_bounds,
             meshes: surfaces,
             accelerator,
@@ -109,6 +112,11 @@ impl Scene {
     /// The panes, in the order of the scene file.
     pub fn panes(&self) -> &[Pane] {
         self.accelerator.panes()
+    }
+
+    /// The tree over the panes.
+    pub(crate) fn pane_tree(&self) -> &PaneTree {
+        &self.pane_tree
     }
 
     /// The lights, in the order of the scene file.

@@ -28,6 +28,7 @@ use super::{
     enumeration::{Enumeration, enumerate},
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete, solve_published},
+    pane_tree::Sight,
     passage::{Found, Passage, local, transmission},
     reflection::Reflections,
     side::{PaneSide, Transmission},
@@ -183,24 +184,23 @@ impl SpecularMethod for Fnee {
             });
         }
         let (chosen, inverse_selection) = match self.selection {
-            PaneSelection::All => (0..panes.len(), 1.0),
-            PaneSelection::Sharp => match scene.first_pane_towards(point, sample.source, counters) {
-                Some(pane) => (pane as usize..pane as usize + 1, 1.0),
-                None => return,
-            },
+            PaneSelection::All => (scene.pane_tree().candidates(point.position, &Sight::of_source(sample.source)), 1.0),
+            PaneSelection::Sharp => {
+                (scene.first_pane_towards(point, sample.source, counters).into_iter().collect(), 1.0)
+            }
             PaneSelection::Bleed => {
                 let pick = ((stream.next_1d() * panes.len() as f64) as usize).min(panes.len().saturating_sub(1));
                 if panes.is_empty() || !scene.is_blocked_towards(point, sample.source, counters) {
                     return;
                 }
-                (pick..pick + 1, panes.len() as f64)
+                (vec![pick as u32], panes.len() as f64)
             }
         };
         for index in chosen {
             let random = stream.next_2d();
             let mut trials = stream.trials();
             let sampled = SampledLight { index: light, sample: &sample, view: view.as_ref() };
-            self.connect(scene, point, &sampled, index as u32, random, &mut trials, counters, &mut |arrival| {
+            self.connect(scene, point, &sampled, index, random, &mut trials, counters, &mut |arrival| {
                 arrive(Arrival { weight: arrival.weight * inverse_selection, ..arrival });
             });
         }

@@ -18,6 +18,7 @@ mod landing;
 mod manifold;
 pub mod mnee;
 pub mod newton;
+pub(crate) mod pane_tree;
 mod passage;
 mod reflection;
 pub mod scope;

@@ -9,6 +9,7 @@ use glam::{DVec2, DVec3};
 
 use super::{
     Arrival, ShadingPoint, coverage,
+    pane_tree::Sight,
     side::{PaneSide, Transmission},
     window::{SourceBounds, Window},
 };
@@ -95,8 +96,13 @@ impl<'a> View<'a> {
     pub(super) fn new(scene: &'a Scene, point: &'a ShadingPoint, light: u32, effort: &Effort) -> Self {
         let (mut openings, mut patches) = (Vec::new(), Vec::new());
         let source = &scene.lights()[light as usize];
-        let panes = if matches!(source.kind, LightKind::Point { .. }) { &[] } else { scene.panes() };
-        for (index, pane) in (0u32..).zip(panes) {
+        let candidates = if matches!(source.kind, LightKind::Point { .. }) {
+            Vec::new()
+        } else {
+            scene.pane_tree().candidates(point.position, &Sight::of_light(source))
+        };
+        for index in candidates {
+            let pane = &scene.panes()[index as usize];
             let origin = pane.frame.point_to_local(point.position);
             let Some(side) = PaneSide::facing(pane, origin) else { continue };
             if !side.rises_above(origin, pane.frame.vector_to_local(point.normal)) {

@@ -54,6 +54,7 @@ impl Triangles {
                 positions: self.positions.into_iter().map(|position| position.map(rounded)).collect(),
                 triangles: self.triangles,
                 texture_coordinates: Vec::new(),
+                normals: Vec::new(),
             },
             scale: 1.0,
             rotate: [0.0; 3],
