@@ -5,7 +5,7 @@ use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::LightKind;
 use clerestory_render_core::scene::Scene;
-use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, MissedPaths};
+use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection};
 use clerestory_render_core::specular::{ShadingPoint, SpecularMethod, mnee::Mnee, sms::Sms};
 use clerestory_tests::solution_lists::{load_case, load_list};
 use glam::DVec3;
@@ -39,7 +39,8 @@ fn irradiance(
 fn check(case: &str, list: &str, least: f64) {
     let scene = load_case(case);
     for constraint in CONSTRAINTS {
-        let method = Sms { constraint, estimator: ManifoldEstimator::Biased { trials: 2000 } };
+        let method =
+            Sms { constraint, estimator: ManifoldEstimator::Biased { trials: 2000 }, selection: PaneSelection::All };
         let counters = &mut Counters::default();
         let (mut listed, mut found) = (0.0, 0.0);
         for (index, point) in (0..).zip(load_list(list)).step_by(4) {
@@ -86,7 +87,8 @@ fn few_walks_lack_the_light_that_theory_says_and_weighted_ones_none() {
         for (index, point) in several.take(6).enumerate() {
             let all: f64 = point.solutions.iter().map(|solution| solution.irradiance).sum();
             let estimates = |estimator| {
-                let method = Sms { constraint: ManifoldConstraint::AngleDifference, estimator };
+                let method =
+                    Sms { constraint: ManifoldConstraint::AngleDifference, estimator, selection: PaneSelection::All };
                 let counters = &mut Counters::default();
                 let one = |stream| irradiance(&scene, point.origin, &method, stream, counters);
                 mean_and_variance(&(0..ESTIMATES).map(one).collect::<Vec<_>>())

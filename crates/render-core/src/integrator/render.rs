@@ -74,7 +74,9 @@ fn specular_method(integrator: &IntegratorDescription) -> Option<Box<dyn Specula
             Some(Box::new(Fnee { solver, selection, max_trials }))
         }
         IntegratorDescription::Mnee { missed, .. } => Some(Box::new(Mnee { missed })),
-        IntegratorDescription::Sms { constraint, estimator, .. } => Some(Box::new(Sms { constraint, estimator })),
+        IntegratorDescription::Sms { constraint, estimator, selection, .. } => {
+            Some(Box::new(Sms { constraint, estimator, selection }))
+        }
     }
 }
 

@@ -149,6 +149,9 @@ pub enum IntegratorDescription {
         /// What is made of the paths that are found.
         #[serde(default)]
         estimator: ManifoldEstimator,
+        /// Which panes are searched.
+        #[serde(default)]
+        selection: PaneSelection,
     },
     /// Path tracing, with one path through the pane on the straight line to a light found by a manifold walk.
     Mnee {
@@ -220,7 +223,7 @@ pub enum FneeSolver {
     Published,
 }
 
-/// Which panes Fermat next event estimation searches for paths.
+/// Which panes are searched for paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PaneSelection {

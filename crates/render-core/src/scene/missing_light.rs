@@ -71,8 +71,7 @@ impl SceneDescription {
     /// Light of point lights, which no path meets by chance.
     fn light_of_points(&self) -> Vec<String> {
         let selection = match self.integrator {
-            IntegratorDescription::Fnee { selection, .. } => selection,
-            IntegratorDescription::Sms { .. } => PaneSelection::All,
+            IntegratorDescription::Fnee { selection, .. } | IntegratorDescription::Sms { selection, .. } => selection,
             IntegratorDescription::Mnee { .. } => {
                 return vec![
                     "light of point lights that comes through or off a pane to a surface, but for the one path that a walk \

@@ -58,6 +58,7 @@ impl SceneDescription {
                     max_depth,
                     constraint: ManifoldConstraint::default(),
                     estimator: ManifoldEstimator::default(),
+                    selection: PaneSelection::default(),
                 },
             },
             "mnee" => match self.integrator {

@@ -139,7 +139,6 @@ impl SpecularMethod for Fnee {
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     ) {
-        let panes = scene.accelerator().panes();
         let (centre, radius) = scene.pane_ball();
         let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
         let random = stream.next_2d();
@@ -150,36 +149,19 @@ impl SpecularMethod for Fnee {
                 arrive(Arrival { weight: glimpse.arrival.weight * share, ..glimpse.arrival });
             });
         }
-        let (chosen, inverse_selection) = match self.selection {
-            PaneSelection::All => (0..panes.len(), 1.0),
-            PaneSelection::Sharp => match scene.first_pane_towards(point, sample.source, counters) {
-                Some(pane) => (pane as usize..pane as usize + 1, 1.0),
-                None => return,
-            },
-            PaneSelection::Bleed => {
-                let pick = ((stream.next_1d() * panes.len() as f64) as usize).min(panes.len().saturating_sub(1));
-                if panes.is_empty() || !scene.is_blocked_towards(point, sample.source, counters) {
-                    return;
-                }
-                (pick..pick + 1, panes.len() as f64)
-            }
-        };
-        for index in chosen {
+        let Some(chosen) = self.selection.choose(scene, point, sample.source, stream, counters) else { return };
+        for index in chosen.panes {
             let random = stream.next_2d();
             let mut trials = stream.trials();
             let sampled = SampledLight { index: light, sample: &sample, view: view.as_ref() };
             self.connect(scene, point, &sampled, index as u32, random, &mut trials, counters, &mut |arrival| {
-                arrive(Arrival { weight: arrival.weight * inverse_selection, ..arrival });
+                arrive(Arrival { weight: arrival.weight * chosen.inverse_probability, ..arrival });
             });
         }
     }
 
     fn selects(&self, scene: &Scene, point: &ShadingPoint, path: &PanePath, counters: &mut Counters) -> bool {
-        match self.selection {
-            PaneSelection::All => true,
-            PaneSelection::Sharp => scene.first_pane_towards(point, path.source, counters) == Some(path.pane),
-            PaneSelection::Bleed => scene.is_blocked_towards(point, path.source, counters),
-        }
+        self.selection.may_choose(scene, point, path, counters)
     }
 }
 

@@ -17,6 +17,7 @@ mod manifold;
 pub mod mnee;
 pub mod newton;
 mod passage;
+mod selection;
 pub mod side;
 pub mod sms;
 #[cfg(test)]

@@ -1,8 +1,8 @@
 //! `sms`: specular manifold sampling (Zeltner et al. 2020), for the two faces of a pane.
 //!
 //! Seeds are uniform over the outline of each pane; manifold walks (`manifold`) lead from them to paths, whose light is
-//! estimated from how often they are found (`trials`). Every pane of the scene is a caster, and all get an estimate each, as
-//! in the authors' code.
+//! estimated from how often they are found (`trials`). Unless told otherwise, every pane of the scene is a caster, and all get
+//! an estimate each, as in the authors' code.
 
 use glam::DVec2;
 
@@ -18,7 +18,7 @@ use crate::{
     film::{SampleStream, TrialStream},
     scene::{
         Scene,
-        description::{ManifoldConstraint, ManifoldEstimator},
+        description::{ManifoldConstraint, ManifoldEstimator, PaneSelection},
     },
 };
 
@@ -29,6 +29,8 @@ pub struct Sms {
     pub constraint: ManifoldConstraint,
     /// What is made of the paths that are found.
     pub estimator: ManifoldEstimator,
+    /// Which panes are searched.
+    pub selection: PaneSelection,
 }
 
 /// Walks from uniform seeds.
@@ -58,7 +60,8 @@ impl SpecularMethod for Sms {
     ) {
         let (centre, radius) = scene.pane_ball();
         let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
-        for pane in 0..scene.accelerator().panes().len() {
+        let Some(chosen) = self.selection.choose(scene, point, sample.source, stream, counters) else { return };
+        for pane in chosen.panes {
             let mut trials = stream.trials();
             let Some(passage) = Passage::new(scene, point, light, &sample, pane as u32) else { continue };
             let search = UniformSeeds(ManifoldWalk::new(&passage, self.constraint), &passage);
@@ -67,12 +70,13 @@ impl SpecularMethod for Sms {
                     let Some(root) = search.solve(&mut trials, counters) else { continue };
                     let Some(Found { arrival, .. }) = passage.found(&root, counters) else { continue };
                     let inverse = search.inverse_probability(&root, max_trials, &mut trials, counters);
-                    arrive(Arrival { weight: arrival.weight * inverse, ..arrival });
+                    let weight = arrival.weight * (inverse * chosen.inverse_probability);
+                    arrive(Arrival { weight, ..arrival });
                 }
                 ManifoldEstimator::Biased { trials: runs } => {
                     for root in search.distinct(runs, &mut trials, counters) {
                         if let Some(Found { arrival, .. }) = passage.found(&root, counters) {
-                            arrive(arrival);
+                            arrive(Arrival { weight: arrival.weight * chosen.inverse_probability, ..arrival });
                         }
                     }
                 }
@@ -80,7 +84,7 @@ impl SpecularMethod for Sms {
         }
     }
 
-    fn selects(&self, scene: &Scene, _: &ShadingPoint, path: &PanePath, _: &mut Counters) -> bool {
-        (path.pane as usize) < scene.accelerator().panes().len()
+    fn selects(&self, scene: &Scene, point: &ShadingPoint, path: &PanePath, counters: &mut Counters) -> bool {
+        self.selection.may_choose(scene, point, path, counters)
     }
 }
