@@ -94,6 +94,7 @@ fn move_near(description: &mut SceneDescription, case: &str) {
     let (name, centre, radiance) = ("lamp".to_owned(), [0.15, 0.1, 0.8], [3.0, 2.5, 2.0]);
     description.lights = vec![match case {
         "crown" | "cathedral" => LightDescription::Sphere { name, centre, radius: 0.35, radiance },
+        "flat" => LightDescription::Disk { name, centre, normal: [-0.2, 0.1, -1.0], radius: 0.36, radiance },
         _ => LightDescription::Rectangle { name, centre, edge_u: [0.0, 0.6, 0.0], edge_v: [0.7, 0.0, 0.0], radiance },
     }];
 }

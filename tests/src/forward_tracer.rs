@@ -246,6 +246,21 @@ fn emit(light: &TracedLight, x: DVec3, lamp: [f64; 2]) -> Option<Emission> {
                 sample: LightSample::Point(point),
             })
         }
+        TracedLight::Disk { centre, normal, radius, radiance } => {
+            let (across, up) = normal.any_orthonormal_pair();
+            let (sin, cos) = libm::sincos(2.0 * PI * lamp[1]);
+            let point = centre + (across * cos + up * sin) * (radius * lamp[0].sqrt());
+            let v = point - x;
+            let distance = v.length();
+            let to_light = v / distance;
+            let projected_area = -PI * radius * radius * normal.dot(to_light);
+            (projected_area > 0.0).then(|| Emission {
+                to_light,
+                distance,
+                power: radiance * (projected_area / (distance * distance)),
+                sample: LightSample::Point(point),
+            })
+        }
         TracedLight::Sun { direction, one_minus_cos, radiance } => {
             let to_light = direction_in_cone(direction, one_minus_cos, lamp);
             Some(Emission {
@@ -313,7 +328,9 @@ impl Side {
     pub fn towards(pane: &TracedPane, light: &TracedLight) -> Self {
         let v = match *light {
             TracedLight::Point { position, .. } => position - pane.origin,
-            TracedLight::Sphere { centre, .. } | TracedLight::Rectangle { centre, .. } => centre - pane.origin,
+            TracedLight::Sphere { centre, .. }
+            | TracedLight::Rectangle { centre, .. }
+            | TracedLight::Disk { centre, .. } => centre - pane.origin,
             TracedLight::Sun { direction, .. } => direction,
         };
         if pane.axes[2].dot(v) > 0.0 { Self::Back } else { Self::Front }

@@ -12,6 +12,7 @@
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`rendering`]: scenes rendered in this process;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
+//! - [`slab`]: the faces of a slab whose caustic has no folds;
 //! - [`folds`]: where the caustic of a point light is singular;
 //! - [`sun_scene`]: scenes whose sun is made larger or smaller, and references of them.
 
@@ -30,6 +31,7 @@ pub mod malformed_scenes;
 pub mod random;
 pub mod reference;
 pub mod rendering;
+pub mod slab;
 pub mod solution_lists;
 pub mod spline;
 pub mod sun_scene;

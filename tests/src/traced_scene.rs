@@ -154,6 +154,17 @@ pub enum TracedLight {
         /// Emitted radiance.
         radiance: DVec3,
     },
+    /// A disk that shines to one side.
+    Disk {
+        /// Its centre.
+        centre: DVec3,
+        /// Unit vector to which it shines.
+        normal: DVec3,
+        /// Its radius, metres.
+        radius: f64,
+        /// Emitted radiance.
+        radiance: DVec3,
+    },
     /// A distant disc.
     Sun {
         /// Unit vector towards its middle.
@@ -416,6 +427,12 @@ fn light(description: &LightDescription) -> TracedLight {
         LightDescription::Rectangle { centre, edge_u, edge_v, radiance, .. } => TracedLight::Rectangle {
             centre: DVec3::from(*centre),
             edges: [DVec3::from(*edge_u), DVec3::from(*edge_v)],
+            radiance: DVec3::from(*radiance),
+        },
+        LightDescription::Disk { centre, normal, radius, radiance, .. } => TracedLight::Disk {
+            centre: DVec3::from(*centre),
+            normal: DVec3::from(*normal).normalize(),
+            radius: *radius,
             radiance: DVec3::from(*radiance),
         },
         LightDescription::Sun { direction, angular_radius, radiance, .. } => {

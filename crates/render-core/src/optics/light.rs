@@ -42,6 +42,15 @@ pub enum LightKind {
         /// Emitted radiance, W/(m2 sr).
         radiance: DVec3,
     },
+    /// A disk of uniform radiance that shines along its frame's z axis.
+    Disk {
+        /// Origin at the centre, z along the normal.
+        frame: Frame,
+        /// Its radius, metres.
+        radius: f64,
+        /// Emitted radiance, W/(m2 sr).
+        radiance: DVec3,
+    },
     /// A distant disc of uniform radiance.
     Sun {
         /// Unit vector from the scene towards its middle.
@@ -76,6 +85,11 @@ impl Light {
                     radiance: DVec3::from(radiance),
                 }
             }
+            LightDescription::Disk { centre, normal, radius, radiance, .. } => LightKind::Disk {
+                frame: Frame { origin: DVec3::from(centre), ..Frame::around(DVec3::from(normal).normalize()) },
+                radius,
+                radiance: DVec3::from(radiance),
+            },
             LightDescription::Sun { direction, angular_radius, radiance, .. } => {
                 let (sin_radius, cos_radius) = libm::sincos(angular_radius.to_radians());
                 LightKind::Sun {
@@ -106,6 +120,19 @@ mod tests {
         let LightKind::Rectangle { frame, half_size, .. } = light.kind else { panic!("{light:?} is no rectangle") };
         assert_eq!(frame.axes.z_axis, DVec3::Y);
         assert_eq!(frame.point_to_world(DVec3::new(half_size[0], half_size[1], 0.0)), DVec3::new(2.0, 2.0, 5.0));
+    }
+
+    #[test]
+    fn a_disk_shines_along_its_normal() {
+        let light = Light::new(&LightDescription::Disk {
+            name: "aperture".to_owned(),
+            centre: [1.0, 2.0, 3.0],
+            normal: [0.0, -5.0, 0.0],
+            radius: 0.5,
+            radiance: [1.0; 3],
+        });
+        let LightKind::Disk { frame, radius, .. } = light.kind else { panic!("{light:?} is no disk") };
+        assert_eq!((frame.origin, frame.axes.z_axis, radius), (DVec3::new(1.0, 2.0, 3.0), DVec3::NEG_Y, 0.5));
     }
 
     #[test]

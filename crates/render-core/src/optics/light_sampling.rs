@@ -1,5 +1,7 @@
 //! Points on lights: drawn for next event estimation, met by rays.
 
+use std::f64::consts::PI;
+
 use glam::{DVec2, DVec3};
 
 use super::light::{Light, LightKind};
@@ -44,7 +46,7 @@ pub struct DirectSample {
 pub struct LightHit {
     /// Distance along the ray; infinite for the sun.
     pub distance: f64,
-    /// Radiance towards the ray's origin; zero on the dark side of a rectangle.
+    /// Radiance towards the ray's origin; zero on the dark side of a rectangle or a disk.
     pub radiance: DVec3,
 }
 
@@ -55,6 +57,7 @@ impl Light {
             LightKind::Point { intensity, .. } => intensity,
             LightKind::Sphere { radiance, .. }
             | LightKind::Rectangle { radiance, .. }
+            | LightKind::Disk { radiance, .. }
             | LightKind::Sun { radiance, .. } => radiance,
         }
     }
@@ -83,7 +86,16 @@ impl Light {
                 SourceSample {
                     source: Source::Point(frame.point_to_world(local)),
                     normal: Some(frame.axes.z_axis),
-                    weight: radiance * (4.0 * half_size[0] * half_size[1]),
+                    weight: radiance * rectangle_area(half_size),
+                }
+            }
+            LightKind::Disk { frame, radius, radiance } => {
+                let (sin, cos) = libm::sincos(2.0 * PI * random.y);
+                let local = DVec2::new(cos, sin) * (radius * random.x.sqrt());
+                SourceSample {
+                    source: Source::Point(frame.point_to_world(local.extend(0.0))),
+                    normal: Some(frame.axes.z_axis),
+                    weight: radiance * disk_area(radius),
                 }
             }
             LightKind::Sun { direction, cos_radius, sin_radius, radiance } => {
@@ -101,9 +113,10 @@ impl Light {
                 let (axis, cos_min) = side_seen(light_centre, light_radius, centre, radius);
                 let cosine = (position - light_centre).dot(axis) / light_radius;
                 let side = light_radius * (1.0 - cos_min);
-                (cosine - cos_min).max(0.0) / (std::f64::consts::PI * side * side)
+                (cosine - cos_min).max(0.0) / (PI * side * side)
             }
-            (LightKind::Rectangle { half_size: [u, v], .. }, _) => 1.0 / (4.0 * u * v),
+            (LightKind::Rectangle { half_size, .. }, _) => 1.0 / rectangle_area(half_size),
+            (LightKind::Disk { radius, .. }, _) => 1.0 / disk_area(radius),
             (LightKind::Sun { cos_radius, sin_radius, .. }, _) => 1.0 / cap_solid_angle(cos_radius, sin_radius),
             (LightKind::Point { .. } | LightKind::Sphere { .. }, _) => f64::INFINITY,
         }
@@ -117,7 +130,9 @@ impl Light {
             LightKind::Sphere { centre, radius, .. } => {
                 (Source::Point(position), (-(position - centre).dot(ray.direction) / radius).max(0.0))
             }
-            LightKind::Rectangle { frame, .. } => (Source::Point(position), -frame.axes.z_axis.dot(ray.direction)),
+            LightKind::Rectangle { frame, .. } | LightKind::Disk { frame, .. } => {
+                (Source::Point(position), -frame.axes.z_axis.dot(ray.direction))
+            }
             LightKind::Sun { .. } => (Source::Direction(ray.direction), 1.0),
         }
     }
@@ -149,24 +164,10 @@ impl Light {
                     density: Some(1.0 / solid_angle),
                 })
             }
-            LightKind::Rectangle { frame, half_size, radiance } => {
-                let sample = self.sample_source(point, 0.0, random);
-                let Source::Point(position) = sample.source else { return None };
-                let offset = position - point;
-                let distance_squared = offset.length_squared();
-                let distance = distance_squared.sqrt();
-                let direction = offset / distance;
-                let cosine = -direction.dot(frame.axes.z_axis);
-                (cosine > 0.0).then(|| {
-                    let solid_angle = 4.0 * half_size[0] * half_size[1] * cosine / distance_squared;
-                    DirectSample {
-                        direction,
-                        distance,
-                        weight: radiance * solid_angle,
-                        density: Some(1.0 / solid_angle),
-                    }
-                })
+            LightKind::Rectangle { frame, half_size, .. } => {
+                self.sample_flat(&frame, rectangle_area(half_size), point, random)
             }
+            LightKind::Disk { frame, radius, .. } => self.sample_flat(&frame, disk_area(radius), point, random),
             LightKind::Sun { direction, cos_radius, sin_radius, radiance } => {
                 let (direction, solid_angle) = sample_cap(direction, cos_radius, sin_radius, random);
                 Some(DirectSample {
@@ -179,6 +180,26 @@ impl Light {
         }
     }
 
+    /// As [`Light::sample_direct`], for a flat light of the given area that shines along the z axis of `frame`.
+    fn sample_flat(&self, frame: &Frame, area: f64, point: DVec3, random: DVec2) -> Option<DirectSample> {
+        let sample = self.sample_source(point, 0.0, random);
+        let Source::Point(position) = sample.source else { return None };
+        let offset = position - point;
+        let distance_squared = offset.length_squared();
+        let distance = distance_squared.sqrt();
+        let direction = offset / distance;
+        let cosine = -direction.dot(frame.axes.z_axis);
+        (cosine > 0.0).then(|| {
+            let solid_angle = area * cosine / distance_squared;
+            DirectSample {
+                direction,
+                distance,
+                weight: self.emission() * solid_angle,
+                density: Some(1.0 / solid_angle),
+            }
+        })
+    }
+
     /// Density per solid angle with which [`Light::sample_direct`] draws, from `point`, the direction of a ray that
     /// meets the light at `hit`.
     pub fn direct_density(&self, ray: &Ray, hit: &LightHit) -> f64 {
@@ -186,14 +207,8 @@ impl Light {
             LightKind::Point { .. } => 0.0,
             LightKind::Sphere { centre, radius, .. } => subtended_cap(ray.origin, centre, radius)
                 .map_or(0.0, |(_, cos_radius, sin_radius)| 1.0 / cap_solid_angle(cos_radius, sin_radius)),
-            LightKind::Rectangle { frame, half_size, .. } => {
-                let cosine = -ray.direction.dot(frame.axes.z_axis);
-                if cosine > 0.0 {
-                    hit.distance * hit.distance / (4.0 * half_size[0] * half_size[1] * cosine)
-                } else {
-                    0.0
-                }
-            }
+            LightKind::Rectangle { frame, half_size, .. } => flat_density(&frame, rectangle_area(half_size), ray, hit),
+            LightKind::Disk { frame, radius, .. } => flat_density(&frame, disk_area(radius), ray, hit),
             LightKind::Sun { cos_radius, sin_radius, .. } => 1.0 / cap_solid_angle(cos_radius, sin_radius),
         }
     }
@@ -212,19 +227,11 @@ impl Light {
                 }
                 Some(LightHit { distance: along - (radius * radius - across_squared).sqrt(), radiance })
             }
-            LightKind::Rectangle { frame, half_size, radiance } => {
-                let origin = frame.point_to_local(ray.origin);
-                let direction = frame.vector_to_local(ray.direction);
-                let distance = -origin.z / direction.z;
-                if !(distance > 0.0 && distance.is_finite()) {
-                    return None;
-                }
-                let point = origin + direction * distance;
-                if point.x.abs() > half_size[0] || point.y.abs() > half_size[1] {
-                    return None;
-                }
-                let radiance = if direction.z < 0.0 { radiance } else { DVec3::ZERO };
-                Some(LightHit { distance, radiance })
+            LightKind::Rectangle { frame, half_size, radiance } => intersect_flat(&frame, radiance, ray, |point| {
+                point.x.abs() <= half_size[0] && point.y.abs() <= half_size[1]
+            }),
+            LightKind::Disk { frame, radius, radiance } => {
+                intersect_flat(&frame, radiance, ray, |point| point.length_squared() <= radius * radius)
             }
             LightKind::Sun { direction, sin_radius, radiance, .. } => {
                 // |r x d| is exact for small angles where the cosine is not.
@@ -234,6 +241,34 @@ impl Light {
             }
         }
     }
+}
+
+/// Area of a rectangle, from half its extent along x and y.
+fn rectangle_area(half_size: [f64; 2]) -> f64 {
+    4.0 * half_size[0] * half_size[1]
+}
+
+fn disk_area(radius: f64) -> f64 {
+    PI * radius * radius
+}
+
+/// Density per solid angle of points that are uniform over a flat light of the given area.
+fn flat_density(frame: &Frame, area: f64, ray: &Ray, hit: &LightHit) -> f64 {
+    let cosine = -ray.direction.dot(frame.axes.z_axis);
+    if cosine > 0.0 { hit.distance * hit.distance / (area * cosine) } else { 0.0 }
+}
+
+/// Where the ray meets the flat light that `holds` the points of the plane through `frame`.
+fn intersect_flat(frame: &Frame, radiance: DVec3, ray: &Ray, holds: impl Fn(DVec2) -> bool) -> Option<LightHit> {
+    let origin = frame.point_to_local(ray.origin);
+    let direction = frame.vector_to_local(ray.direction);
+    let distance = -origin.z / direction.z;
+    if !(distance > 0.0 && distance.is_finite()) {
+        return None;
+    }
+    let point = origin + direction * distance;
+    let radiance = if direction.z < 0.0 { radiance } else { DVec3::ZERO };
+    holds(point.truncate()).then_some(LightHit { distance, radiance })
 }
 
 /// The middle of the side of a sphere that may be seen from inside a ball, and the cosine of its edge.
@@ -250,13 +285,13 @@ fn side_seen(sphere: DVec3, sphere_radius: f64, ball: DVec3, ball_radius: f64) -
 /// The unit vector at an angle of the given cosine to `axis`, at the azimuth `2 pi turn`.
 fn around(axis: DVec3, cosine: f64, turn: f64) -> DVec3 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-    let (sin, cos) = libm::sincos(2.0 * std::f64::consts::PI * turn);
+    let (sin, cos) = libm::sincos(2.0 * PI * turn);
     Frame::around(axis).vector_to_world(DVec3::new(sine * cos, sine * sin, cosine))
 }
 
 /// `2 pi (1 - cos)`, without cancellation.
 pub(crate) fn cap_solid_angle(cos_radius: f64, sin_radius: f64) -> f64 {
-    2.0 * std::f64::consts::PI * one_minus_cos(cos_radius, sin_radius)
+    2.0 * PI * one_minus_cos(cos_radius, sin_radius)
 }
 
 fn one_minus_cos(cosine: f64, sine: f64) -> f64 {
@@ -267,7 +302,7 @@ fn one_minus_cos(cosine: f64, sine: f64) -> f64 {
 fn sample_cap(axis: DVec3, cos_radius: f64, sin_radius: f64, random: DVec2) -> (DVec3, f64) {
     let height = random.x * one_minus_cos(cos_radius, sin_radius);
     let sine = (height * (2.0 - height)).max(0.0).sqrt();
-    let (sin, cos) = libm::sincos(2.0 * std::f64::consts::PI * random.y);
+    let (sin, cos) = libm::sincos(2.0 * PI * random.y);
     let direction = Frame::around(axis).vector_to_world(DVec3::new(sine * cos, sine * sin, 1.0 - height));
     (direction, cap_solid_angle(cos_radius, sin_radius))
 }
@@ -295,6 +330,14 @@ mod tests {
                 frame: Frame::new(DVec3::new(0.2, 0.1, 1.5), DVec3::X, DVec3::NEG_Y),
                 half_size: [0.5, 0.25],
                 radiance: DVec3::ONE,
+            },
+            LightKind::Disk {
+                frame: Frame {
+                    origin: DVec3::new(-0.3, 0.4, 1.2),
+                    ..Frame::around(DVec3::new(0.2, -0.1, -1.0).normalize())
+                },
+                radius: 0.45,
+                radiance: DVec3::new(3.0, 1.0, 2.0),
             },
             LightKind::Sun {
                 direction: DVec3::new(0.1, 0.2, 1.0).normalize(),
@@ -333,7 +376,7 @@ mod tests {
     #[test]
     fn area_and_solid_angle_sampling_give_the_same_irradiance() {
         let point = DVec3::new(0.1, -0.2, 0.3);
-        for light in &lights()[..2] {
+        for light in &lights()[..3] {
             let n = 400;
             let by_direction: f64 = grid(n)
                 .map(|random| light.sample_direct(point, random).map_or(0.0, |s| s.weight.x * s.direction.z.max(0.0)))
@@ -370,9 +413,49 @@ mod tests {
     }
 
     #[test]
-    fn a_rectangle_is_dark_behind() {
-        let light = &lights()[1];
-        let hit = light.intersect(&Ray::new(DVec3::new(0.2, 0.1, 3.0), DVec3::NEG_Z)).unwrap();
-        assert_eq!(hit.radiance, DVec3::ZERO);
+    fn flat_lights_are_dark_behind() {
+        for (light, x, y) in [(&lights()[1], 0.2, 0.1), (&lights()[2], -0.3, 0.4)] {
+            let behind = DVec3::new(x, y, 3.0);
+            let hit = light.intersect(&Ray::new(behind, DVec3::NEG_Z)).unwrap();
+            assert_eq!(hit.radiance, DVec3::ZERO);
+            assert_eq!(light.sample_direct(behind, DVec2::splat(0.3)), None);
+            let ray = Ray::new(DVec3::new(x, y, 0.0), DVec3::Z);
+            assert_eq!(light.intersect(&ray).unwrap().radiance, light.emission());
+        }
+    }
+
+    #[test]
+    fn a_disk_ends_at_its_radius() {
+        let light = &lights()[2];
+        let LightKind::Disk { frame, radius, .. } = light.kind else { unreachable!() };
+        let from_below = |local: DVec2| {
+            let ray = Ray::new(frame.point_to_world(local.extend(0.7)), -frame.axes.z_axis);
+            light.intersect(&ray).map(|hit| hit.distance)
+        };
+        for turn in 0..16 {
+            let direction = DVec2::from_angle(f64::from(turn));
+            assert!((from_below(direction * (0.999 * radius)).unwrap() - 0.7).abs() < 1e-12);
+            assert_eq!(from_below(direction * (1.001 * radius)), None);
+        }
+    }
+
+    /// The irradiance on the axis of a disk of radiance L is pi L sin^2 of the angle that its radius subtends.
+    #[test]
+    fn a_disk_makes_the_irradiance_of_a_disk() {
+        let radius = 0.45;
+        let light = Light {
+            name: "test".into(),
+            kind: LightKind::Disk { frame: Frame::around(DVec3::NEG_Z), radius, radiance: DVec3::ONE },
+        };
+        for distance in [0.3, 1.0, 30.0] {
+            let point = DVec3::new(0.0, 0.0, -distance);
+            let n = 400;
+            let sum: f64 = grid(n)
+                .map(|random| light.sample_direct(point, random).map_or(0.0, |s| s.weight.x * s.direction.z))
+                .sum();
+            let irradiance = sum / f64::from(n * n);
+            let expected = PI * radius * radius / (radius * radius + distance * distance);
+            assert!((irradiance / expected - 1.0).abs() < 1e-4, "{distance}: {irradiance} {expected}");
+        }
     }
 }

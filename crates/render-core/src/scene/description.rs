@@ -514,6 +514,22 @@ pub enum LightDescription {
         #[schemars(inner(range(min = 0.0)))]
         radiance: Triple,
     },
+    /// A disk that shines to the side to which `normal` points; its other side is black.
+    Disk {
+        /// A short name, used in messages; no two lights share one.
+        #[schemars(length(min = 1, max = 200))]
+        name: String,
+        /// Its centre.
+        centre: Triple,
+        /// Direction to which it shines, perpendicular to it.
+        normal: Triple,
+        /// Its radius, metres.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        radius: f64,
+        /// Emitted radiance, W/(m2 sr).
+        #[schemars(inner(range(min = 0.0)))]
+        radiance: Triple,
+    },
     /// A distant disc: a direction with an angular radius.
     Sun {
         /// A short name, used in messages; no two lights share one.

@@ -41,7 +41,10 @@ pub(super) fn valid_scene() -> Value {
             {"rectangle": {
                 "name": "panel", "centre": [0, 0, 5], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0], "radiance": [1, 1, 1]
             }},
-            {"sun": {"name": "sun", "direction": [0, 0.6, 0.8], "angular_radius": 0.27, "radiance": [1, 1, 1]}}
+            {"sun": {"name": "sun", "direction": [0, 0.6, 0.8], "angular_radius": 0.27, "radiance": [1, 1, 1]}},
+            {"disk": {
+                "name": "aperture", "centre": [0, 0, 5], "normal": [0, 0, -1], "radius": 0.1, "radiance": [1, 1, 1]
+            }}
         ]
     })
 }
@@ -245,6 +248,11 @@ fn values_out_of_range_are_named_with_what_would_be_right() {
         ("/lights/2/rectangle/edge_v", json!([1, 1, 0]), "lights[2].rectangle.edge_v", &["perpendicular to edge_u"]),
         ("/lights/3/sun/direction", json!([0, 0, 0]), "lights[3].sun.direction", &["length above"]),
         ("/lights/3/sun/angular_radius", json!(0), "lights[3].sun.angular_radius", &["0.001 to 90"]),
+        ("/lights/4/disk/name", json!("sun"), "lights[4].disk.name", &["no earlier one"]),
+        ("/lights/4/disk/centre/1", json!(1e13), "lights[4].disk.centre[1]", &["found 10000000000000.0"]),
+        ("/lights/4/disk/normal", json!([0, 0, 0]), "lights[4].disk.normal", &["length above"]),
+        ("/lights/4/disk/radius", json!(-0.1), "lights[4].disk.radius", &["found -0.1", "more than 0"]),
+        ("/lights/4/disk/radiance/2", json!(-1), "lights[4].disk.radiance[2]", &["found -1.0"]),
     ];
     for (pointer, value, path, fragments) in cases {
         check(&with(pointer, value.clone()), path, fragments);

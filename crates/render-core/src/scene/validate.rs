@@ -142,6 +142,7 @@ impl LightDescription {
             Self::Point { name, .. }
             | Self::Sphere { name, .. }
             | Self::Rectangle { name, .. }
+            | Self::Disk { name, .. }
             | Self::Sun { name, .. } => name,
         }
     }
@@ -152,6 +153,7 @@ impl LightDescription {
             Self::Point { .. } => "point",
             Self::Sphere { .. } => "sphere",
             Self::Rectangle { .. } => "rectangle",
+            Self::Disk { .. } => "disk",
             Self::Sun { .. } => "sun",
         }
     }
@@ -389,6 +391,12 @@ fn check_light(light: &LightDescription, path: &JsonPath<'_>) -> Check {
                 let expected = format!("a vector perpendicular to edge_u ({})", Numbers(edge_u));
                 return Err(SceneError::value(&path.member("edge_v"), Numbers(edge_v), expected));
             }
+            check_power(*radiance, "radiance")
+        }
+        LightDescription::Disk { centre, normal, radius, radiance, .. } => {
+            check_place(*centre, "centre")?;
+            check_direction(*normal, &path.member("normal"))?;
+            check_above(*radius, 0.0, MAX_LIGHT_COORDINATE, &path.member("radius"))?;
             check_power(*radiance, "radiance")
         }
         LightDescription::Sun { direction, angular_radius, radiance, .. } => {

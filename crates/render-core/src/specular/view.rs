@@ -203,6 +203,9 @@ fn light_bounds(light: &Light, frame: &Frame) -> SourceBounds {
         LightKind::Rectangle { frame: light_frame, half_size: [u, v], .. } => {
             SourceBounds::Ball { centre: frame.point_to_local(light_frame.origin), radius: (u * u + v * v).sqrt() }
         }
+        LightKind::Disk { frame: light_frame, radius, .. } => {
+            SourceBounds::Ball { centre: frame.point_to_local(light_frame.origin), radius }
+        }
         LightKind::Sun { direction, sin_radius, .. } => {
             SourceBounds::Cap { direction: frame.vector_to_local(direction), sin_radius }
         }

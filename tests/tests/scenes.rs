@@ -1,0 +1,191 @@
+//! What `scenes/README.md` promises of the scenes that ship for experiments.
+
+use std::path::{Path, PathBuf};
+
+use clerestory_render_core::counters::Counters;
+use clerestory_render_core::geometry::{Leaving, Pane};
+use clerestory_render_core::optics::Source;
+use clerestory_render_core::scene::description::{FneeSolver, LightDescription, SamplingDescription, SceneDescription};
+use clerestory_render_core::scene::{self, Scene, SceneBundle};
+use clerestory_render_core::specular::fnee::PathSearch;
+use clerestory_render_core::specular::side::PaneSide;
+use clerestory_tests::bias::compare;
+use clerestory_tests::forward_tracer::{Exit, Fault, LightSample, Side, Tracing, trace};
+use clerestory_tests::reference::{Image, Reference};
+use clerestory_tests::rendering::Rendering;
+use clerestory_tests::slab::{SlabFace, smallest_spread};
+use clerestory_tests::traced_scene::{TracedLight, TracedScene, read_height_map};
+use glam::{DVec2, DVec3};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes")
+}
+
+fn bundle(name: &str) -> SceneBundle {
+    scene::load(&folder().join(name)).expect("the scene ships")
+}
+
+/// What the camera sees in `count` by `count` places of the picture.
+fn seen(scene: &Scene, count: u32) -> Vec<DVec3> {
+    let film = scene.description().film;
+    let size = DVec2::new(f64::from(film.width), f64::from(film.height));
+    let place = |k: u32| DVec2::new(f64::from(k % count) + 0.5, f64::from(k / count) + 0.5) / f64::from(count);
+    (0..count * count)
+        .filter_map(|k| {
+            let ray = scene.camera().ray(place(k) * size);
+            let hit =
+                scene.accelerator().closest_hit(&ray, f64::INFINITY, Leaving::Nothing, &mut Counters::default())?;
+            Some(ray.at(hit.distance))
+        })
+        .collect()
+}
+
+/// Paths through a pane from a point of the receiver to a point of a light, and whether these are proven to be all.
+fn paths(pane: &Pane, origin: DVec3, source: DVec3) -> (usize, bool) {
+    let [origin, source] = [origin, source].map(|point| pane.frame.point_to_local(point));
+    let side = PaneSide::facing(pane, origin).expect("receivers lie in front of their pane");
+    let Some(search) = PathSearch::new(side, origin, Source::Point(source), FneeSolver::Complete) else {
+        return (0, true);
+    };
+    let counters = &mut Counters::default();
+    let enumeration = search.enumerate(counters);
+    let through = enumeration.roots.iter().filter(|root| search.transmission(root, counters).is_some());
+    (through.count(), enumeration.complete)
+}
+
+/// Pictures of a scene with different seeds, in `size` by `size` pixels.
+fn replicates(bundle: &SceneBundle, integrator: &str, size: u32, samples: u32) -> Vec<Image> {
+    (1..=32)
+        .map(|seed| {
+            let description = bundle.description().clone().with_seed(seed).with_integrator_named(integrator);
+            let mut description =
+                description.and_then(|description| description.with_size(size, size)).expect("a valid change");
+            description.sampling = SamplingDescription { samples_per_pass: samples, samples_per_block: samples };
+            let bundle = bundle.clone().with_description(description).expect("a valid change");
+            let scene = Scene::build(&bundle).expect("the scene can be built");
+            let mut rendering = Rendering::new(&scene);
+            rendering.render_pass().expect("the scene renders");
+            rendering.image()
+        })
+        .collect()
+}
+
+/// Holds pictures of integrators against light traced forward.
+#[track_caller]
+fn check_against_forward_tracing(name: &str, integrators: &[&str], size: u32, samples: u32) {
+    let bundle = bundle(name);
+    let description = bundle.description().clone().with_size(size, size).expect("a valid size");
+    let smaller = bundle.clone().with_description(description).expect("a valid size");
+    let traced = TracedScene::build(&smaller, &folder()).expect("the scene can be traced");
+    let reference =
+        |photons, fault| Reference::from_batches(&trace(&traced, &Tracing { photons, batches: 32, seed: 3, fault }));
+    let (right, wrong) = (reference(4_000_000, Fault::None), reference(1_000_000, Fault::MissingFresnelFactor));
+    for integrator in integrators {
+        let ours = replicates(&bundle, integrator, size, samples);
+        let report = compare(&ours, &right, &[]);
+        println!("{integrator} {name}: {report}");
+        assert!(report.agrees() && report.mean_error < 0.005, "{integrator} {name}: {report}");
+        let report = compare(&ours, &wrong, &[]);
+        assert!(!report.agrees(), "{integrator} {name} without a Fresnel factor: {report}");
+    }
+}
+
+mod slab {
+    use super::*;
+
+    #[test]
+    fn the_faces_are_waves_of_5_to_12_centimetres() {
+        for (seed, name) in (1..).zip(["slab/front.exr", "slab/back.exr"]) {
+            let file = folder().join(name);
+            let face = SlabFace::new(seed);
+            if std::env::var_os("UPDATE_SCENES").is_some() {
+                face.write(&file).expect("a file that can be written");
+            }
+            let (stored, columns, rows) = read_height_map(&file).expect("a height map");
+            assert_eq!((stored.len(), columns, rows), (64 * 64, 64, 64));
+            assert!(stored == face.coefficients(), "{name} is out of date; write it with UPDATE_SCENES=1");
+            let highest = stored.iter().fold(0_f32, |highest, height| highest.max(height.abs()));
+            assert_eq!(highest, 3e-4);
+        }
+    }
+
+    #[test]
+    fn no_point_of_the_picture_sees_a_point_of_the_light_twice() {
+        // Neither does any other point that the waves light: the borders of the slab, where they end, are out of sight.
+        let spread = smallest_spread(&SlabFace::new(1), &SlabFace::new(2), 1.5);
+        assert!(spread > 0.2, "{spread}");
+        let scene = Scene::build(&bundle("slab.json")).expect("the scene can be built");
+        // The middle of the light and places on its rim.
+        let rim = |turn: f64| DVec3::new(0.005 * turn.cos(), 0.005 * turn.sin(), 4.0);
+        let places = [DVec3::new(0.0, 0.0, 4.0), rim(0.0), rim(2.1), rim(4.2)];
+        let (mut connections, mut proven) = (0, 0);
+        for origin in seen(&scene, 64) {
+            for source in places {
+                let (count, complete) = paths(&scene.panes()[0], origin, source);
+                assert_eq!(count, 1, "{origin} {source}");
+                connections += 1;
+                proven += u32::from(complete);
+            }
+        }
+        println!("{proven} of {connections} connections are proven to have no other path");
+        assert!(connections == 4 * 64 * 64 && proven * 1000 > connections * 999, "{proven} of {connections}");
+    }
+
+    #[test]
+    fn its_light_is_that_of_forward_tracing() {
+        check_against_forward_tracing("slab.json", &["cone", "fnee"], 32, 4);
+    }
+}
+
+mod four_panes {
+    use super::*;
+
+    /// Rays through a pane, along each of its edges.
+    const RAYS: u32 = 300;
+
+    #[test]
+    fn each_caustic_stays_in_its_quarter_of_the_picture_and_folds() {
+        let scene = TracedScene::load(&folder().join("four-panes-point.json")).expect("the scene can be traced");
+        let light = &scene.lights[0];
+        let TracedLight::Point { position, .. } = *light else { panic!("a point light") };
+        // From the middle of the picture: left or right, up or down.
+        for (pane, quarter) in scene.panes.iter().zip([[-1.0, 1.0], [1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]]) {
+            let side = Side::towards(pane, light);
+            let sample = LightSample::Point(position);
+            let land = |exit: &Exit| exit.origin + exit.direction * ((-1.0 - exit.origin.z) / exit.direction.z);
+            let (mut through, mut reversed) = (0, 0);
+            for k in 0..RAYS * RAYS {
+                let along = |index: u32| (f64::from(index) + 0.5) / f64::from(RAYS);
+                let face = [along(k % RAYS), along(k / RAYS)];
+                let start = side.start(pane, face);
+                let Some(exit) = side.refract(pane, &start, sample.direction_from(start.world)) else { continue };
+                let place = land(&exit).truncate();
+                // Further from its borders than the sphere blurs the caustics, which is by 5 mm to each side.
+                let within = place * DVec2::from(quarter);
+                assert!(within.min_element() > 0.005 && within.max_element() < 0.455, "{place} from {:?}", pane.origin);
+                through += 1;
+                reversed += u32::from(side.reverses(pane, face, &sample, &exit, land));
+            }
+            println!("{:?}: {reversed} of {through} rays reversed", pane.origin);
+            assert!(through * 100 > RAYS * RAYS * 97, "{through}");
+            assert!(reversed * 50 > through, "{reversed} of {through}");
+        }
+    }
+
+    #[test]
+    fn the_point_differs_from_the_sphere_in_the_light_alone() {
+        let [sphere, point] = ["four-panes.json", "four-panes-point.json"].map(|name| {
+            let mut description = bundle(name).description().clone();
+            let lights = std::mem::take(&mut description.lights);
+            let description = description.with_integrator_named("fnee").expect("an integrator");
+            (SceneDescription { name: String::new(), ..description }, lights)
+        });
+        assert_eq!(sphere.0, point.0);
+        let [LightDescription::Sphere { centre, radius, radiance, .. }] = sphere.1[..] else { panic!("a sphere") };
+        let [LightDescription::Point { position, intensity, .. }] = point.1[..] else { panic!("a point") };
+        assert_eq!(centre, position);
+        // From afar a sphere shines like a point of intensity pi r^2 L.
+        let expected = std::f64::consts::PI * radius * radius * radiance[0];
+        assert!((intensity[0] / expected - 1.0).abs() < 0.02, "{} {expected}", intensity[0]);
+    }
+}
