@@ -13,7 +13,7 @@ use super::reference::{Reference, noise};
 use super::region::Region;
 use super::scenes::changed;
 use super::session::Session;
-use super::table::{Column, Table, column};
+use super::table::{Column, Table, column, rounded_number};
 use super::variant::Variant;
 use crate::failure::Failure;
 
@@ -69,6 +69,8 @@ pub(super) struct Summary {
     pub(super) variance_times_time: Option<f64>,
     pub(super) height_evaluations_per_sample: f64,
     pub(super) seconds_per_sample: f64,
+    pub(super) solver_calls_per_core_second: f64,
+    pub(super) success: Option<f64>,
     pub(super) truncated: f64,
 }
 
@@ -113,7 +115,7 @@ const MEASUREMENT_COLUMNS: [Column; 21] = [
     column("samples", "camera samples; whole picture"),
 ];
 
-const SUMMARY_COLUMNS: [Column; 20] = [
+const SUMMARY_COLUMNS: [Column; 22] = [
     column("scene", "the scene"),
     column("variant", "the integrator and its settings, listed under variants"),
     column("region", "the part of the picture"),
@@ -142,6 +144,8 @@ const SUMMARY_COLUMNS: [Column; 20] = [
     column("variance_times_time", "variance times core_seconds: what the method costs whatever the time"),
     column("height_evaluations_per_sample", "height evaluations for each camera sample; whole picture"),
     column("seconds_per_sample", "core seconds for each camera sample; whole picture"),
+    column("solver_calls_per_core_second", "starts of the solver for each second of each core; whole picture"),
+    column("success", "part of the solver calls that converge, mean over the seeds; whole picture"),
     column("truncated", "estimates of an inverse probability that were cut off, mean over the seeds; whole picture"),
 ];
 
@@ -203,6 +207,35 @@ impl Comparison {
         });
         let title = format!("{scene}: {region}");
         Figure { title, axes: ["render time, s", "mean squared error"], curves: curves.collect() }
+    }
+
+    /// The mean energy of each variant over that of the reference, in a region of a scene at the longest time.
+    pub(super) fn energies(&self, scene: &str, region: &str, variants: &[Variant]) -> String {
+        let of = |variant: &Variant| {
+            let row = self.last(scene, region, &variant.name)?;
+            let error = row.mean_ratio_standard_error.map_or_else(String::new, |error| format!(" ± {error:.4}"));
+            Some(format!("{} {:.4}{error}", variant.name, row.mean_ratio?))
+        };
+        let energies: Vec<String> = variants.iter().filter_map(of).collect();
+        format!("{scene}, {region}: mean energy over that of the reference: {}.", energies.join(", "))
+    }
+
+    /// Relative error times time and the speed of the solver, in a region of a scene at the longest time.
+    pub(super) fn efficiency(&self, scene: &str, region: &str, variant: &Variant) -> Option<String> {
+        let row = self.last(scene, region, &variant.name)?;
+        let mut text = format!(
+            "{scene}, {}: relMSE {} after {} core seconds, relMSE times core seconds {}",
+            variant.name,
+            rounded_number(row.rel_mse?),
+            rounded_number(row.core_seconds),
+            rounded_number(row.rel_mse? * row.core_seconds),
+        );
+        if let Some(success) = row.success {
+            let starts = rounded_number(row.solver_calls_per_core_second);
+            let percent = rounded_number(100.0 * success);
+            text.push_str(&format!("; {starts} starts a core second, {percent} percent of which converge"));
+        }
+        Some(text + ".")
     }
 
     /// The summary of a variant in a region of a scene at the longest time.
@@ -331,6 +364,12 @@ impl<'a> Parts<'a> {
                     per_sample(snapshot, snapshot.counters.height_evaluations as f64)
                 }),
                 seconds_per_sample: over_seeds(&|snapshot| per_sample(snapshot, snapshot.core_seconds)),
+                solver_calls_per_core_second: over_seeds(&|snapshot| {
+                    snapshot.counters.solver_calls as f64 / snapshot.core_seconds
+                }),
+                success: (snapshots.iter().all(|snapshot| snapshot.counters.solver_calls > 0)).then(|| {
+                    over_seeds(&|snapshot| snapshot.counters.converged as f64 / snapshot.counters.solver_calls as f64)
+                }),
                 truncated: over_seeds(&|snapshot| snapshot.counters.truncated as f64),
             });
         }

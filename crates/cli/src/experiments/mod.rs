@@ -6,15 +6,20 @@
 //! picture ([`region`]), rendering for a time or a number of samples ([`measure`]), and the comparison of variants at equal
 //! time ([`comparison`]).
 
+mod basin_figure;
+mod basins;
 mod comparison;
 mod figure;
+mod fine_detail;
 mod machine;
+mod manifold;
 mod measure;
 mod page;
 mod reference;
 mod region;
 mod report;
 mod scenes;
+mod selection;
 pub(crate) mod session;
 mod solvers;
 mod table;
@@ -55,7 +60,14 @@ pub(crate) struct Defaults {
 }
 
 /// All experiments, in the order of the list.
-pub(crate) const ALL: [&Experiment; 2] = [&solvers::EXPERIMENT, &table1::EXPERIMENT];
+pub(crate) const ALL: [&Experiment; 6] = [
+    &solvers::EXPERIMENT,
+    &table1::EXPERIMENT,
+    &selection::EXPERIMENT,
+    &fine_detail::EXPERIMENT,
+    &basins::EXPERIMENT,
+    &manifold::EXPERIMENT,
+];
 
 /// Finds an experiment by its name; the error lists the names that there are.
 pub(crate) fn find(name: &str) -> Result<&'static Experiment, String> {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clerestory_render_core::film::FrameImage;
 use clerestory_render_core::scene::SceneBundle;
-use clerestory_render_core::scene::description::SamplingDescription;
+use clerestory_render_core::scene::description::{LightDescription, SamplingDescription};
 use serde::Serialize;
 
 use super::measure::{self, Snapshot};
@@ -52,14 +52,13 @@ pub(super) struct ReferenceRecord {
     scene_hash: String,
 }
 
-/// The reference of a scene: from the folder if it has been rendered before, else rendered by `method`.
-pub(super) fn reference(
-    session: &mut Session,
-    name: &str,
-    bundle: &SceneBundle,
-    method: &Variant,
-) -> Result<Reference, Failure> {
+/// The reference of a scene: from the folder if it has been rendered before. It is made by forward sampling, or by `fnee`
+/// where there is a point light, which forward sampling never meets.
+pub(super) fn reference(session: &mut Session, name: &str, bundle: &SceneBundle) -> Result<Reference, Failure> {
     let samples = session.settings.reference_samples;
+    let is_point = |light: &LightDescription| matches!(light, LightDescription::Point { .. });
+    let has_point = bundle.description().lights.iter().any(is_point);
+    let method = if has_point { Variant::fnee() } else { Variant::cone() };
     let integrator = method.integrator(bundle.description().integrator.max_depth());
     let changed = changed(bundle, integrator, SEED, sampling(samples));
     let bundle = changed.map_err(|source| Failure::scene(name.as_ref(), source))?;
@@ -84,7 +83,7 @@ pub(super) fn reference(
     let record = ReferenceRecord {
         scene: name.to_owned(),
         file,
-        integrator: method.name.clone(),
+        integrator: method.name,
         samples_per_pixel: samples,
         mean,
         noise: noise(&image),

@@ -67,6 +67,20 @@ impl Region {
         regions.into_iter().map(|(pane, pixels)| Self { name: name(pane), pixels }).collect()
     }
 
+    /// The picture cut into what lies in the straight-line shadow of a pane and what does not: where the light would fall
+    /// without refraction, and where it bleeds to.
+    pub(super) fn by_straight_line(scene: &Scene) -> Vec<Self> {
+        let ways = ways(scene);
+        let of = |name: &str, is_wanted: fn(&Way) -> bool| Self {
+            name: name.to_owned(),
+            pixels: (0..ways.len()).filter(|&pixel| is_wanted(&ways[pixel])).collect(),
+        };
+        vec![
+            of("straight line through a pane", |way| matches!(way, Way::Pane(_))),
+            of("straight line blocked", |way| matches!(way, Way::Blocked)),
+        ]
+    }
+
     /// Its pixels of an image, as an image of one row.
     pub(super) fn of(&self, image: &FrameImage) -> Result<FrameImage, Failure> {
         let layers = image.layers();

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use clerestory_render_core::film::{FrameImage, preview};
+use clerestory_render_core::film::{FrameImage, encode_png, preview};
 use clerestory_render_core::scene::SceneBundle;
 use serde_json::{Map, Value, json};
 
 use super::Experiment;
+use super::basin_figure::LOOK;
 use super::comparison::Comparison;
 use super::figure::Figure;
 use super::machine::Machine;
@@ -26,9 +27,12 @@ pub(crate) struct Report {
     scenes: Vec<Value>,
     /// What the figures say, in sentences, beside the paper.
     pub(super) statements: Vec<String>,
-    pub(super) figures: Vec<Figure>,
+    /// Figures, as SVG.
+    pub(super) figures: Vec<String>,
     pub(super) tables: Vec<Table>,
     pub(super) pictures: Vec<Picture>,
+    /// Further files: their names and contents.
+    files: Vec<(String, Vec<u8>)>,
 }
 
 /// A picture in the report.
@@ -77,6 +81,21 @@ impl Report {
         self.pictures.push(Picture { title, file: Some(file), image, stops });
     }
 
+    /// Adds a figure, unless it has no points.
+    pub(super) fn add_figure(&mut self, figure: &Figure) -> Result<(), Failure> {
+        self.figures.extend(figure.svg()?);
+        Ok(())
+    }
+
+    /// Adds an OpenEXR image and a PNG of what a figure shows, whose colours are meant as they are.
+    pub(super) fn add_files(&mut self, title: &str, image: &FrameImage) -> Result<(), Failure> {
+        let name = file_name(title);
+        let exr = image.encode().map_err(|error| Failure::BadImage(error.into()))?;
+        self.files.push((format!("{name}.exr"), exr));
+        self.files.push((format!("{name}.png"), encode_png(image, &LOOK).map_err(Failure::Preview)?));
+        Ok(())
+    }
+
     /// Writes everything into the folder of the session; returns the names of the page and the JSON file.
     pub(crate) fn write(&self, experiment: &Experiment, session: &Session) -> Result<[PathBuf; 2], Failure> {
         let folder = &session.folder;
@@ -89,10 +108,11 @@ impl Report {
                 write(&folder.join(file), &bytes)?;
             }
         }
+        for (name, content) in &self.files {
+            write(&folder.join(name), content)?;
+        }
         for (index, figure) in self.figures.iter().enumerate() {
-            if let Some(svg) = figure.svg()? {
-                write(&folder.join(format!("figure-{}.svg", index + 1)), svg.as_bytes())?;
-            }
+            write(&folder.join(format!("figure-{}.svg", index + 1)), figure.as_bytes())?;
         }
         let everything = self.json(experiment, session);
         let json = folder.join(format!("{}.json", experiment.name));

@@ -28,8 +28,14 @@ macro_rules! embedded {
     };
 }
 
-/// The window of the FNEE paper's figures 9 and 10: four panes of different profiles.
-pub(super) const FOUR_PANES: EmbeddedScene = embedded!("room", "room/walls.obj", "room/cames.obj", "room/stone.png");
+/// The window of the FNEE paper's figures 9 and 10: four panes of different profiles before a small sphere.
+pub(super) const FOUR_PANES: EmbeddedScene = embedded!("four-panes");
+
+/// The same window before a point of light.
+pub(super) const FOUR_PANES_POINT: EmbeddedScene = embedded!("four-panes-point");
+
+/// A slab without folds, for comparison with the authors of specular manifold sampling.
+pub(super) const SLAB: EmbeddedScene = embedded!("slab", "slab/front.exr", "slab/back.exr");
 
 /// Samples of one pass, so that a render ends soon after its time, and with a scramble of their own.
 const SAMPLING: SamplingDescription = SamplingDescription { samples_per_pass: 1, samples_per_block: 256 };

@@ -3,6 +3,7 @@
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 use rayon::ThreadPool;
 use serde::Serialize;
@@ -81,6 +82,11 @@ impl Session {
     /// Takes the progress bar away.
     pub(crate) fn finish(&self) {
         self.progress.finish();
+    }
+
+    /// A failure if the user has interrupted.
+    pub(crate) fn check(&self) -> Result<(), Failure> {
+        if self.control.cancelled.load(Ordering::Relaxed) { Err(self.interrupted()) } else { Ok(()) }
     }
 
     /// The failure that an interruption is.

@@ -43,7 +43,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
     session.plan(1 + Comparison::steps(session, &variants));
     let bundle = FOUR_PANES.bundle(session.settings.size)?;
     let scene = Scene::build(&bundle).map_err(|source| FOUR_PANES.failure(source))?;
-    let reference = reference(session, SCENE, &bundle, &Variant::cone())?;
+    let reference = reference(session, SCENE, &bundle)?;
     let mut regions = Region::of_panes(&scene);
     regions.push(Region::whole(&reference.image));
     let mut comparison = Comparison::default();
@@ -54,8 +54,9 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
     report.statements = statements(&comparison, &regions);
     report.add_scene(SCENE, &bundle, &reference);
     report.add_pictures(SCENE, &reference, &mut comparison);
-    report.figures =
-        regions.iter().map(|region| comparison.error_against_time(SCENE, &region.name, &variants)).collect();
+    for region in &regions {
+        report.add_figure(&comparison.error_against_time(SCENE, &region.name, &variants))?;
+    }
     report.tables = comparison.tables().into();
     report.variants = variants.into();
     Ok(report)

@@ -84,7 +84,7 @@ const PAPER: [(&str, u64, u64, f64); 2] =
     [("paper: FNEE", 956_000_000, 76_832, 0.0376), ("paper: SMS", 8_457_000_000, 48_754, 0.0187)];
 
 fn run(session: &mut Session) -> Result<Report, Failure> {
-    let variants = [Variant::fnee_published(), Variant::sms_sharp(), Variant::sms(), Variant::fnee()];
+    let variants = [Variant::fnee_published(), Variant::sms_sharp(), Variant::fnee()];
     session.plan(variants.len());
     let bundle = FOUR_PANES.bundle(session.settings.size)?;
     let mut report = Report::default();

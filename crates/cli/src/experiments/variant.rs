@@ -6,7 +6,7 @@ use clerestory_render_core::scene::description::{
 use serde::Serialize;
 
 /// Largest number of trials of `fnee`, as in the FNEE paper, section 3.2.
-pub(super) const PAPER_TRIALS: u32 = 1000;
+const PAPER_TRIALS: u32 = 1000;
 
 /// Largest number of trials of unbiased `sms`, as in the scenes of its authors.
 const MANIFOLD_TRIALS: u32 = 10_000_000;
@@ -39,12 +39,31 @@ impl Variant {
 
     /// `fnee` as it is by default.
     pub(super) fn fnee() -> Self {
-        Self::new("fnee", fnee(FneeSolver::Complete, PaneSelection::All, PAPER_TRIALS))
+        Self::fnee_with(FneeSolver::Complete, PaneSelection::All)
     }
 
     /// `fnee` as the paper has it.
     pub(super) fn fnee_published() -> Self {
-        Self::new("fnee published sharp", fnee(FneeSolver::Published, PaneSelection::Sharp, PAPER_TRIALS))
+        Self::fnee_with(FneeSolver::Published, PaneSelection::Sharp)
+    }
+
+    /// `fnee` with a solver and a choice of panes.
+    pub(super) fn fnee_with(solver: FneeSolver, selection: PaneSelection) -> Self {
+        let solver_name = match solver {
+            FneeSolver::Complete => "",
+            FneeSolver::Published => " published",
+        };
+        let selection_name = match selection {
+            PaneSelection::All => "",
+            PaneSelection::Sharp => " sharp",
+            PaneSelection::Bleed => " bleed",
+        };
+        Self::fnee_trials(&format!("fnee{solver_name}{selection_name}"), solver, selection, PAPER_TRIALS)
+    }
+
+    /// `fnee` with everything that it can be given.
+    pub(super) fn fnee_trials(name: &str, solver: FneeSolver, selection: PaneSelection, max_trials: u32) -> Self {
+        Self::new(name, IntegratorDescription::Fnee { max_depth: DEPTH, solver, selection, max_trials })
     }
 
     /// Unbiased specular manifold sampling, with an estimate for every pane, as its authors have it.
@@ -57,6 +76,11 @@ impl Variant {
     pub(super) fn sms_sharp() -> Self {
         let estimator = ManifoldEstimator::Unbiased { max_trials: MANIFOLD_TRIALS };
         Self::new("sms unbiased sharp", sms(estimator, PaneSelection::Sharp))
+    }
+
+    /// Biased specular manifold sampling with so many trials for every pane.
+    pub(super) fn sms_biased(trials: u32) -> Self {
+        Self::new(&format!("sms biased M = {trials}"), sms(ManifoldEstimator::Biased { trials }, PaneSelection::All))
     }
 
     /// Biased specular manifold sampling with so many trials and the choice of panes of the FNEE paper.
@@ -88,10 +112,6 @@ impl Variant {
 pub(super) fn file_name(name: &str) -> String {
     let words = name.split(|letter: char| !letter.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
     words.collect::<Vec<_>>().join("-").to_ascii_lowercase()
-}
-
-fn fnee(solver: FneeSolver, selection: PaneSelection, max_trials: u32) -> IntegratorDescription {
-    IntegratorDescription::Fnee { max_depth: DEPTH, solver, selection, max_trials }
 }
 
 fn sms(estimator: ManifoldEstimator, selection: PaneSelection) -> IntegratorDescription {

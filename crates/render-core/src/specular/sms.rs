@@ -16,6 +16,7 @@ use super::{
 use crate::{
     counters::Counters,
     film::{SampleStream, TrialStream},
+    optics::SourceSample,
     scene::{
         Scene,
         description::{ManifoldConstraint, ManifoldEstimator, PaneSelection},
@@ -31,6 +32,32 @@ pub struct Sms {
     pub estimator: ManifoldEstimator,
     /// Which panes are searched.
     pub selection: PaneSelection,
+}
+
+/// Manifold walks from chosen places, to look at what they converge to.
+pub struct ManifoldSearch<'a> {
+    passage: Passage<'a>,
+    constraint: ManifoldConstraint,
+}
+
+impl<'a> ManifoldSearch<'a> {
+    /// Walks from `point` to a point on a light through a pane, both indices into the scene; `None` when no path can exist.
+    pub fn new(
+        scene: &'a Scene,
+        point: &'a ShadingPoint,
+        light: u32,
+        sample: &'a SourceSample,
+        pane: u32,
+        constraint: ManifoldConstraint,
+    ) -> Option<Self> {
+        Some(Self { passage: Passage::new(scene, point, light, sample, pane)?, constraint })
+    }
+
+    /// The path to which a walk leads that starts as the path of light through `place`, tangential coordinates on the near
+    /// face in metres.
+    pub fn walk_from(&self, place: DVec2, counters: &mut Counters) -> Option<Root> {
+        ManifoldWalk::new(&self.passage, self.constraint).walk_from(place, counters)
+    }
 }
 
 /// Walks from uniform seeds.
