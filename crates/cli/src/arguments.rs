@@ -13,6 +13,7 @@ use crate::commands::demo::DemoArguments;
 use crate::commands::farm::FarmArguments;
 use crate::commands::jobs::JobsArguments;
 use crate::commands::render::RenderArguments;
+use crate::commands::scene::SceneArguments;
 use crate::commands::submit::SubmitArguments;
 use crate::commands::watch::WatchArguments;
 use crate::commands::worker::WorkerArguments;
@@ -66,6 +67,8 @@ pub(crate) enum Command {
     Compare(CompareArguments),
     /// Measure again what papers show.
     Bench(BenchArguments),
+    /// Write a scene that is computed.
+    Scene(SceneArguments),
     /// Start a farm on this machine, render an old window on it, and show the error falling.
     Demo(DemoArguments),
 }

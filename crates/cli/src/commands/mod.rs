@@ -8,6 +8,7 @@ pub(crate) mod demo;
 pub(crate) mod farm;
 pub(crate) mod jobs;
 pub(crate) mod render;
+pub(crate) mod scene;
 pub(crate) mod submit;
 pub(crate) mod watch;
 pub(crate) mod worker;
@@ -28,6 +29,7 @@ pub(crate) async fn run(command: Command) -> Result<(), Failure> {
         Command::Cancel(arguments) => cancel::run(arguments).await,
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Bench(arguments) => bench::run(arguments).await,
+        Command::Scene(arguments) => scene::run(&arguments),
         Command::Demo(arguments) => demo::run(arguments).await,
     }
 }

@@ -6,5 +6,6 @@ mod experiments;
 mod failures;
 mod jobs;
 mod render;
+mod scene;
 mod services;
 mod support;

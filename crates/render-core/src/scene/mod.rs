@@ -21,6 +21,7 @@ pub mod limits;
 mod malformed_scenes;
 mod mesh;
 mod missing_light;
+pub mod nave;
 mod obj;
 mod parse;
 mod picture;

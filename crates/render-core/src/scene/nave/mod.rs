@@ -1,0 +1,126 @@
+//! A scene to measure how methods scale with the number of panes: a stone nave whose clerestory lets the sun in.
+//!
+//! Whatever the number of panes, stone, sun, camera and the four openings of the clerestory are the same: the openings are
+//! cut into ever smaller panes, as in leaded lights, with cames between them (`leading`), and the waves of the glass keep
+//! their lengths (`glazing`). So the receiver gets about the same light, from more panes. The walls are closed
+//! (`stonework`): the sun comes in through glass alone.
+
+mod glazing;
+mod leading;
+mod stonework;
+mod triangles;
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+
+use super::description::{
+    CameraDescription, FilmDescription, IntegratorDescription, LightDescription, MaterialDescription,
+    ReflectanceDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple,
+};
+
+/// The openings of the clerestory, all alike.
+const WINDOWS: u32 = 4;
+
+/// The rows, and the columns, into which each opening can be cut.
+const CUTS: [u32; 4] = [1, 2, 4, 8];
+
+/// Into how many panes the windows of the nave are cut: 4, 16, 64 or 256.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PaneCount {
+    /// Panes along each edge of an opening.
+    cuts: u32,
+}
+
+/// A number of panes into which the windows of the nave cannot be cut alike.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("found {found}, expected 4, 16, 64 or 256: each of the four windows is cut into as many rows as columns")]
+pub struct PaneCountError {
+    /// What was asked for.
+    found: String,
+}
+
+impl PaneCount {
+    /// All there are, from the fewest panes to the most.
+    pub fn all() -> impl Iterator<Item = Self> {
+        CUTS.into_iter().map(|cuts| Self { cuts })
+    }
+
+    /// The number of panes of all windows.
+    pub fn get(self) -> u32 {
+        WINDOWS * self.cuts * self.cuts
+    }
+}
+
+impl FromStr for PaneCount {
+    type Err = PaneCountError;
+
+    fn from_str(text: &str) -> Result<Self, PaneCountError> {
+        let found = text.parse().ok();
+        Self::all().find(|count| Some(count.get()) == found).ok_or_else(|| PaneCountError { found: text.to_owned() })
+    }
+}
+
+impl fmt::Display for PaneCount {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.get().fmt(formatter)
+    }
+}
+
+/// The nave: 8 m wide, 14 m long and 13 m high, metres, z up. Four windows of 1 x 2.4 m with their sills at 8 m are in
+/// the wall at x = 0; the sun shines through them onto the wall at x = 8, at which the camera looks.
+pub fn nave(panes: PaneCount) -> SceneDescription {
+    let PaneCount { cuts } = panes;
+    let mut meshes = stonework::meshes();
+    meshes.push(leading::cames(cuts));
+    SceneDescription {
+        version: SCENE_FORMAT_VERSION,
+        name: format!("Nave with {panes} panes"),
+        seed: 1,
+        film: FilmDescription { width: 480, height: 360 },
+        camera: CameraDescription::Perspective {
+            position: [0.8, 4.6, 1.7],
+            look_at: [8.0, 7.9, 1.75],
+            up: [0.0, 0.0, 1.0],
+            vertical_field_of_view: 45.0,
+        },
+        integrator: IntegratorDescription::Cone { max_depth: 16 },
+        path_filter: None,
+        sampling: SamplingDescription::default(),
+        materials: materials(),
+        meshes,
+        panes: glazing::panes(cuts),
+        lights: vec![LightDescription::Sun {
+            name: "sun".to_owned(),
+            // 40 degrees high, 15 degrees from the normal of the windows.
+            direction: [-0.739942, -0.198267, 0.642788],
+            angular_radius: 0.27,
+            radiance: [41_000.0, 37_000.0, 31_000.0],
+        }],
+    }
+}
+
+fn materials() -> BTreeMap<String, MaterialDescription> {
+    let diffuse = |name: &str, colour: Triple| {
+        (name.to_owned(), MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Colour(colour) })
+    };
+    BTreeMap::from([
+        diffuse("ashlar", [0.62, 0.57, 0.48]),
+        diffuse("flagstones", [0.45, 0.42, 0.37]),
+        diffuse("lead", [0.22, 0.22, 0.23]),
+        diffuse("oak", [0.34, 0.25, 0.16]),
+    ])
+}
+
+/// The centre line of an opening along the nave, metres.
+fn window_centre(window: u32) -> f64 {
+    2.5 + 2.0 * f64::from(window)
+}
+
+/// A number as it is written in the scene: micrometres are enough, and sums of decimals come out as decimals.
+fn rounded(number: f64) -> f64 {
+    (number * 1e6).round() / 1e6
+}
+
+#[cfg(test)]
+mod tests;
