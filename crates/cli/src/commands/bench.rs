@@ -8,9 +8,12 @@ use std::sync::atomic::Ordering;
 
 use clap::{Args, Subcommand};
 use rayon::ThreadPoolBuilder;
+use tokio::runtime::Handle;
 
 use crate::arguments::positive;
 use crate::commands::worker::cores;
+use crate::connection::ConnectionArguments;
+use crate::experiments::farm::Farm;
 use crate::experiments::session::{Session, Settings};
 use crate::experiments::{self, Experiment};
 use crate::failure::Failure;
@@ -43,7 +46,7 @@ struct ExperimentArguments {
     #[arg(value_name = "NAME", value_parser = experiments::find, required_unless_present = "list")]
     experiment: Option<&'static Experiment>,
     /// List the experiments, and end.
-    #[arg(long, conflicts_with_all = ["experiment", "output", "times", "seeds", "size", "reference_spp", "threads"])]
+    #[arg(long, conflicts_with_all = ["experiment", "output", "times", "seeds", "size", "reference_spp", "threads", "farm"])]
     list: bool,
     /// Folder to write into [default: experiment-NAME]. References that are there already are used again.
     #[arg(short, long, value_name = "FOLDER")]
@@ -63,6 +66,11 @@ struct ExperimentArguments {
     /// Threads that render [default: one for each core].
     #[arg(long, value_name = "N", env = "CLERESTORY_THREADS", value_parser = positive::<NonZeroUsize>)]
     threads: Option<NonZeroUsize>,
+    /// Render on a farm, as ordinary jobs, instead of in this process.
+    #[arg(long)]
+    farm: bool,
+    #[command(flatten)]
+    connection: ConnectionArguments,
 }
 
 pub(crate) async fn run(arguments: BenchArguments) -> Result<(), Failure> {
@@ -70,10 +78,11 @@ pub(crate) async fn run(arguments: BenchArguments) -> Result<(), Failure> {
     let Some(experiment) = arguments.experiment else { return list() };
     let settings = interpret(experiment, &arguments)?;
     let folder = arguments.output.unwrap_or_else(|| PathBuf::from(format!("experiment-{}", experiment.name)));
+    let farm = if arguments.farm { Some(Farm::new(arguments.connection.open()?, Handle::current())) } else { None };
     fs::create_dir_all(&folder).map_err(|source| Failure::Write { file: folder.clone(), source })?;
     let pool = ThreadPoolBuilder::new().num_threads(settings.threads.get()).build().map_err(Failure::Threads)?;
     let control = Arc::new(Control::default());
-    let mut session = Session::new(settings, folder, pool, control.clone());
+    let mut session = Session::new(settings, folder, pool, control.clone(), farm);
     let mut work = tokio::task::spawn_blocking(move || {
         let result = (experiment.run)(&mut session).and_then(|report| report.write(experiment, &session));
         session.finish();
@@ -109,6 +118,7 @@ fn interpret(experiment: &Experiment, arguments: &ExperimentArguments) -> Result
         ("--times", !arguments.times.is_empty(), defaults.times.is_some()),
         ("--seeds", arguments.seeds.is_some(), defaults.seeds.is_some()),
         ("--reference-spp", arguments.reference_spp.is_some(), defaults.reference_samples.is_some()),
+        ("--farm", arguments.farm, defaults.renders),
     ];
     if let Some((option, ..)) = given.into_iter().find(|(_, is_given, is_known)| *is_given && !is_known) {
         return Err(Failure::Usage(format!(

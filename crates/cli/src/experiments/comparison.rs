@@ -167,7 +167,7 @@ impl Comparison {
                 let integrator = variant.integrator(description.integrator.max_depth());
                 let bundle = changed(case.bundle, integrator, seed, description.sampling)
                     .map_err(|source| Failure::scene(case.scene.as_ref(), source))?;
-                let snapshots = measure::until(session, &bundle, &times)?;
+                let snapshots = measure::until(session, &bundle, &times, &case.reference.asset)?;
                 for (&time, snapshot) in times.iter().zip(&snapshots) {
                     self.measurements.extend(parts.measure(case, variant, seed, time, snapshot)?);
                 }

@@ -23,7 +23,13 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
                al. 2023 show unnaturally dark caustics and explain them by N_max being too low for small basins; the paper gives \
                a picture and no numbers. The published line search also finds minima almost exclusively, which no N_max mends; \
                the complete solver finds saddles and maxima as well.",
-    defaults: Defaults { times: Some(&[4.0]), seeds: Some(5), size: [64, 64], reference_samples: Some(4096) },
+    defaults: Defaults {
+        times: Some(&[4.0]),
+        seeds: Some(5),
+        size: [64, 64],
+        reference_samples: Some(1024),
+        renders: true,
+    },
     run,
 };
 
@@ -31,7 +37,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 const TRIALS: [u32; 4] = [10, 100, 1000, 10_000];
 
 /// Distances between dimples, metres, at equal slopes.
-const WAVELENGTHS: [(&str, f64); 2] = [("dimples 10 mm apart", 0.01), ("dimples 5 mm apart", 0.005)];
+const WAVELENGTHS: [(&str, f64); 2] = [("dimples 15 mm apart", 0.015), ("dimples 7.5 mm apart", 0.0075)];
 
 /// The solvers: their names, and which panes they choose as a rule.
 const SOLVERS: [(&str, FneeSolver, PaneSelection); 2] = [
@@ -113,7 +119,7 @@ mod tests {
     #[test]
     fn the_fine_pane_is_alone_and_its_slopes_stay() {
         let window = FOUR_PANES.bundle([8, 8]).unwrap();
-        let bundle = fine_pane(&window, 0.005).unwrap();
+        let bundle = fine_pane(&window, 0.0075).unwrap();
         let description = bundle.description();
         assert_eq!(description.panes.len(), 1);
         let slope = |description: &SceneDescription| {

@@ -21,7 +21,8 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
         times: Some(&[1.0, 2.0, 4.0, 8.0]),
         seeds: Some(5),
         size: [128, 128],
-        reference_samples: Some(4096),
+        reference_samples: Some(1024),
+        renders: true,
     },
     run,
 };

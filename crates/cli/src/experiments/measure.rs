@@ -5,15 +5,16 @@ use std::time::Duration;
 use clerestory_coordinator::smallest_tile;
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{FrameImage, TileGrid};
-use clerestory_render_core::scene::{Scene, SceneBundle};
+use clerestory_render_core::scene::{Asset, Scene, SceneBundle};
 
+use super::farm::Amount;
 use super::machine::{Clocks, Spent};
 use super::session::Session;
 use crate::failure::Failure;
 use crate::local_render::{self, LocalFilm, PassPlan};
 
 /// Edge of a tile in pixels.
-const TILE: u32 = 64;
+pub(super) const TILE: u32 = 64;
 
 /// A render as it was when it had taken so long.
 #[derive(Clone, Debug)]
@@ -26,8 +27,20 @@ pub(super) struct Snapshot {
     pub(super) image: FrameImage,
 }
 
-/// Renders by whole passes until each of the times, in seconds, is reached.
-pub(super) fn until(session: &mut Session, bundle: &SceneBundle, times: &[f64]) -> Result<Vec<Snapshot>, Failure> {
+/// Renders until each of the times, in seconds, is reached: here by whole passes of one render, on a farm as one job for
+/// each time, which measures its own error against the reference.
+pub(super) fn until(
+    session: &mut Session,
+    bundle: &SceneBundle,
+    times: &[f64],
+    reference: &Asset,
+) -> Result<Vec<Snapshot>, Failure> {
+    if let Some(mut farm) = session.farm.take() {
+        let job = |&time: &f64| farm.render(session, bundle, Amount::Seconds(time), Some(reference));
+        let snapshots = times.iter().map(job).collect();
+        session.farm = Some(farm);
+        return snapshots;
+    }
     let longest = times.last().copied().unwrap_or(0.0);
     let scene = build(bundle)?;
     let plan = plan(&scene, u32::MAX);
@@ -45,6 +58,11 @@ pub(super) fn until(session: &mut Session, bundle: &SceneBundle, times: &[f64]) 
 
 /// Renders so many samples in each pixel, rounded up to whole passes.
 pub(super) fn samples(session: &mut Session, bundle: &SceneBundle, samples: u32) -> Result<Snapshot, Failure> {
+    if let Some(mut farm) = session.farm.take() {
+        let snapshot = farm.render(session, bundle, Amount::Samples(samples), None);
+        session.farm = Some(farm);
+        return snapshot;
+    }
     let scene = build(bundle)?;
     let passes = samples.div_ceil(scene.sampling().samples_per_pass()).max(1);
     let plan = plan(&scene, passes);

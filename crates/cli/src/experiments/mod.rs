@@ -9,12 +9,14 @@
 mod basin_figure;
 mod basins;
 mod comparison;
+pub(crate) mod farm;
 mod figure;
 mod fine_detail;
 mod machine;
 mod manifold;
 mod measure;
 mod page;
+mod panes;
 mod reference;
 mod region;
 mod report;
@@ -57,12 +59,15 @@ pub(crate) struct Defaults {
     pub(crate) size: [u32; 2],
     /// Samples in each pixel of the references.
     pub(crate) reference_samples: Option<u32>,
+    /// Whether it renders pictures, which a farm can do.
+    pub(crate) renders: bool,
 }
 
 /// All experiments, in the order of the list.
-pub(crate) const ALL: [&Experiment; 6] = [
+pub(crate) const ALL: [&Experiment; 7] = [
     &solvers::EXPERIMENT,
     &table1::EXPERIMENT,
+    &panes::EXPERIMENT,
     &selection::EXPERIMENT,
     &fine_detail::EXPERIMENT,
     &basins::EXPERIMENT,

@@ -11,6 +11,7 @@ use super::Experiment;
 use super::report::{Picture, Report};
 use super::table::{Table, rounded};
 use crate::failure::Failure;
+use crate::terminal::counted;
 
 const STYLE: &str = "\
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 1300px; margin: 2rem auto; padding: 0 1rem }
@@ -70,8 +71,12 @@ fn add(page: &mut String, text: &str) {
 fn circumstances(everything: &Value) -> String {
     let machine = &everything["machine"];
     let settings = &everything["settings"];
+    let farm = match everything["farm"]["workers"].as_array() {
+        Some(workers) => format!(", rendered by {} of a farm", counted(workers.len() as u64, "worker", "workers")),
+        None => String::new(),
+    };
     let mut text = format!(
-        "Clerestory {} on {}, {} of {} cores, pictures of {} x {} pixels",
+        "Clerestory {} on {}, {} of {} cores{farm}, pictures of {} x {} pixels",
         plain(&machine["build"]),
         [&machine["system"], &machine["processor"]].map(plain).join(", "),
         settings["threads"],

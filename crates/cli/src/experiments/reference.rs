@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use clerestory_render_core::film::FrameImage;
-use clerestory_render_core::scene::SceneBundle;
+use clerestory_render_core::film::{FrameImage, ImageLayers};
 use clerestory_render_core::scene::description::{LightDescription, SamplingDescription};
+use clerestory_render_core::scene::{Asset, SceneBundle};
 use serde::Serialize;
 
 use super::measure::{self, Snapshot};
@@ -30,6 +30,8 @@ const MOST_SAMPLES_PER_PASS: u32 = 16;
 /// What the variants of a scene are measured against.
 pub(super) struct Reference {
     pub(super) image: FrameImage,
+    /// Its mean and standard error as a file.
+    pub(super) asset: Asset,
     pub(super) record: ReferenceRecord,
 }
 
@@ -89,7 +91,15 @@ pub(super) fn reference(session: &mut Session, name: &str, bundle: &SceneBundle)
         noise: noise(&image),
         scene_hash,
     };
-    Ok(Reference { image, record })
+    let asset = Asset::new(bare(&image)?.encode().map_err(|error| Failure::BadImage(error.into()))?);
+    Ok(Reference { image, asset, record })
+}
+
+/// What is needed of an image to measure errors against it.
+fn bare(image: &FrameImage) -> Result<FrameImage, Failure> {
+    let ImageLayers { mean, standard_error, .. } = image.layers().clone();
+    let layers = ImageLayers { mean, standard_error, ..ImageLayers::default() };
+    FrameImage::new(image.width(), image.height(), layers, None).map_err(Failure::BadImage)
 }
 
 /// The mean square of an image's standard error.

@@ -114,7 +114,10 @@ impl Report {
         for (index, figure) in self.figures.iter().enumerate() {
             write(&folder.join(format!("figure-{}.svg", index + 1)), figure.as_bytes())?;
         }
-        let everything = self.json(experiment, session);
+        let mut everything = self.json(experiment, session);
+        if let Some(farm) = &session.farm {
+            everything["farm"] = farm.record()?;
+        }
         let json = folder.join(format!("{}.json", experiment.name));
         let text = serde_json::to_vec_pretty(&everything).expect("a value has a form in JSON");
         write(&json, &text)?;

@@ -37,6 +37,18 @@ pub(super) const FOUR_PANES_POINT: EmbeddedScene = embedded!("four-panes-point")
 /// A slab without folds, for comparison with the authors of specular manifold sampling.
 pub(super) const SLAB: EmbeddedScene = embedded!("slab", "slab/front.exr", "slab/back.exr");
 
+/// A nave with 4 panes.
+pub(super) const NAVE_4: EmbeddedScene = embedded!("nave/nave-4");
+
+/// The same nave with 16 panes.
+pub(super) const NAVE_16: EmbeddedScene = embedded!("nave/nave-16");
+
+/// The same nave with 64 panes.
+pub(super) const NAVE_64: EmbeddedScene = embedded!("nave/nave-64");
+
+/// The same nave with 256 panes.
+pub(super) const NAVE_256: EmbeddedScene = embedded!("nave/nave-256");
+
 /// Samples of one pass, so that a render ends soon after its time, and with a scramble of their own.
 const SAMPLING: SamplingDescription = SamplingDescription { samples_per_pass: 1, samples_per_block: 256 };
 

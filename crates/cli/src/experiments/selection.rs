@@ -22,7 +22,13 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
                keeps it at the price of noise; the paper gives pictures and no numbers. Before a point of light, nothing else \
                can find what the choice passes over. Before a small sphere, our path tracer owns exactly those paths, so that \
                no choice is biased.",
-    defaults: Defaults { times: Some(&[4.0]), seeds: Some(5), size: [128, 128], reference_samples: Some(4096) },
+    defaults: Defaults {
+        times: Some(&[4.0]),
+        seeds: Some(5),
+        size: [96, 96],
+        reference_samples: Some(512),
+        renders: true,
+    },
     run,
 };
 

@@ -8,6 +8,7 @@ use std::sync::atomic::Ordering;
 use rayon::ThreadPool;
 use serde::Serialize;
 
+use super::farm::Farm;
 use crate::failure::Failure;
 use crate::local_render::Control;
 use crate::terminal::{Advance, Progress};
@@ -23,7 +24,7 @@ pub(crate) struct Settings {
     pub(crate) size: [u32; 2],
     /// Samples in each pixel of the references.
     pub(crate) reference_samples: u32,
-    /// Threads that render.
+    /// Threads that render in this process.
     pub(crate) threads: NonZeroUsize,
 }
 
@@ -36,6 +37,8 @@ pub(crate) struct Session {
     pub(crate) pool: ThreadPool,
     /// How it is stopped.
     pub(crate) control: Arc<Control>,
+    /// The farm that renders instead.
+    pub(crate) farm: Option<Farm>,
     progress: Progress,
     /// Steps of the whole experiment, and those done.
     steps: [u32; 2],
@@ -44,9 +47,15 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    pub(crate) fn new(settings: Settings, folder: PathBuf, pool: ThreadPool, control: Arc<Control>) -> Self {
+    pub(crate) fn new(
+        settings: Settings,
+        folder: PathBuf,
+        pool: ThreadPool,
+        control: Arc<Control>,
+        farm: Option<Farm>,
+    ) -> Self {
         let progress = Progress::new();
-        Self { settings, folder, pool, control, progress, steps: [1, 0], activity: String::new() }
+        Self { settings, folder, pool, control, farm, progress, steps: [1, 0], activity: String::new() }
     }
 
     /// Says of how many steps the experiment consists.
@@ -77,6 +86,16 @@ impl Session {
     /// Writes a line that stays.
     pub(crate) fn note(&self, line: &str) {
         self.progress.note(line);
+    }
+
+    /// What is being done.
+    pub(crate) fn activity(&self) -> &str {
+        &self.activity
+    }
+
+    /// Where the user sees how far it is.
+    pub(crate) fn progress(&self) -> &Progress {
+        &self.progress
     }
 
     /// Takes the progress bar away.

@@ -20,7 +20,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
                calls that converge to all of them, for FNEE and SMS, both with FNEE's choice of panes (the pane on the straight \
                line), at 256 x 256 pixels. Whether calls that estimate inverse probabilities count is not said, so success is \
                stated in every sense that the words allow.",
-    defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: None },
+    defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: None, renders: true },
     run,
 };
 
