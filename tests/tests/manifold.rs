@@ -5,7 +5,7 @@ use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::LightKind;
 use clerestory_render_core::scene::Scene;
-use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, MissedPaths};
+use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection};
 use clerestory_render_core::specular::{
     ShadingPoint, SpecularMethod, THROUGH_PANE, mnee::Mnee, scope::Scope, sms::Sms,
 };
@@ -46,8 +46,12 @@ fn through_panes(scene: &Scene) -> Scope {
 fn check(case: &str, list: &str, least: f64) {
     let scene = load_case(case);
     for constraint in CONSTRAINTS {
-        let method =
-            Sms { constraint, estimator: ManifoldEstimator::Biased { trials: 2000 }, scope: through_panes(&scene) };
+        let method = Sms {
+            constraint,
+            estimator: ManifoldEstimator::Biased { trials: 2000 },
+            selection: PaneSelection::All,
+            scope: through_panes(&scene),
+        };
         let counters = &mut Counters::default();
         let (mut listed, mut found) = (0.0, 0.0);
         for (index, point) in (0..).zip(load_list(list)).step_by(4) {
@@ -95,7 +99,7 @@ fn few_walks_lack_the_light_that_theory_says_and_weighted_ones_none() {
             let all: f64 = point.solutions.iter().map(|solution| solution.irradiance).sum();
             let estimates = |estimator| {
                 let constraint = ManifoldConstraint::AngleDifference;
-                let method = Sms { constraint, estimator, scope: through_panes(&scene) };
+                let method = Sms { constraint, estimator, selection: PaneSelection::All, scope: through_panes(&scene) };
                 let counters = &mut Counters::default();
                 let one = |stream| irradiance(&scene, point.origin, &method, stream, counters);
                 mean_and_variance(&(0..ESTIMATES).map(one).collect::<Vec<_>>())

@@ -7,7 +7,7 @@ use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving, Pane};
 use clerestory_render_core::optics::LightKind;
-use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, MissedPaths};
+use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection};
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
 use clerestory_render_core::specular::{
     ShadingPoint, SpecularEvent, SpecularMethod, mnee::Mnee, scope::Scope, sms::Sms,
@@ -179,6 +179,7 @@ fn flat_water_and_flat_mirrors_throw_the_light_of_closed_forms() {
         let sms = |scene: &Scene, chain: &str| Sms {
             constraint,
             estimator,
+            selection: PaneSelection::All,
             scope: Scope::new(scene, &[chain.to_owned()], None, None),
         };
         let reflected = irradiance(&mirror, &point, &sms(&mirror, "R"), &[SpecularEvent::Reflection]);
@@ -279,6 +280,7 @@ fn finer_meshes_of_a_pane_throw_the_light_of_its_height_field() {
             let method = |scene: &Scene| Sms {
                 constraint: ManifoldConstraint::AngleDifference,
                 estimator: ManifoldEstimator::Biased { trials: 400 },
+                selection: PaneSelection::All,
                 scope: Scope::new(scene, &["TT".to_owned()], None, None),
             };
             let (mut difference, mut sum) = (0.0, 0.0);

@@ -5,6 +5,7 @@ use std::num::NonZeroU32;
 use clap::{Parser, Subcommand, ValueEnum};
 use tracing_subscriber::EnvFilter;
 
+use crate::commands::bench::BenchArguments;
 use crate::commands::cancel::CancelArguments;
 use crate::commands::compare::CompareArguments;
 use crate::commands::coordinator::CoordinatorArguments;
@@ -64,6 +65,8 @@ pub(crate) enum Command {
     Cancel(CancelArguments),
     /// Measure how far an image is from a reference.
     Compare(CompareArguments),
+    /// Measure again what papers show.
+    Bench(BenchArguments),
     /// Write a scene that is computed.
     Scene(SceneArguments),
     /// Start a farm on this machine, render an old window on it, and show the error falling.

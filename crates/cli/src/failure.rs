@@ -62,6 +62,12 @@ pub(crate) enum Failure {
     /// The PNG cannot be made.
     #[error("cannot make the PNG")]
     Preview(#[source] PreviewError),
+    /// A table cannot be written as CSV.
+    #[error("cannot write a table as CSV")]
+    Table(#[source] io::Error),
+    /// A figure cannot be drawn.
+    #[error("cannot draw a figure: {0}")]
+    Figure(String),
     /// The coordinator could not be asked, or refused.
     #[error("the coordinator at {address}")]
     Coordinator { address: String, source: ClientError },

@@ -117,6 +117,7 @@ impl Follower<'_> {
             let Some(view) = views.into_iter().find(|view| view.id == self.job) else { continue };
             self.progress.show(&Advance {
                 fraction: view.progress,
+                activity: None,
                 samples: Some(samples_text(&view)),
                 samples_per_second: view.samples_per_second,
                 remaining: view.remaining_ms.and_then(|left| u64::try_from(left).ok()).map(Duration::from_millis),

@@ -9,7 +9,7 @@ use clerestory_render_core::scene::description::FilmDescription;
 use crate::failure::Failure;
 
 /// Memory that an image may take when it is decoded: 16384 x 16384 pixels of RGB.
-const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 16384 * 16384 * 3 * 4 };
+pub(crate) const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 16384 * 16384 * 3 * 4 };
 
 /// Reads an OpenEXR image.
 pub(crate) fn read(file: &Path) -> Result<FrameImage, Failure> {

@@ -8,6 +8,7 @@ mod arguments;
 mod child;
 mod commands;
 mod connection;
+mod experiments;
 mod failure;
 mod follow;
 mod image_file;

@@ -41,6 +41,8 @@ pub(crate) fn print_failure(failure: &Failure) {
 pub(crate) struct Advance {
     /// Fraction that is done, 0 to 1.
     pub(crate) fraction: f64,
+    /// What is being done, where it is not one render alone.
+    pub(crate) activity: Option<String>,
     /// Samples in a pixel, in words.
     pub(crate) samples: Option<String>,
     /// Camera samples a second.
@@ -124,7 +126,7 @@ fn advance_text(advance: &Advance) -> String {
     let samples = advance.samples.as_ref().map(|samples| format!("{samples} samples a pixel"));
     let rate = advance.samples_per_second.map(|rate| format!("{} samples/s", with_prefix(rate)));
     let left = advance.remaining.map(|left| format!("{} left", duration_text(left)));
-    [samples, rate, left].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    [advance.activity.clone(), samples, rate, left].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 fn round_text(point: &ConvergencePoint) -> String {
@@ -181,6 +183,7 @@ mod tests {
         assert_eq!((text(0.44), text(200.0), text(7500.0)), ("0.4 s".into(), "3 min 20 s".into(), "2 h 05 min".into()));
         let advance = Advance {
             fraction: 0.5,
+            activity: None,
             samples: Some("128 of 256".to_owned()),
             samples_per_second: Some(1_234_567.0),
             remaining: Some(Duration::from_secs(61)),

@@ -11,7 +11,10 @@ use std::{
 };
 
 use clap::Parser;
-use clerestory_render_core::scene::{self, Scene};
+use clerestory_render_core::{
+    film::decomposition::{Decomposition, decompose, mean},
+    scene::{self, Scene},
+};
 use clerestory_tests::{
     reference::{Image, Reference},
     rendering::Rendering,
@@ -76,7 +79,8 @@ fn run(arguments: &Arguments) -> Outcome<()> {
             Ok(variant.build(&bundle)?)
         };
         let noise = mean_square(&reference.standard_error);
-        let mean = mean_value(&reference.mean);
+        let reference_numbers = numbers(&reference.mean);
+        let mean = mean(&reference_numbers);
         println!(
             "\nsun of half-angle {angle} degrees, {}x{}: mean of the reference {mean:.5}, its noise {:.2e} (relative to the mean squared)",
             size[0],
@@ -98,17 +102,18 @@ fn run(arguments: &Arguments) -> Outcome<()> {
             }
             let mut errors = Vec::new();
             for (mark, snapshot) in snapshots.iter().enumerate() {
-                let error = Decomposition::new(snapshot, &reference, noise);
+                let error = error(snapshot, &reference_numbers, noise)?;
+                let (seconds, samples) = cost(snapshot);
                 errors.push(error.mse);
                 let gain = path_errors.as_ref().map_or(1.0, |path: &Vec<f64>| path[mark] / error.mse);
                 let scale = 1.0 / (mean * mean);
                 println!(
                     "{integrator:<10} {:>8.2} {:>9.1} {:>12.4e} {:>12.4e} {:>13.4e} {:>12.5} {:>12.1}",
-                    error.seconds,
-                    error.samples,
+                    seconds,
+                    samples,
                     error.mse * scale,
-                    error.variance * scale,
-                    error.bias_squared * scale,
+                    error.variance.unwrap_or(f64::NAN) * scale,
+                    error.bias_squared.unwrap_or(f64::NAN) * scale,
                     error.mean / mean,
                     gain,
                 );
@@ -144,46 +149,24 @@ fn render_until(scene: &Scene, times: &[f64]) -> Outcome<Vec<(Image, f64, u32)>>
     Ok(snapshots)
 }
 
-/// The error of several renders, taken apart. All in squared radiance.
-struct Decomposition {
-    seconds: f64,
-    samples: f64,
-    mean: f64,
-    mse: f64,
-    variance: f64,
-    bias_squared: f64,
+/// The mean over renders of what was spent on them.
+fn cost(renders: &[(Image, f64, u32)]) -> (f64, f64) {
+    let seconds: Vec<f64> = renders.iter().map(|(_, seconds, _)| *seconds).collect();
+    let samples: Vec<f64> = renders.iter().map(|(.., samples)| f64::from(*samples)).collect();
+    (mean(&seconds), mean(&samples))
 }
 
-impl Decomposition {
-    fn new(renders: &[(Image, f64, u32)], reference: &Reference, noise: f64) -> Self {
-        let count = renders.len() as f64;
-        let mean_image = Image::mean(renders.iter().map(|(image, ..)| image));
-        let spread: f64 = renders.iter().map(|(image, ..)| mean_squared_difference(image, &mean_image)).sum();
-        let variance = spread / (count - 1.0);
-        let mse = renders.iter().map(|(image, ..)| mean_squared_difference(image, &reference.mean)).sum::<f64>()
-            / count
-            - noise;
-        let bias_squared = mean_squared_difference(&mean_image, &reference.mean) - variance / count - noise;
-        Self {
-            seconds: renders.iter().map(|(_, seconds, _)| seconds).sum::<f64>() / count,
-            samples: renders.iter().map(|(.., samples)| f64::from(*samples)).sum::<f64>() / count,
-            mean: mean_value(&mean_image),
-            mse,
-            variance,
-            bias_squared,
-        }
-    }
+/// The error of several renders, taken apart.
+fn error(renders: &[(Image, f64, u32)], reference: &[f64], noise: f64) -> Outcome<Decomposition> {
+    let renders: Vec<Vec<f64>> = renders.iter().map(|(image, ..)| numbers(image)).collect();
+    let renders: Vec<&[f64]> = renders.iter().map(Vec::as_slice).collect();
+    Ok(decompose(&renders, reference, noise).ok_or("there must be a seed, and images of the size of the reference")?)
 }
 
-fn mean_squared_difference(first: &Image, second: &Image) -> f64 {
-    let sum: f64 = first.pixels.iter().zip(&second.pixels).map(|(&a, &b)| (a - b).length_squared()).sum();
-    sum / (3.0 * first.pixels.len() as f64)
+fn numbers(image: &Image) -> Vec<f64> {
+    image.pixels.iter().flat_map(|pixel| pixel.to_array()).collect()
 }
 
 fn mean_square(image: &Image) -> f64 {
     image.pixels.iter().map(|pixel| pixel.length_squared()).sum::<f64>() / (3.0 * image.pixels.len() as f64)
-}
-
-fn mean_value(image: &Image) -> f64 {
-    image.pixels.iter().map(|pixel| pixel.element_sum()).sum::<f64>() / (3.0 * image.pixels.len() as f64)
 }

@@ -1,5 +1,6 @@
 //! The commands: one file for each, with its options and what it does.
 
+pub(crate) mod bench;
 pub(crate) mod cancel;
 pub(crate) mod compare;
 pub(crate) mod coordinator;
@@ -27,6 +28,7 @@ pub(crate) async fn run(command: Command) -> Result<(), Failure> {
         Command::Watch(arguments) => watch::run(arguments).await,
         Command::Cancel(arguments) => cancel::run(arguments).await,
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Bench(arguments) => bench::run(arguments).await,
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Demo(arguments) => demo::run(arguments).await,
     }

@@ -10,16 +10,14 @@ use clap::Args;
 use clerestory_api::ConvergencePoint;
 use clerestory_coordinator::smallest_tile;
 use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{
-    FrameImage, ImageError, ImageMetadata, Metrics, TileGrid, TileSum, compare, encode_png,
-};
+use clerestory_render_core::film::{FrameImage, ImageError, Metrics, TileGrid, TileSum, compare, encode_png};
 use clerestory_render_core::scene::Scene;
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 use tokio::sync::mpsc;
 
 use crate::arguments::positive;
-use crate::commands::worker::{BUILD, cores};
+use crate::commands::worker::cores;
 use crate::failure::Failure;
 use crate::image_file::read_reference;
 use crate::like::{self, Recipe};
@@ -224,22 +222,7 @@ impl Order {
     }
 
     fn image(&self, sums: &[TileSum], counters: Counters, elapsed: Option<Duration>) -> Result<FrameImage, ImageError> {
-        let description = self.scene.description();
-        let metadata = ImageMetadata {
-            scene_hash: self.scene.hash().to_string(),
-            frame: 0,
-            seed: description.seed,
-            integrator: serde_json::to_value(&description.integrator).expect("settings have a form in JSON"),
-            sampling: self.plan.sampling,
-            tile_size: self.plan.grid.tile_size,
-            tile_passes: Vec::new(),
-            build: BUILD.to_owned(),
-            worker_builds: Vec::new(),
-            missing_light: description.missing_light(),
-            counters,
-            elapsed_seconds: elapsed.map(|elapsed| elapsed.as_secs_f64()),
-        };
-        FrameImage::assemble(&self.plan.grid, sums, metadata)
+        local_render::image(&self.scene, &self.plan, sums, counters, elapsed)
     }
 
     fn metrics(&self, image: &FrameImage) -> Result<Option<Metrics>, Failure> {
@@ -284,7 +267,7 @@ impl Order {
         let remaining = Some(remaining).filter(|_| samples > 0 && fraction > 0.0);
         let remaining = remaining.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
         let samples_per_second = (samples > 0).then(|| samples as f64 / elapsed.as_secs_f64());
-        Advance { fraction, samples: None, samples_per_second, remaining }
+        Advance { fraction, samples_per_second, remaining, ..Advance::default() }
     }
 }
 

@@ -5,6 +5,7 @@
 //! aligned nodes, from left to right. So the image does not depend on who rendered what, or when.
 
 pub mod address;
+pub mod decomposition;
 pub mod image;
 mod image_file;
 pub mod metrics;
@@ -22,6 +23,7 @@ mod test_nodes;
 pub mod tree;
 
 pub use address::{NodeAddress, PassRange, Tile, TileGrid};
+pub use decomposition::{Decomposition, decompose};
 pub use image::{FrameImage, ImageError, ImageLayers, ImageMetadata};
 pub use metrics::{CompareError, Metrics, compare};
 pub use node::{FirstHitLayers, FirstHitSums, MergeError, Node, NodeError, NodeLayers, NonFinite, PassSums};

@@ -85,6 +85,11 @@ fn filmic(x: f64) -> f64 {
     x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
 }
 
+/// What [`Exposure::Automatic`] is for this image, in stops: to show others as bright.
+pub fn automatic_stops(image: &FrameImage) -> f64 {
+    libm::log2(automatic_scale(&image.layers().mean))
+}
+
 fn automatic_scale(pixels: &[[f32; 3]]) -> f64 {
     let luminances = || pixels.iter().map(|pixel| luminance(*pixel)).filter(|&luminance| luminance > 0.0);
     let darkest = 1e-3 * luminances().sum::<f64>() / pixels.len().max(1) as f64;

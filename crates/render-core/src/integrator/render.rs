@@ -77,9 +77,9 @@ fn specular_method(scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
             let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());
             Some(Box::new(Mnee { missed: *missed, scope }))
         }
-        IntegratorDescription::Sms { constraint, estimator, chains, casters, receivers, .. } => {
+        IntegratorDescription::Sms { constraint, estimator, selection, chains, casters, receivers, .. } => {
             let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());
-            Some(Box::new(Sms { constraint: *constraint, estimator: *estimator, scope }))
+            Some(Box::new(Sms { constraint: *constraint, estimator: *estimator, selection: *selection, scope }))
         }
     }
 }

@@ -152,6 +152,9 @@ pub enum IntegratorDescription {
         /// What is made of the paths that are found.
         #[serde(default)]
         estimator: ManifoldEstimator,
+        /// Which panes (or smooth meshes) are searched.
+        #[serde(default)]
+        selection: PaneSelection,
         /// Which chains of specular vertices between a surface and a light are looked for: each a word of 1 to 16 letters R
         /// (reflection) and T (transmission), from the surface to the light.
         #[serde(default = "default_chains")]
@@ -245,7 +248,7 @@ pub enum FneeSolver {
     Published,
 }
 
-/// Which panes Fermat next event estimation searches for paths.
+/// Which panes are searched for paths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PaneSelection {

@@ -83,12 +83,13 @@ impl SceneDescription {
             IntegratorDescription::Fnee { selection, reflected, .. } => {
                 self.light_of_points_without_fnee(*selection, *reflected)
             }
-            IntegratorDescription::Sms { chains, casters, receivers, .. } => {
+            IntegratorDescription::Sms { selection, chains, casters, receivers, .. } => {
                 let mut missing = vec![
                     format!("light of point lights over other specular vertices than {} (chains)", chains.join(", ")),
                     between_the_faces(None),
                 ];
                 missing.extend(unmarked(casters.as_deref(), receivers.as_deref()));
+                missing.extend(unselected(*selection));
                 missing
             }
             IntegratorDescription::Mnee { chains, casters, receivers, .. } => {
@@ -115,17 +116,7 @@ impl SceneDescription {
         if self.has_smooth_meshes() {
             missing.push("light of point lights that comes by way of a smooth mesh to a surface".to_owned());
         }
-        match selection {
-            PaneSelection::All => {}
-            PaneSelection::Sharp => missing.push(
-                "light of point lights through any pane but the one that the straight line to the light meets first"
-                    .to_owned(),
-            ),
-            PaneSelection::Bleed => missing.push(
-                "light of point lights through a pane to a surface from which nothing blocks the straight line to the light"
-                    .to_owned(),
-            ),
-        }
+        missing.extend(unselected(selection));
         missing
     }
 }
@@ -136,6 +127,20 @@ fn between_the_faces(grazing: Option<f64>) -> String {
     format!(
         "light of point lights through a pane{grazing} to a surface that lies between the pane's highest and lowest point"
     )
+}
+
+/// What a selection of panes loses.
+fn unselected(selection: PaneSelection) -> Option<String> {
+    let lost = match selection {
+        PaneSelection::All => return None,
+        PaneSelection::Sharp => {
+            "light of point lights through any pane but the one that the straight line to the light meets first"
+        }
+        PaneSelection::Bleed => {
+            "light of point lights through a pane to a surface from which nothing blocks the straight line to the light"
+        }
+    };
+    Some(lost.to_owned())
 }
 
 /// What is lost where only some things are marked.

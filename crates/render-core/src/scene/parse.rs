@@ -59,6 +59,7 @@ impl SceneDescription {
                     max_depth,
                     constraint: ManifoldConstraint::default(),
                     estimator: ManifoldEstimator::default(),
+                    selection: PaneSelection::default(),
                     chains: default_chains(),
                     casters: None,
                     receivers: None,

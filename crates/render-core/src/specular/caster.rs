@@ -45,6 +45,17 @@ impl Caster {
         }
     }
 
+    /// The caster to which a surface belongs.
+    pub(super) fn of_surface(scene: &Scene, surface: &Surface) -> Option<Self> {
+        match surface {
+            Surface::Pane { index, .. } => Some(Self::Pane(*index)),
+            Surface::Triangle { index, .. } => {
+                let mesh = scene.mesh_of(*index);
+                scene.meshes()[mesh as usize].is_smooth().then_some(Self::Mesh(mesh))
+            }
+        }
+    }
+
     /// The caster from a shading point; `None` where no chain that begins on it is owned.
     pub(super) fn seen_from(self, scene: &Scene, point: &ShadingPoint) -> Option<SeenCaster> {
         match self {

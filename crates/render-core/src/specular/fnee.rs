@@ -24,13 +24,16 @@
 use glam::{DVec2, DVec3};
 
 use super::{
-    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage,
+    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE,
+    caster::Caster,
+    coverage,
     enumeration::{Enumeration, enumerate},
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete, solve_published},
     pane_tree::Sight,
     passage::{Found, Passage, local, transmission},
     reflection::Reflections,
+    selection::Choice,
     side::{PaneSide, Transmission},
     trials::RandomSearch,
     view::{Effort, Glimpse, Opening, View},
@@ -183,18 +186,12 @@ impl SpecularMethod for Fnee {
                 arrive(Arrival { weight: glimpse.arrival.weight * share, ..glimpse.arrival });
             });
         }
-        let (chosen, inverse_selection) = match self.selection {
-            PaneSelection::All => (scene.pane_tree().candidates(point.position, &Sight::of_source(sample.source)), 1.0),
-            PaneSelection::Sharp => {
-                (scene.first_pane_towards(point, sample.source, counters).into_iter().collect(), 1.0)
-            }
-            PaneSelection::Bleed => {
-                let pick = ((stream.next_1d() * panes.len() as f64) as usize).min(panes.len().saturating_sub(1));
-                if panes.is_empty() || !scene.is_blocked_towards(point, sample.source, counters) {
-                    return;
-                }
-                (vec![pick as u32], panes.len() as f64)
-            }
+        let choice = self.selection.choose(scene, point, sample.source, panes.len(), stream, counters);
+        let (chosen, inverse_selection) = match choice {
+            Choice::All => (scene.pane_tree().candidates(point.position, &Sight::of_source(sample.source)), 1.0),
+            Choice::One(Caster::Pane(pane)) => (vec![pane], 1.0),
+            Choice::AtRandom(index) => (vec![index as u32], panes.len() as f64),
+            Choice::One(Caster::Mesh(_)) | Choice::None => return,
         };
         for index in chosen {
             let random = stream.next_2d();
@@ -211,11 +208,7 @@ impl SpecularMethod for Fnee {
             return true;
         }
         let Some(pane) = coverage::through_one_pane(scene, point, path) else { return false };
-        match self.selection {
-            PaneSelection::All => true,
-            PaneSelection::Sharp => scene.first_pane_towards(point, path.source, counters) == Some(pane),
-            PaneSelection::Bleed => scene.is_blocked_towards(point, path.source, counters),
-        }
+        self.selection.may_choose(scene, point, path.source, Caster::Pane(pane), counters)
     }
 }
 

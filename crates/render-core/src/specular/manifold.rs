@@ -159,7 +159,8 @@ impl SolvedChain {
         (self.first_vertex() - first_vertex).length_squared() < limit * limit
     }
 
-    fn first_vertex(&self) -> DVec3 {
+    /// Where it leaves the shading point's side.
+    pub(super) fn first_vertex(&self) -> DVec3 {
         self.chain.vertices[0].at.position
     }
 

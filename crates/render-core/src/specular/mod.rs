@@ -22,6 +22,7 @@ pub(crate) mod pane_tree;
 mod passage;
 mod reflection;
 pub mod scope;
+mod selection;
 pub mod side;
 pub mod sms;
 #[cfg(test)]

@@ -2,20 +2,25 @@
 //!
 //! Seeds are uniform over each caster, a pane or a smooth mesh; manifold walks (`manifold`) lead from them to paths, whose
 //! light is estimated from how often they are found (`trials`). Every caster gets an estimate of its own, as in the authors'
-//! code; a path belongs to the caster that it meets first.
+//! code, unless the selection of panes says otherwise; a path belongs to the caster that it meets first.
+
+use glam::DVec3;
 
 use super::{
-    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath,
+    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE,
+    caster::Caster,
     manifold::{ManifoldWalk, SolvedChain},
     scope::Scope,
+    selection::Choice,
     trials::RandomSearch,
 };
 use crate::{
     counters::Counters,
     film::{SampleStream, TrialStream},
+    optics::Source,
     scene::{
         Scene,
-        description::{ManifoldConstraint, ManifoldEstimator},
+        description::{ManifoldConstraint, ManifoldEstimator, PaneSelection},
     },
 };
 
@@ -26,8 +31,33 @@ pub struct Sms {
     pub constraint: ManifoldConstraint,
     /// What is made of the paths that are found.
     pub estimator: ManifoldEstimator,
+    /// Which casters are searched.
+    pub selection: PaneSelection,
     /// Which paths are looked for.
     pub scope: Scope,
+}
+
+/// Manifold walks through a pane from chosen places, to look at what they converge to.
+pub struct ManifoldSearch<'a>(ManifoldWalk<'a>);
+
+impl<'a> ManifoldSearch<'a> {
+    /// Walks from `point` to a source through a pane, an index into the scene; `None` when no path can exist.
+    pub fn new(
+        scene: &'a Scene,
+        point: &'a ShadingPoint,
+        source: Source,
+        pane: u32,
+        constraint: ManifoldConstraint,
+    ) -> Option<Self> {
+        let caster = Caster::Pane(pane).seen_from(scene, point)?;
+        Some(Self(ManifoldWalk { scene, point, source, caster, events: &THROUGH_PANE, constraint }))
+    }
+
+    /// Where the path to which a walk leads enters the pane. The walk starts as the path of light in the direction of
+    /// `target`.
+    pub fn walk_towards(&self, target: DVec3, counters: &mut Counters) -> Option<DVec3> {
+        self.0.walk_towards(target, counters).map(|path| path.first_vertex())
+    }
 }
 
 /// Walks from uniform seeds.
@@ -66,7 +96,15 @@ impl SpecularMethod for Sms {
         if !self.scope.receives(scene, point) {
             return;
         }
-        for caster in &self.scope.casters {
+        let casters = &self.scope.casters;
+        let choice = self.selection.choose(scene, point, sample.source, casters.len(), stream, counters);
+        let (chosen, inverse_selection) = match &choice {
+            Choice::All => (&casters[..], 1.0),
+            Choice::One(caster) if casters.contains(caster) => (std::slice::from_ref(caster), 1.0),
+            Choice::AtRandom(index) => (&casters[*index..=*index], casters.len() as f64),
+            Choice::One(_) | Choice::None => return,
+        };
+        for caster in chosen {
             let mut trials = stream.trials();
             let Some(caster) = caster.seen_from(scene, point) else { continue };
             let (source, constraint) = (sample.source, self.constraint);
@@ -76,12 +114,12 @@ impl SpecularMethod for Sms {
                     let Some(path) = search.solve(&mut trials, counters) else { continue };
                     let Some(arrival) = path.arrival(scene, point, light, &sample, counters) else { continue };
                     let inverse = search.inverse_probability(&path, max_trials, &mut trials, counters);
-                    arrive(Arrival { weight: arrival.weight * inverse, ..arrival });
+                    arrive(Arrival { weight: arrival.weight * (inverse * inverse_selection), ..arrival });
                 }
                 ManifoldEstimator::Biased { trials: runs } => {
                     for path in search.distinct(runs, &mut trials, counters) {
                         if let Some(arrival) = path.arrival(scene, point, light, &sample, counters) {
-                            arrive(arrival);
+                            arrive(Arrival { weight: arrival.weight * inverse_selection, ..arrival });
                         }
                     }
                 }
@@ -89,7 +127,9 @@ impl SpecularMethod for Sms {
         }
     }
 
-    fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, _: &mut Counters) -> bool {
+    fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, counters: &mut Counters) -> bool {
+        let caster = path.links.first().and_then(|first| Caster::of(scene, first));
         self.scope.holds(scene, point, path)
+            && caster.is_some_and(|caster| self.selection.may_choose(scene, point, path.source, caster, counters))
     }
 }

@@ -1,0 +1,146 @@
+//! `clerestory bench`: measurements that anybody can repeat.
+
+use std::fs;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use clap::{Args, Subcommand};
+use rayon::ThreadPoolBuilder;
+use tokio::runtime::Handle;
+
+use crate::arguments::positive;
+use crate::commands::worker::cores;
+use crate::connection::ConnectionArguments;
+use crate::experiments::farm::Farm;
+use crate::experiments::session::{Session, Settings};
+use crate::experiments::{self, Experiment};
+use crate::failure::Failure;
+use crate::local_render::Control;
+use crate::scene_overrides::{Size, parse_seconds};
+use crate::shutdown::{self, Parent};
+use crate::terminal::print_line;
+
+/// Most renders of a variant, and most samples of a reference: more would not end.
+const MOST: i64 = 1 << 24;
+
+/// Options of `clerestory bench`.
+#[derive(Debug, Args)]
+pub(crate) struct BenchArguments {
+    #[command(subcommand)]
+    command: BenchCommand,
+}
+
+/// What to measure.
+#[derive(Debug, Subcommand)]
+enum BenchCommand {
+    /// Measure again what a paper shows, and write JSON, CSV, OpenEXR images and a page with figures.
+    Experiment(ExperimentArguments),
+}
+
+/// Options of `clerestory bench experiment`.
+#[derive(Debug, Args)]
+struct ExperimentArguments {
+    /// The experiment; --list shows what there is.
+    #[arg(value_name = "NAME", value_parser = experiments::find, required_unless_present = "list")]
+    experiment: Option<&'static Experiment>,
+    /// List the experiments, and end.
+    #[arg(long, conflicts_with_all = ["experiment", "output", "times", "seeds", "size", "reference_spp", "threads", "farm"])]
+    list: bool,
+    /// Folder to write into [default: experiment-NAME]. References that are there already are used again.
+    #[arg(short, long, value_name = "FOLDER")]
+    output: Option<PathBuf>,
+    /// Render times, seconds, such as 1,2,4,8.
+    #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = parse_seconds)]
+    times: Vec<std::time::Duration>,
+    /// Independent renders of each variant.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    seeds: Option<u32>,
+    /// Size of the pictures in pixels.
+    #[arg(long, value_name = "WxH")]
+    size: Option<Size>,
+    /// Samples in each pixel of the references.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST))]
+    reference_spp: Option<u32>,
+    /// Threads that render [default: one for each core].
+    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS", value_parser = positive::<NonZeroUsize>)]
+    threads: Option<NonZeroUsize>,
+    /// Render on a farm, as ordinary jobs, instead of in this process.
+    #[arg(long)]
+    farm: bool,
+    #[command(flatten)]
+    connection: ConnectionArguments,
+}
+
+pub(crate) async fn run(arguments: BenchArguments) -> Result<(), Failure> {
+    let BenchCommand::Experiment(arguments) = arguments.command;
+    let Some(experiment) = arguments.experiment else { return list() };
+    let settings = interpret(experiment, &arguments)?;
+    let folder = arguments.output.unwrap_or_else(|| PathBuf::from(format!("experiment-{}", experiment.name)));
+    let farm = if arguments.farm { Some(Farm::new(arguments.connection.open()?, Handle::current())) } else { None };
+    fs::create_dir_all(&folder).map_err(|source| Failure::Write { file: folder.clone(), source })?;
+    let pool = ThreadPoolBuilder::new().num_threads(settings.threads.get()).build().map_err(Failure::Threads)?;
+    let control = Arc::new(Control::default());
+    let mut session = Session::new(settings, folder, pool, control.clone(), farm);
+    let mut work = tokio::task::spawn_blocking(move || {
+        let result = (experiment.run)(&mut session).and_then(|report| report.write(experiment, &session));
+        session.finish();
+        result
+    });
+    let stop = shutdown::token(Parent::None);
+    let result = loop {
+        tokio::select! {
+            result = &mut work => break result,
+            () = stop.cancelled(), if !control.cancelled.load(Ordering::Relaxed) => {
+                control.cancelled.store(true, Ordering::Relaxed);
+            }
+        }
+    };
+    match result {
+        Ok(files) => files?.iter().try_for_each(|file| print_line(&format!("Wrote {}", file.display()))),
+        Err(panic) => Err(Failure::RenderPanic(panic)),
+    }
+}
+
+/// Writes what experiments there are.
+fn list() -> Result<(), Failure> {
+    let width = experiments::ALL.iter().map(|experiment| experiment.name.len()).max().unwrap_or(0);
+    experiments::ALL
+        .iter()
+        .try_for_each(|experiment| print_line(&format!("{:width$}  {}", experiment.name, experiment.title)))
+}
+
+/// The settings of an experiment; those that it does not have cannot be given.
+fn interpret(experiment: &Experiment, arguments: &ExperimentArguments) -> Result<Settings, Failure> {
+    let defaults = experiment.defaults;
+    let given = [
+        ("--times", !arguments.times.is_empty(), defaults.times.is_some()),
+        ("--seeds", arguments.seeds.is_some(), defaults.seeds.is_some()),
+        ("--reference-spp", arguments.reference_spp.is_some(), defaults.reference_samples.is_some()),
+        ("--farm", arguments.farm, defaults.renders),
+    ];
+    if let Some((option, ..)) = given.into_iter().find(|(_, is_given, is_known)| *is_given && !is_known) {
+        return Err(Failure::Usage(format!(
+            "{option} is not for the experiment {}, which has no such setting",
+            experiment.name
+        )));
+    }
+    let mut times: Vec<f64> = arguments.times.iter().map(std::time::Duration::as_secs_f64).collect();
+    if times.is_empty() {
+        times.extend(defaults.times.unwrap_or_default());
+    }
+    if !times.is_sorted_by(|first, second| first < second) {
+        return Err(Failure::Usage(format!(
+            "--times are {}: expected each to be longer than the one before it",
+            times.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+        )));
+    }
+    Ok(Settings {
+        times,
+        seeds: arguments.seeds.or(defaults.seeds).unwrap_or(1),
+        size: arguments.size.map_or(defaults.size, |size| [size.width, size.height]),
+        reference_samples: arguments.reference_spp.or(defaults.reference_samples).unwrap_or(0),
+        threads: arguments.threads.unwrap_or_else(cores),
+    })
+}

@@ -1,0 +1,128 @@
+//! Rendering for a time, or for a number of samples, with everything counted.
+
+use std::time::Duration;
+
+use clerestory_coordinator::smallest_tile;
+use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::{FrameImage, TileGrid};
+use clerestory_render_core::scene::{Asset, Scene, SceneBundle};
+
+use super::farm::Amount;
+use super::machine::{Clocks, Spent};
+use super::session::Session;
+use crate::failure::Failure;
+use crate::local_render::{self, LocalFilm, PassPlan};
+
+/// Edge of a tile in pixels.
+pub(super) const TILE: u32 = 64;
+
+/// A render as it was when it had taken so long.
+#[derive(Clone, Debug)]
+pub(super) struct Snapshot {
+    /// Samples in each pixel.
+    pub(super) samples: u64,
+    pub(super) wall_seconds: f64,
+    pub(super) core_seconds: f64,
+    pub(super) counters: Counters,
+    pub(super) image: FrameImage,
+}
+
+/// Renders until each of the times, in seconds, is reached: here by whole passes of one render, on a farm as one job for
+/// each time, which measures its own error against the reference.
+pub(super) fn until(
+    session: &mut Session,
+    bundle: &SceneBundle,
+    times: &[f64],
+    reference: &Asset,
+) -> Result<Vec<Snapshot>, Failure> {
+    if let Some(mut farm) = session.farm.take() {
+        let job = |&time: &f64| farm.render(session, bundle, Amount::Seconds(time), Some(reference));
+        let snapshots = times.iter().map(job).collect();
+        session.farm = Some(farm);
+        return snapshots;
+    }
+    let longest = times.last().copied().unwrap_or(0.0);
+    let scene = build(bundle)?;
+    let plan = plan(&scene, u32::MAX);
+    let mut render = Render::new(&scene, &plan);
+    let mut snapshots = Vec::new();
+    for &time in times {
+        while render.passes == 0 || render.spent.wall.as_secs_f64() < time {
+            render.pass(session)?;
+            session.advance(render.spent.wall.as_secs_f64() / longest);
+        }
+        snapshots.push(render.snapshot()?);
+    }
+    Ok(snapshots)
+}
+
+/// Renders so many samples in each pixel, rounded up to whole passes.
+pub(super) fn samples(session: &mut Session, bundle: &SceneBundle, samples: u32) -> Result<Snapshot, Failure> {
+    if let Some(mut farm) = session.farm.take() {
+        let snapshot = farm.render(session, bundle, Amount::Samples(samples), None);
+        session.farm = Some(farm);
+        return snapshot;
+    }
+    let scene = build(bundle)?;
+    let passes = samples.div_ceil(scene.sampling().samples_per_pass()).max(1);
+    let plan = plan(&scene, passes);
+    let mut render = Render::new(&scene, &plan);
+    for pass in 1..=passes {
+        render.pass(session)?;
+        session.advance(f64::from(pass) / f64::from(passes));
+    }
+    render.snapshot()
+}
+
+fn build(bundle: &SceneBundle) -> Result<Scene, Failure> {
+    Scene::build(bundle).map_err(|source| Failure::scene(bundle.description().name.as_ref(), source))
+}
+
+fn plan(scene: &Scene, passes: u32) -> PassPlan {
+    let film = scene.description().film;
+    let tile_size = TILE.max(smallest_tile(film.width, film.height));
+    let grid = TileGrid { width: film.width, height: film.height, tile_size };
+    PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![passes; grid.len() as usize] }
+}
+
+struct Render<'a> {
+    scene: &'a Scene,
+    plan: &'a PassPlan,
+    film: LocalFilm<'a>,
+    passes: u32,
+    /// Spent on passes; looking at the picture meanwhile does not count.
+    spent: Spent,
+}
+
+impl<'a> Render<'a> {
+    fn new(scene: &'a Scene, plan: &'a PassPlan) -> Self {
+        Self { scene, plan, film: LocalFilm::new(scene, plan), passes: 0, spent: Spent::default() }
+    }
+
+    fn pass(&mut self, session: &Session) -> Result<(), Failure> {
+        let clocks = Clocks::now();
+        let (film, control) = (&mut self.film, &*session.control);
+        let is_complete = session.pool.install(|| film.render_pass(self.passes, control)).map_err(Failure::Render)?;
+        if !is_complete {
+            return Err(session.interrupted());
+        }
+        self.passes += 1;
+        let spent = clocks.spent(session.settings.threads.get());
+        self.spent = Spent { wall: self.spent.wall + spent.wall, core: self.spent.core + spent.core };
+        Ok(())
+    }
+
+    fn snapshot(&self) -> Result<Snapshot, Failure> {
+        let sums = self.film.sums().map_err(Failure::Render)?;
+        let Spent { wall, core } = self.spent;
+        let elapsed: Option<Duration> = Some(wall);
+        let image = local_render::image(self.scene, self.plan, &sums, self.film.counters, elapsed);
+        Ok(Snapshot {
+            samples: u64::from(self.passes) * u64::from(self.plan.sampling.samples_per_pass()),
+            wall_seconds: wall.as_secs_f64(),
+            core_seconds: core.as_secs_f64(),
+            counters: self.film.counters,
+            image: image.map_err(Failure::BadImage)?,
+        })
+    }
+}

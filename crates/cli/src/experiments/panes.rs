@@ -1,0 +1,165 @@
+//! `panes`: FNEE paper, figure 11. What more panes cost.
+
+use serde::Serialize;
+
+use super::comparison::{Case, Comparison};
+use super::figure::{Curve, Figure, Point};
+use super::reference::{Reference, reference};
+use super::region::Region;
+use super::scenes::{EmbeddedScene, NAVE_4, NAVE_16, NAVE_64, NAVE_256};
+use super::session::Session;
+use super::table::{Column, Table, column, rounded_number};
+use super::variant::Variant;
+use super::{Defaults, Experiment, Report};
+use crate::failure::Failure;
+
+/// FNEE paper, figure 11.
+pub(super) const EXPERIMENT: Experiment = Experiment {
+    name: "panes",
+    title: "Cost and error with 4 to 256 panes (FNEE paper, figure 11)",
+    question: "A stone nave with 4, 16, 64 and 256 panes in the same windows is rendered by each method for the same time. Huan \
+               et al. 2023 show an interior after 100 s and say that the speed of FNEE \"remains practically constant with the \
+               number of windows used\", while SMS with a random choice of panes suffers; the paper gives pictures and no \
+               numbers. What a method costs whatever the time is its variance times its time.",
+    defaults: Defaults {
+        times: Some(&[8.0]),
+        seeds: Some(5),
+        size: [96, 72],
+        reference_samples: Some(512),
+        renders: true,
+    },
+    run,
+};
+
+/// The scenes by their number of panes.
+const SCENES: [(&EmbeddedScene, u32); 4] = [(&NAVE_4, 4), (&NAVE_16, 16), (&NAVE_64, 64), (&NAVE_256, 256)];
+
+/// A row of the table of growth.
+#[derive(Serialize)]
+struct Row {
+    panes: u32,
+    variant: String,
+    seconds_per_sample: f64,
+    height_evaluations_per_sample: f64,
+    mse: f64,
+    relative_variance_times_time: Option<f64>,
+    growth: Option<f64>,
+    bias_squared: Option<f64>,
+    bias_squared_standard_error: Option<f64>,
+    mean_ratio: Option<f64>,
+    mean_ratio_standard_error: Option<f64>,
+}
+
+const COLUMNS: [Column; 11] = [
+    column("panes", "panes in the windows of the nave"),
+    column("variant", "the integrator and its settings, listed under variants"),
+    column("seconds_per_sample", "core seconds for each camera sample; whole picture"),
+    column("height_evaluations_per_sample", "height evaluations for each camera sample; whole picture"),
+    column("mse", "mean squared error at the longest time less the noise of the reference, mean over the seeds"),
+    column(
+        "relative_variance_times_time",
+        "variance of one render over the squared mean of the reference, times core seconds",
+    ),
+    column("growth", "relative_variance_times_time over that with the fewest panes"),
+    column("bias_squared", "mse less variance: the squared bias, below zero as often as above where there is none"),
+    column("bias_squared_standard_error", "standard error of bias_squared by the jackknife over the seeds"),
+    column("mean_ratio", "mean energy of the picture over that of the reference"),
+    column(
+        "mean_ratio_standard_error",
+        "standard error of mean_ratio by the spread of the seeds and the noise of the reference",
+    ),
+];
+
+fn run(session: &mut Session) -> Result<Report, Failure> {
+    let variants = [Variant::fnee(), Variant::cone(), Variant::fnee_published(), Variant::sms_sharp(), Variant::sms()];
+    session.plan(SCENES.len() * (1 + Comparison::steps(session, &variants)));
+    let mut report = Report::default();
+    let mut comparison = Comparison::default();
+    let mut rows: Vec<Row> = Vec::new();
+    for (file, panes) in SCENES {
+        let name = format!("nave of {panes} panes");
+        let bundle = file.bundle(session.settings.size)?;
+        let reference = reference(session, &name, &bundle)?;
+        let regions = [Region::whole(&reference.image)];
+        let case = Case { scene: &name, bundle: &bundle, reference: &reference, regions: &regions };
+        comparison.run(session, &case, &variants)?;
+        report.add_scene(&name, &bundle, &reference);
+        report.add_pictures(&name, &reference, &mut comparison);
+        for variant in &variants {
+            let fewest = rows.iter().find(|row| row.variant == variant.name);
+            let fewest = fewest.and_then(|row| row.relative_variance_times_time);
+            rows.extend(row(&comparison, &name, &regions[0].name, panes, variant, &reference, fewest));
+        }
+    }
+    type Value = fn(&Row) -> Option<f64>;
+    let figures: [(&'static str, Value); 4] = [
+        ("core seconds for each sample", |row| Some(row.seconds_per_sample)),
+        ("height evaluations for each sample", |row| Some(row.height_evaluations_per_sample)),
+        ("mean squared error", |row| Some(row.mse)),
+        ("relative variance times time, s", |row| row.relative_variance_times_time),
+    ];
+    for (label, value) in figures {
+        report.add_figure(&figure(&rows, &variants, label, value))?;
+    }
+    report.statements = variants.iter().filter_map(|variant| growth(&rows, variant)).collect();
+    let [summary, measurements] = comparison.tables();
+    let caption = "Cost and error against the number of panes.".to_owned();
+    report.tables = vec![Table::new("panes", caption, &COLUMNS, &rows), summary, measurements];
+    report.variants = variants.into();
+    Ok(report)
+}
+
+fn row(
+    comparison: &Comparison,
+    scene: &str,
+    region: &str,
+    panes: u32,
+    variant: &Variant,
+    reference: &Reference,
+    fewest: Option<f64>,
+) -> Option<Row> {
+    let last = comparison.last(scene, region, &variant.name)?;
+    let scale = 1.0 / (reference.record.mean * reference.record.mean);
+    let relative_variance_times_time = last.variance_times_time.map(|cost| cost * scale);
+    let growth = relative_variance_times_time.map(|cost| cost / fewest.unwrap_or(cost));
+    Some(Row {
+        panes,
+        variant: variant.name.clone(),
+        seconds_per_sample: last.seconds_per_sample,
+        height_evaluations_per_sample: last.height_evaluations_per_sample,
+        mse: last.mse,
+        relative_variance_times_time,
+        growth,
+        bias_squared: last.bias_squared,
+        bias_squared_standard_error: last.bias_squared_standard_error,
+        mean_ratio: last.mean_ratio,
+        mean_ratio_standard_error: last.mean_ratio_standard_error,
+    })
+}
+
+fn figure(rows: &[Row], variants: &[Variant], label: &'static str, value: fn(&Row) -> Option<f64>) -> Figure {
+    let points = |variant: &Variant| {
+        let rows = rows.iter().filter(|row| row.variant == variant.name);
+        rows.filter_map(|row| Some(Point { x: f64::from(row.panes), y: value(row)?, error: 0.0 })).collect()
+    };
+    let curve =
+        |(colour, variant): (usize, &Variant)| Curve { label: variant.name.clone(), points: points(variant), colour };
+    let curves = variants.iter().enumerate().map(curve).collect();
+    Figure { title: format!("Nave: {label}"), axes: ["panes", label], curves }
+}
+
+fn growth(rows: &[Row], variant: &Variant) -> Option<String> {
+    let mut of_variant = rows.iter().filter(|row| row.variant == variant.name);
+    let fewest = of_variant.next()?;
+    let most = of_variant.next_back()?;
+    Some(format!(
+        "{}: from {} to {} panes, relative variance times time grows by a factor of {}, core seconds for each sample by {}, \
+         height evaluations for each sample by {}.",
+        variant.name,
+        fewest.panes,
+        most.panes,
+        rounded_number(most.growth?),
+        rounded_number(most.seconds_per_sample / fewest.seconds_per_sample),
+        rounded_number(most.height_evaluations_per_sample / fewest.height_evaluations_per_sample.max(1.0)),
+    ))
+}

@@ -1,0 +1,150 @@
+//! References: the same scene rendered with many samples, kept in the folder of the experiment for the next time.
+
+use std::path::PathBuf;
+
+use clerestory_render_core::film::{FrameImage, ImageLayers};
+use clerestory_render_core::scene::description::{LightDescription, SamplingDescription};
+use clerestory_render_core::scene::{Asset, SceneBundle};
+use serde::Serialize;
+
+use super::measure::{self, Snapshot};
+use super::scenes::changed;
+use super::session::Session;
+use super::variant::{Variant, file_name};
+use crate::failure::Failure;
+use crate::image_file;
+use crate::output_file::write;
+
+/// Seed of references; those of the variants count from 1.
+const SEED: u64 = 0;
+
+/// Blocks of samples that a reference consists of at the least: their spread is its standard error.
+const LEAST_BLOCKS: u32 = 16;
+
+/// Samples with a scramble of their own, at the most.
+const MOST_SAMPLES_PER_BLOCK: u32 = 256;
+
+/// Samples of a pass, at the most.
+const MOST_SAMPLES_PER_PASS: u32 = 16;
+
+/// What the variants of a scene are measured against.
+pub(super) struct Reference {
+    pub(super) image: FrameImage,
+    /// Its mean and standard error as a file.
+    pub(super) asset: Asset,
+    pub(super) record: ReferenceRecord,
+}
+
+/// What a report says of a reference.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct ReferenceRecord {
+    /// The scene.
+    scene: String,
+    /// Its file in the folder of the experiment.
+    pub(super) file: String,
+    /// The integrator that made it.
+    integrator: String,
+    samples_per_pixel: u32,
+    /// Mean of its numbers, W/(m2 sr).
+    pub(super) mean: f64,
+    /// Mean square of the standard error of its numbers: what it adds to the mean squared error of a variant, and what is
+    /// taken off again. Absent where it has fewer than two blocks of samples.
+    pub(super) noise: Option<f64>,
+    /// Hash of the scene that was rendered.
+    scene_hash: String,
+}
+
+/// The reference of a scene: from the folder if it has been rendered before. It is made by forward sampling, or by `fnee`
+/// where there is a point light, which forward sampling never meets.
+pub(super) fn reference(session: &mut Session, name: &str, bundle: &SceneBundle) -> Result<Reference, Failure> {
+    let samples = session.settings.reference_samples;
+    let is_point = |light: &LightDescription| matches!(light, LightDescription::Point { .. });
+    let has_point = bundle.description().lights.iter().any(is_point);
+    let method = if has_point { Variant::fnee() } else { Variant::cone() };
+    let integrator = method.integrator(bundle.description().integrator.max_depth());
+    let changed = changed(bundle, integrator, SEED, sampling(samples));
+    let bundle = changed.map_err(|source| Failure::scene(name.as_ref(), source))?;
+    let scene_hash = bundle.scene_hash().to_string();
+    let file = format!("reference-{}-{samples}spp-{:.16}.exr", file_name(name), scene_hash);
+    let image = match kept(session, &file, &bundle) {
+        Some(image) => {
+            session.end(&format!("Reference of {name}: {file} is here already"));
+            image
+        }
+        None => {
+            session.begin(format!("reference of {name}, {samples} samples a pixel"));
+            let Snapshot { image, wall_seconds, .. } = measure::samples(session, &bundle, samples)?;
+            let bytes = image.encode().map_err(|error| Failure::BadImage(error.into()))?;
+            write(&session.folder.join(&file), &bytes)?;
+            session.end(&format!("Reference of {name}: {samples} samples a pixel in {wall_seconds:.1} s"));
+            image
+        }
+    };
+    let numbers = image.layers().mean.as_flattened();
+    let mean = numbers.iter().map(|number| f64::from(*number)).sum::<f64>() / numbers.len() as f64;
+    let record = ReferenceRecord {
+        scene: name.to_owned(),
+        file,
+        integrator: method.name,
+        samples_per_pixel: samples,
+        mean,
+        noise: noise(&image),
+        scene_hash,
+    };
+    let asset = Asset::new(bare(&image)?.encode().map_err(|error| Failure::BadImage(error.into()))?);
+    Ok(Reference { image, asset, record })
+}
+
+/// What is needed of an image to measure errors against it.
+fn bare(image: &FrameImage) -> Result<FrameImage, Failure> {
+    let ImageLayers { mean, standard_error, .. } = image.layers().clone();
+    let layers = ImageLayers { mean, standard_error, ..ImageLayers::default() };
+    FrameImage::new(image.width(), image.height(), layers, None).map_err(Failure::BadImage)
+}
+
+/// The mean square of an image's standard error.
+pub(super) fn noise(image: &FrameImage) -> Option<f64> {
+    let errors = image.layers().standard_error.as_ref()?.as_flattened();
+    let squares: f64 = errors.iter().map(|&error| f64::from(error) * f64::from(error)).sum();
+    Some(squares / errors.len() as f64)
+}
+
+/// An image of this very scene that an earlier run has left. A file that is damaged is as good as none.
+fn kept(session: &Session, file: &str, bundle: &SceneBundle) -> Option<FrameImage> {
+    let path: PathBuf = session.folder.join(file);
+    if !path.is_file() {
+        return None;
+    }
+    let image = match image_file::read(&path) {
+        Ok(image) => image,
+        Err(failure) => {
+            session.note(&format!("{failure}: it is rendered again"));
+            return None;
+        }
+    };
+    let film = bundle.description().film;
+    let is_whole = (image.width(), image.height()) == (film.width, film.height);
+    let is_same = image.metadata().is_some_and(|metadata| metadata.scene_hash == bundle.scene_hash().to_string());
+    (is_whole && is_same).then_some(image)
+}
+
+/// Blocks as long as they may be when there are to be enough of them for a standard error.
+fn sampling(samples: u32) -> SamplingDescription {
+    let longest = (samples / LEAST_BLOCKS).clamp(1, MOST_SAMPLES_PER_BLOCK);
+    // The largest power of two that is no longer.
+    let samples_per_block = 1 << longest.ilog2();
+    SamplingDescription { samples_per_pass: samples_per_block.min(MOST_SAMPLES_PER_PASS), samples_per_block }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn references_have_blocks_enough_for_a_standard_error() {
+        for (samples, pass, block) in [(1, 1, 1), (20, 1, 1), (32, 2, 2), (1000, 16, 32), (4096, 16, 256)] {
+            let expected = SamplingDescription { samples_per_pass: pass, samples_per_block: block };
+            assert_eq!(sampling(samples), expected, "{samples}");
+        }
+    }
+}

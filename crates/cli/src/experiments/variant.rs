@@ -1,0 +1,154 @@
+//! The variants that experiments compare: integrators with settings, named alike in all figures.
+
+use clerestory_render_core::scene::description::{
+    FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
+};
+use serde::Serialize;
+
+/// Largest number of trials of `fnee`, as in the FNEE paper, section 3.2.
+const PAPER_TRIALS: u32 = 1000;
+
+/// Largest number of trials of unbiased `sms`, as in the scenes of its authors.
+const MANIFOLD_TRIALS: u32 = 10_000_000;
+
+/// An integrator with settings. Its `max_depth` is replaced by the scene's.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub(super) struct Variant {
+    /// What figures and files call it.
+    pub(super) name: String,
+    pub(super) integrator: IntegratorDescription,
+}
+
+/// Replaced by the scene's.
+const DEPTH: u32 = 1;
+
+impl Variant {
+    fn new(name: &str, integrator: IntegratorDescription) -> Self {
+        Self { name: name.to_owned(), integrator }
+    }
+
+    /// Path tracing alone.
+    pub(super) fn path() -> Self {
+        Self::new("path", IntegratorDescription::Path { max_depth: DEPTH })
+    }
+
+    /// Forward sampling.
+    pub(super) fn cone() -> Self {
+        Self::new("cone", IntegratorDescription::Cone { max_depth: DEPTH })
+    }
+
+    /// `fnee` as it is by default.
+    pub(super) fn fnee() -> Self {
+        Self::fnee_with(FneeSolver::Complete, PaneSelection::All)
+    }
+
+    /// `fnee` as the paper has it.
+    pub(super) fn fnee_published() -> Self {
+        Self::fnee_with(FneeSolver::Published, PaneSelection::Sharp)
+    }
+
+    /// `fnee` with a solver and a choice of panes.
+    pub(super) fn fnee_with(solver: FneeSolver, selection: PaneSelection) -> Self {
+        let solver_name = match solver {
+            FneeSolver::Complete => "",
+            FneeSolver::Published => " published",
+        };
+        let selection_name = match selection {
+            PaneSelection::All => "",
+            PaneSelection::Sharp => " sharp",
+            PaneSelection::Bleed => " bleed",
+        };
+        Self::fnee_trials(&format!("fnee{solver_name}{selection_name}"), solver, selection, PAPER_TRIALS)
+    }
+
+    /// `fnee` with everything that it can be given.
+    pub(super) fn fnee_trials(name: &str, solver: FneeSolver, selection: PaneSelection, max_trials: u32) -> Self {
+        let reflected = false;
+        Self::new(name, IntegratorDescription::Fnee { max_depth: DEPTH, solver, selection, max_trials, reflected })
+    }
+
+    /// Unbiased specular manifold sampling, with an estimate for every pane, as its authors have it.
+    pub(super) fn sms() -> Self {
+        let estimator = ManifoldEstimator::Unbiased { max_trials: MANIFOLD_TRIALS };
+        Self::new("sms unbiased", sms(estimator, PaneSelection::All))
+    }
+
+    /// Unbiased specular manifold sampling with the choice of panes of the FNEE paper.
+    pub(super) fn sms_sharp() -> Self {
+        let estimator = ManifoldEstimator::Unbiased { max_trials: MANIFOLD_TRIALS };
+        Self::new("sms unbiased sharp", sms(estimator, PaneSelection::Sharp))
+    }
+
+    /// Biased specular manifold sampling with so many trials for every pane.
+    pub(super) fn sms_biased(trials: u32) -> Self {
+        Self::new(&format!("sms biased M = {trials}"), sms(ManifoldEstimator::Biased { trials }, PaneSelection::All))
+    }
+
+    /// Biased specular manifold sampling with so many trials and the choice of panes of the FNEE paper.
+    pub(super) fn sms_biased_sharp(trials: u32) -> Self {
+        let estimator = ManifoldEstimator::Biased { trials };
+        Self::new(&format!("sms biased M = {trials} sharp"), sms(estimator, PaneSelection::Sharp))
+    }
+
+    /// Manifold next event estimation.
+    pub(super) fn mnee() -> Self {
+        Self::new(
+            "mnee",
+            IntegratorDescription::Mnee {
+                max_depth: DEPTH,
+                missed: MissedPaths::LeftToChance,
+                chains: through_panes(),
+                casters: None,
+                receivers: None,
+            },
+        )
+    }
+
+    /// The integrator for a scene.
+    pub(super) fn integrator(&self, depth: u32) -> IntegratorDescription {
+        let mut integrator = self.integrator.clone();
+        match &mut integrator {
+            IntegratorDescription::Path { max_depth }
+            | IntegratorDescription::Cone { max_depth }
+            | IntegratorDescription::Fnee { max_depth, .. }
+            | IntegratorDescription::Sms { max_depth, .. }
+            | IntegratorDescription::Mnee { max_depth, .. } => *max_depth = depth,
+        }
+        integrator
+    }
+}
+
+/// A name as part of a file name: everything but letters and digits becomes a hyphen.
+pub(super) fn file_name(name: &str) -> String {
+    let words = name.split(|letter: char| !letter.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    words.collect::<Vec<_>>().join("-").to_ascii_lowercase()
+}
+
+fn through_panes() -> Vec<String> {
+    vec!["TT".to_owned()]
+}
+
+fn sms(estimator: ManifoldEstimator, selection: PaneSelection) -> IntegratorDescription {
+    let constraint = ManifoldConstraint::AngleDifference;
+    IntegratorDescription::Sms {
+        max_depth: DEPTH,
+        constraint,
+        estimator,
+        selection,
+        chains: through_panes(),
+        casters: None,
+        receivers: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variants_take_the_depth_of_the_scene_and_names_that_files_can_have() {
+        assert_eq!(Variant::sms().integrator(7).max_depth(), 7);
+        assert_eq!(file_name(&Variant::sms_biased_sharp(16).name), "sms-biased-m-16-sharp");
+        assert_eq!(file_name("N_max = 100, complete"), "n-max-100-complete");
+    }
+}

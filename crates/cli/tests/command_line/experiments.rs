@@ -1,0 +1,153 @@
+//! Experiments with settings so small that they end within seconds: what they write, and what they refuse.
+
+use std::fs;
+
+use serde_json::Value;
+
+use crate::support::Folder;
+
+fn json(folder: &Folder, file: &str) -> Value {
+    serde_json::from_str(&fs::read_to_string(folder.path(file)).unwrap()).unwrap()
+}
+
+/// Rows of a CSV file as maps from column to value, checked to be those of the JSON file.
+#[track_caller]
+fn rows(folder: &Folder, experiment: &str, table: &str) -> Vec<Value> {
+    let content = json(folder, &format!("experiment-{experiment}/{experiment}.json"));
+    let rows = content["tables"][table].as_array().unwrap().clone();
+    let csv = fs::read_to_string(folder.path(&format!("experiment-{experiment}/{table}.csv"))).unwrap();
+    assert_eq!(csv.lines().count(), rows.len() + 1, "a line of names and a line for each row");
+    let definitions = content["definitions"][table].as_object().unwrap();
+    let mut names: Vec<&str> = csv.lines().next().unwrap().split(',').collect();
+    names.sort_unstable();
+    assert_eq!(names, definitions.keys().map(String::as_str).collect::<Vec<_>>(), "every column is defined");
+    rows
+}
+
+#[track_caller]
+fn page(folder: &Folder, experiment: &str) -> String {
+    let page = fs::read_to_string(folder.path(&format!("experiment-{experiment}/index.html"))).unwrap();
+    assert!(page.starts_with("<!doctype html>") && page.trim_end().ends_with("</html>"));
+    assert!(!page.contains("src=\"http") && !page.contains("<script"), "the page needs nothing else");
+    page
+}
+
+#[test]
+fn experiments_are_listed_and_others_refused_with_the_list() {
+    let folder = Folder::new();
+    let list = folder.succeeds(&["bench", "experiment", "--list"]);
+    for name in ["solvers", "table1", "panes", "selection", "fine-detail", "basins", "manifold"] {
+        assert!(list.lines().any(|line| line.starts_with(name)), "{name}: {list}");
+        folder.fails(&["bench", "experiment", "nonsense"], 2, &["'nonsense'", "expected one of", name]);
+    }
+    folder.fails(&["bench", "experiment"], 2, &["<NAME>"]);
+    folder.fails(&["bench", "experiment", "table1", "--times", "1"], 2, &["--times", "table1"]);
+    folder.fails(&["bench", "experiment", "basins", "--farm"], 2, &["--farm", "basins"]);
+    folder.fails(&["bench", "experiment", "solvers", "--times", "2,1"], 2, &["--times", "2,1"]);
+    folder.fails(&["bench", "experiment", "solvers", "--size", "0x5"], 1, &["film.width"]);
+    folder.fails(&["bench", "experiment", "solvers", "-o", "scene.json/x"], 1, &["cannot write scene.json/x"]);
+    assert!(!folder.path("experiment-table1").exists());
+}
+
+#[test]
+fn methods_are_compared_at_equal_time_in_files_and_on_a_page() {
+    let folder = Folder::new();
+    let words = "bench experiment solvers --size 16x16 --times 0.02,0.04 --seeds 2 --reference-spp 32 --threads 2";
+    let words: Vec<&str> = words.split(' ').collect();
+    folder.succeeds(&words);
+    let content = json(&folder, "experiment-solvers/solvers.json");
+    let variants: Vec<&str> =
+        content["variants"].as_array().unwrap().iter().map(|variant| variant["name"].as_str().unwrap()).collect();
+    assert!(variants.contains(&"fnee") && variants.contains(&"path"), "{variants:?}");
+    assert_eq!(content["settings"]["threads"], 2);
+    let measurements = rows(&folder, "solvers", "measurements");
+    let summary = rows(&folder, "solvers", "summary");
+    let regions = summary.len() / (variants.len() * 2);
+    assert!(regions >= 2, "panes and the whole picture");
+    assert_eq!(measurements.len(), 2 * summary.len(), "two seeds");
+    for row in &summary {
+        let number = |name: &str| row[name].as_f64().unwrap();
+        assert!(number("wall_seconds") >= number("time") && number("samples_per_pixel") >= 1.0, "{row}");
+        let rest = number("mse") - number("variance") - number("bias_squared");
+        assert!(rest.abs() < 1e-9 * number("mse").abs().max(number("variance")), "{row}");
+    }
+    assert!(measurements.iter().all(|row| row["samples"].as_u64() >= Some(256)));
+
+    let page = page(&folder, "solvers");
+    assert_eq!(page.matches("<svg").count(), regions, "a figure for each region");
+    assert!(page.contains("data:image/png;base64,") && page.contains("FNEE paper"));
+    let reference = content["references"][0]["file"].as_str().unwrap();
+    let image = content["images"].as_object().unwrap().values().next().unwrap().as_str().unwrap();
+    let in_folder = |file: &str| format!("experiment-solvers/{file}");
+    assert!(folder.comparison(&in_folder(image), &in_folder(reference))["corrected_mse"].is_number());
+
+    let again = folder.run(&words);
+    assert!(String::from_utf8_lossy(&again.stderr).contains("is here already"), "the reference is used again");
+}
+
+#[test]
+fn the_work_of_the_solvers_is_stated_beside_the_papers() {
+    let folder = Folder::new();
+    folder.succeeds(&["bench", "experiment", "table1", "--size", "6x6"]);
+    let rows = rows(&folder, "table1", "work");
+    let row = |solver: &str| rows.iter().find(|row| row["solver"] == solver).unwrap();
+    assert_eq!(row("paper: FNEE")["height_evaluations"], 956_000_000);
+    let ours = row("fnee published sharp");
+    let number = |name: &str| ours[name].as_f64().unwrap();
+    assert!(number("solver_calls") > number("trials") && number("converged") <= number("solver_calls"));
+    assert!((number("success") - number("converged") / number("solver_calls")).abs() < 1e-12);
+    assert!(page(&folder, "table1").contains("paper: 8.85"));
+}
+
+#[test]
+fn basins_are_shares_of_all_starts_in_pictures_with_axes() {
+    let folder = Folder::new();
+    folder.succeeds(&["bench", "experiment", "basins", "--size", "24x24"]);
+    let rows = rows(&folder, "basins", "basins");
+    for problem in ["three paths", "most paths"] {
+        for solver in ["fnee published", "fnee complete", "sms"] {
+            let of = rows.iter().filter(|row| row["problem"] == problem && row["solver"] == solver);
+            for share in ["share_of_pane", "share_of_close_up", "share_of_seeds"] {
+                let sum: f64 = of.clone().map(|row| row[share].as_f64().unwrap()).sum();
+                assert!((sum - 1.0).abs() < 1e-9, "{problem}, {solver}: {share} is {sum} in all");
+            }
+        }
+    }
+    // What theory says of three paths, and of a line search that descends.
+    let found = |solver: &str, kind: &str| {
+        let is_wanted =
+            |row: &&Value| row["problem"] == "three paths" && row["solver"] == solver && row["kind"] == kind;
+        rows.iter().filter(is_wanted).map(|row| row["share_of_seeds"].as_f64().unwrap()).collect::<Vec<f64>>()
+    };
+    for solver in ["fnee published", "fnee complete"] {
+        let (minima, saddles, maxima) = (found(solver, "minimum"), found(solver, "saddle"), found(solver, "maximum"));
+        assert_eq!((minima.len() + maxima.len(), saddles.len()), (2, 1), "the index of three paths is one");
+        let extrema: f64 = minima.iter().chain(&maxima).sum();
+        let is_found_well = saddles[0] > 0.05 * extrema;
+        assert_eq!(is_found_well, solver == "fnee complete", "{solver}: minima {minima:?}, saddle {saddles:?}");
+    }
+    assert!(page(&folder, "basins").matches("<svg").count() == 12, "pane and close-up of two problems for each solver");
+    let image = "experiment-basins/three-paths-fnee-complete-the-pane.exr";
+    assert_eq!(folder.comparison(image, image)["bit_identical"], true);
+}
+
+#[test]
+fn a_farm_renders_the_variants_as_ordinary_jobs() {
+    let folder = Folder::new();
+    let farm = folder.farm();
+    let words = "bench experiment manifold --size 12x12 --times 0.2 --seeds 1 --reference-spp 32 --farm --coordinator";
+    let words: Vec<&str> = words.split(' ').chain([farm.address()]).collect();
+    folder.succeeds(&words);
+    let content = json(&folder, "experiment-manifold/manifold.json");
+    let variants = content["variants"].as_array().unwrap().len();
+    let jobs = content["farm"]["convergence"].as_array().unwrap();
+    assert_eq!(jobs.len(), variants + 1, "a job for each variant and one for the reference");
+    for job in jobs.iter().filter(|job| !job["job"].as_str().unwrap().starts_with("reference")) {
+        let points = job["points"].as_array().unwrap();
+        assert!(!points.is_empty() && points.iter().all(|point| point["mse"].is_number()), "{job}");
+    }
+    let rows = rows(&folder, "manifold", "measurements");
+    assert!(rows.iter().all(|row| row["samples_per_pixel"].as_u64() > Some(0) && row["rays"].as_u64() > Some(0)));
+    let listed = folder.succeeds(&["jobs", "--coordinator", farm.address()]);
+    assert!(listed.contains("slab, cone"), "{listed}");
+}

@@ -1,0 +1,75 @@
+//! Which casters a method searches for paths from a shading point to a point on a light (Huan et al. 2023, section 3.3).
+
+use super::{ShadingPoint, caster::Caster};
+use crate::{
+    counters::Counters,
+    film::SampleStream,
+    optics::Source,
+    scene::{Scene, description::PaneSelection, visibility::straight},
+};
+
+/// The casters to search.
+pub(super) enum Choice {
+    /// All of them.
+    All,
+    /// One, with certainty.
+    One(Caster),
+    /// The one with this index of all, with equal probability for each.
+    AtRandom(usize),
+    /// None.
+    None,
+}
+
+impl PaneSelection {
+    /// The casters to search, of which there are `count`.
+    pub(super) fn choose(
+        self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        source: Source,
+        count: usize,
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+    ) -> Choice {
+        match self {
+            Self::All => Choice::All,
+            Self::Sharp => first_caster_towards(scene, point, source, counters).map_or(Choice::None, Choice::One),
+            Self::Bleed => {
+                let pick = ((stream.next_1d() * count as f64) as usize).min(count.saturating_sub(1));
+                if count > 0 && scene.is_blocked_towards(point, source, counters) {
+                    Choice::AtRandom(pick)
+                } else {
+                    Choice::None
+                }
+            }
+        }
+    }
+
+    /// Whether a caster may be chosen: a function of these alone.
+    pub(super) fn may_choose(
+        self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        source: Source,
+        caster: Caster,
+        counters: &mut Counters,
+    ) -> bool {
+        match self {
+            Self::All => true,
+            Self::Sharp => first_caster_towards(scene, point, source, counters) == Some(caster),
+            Self::Bleed => scene.is_blocked_towards(point, source, counters),
+        }
+    }
+}
+
+/// The caster that the straight line from `point` to `source` meets before anything else.
+fn first_caster_towards(
+    scene: &Scene,
+    point: &ShadingPoint,
+    source: Source,
+    counters: &mut Counters,
+) -> Option<Caster> {
+    let (ray, distance) = straight(point.position, source);
+    let hit = scene.accelerator().closest_hit(&ray, distance, point.leaving, counters)?;
+    Caster::of_surface(scene, &hit.surface)
+}
