@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use plotters::coord::combinators::IntoLogRange;
+use plotters::coord::combinators::{BindKeyPoints, IntoLogRange};
 use plotters::prelude::{
     ChartBuilder, Circle, Color, DrawingAreaErrorKind, IntoDrawingArea, IntoFont, LineSeries, PathElement, RGBColor,
     SVGBackend, SeriesLabelPosition, WHITE,
@@ -94,7 +94,10 @@ impl Figure {
             .margin(10)
             .x_label_area_size(42)
             .y_label_area_size(72)
-            .build_cartesian_2d(x.clone().log_scale(), y.clone().log_scale())?;
+            .build_cartesian_2d(
+                x.clone().log_scale().with_key_points(ticks(&x)),
+                y.clone().log_scale().with_key_points(ticks(&y)),
+            )?;
         let label = |value: &f64| tick(*value);
         chart
             .configure_mesh()
@@ -103,7 +106,6 @@ impl Figure {
             .x_label_formatter(&label)
             .y_label_formatter(&label)
             .label_style(("sans-serif", 13))
-            .light_line_style(RGBColor(238, 238, 238))
             .bold_line_style(RGBColor(210, 210, 210))
             .draw()?;
         for curve in &self.curves {
@@ -132,14 +134,40 @@ impl Figure {
     }
 }
 
+/// Round numbers in a range, about as many as fit beside an axis.
+fn ticks(range: &Range<f64>) -> Vec<f64> {
+    let decades = (range.end / range.start).log10();
+    let steps: &[f64] = match decades {
+        ..0.7 => &[1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
+        0.7..3.0 => &[1.0, 2.0, 5.0],
+        _ => &[1.0],
+    };
+    let [first, last] = [range.start.log10().floor(), range.end.log10().ceil()].map(|exponent| exponent as i32);
+    let in_decade = |exponent: i32| steps.iter().map(move |step| step * 10f64.powi(exponent));
+    (first..=last).flat_map(in_decade).filter(|tick| range.contains(tick)).collect()
+}
+
 /// A number at an axis.
 fn tick(value: f64) -> String {
-    if (1e-2..1e5).contains(&value) { format!("{value}") } else { format!("{value:.0e}") }
+    if (1e-2..1e5).contains(&value) {
+        // Without the noise of the last bits.
+        ((value * 1e6).round() / 1e6).to_string()
+    } else {
+        format!("{value:.0e}")
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn axes_have_round_numbers_at_any_range() {
+        assert_eq!(ticks(&(0.65..1.3)).len(), 5, "0.7, 0.8, 0.9, 1 and 1.2");
+        assert_eq!(ticks(&(0.9..60.0)), [1.0, 2.0, 5.0, 10.0, 20.0, 50.0]);
+        assert_eq!(ticks(&(2e-6..3e-1)).len(), 5);
+        assert_eq!([0.30000000000000004, 2000.0, 1e-4].map(tick), ["0.3", "2000", "1e-4"]);
+    }
 
     #[test]
     fn a_figure_names_its_curves_and_axes_and_leaves_out_what_has_no_logarithm() {

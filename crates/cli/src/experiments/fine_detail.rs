@@ -46,7 +46,7 @@ const SOLVERS: [(&str, FneeSolver, PaneSelection); 2] = [
 ];
 
 fn variant((name, solver, selection): (&str, FneeSolver, PaneSelection), trials: u32) -> Variant {
-    Variant::fnee_trials(&format!("{name}, N_max = {trials}"), solver, selection, trials)
+    Variant::fnee_trials(&format!("{name} N_max = {trials}"), solver, selection, trials)
 }
 
 fn run(session: &mut Session) -> Result<Report, Failure> {

@@ -21,7 +21,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
                Huan et al. 2023 show that sharp loses the light that bleeds out of the shadow of the panes, and that bleed \
                keeps it at the price of noise; the paper gives pictures and no numbers. Before a point of light, nothing else \
                can find what the choice passes over. Before a small sphere, our path tracer owns exactly those paths, so that \
-               no choice is biased.",
+               no choice is biased; but it meets the sphere so rarely that a short render is as dark, with rare bright finds.",
     defaults: Defaults {
         times: Some(&[4.0]),
         seeds: Some(5),

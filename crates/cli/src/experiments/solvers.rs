@@ -23,7 +23,7 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
         times: Some(&[1.0, 2.0, 4.0, 8.0]),
         seeds: Some(5),
         size: [128, 128],
-        reference_samples: Some(1024),
+        reference_samples: Some(512),
         renders: true,
     },
     run,
