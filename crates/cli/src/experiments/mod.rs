@@ -2,7 +2,7 @@
 //!
 //! An [`Experiment`] renders scenes that are part of the program with several variants of the integrators and turns what
 //! comes out into a [`report::Report`]: JSON, CSV, OpenEXR and a page with figures. What all of them need is in the modules
-//! beside it: scenes ([`scenes`]), settings of the integrators ([`variant`]), references ([`reference`]), parts of the
+//! beside it: scenes ([`scenes`]), settings of the integrators ([`variant`]), references ([`mod@reference`]), parts of the
 //! picture ([`region`]), rendering for a time or a number of samples ([`measure`]), and the comparison of variants at equal
 //! time ([`comparison`]).
 
