@@ -41,8 +41,12 @@ const SMALLEST: f64 = 0.25;
 /// step (`fermat::Connection::shoot`).
 const SHOT_ERROR: f64 = 1e-3;
 
-/// Larger parts on a fold are halved without a shot, in cells of the finer face.
+/// Larger parts, in cells of the finer face, are halved without a shot, and all but the whole window without a look at the
+/// curvatures: over so many cells they hardly ever say anything.
 const LARGE: f64 = 4.0;
+
+/// What is left of a part is looked at again before it is halved if its area is less than this share of the part's.
+const SMALLER: f64 = 0.5;
 
 /// What is known of a part after one shot.
 enum Finding {
@@ -83,14 +87,22 @@ pub fn enumerate<'a>(
             complete = false;
             break;
         }
+        if looked_at > 1 && (rect.max - rect.min).max_element() > search.large {
+            if let Some(part) = window.part(&rect) {
+                push_smaller(&mut stack, &rect, part.rect);
+            }
+            continue;
+        }
         let Some(shapes) = window.landing().shapes(&rect.grown(slack), counters) else { continue };
         let Some(part) = window.shaped_part(&rect, &shapes) else { continue };
-        let Finding::Open(rect) = search.shoot(&part, &shapes, counters) else { continue };
+        if part.area() < SMALLER * rect.area() {
+            stack.push(part);
+            continue;
+        }
+        let Finding::Open(rect) = search.shoot(&rect, &part, &shapes, counters) else { continue };
         let size = rect.max - rect.min;
-        if rect.area() < 0.5 * part.area() {
-            stack.push(rect);
-        } else if size.max_element() > SMALLEST * cell {
-            stack.extend(rect.halves());
+        if size.max_element() > SMALLEST * cell || rect.area() < SMALLER * part.area() {
+            push_smaller(&mut stack, &part, rect);
         } else {
             complete = false;
             search.solve_from(rect.centre(), counters);
@@ -101,33 +113,44 @@ pub fn enumerate<'a>(
     Enumeration { roots: search.roots, complete }
 }
 
+/// Keeps what is left of a part for another look, or its halves.
+fn push_smaller(stack: &mut Vec<Rect>, part: &Rect, left: Rect) {
+    if left.area() < SMALLER * part.area() {
+        stack.push(left);
+    } else {
+        stack.extend(left.halves());
+    }
+}
+
 impl Search<'_, '_> {
-    /// Shoots from the middle of a part, around which the faces have the given shapes.
-    fn shoot(&mut self, rect: &Rect, shapes: &[ShapeBounds; 2], counters: &mut Counters) -> Finding {
+    /// Shoots from the middle of a rectangle around which the faces have the given shapes. `part` is what matters of it.
+    fn shoot(&mut self, rect: &Rect, part: &Rect, shapes: &[ShapeBounds; 2], counters: &mut Counters) -> Finding {
         let landing = self.window.landing();
-        let half_size = 0.5 * (rect.max - rect.min);
-        let around = rect.grown(self.slack);
-        let Some(stretch) = landing.stretch(shapes) else { return Finding::Open(*rect) };
+        let half_size = 0.5 * (part.max - part.min);
+        let Some(stretch) = landing.stretch(shapes) else { return Finding::Open(*part) };
         let injective = stretch.is_injective(half_size + self.slack);
         if !injective && half_size.max_element() > 0.5 * self.large {
-            return Finding::Open(*rect);
+            return Finding::Open(*part);
         }
-        let Some(shot) = self.connection.shoot(rect.centre(), counters) else { return Finding::Open(*rect) };
+        let aim = landing.aim(rect.centre());
+        let Some(shot) = self.connection.shoot(aim, counters) else { return Finding::Open(*part) };
         // The way from the shot to any place of the part has to lie where the derivative is bounded.
-        let hull = Rect::new(around.min.min(shot.place), around.max.max(shot.place));
-        let stretch = if around.contains(shot.place) {
+        let known = rect.grown(self.slack);
+        let stretch = if known.contains(shot.place) {
             Some(stretch)
         } else {
-            landing.shapes(&hull, counters).and_then(|shapes| landing.stretch(&shapes))
+            let hull = Rect::new(known.min.min(shot.place), known.max.max(shot.place));
+            landing.shapes(&hull, counters).and_then(|shapes| landing.stretch(&shapes.map(ShapeBounds::everywhere)))
         };
-        let Some(stretch) = stretch else { return Finding::Open(*rect) };
-        let away = half_size + (shot.place - rect.centre()).abs();
+        let Some(stretch) = stretch else { return Finding::Open(*part) };
+        let around = part.grown(self.slack);
+        let away = (part.min - shot.place).abs().max((part.max - shot.place).abs());
         if stretch.excludes(shot.miss, away, self.slack) {
             return Finding::Settled;
         }
         let predicted = shot.place + stretch.inverse * shot.miss;
-        let reach = stretch.defect * away + stretch.error_of(self.slack);
-        let possible = Rect::new(predicted - reach, predicted + reach).intersection(rect);
+        let reach = stretch.error_of_prediction(away, self.slack);
+        let possible = Rect::new(predicted - reach, predicted + reach).intersection(part);
         if possible.is_empty() {
             return Finding::Settled;
         }

@@ -82,10 +82,8 @@ pub struct HeightField {
     end: DVec2,
     stride: usize,
     coefficients: Vec<f64>,
-    /// Heights, and their first and second derivatives by the cell coordinates.
+    /// Heights, and their derivatives by the cell coordinates.
     bounds: Pyramid,
-    /// For each cell, the largest magnitudes of the third derivatives xxx, xxy, xyy and yyy by the cell coordinates.
-    thirds: Vec<[f32; 4]>,
     /// Bounds over the whole plane.
     all: JetBounds,
 }
@@ -111,8 +109,7 @@ impl HeightField {
         }
         let stride = columns + 2 * PADDING;
         let padded = pad(&coefficients, columns, rows);
-        let (bounds, thirds) =
-            (bounds::of_cells(&padded, [columns, rows]), bounds::thirds_of_cells(&padded, [columns, rows]));
+        let bounds = bounds::of_cells(&padded, [columns, rows]);
         let grid = dvec2(columns as f64, rows as f64);
         let density = grid / size;
         Ok(Self {
@@ -125,7 +122,6 @@ impl HeightField {
             stride,
             coefficients: padded,
             bounds,
-            thirds,
         })
     }
 
