@@ -39,7 +39,7 @@ const SMALLEST: f64 = 0.25;
 
 /// A shot lands with less than this error, in thicknesses of the pane: its second vertex is off by less than its last
 /// step (`fermat::Connection::shoot`).
-const SHOT_ERROR: f64 = 1e-3;
+const SHOT_ERROR: f64 = 1e-4;
 
 /// Larger parts, in cells of the finer face, are halved without a shot, and all but the whole window without a look at the
 /// curvatures: over so many cells they hardly ever say anything.
@@ -106,8 +106,6 @@ pub fn enumerate<'a>(
         } else {
             complete = false;
             search.solve_from(rect.centre(), counters);
-            search.solve_from(rect.min, counters);
-            search.solve_from(rect.max, counters);
         }
     }
     Enumeration { roots: search.roots, complete }

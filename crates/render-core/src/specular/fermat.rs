@@ -66,7 +66,7 @@ pub struct Shot {
 }
 
 /// A shot has found its second vertex when that moves by less than this part of the pane's thickness.
-const LANDED: f64 = 1e-3;
+const LANDED: f64 = 1e-4;
 
 /// Most rounds until then. Where slopes are so steep that these are too few, Newton's method decides.
 const LANDING_ROUNDS: usize = 8;
@@ -107,8 +107,8 @@ impl<'a> Connection<'a> {
     /// The optical length at `theta`, up to a constant for a light at infinity.
     pub fn optical_length(&self, theta: &Theta, counters: &mut Counters) -> f64 {
         counters.height_evaluations += 2;
-        let [x1, x2] =
-            [0, 1].map(|face| theta[face].extend(self.bases[face] + self.surfaces[face].height(theta[face])));
+        let x1 = theta[0].extend(self.bases[0] + self.surfaces[0].height(theta[0]));
+        let x2 = theta[1].extend(self.bases[1] + self.surfaces[1].height(theta[1]));
         let outside = match self.source {
             Source::Point(point) => (point - x2).length(),
             Source::Direction(direction) => -direction.dot(x2),
@@ -120,7 +120,8 @@ impl<'a> Connection<'a> {
     pub fn path(&self, theta: &Theta, counters: &mut Counters) -> FermatPath {
         counters.height_evaluations += 2;
         let jets = [self.surfaces[0].jet(theta[0]), self.surfaces[1].jet(theta[1])];
-        let vertices = [0, 1].map(|face| theta[face].extend(self.bases[face] + jets[face].height));
+        let vertices =
+            [theta[0].extend(self.bases[0] + jets[0].height), theta[1].extend(self.bases[1] + jets[1].height)];
         let first = vertices[0] - self.origin;
         let inner = vertices[1] - vertices[0];
         let (last_direction, last_length) = match self.source {

@@ -84,40 +84,34 @@ impl HeightField {
                 mean_radius: curvature_radius,
             };
         }
+        // All by the cell coordinates, until the end.
         let [xxx, xxy, xyy, yyy] = self.bounds.thirds(&cells);
-        let density = self.density;
-        let DVec2 { x: dx, y: dy } = density;
-        let DVec2 { x, y } = half_size * density;
-        let middle = self.jet(rect.centre());
+        let middle = self.cell_jet(rect.centre());
         let [xx, xy, yy] = middle.hessian.map(f64::abs);
-        let second_order =
-            [0.5 * (xxx * x * x + xyy * y * y) + xxy * x * y, 0.5 * (xxy * x * x + yyy * y * y) + xyy * x * y];
-        // Rounding, by the cell coordinates: of sums of coefficients, which may all be far from zero, and of the cell
-        // coordinates themselves, which moves a point by a little of a cell.
-        let of_sums = 2.0 * ROUNDING * self.all.height.magnitude();
-        let moved = 4.0 * f64::EPSILON * self.end.max_element();
-        let [xx_cell, xy_cell, yy_cell] = [xx / (dx * dx), xy / (dx * dy), yy / (dy * dy)];
-        let with_rounding = |radius: f64, steepness: f64| radius * (1.0 + 1e-12) + (of_sums + moved * steepness);
-        let [slope_x, slope_y] = [xx_cell * x + xy_cell * y, xy_cell * x + yy_cell * y];
-        let largest = xxx.max(xxy).max(xyy).max(yyy);
-        let bent = xx_cell.max(xy_cell).max(yy_cell) + largest;
-        let turned = |DVec2 { x, y }: DVec2| {
-            symmetric([
-                with_rounding(xxx * x + xxy * y, largest) * (dx * dx),
-                with_rounding(xxy * x + xyy * y, largest) * (dx * dy),
-                with_rounding(xyy * x + yyy * y, largest) * (dy * dy),
-            ])
+        let half_size = half_size * self.density;
+        let turned = |DVec2 { x, y }: DVec2| [xxx * x + xxy * y, xxy * x + xyy * y, xyy * x + yyy * y];
+        let [turned_xx, turned_xy, turned_yy] = turned(half_size);
+        let [mean_xx, mean_xy, mean_yy] = turned(reach * self.density);
+        // The mean of the second derivatives on the way to a corner, at most.
+        let [xx_there, xy_there, yy_there] = [xx + 0.5 * turned_xx, xy + 0.5 * turned_xy, yy + 0.5 * turned_yy];
+        let DVec2 { x, y } = half_size;
+        let slope_radius = DVec2::new(xx_there * x + xy_there * y, xy_there * x + yy_there * y);
+        let [of_values, of_places] = self.rounding;
+        let largest = larger(larger(xxx, xxy), larger(xyy, yyy));
+        let slope_rounding = of_values + of_places * (larger(larger(xx, xy), yy) + largest);
+        let rounding = of_values + of_places * largest;
+        let [by_xx, by_xy, by_yy] = self.squared_density;
+        let scaled = |radii: [f64; 3]| {
+            let [xx, xy, yy] = radii.map(|radius| radius * (1.0 + 1e-12) + rounding);
+            symmetric([xx * by_xx, xy * by_xy, yy * by_yy])
         };
+        let [xx, xy, yy] = middle.hessian;
         ShapeBounds {
-            slope: middle.gradient,
-            slope_radius: density
-                * DVec2::new(
-                    with_rounding(slope_x + second_order[0], bent),
-                    with_rounding(slope_y + second_order[1], bent),
-                ),
-            curvature: symmetric(middle.hessian),
-            curvature_radius: turned(half_size * density),
-            mean_radius: turned(reach * density),
+            slope: middle.gradient * self.density,
+            slope_radius: (slope_radius * (1.0 + 1e-12) + slope_rounding) * self.density,
+            curvature: symmetric([xx * by_xx, xy * by_xy, yy * by_yy]),
+            curvature_radius: scaled([turned_xx, turned_xy, turned_yy]),
+            mean_radius: scaled([mean_xx, mean_xy, mean_yy]),
         }
     }
 
@@ -177,7 +171,21 @@ fn hull<const X: usize, const Y: usize>(patch: Patch<'_>, values: &[[f64; X]; Y]
     Interval::new(bounds.min - ROUNDING * largest, bounds.max + ROUNDING * largest)
 }
 
+/// Rounding errors by the cell coordinates: of sums of coefficients, which may all be far from zero, and of the cell
+/// coordinates themselves, which moves a point by so much of a cell.
+pub(super) fn rounding(bounds: &Pyramid, end: DVec2) -> [f64; 2] {
+    let [heights, ..] = bounds.all();
+    [2.0 * ROUNDING * heights.magnitude(), 4.0 * f64::EPSILON * end.max_element()]
+}
+
+/// The larger of two numbers, neither of which is NaN.
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
 /// The symmetric matrix with the entries 11, 12 and 22.
+#[inline(always)]
 fn symmetric([xx, xy, yy]: [f64; 3]) -> DMat2 {
     DMat2::from_cols(DVec2::new(xx, xy), DVec2::new(xy, yy))
 }
