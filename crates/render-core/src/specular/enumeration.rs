@@ -142,10 +142,11 @@ impl Search<'_, '_> {
         };
         let Some(stretch) = stretch else { return Finding::Open(*part) };
         let around = part.grown(self.slack);
-        let away = (part.min - shot.place).abs().max((part.max - shot.place).abs());
-        if stretch.excludes(shot.miss, away, self.slack) {
+        let part = &stretch.reaching(part, shot.place, shot.miss, self.slack);
+        if part.is_empty() {
             return Finding::Settled;
         }
+        let away = (part.min - shot.place).abs().max((part.max - shot.place).abs());
         let predicted = shot.place + stretch.inverse * shot.miss;
         let reach = stretch.error_of_prediction(away, self.slack);
         let possible = Rect::new(predicted - reach, predicted + reach).intersection(part);

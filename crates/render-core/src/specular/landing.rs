@@ -383,11 +383,11 @@ impl Stretch {
         magnitude(&self.inverse) * (self.mean_error * away + error)
     }
 
-    /// Whether a shot that misses by `miss` says that no place within `away` of it, coordinate by coordinate, lands nearer
-    /// than `slack` to the source.
+    /// The places of a part that can land nearer than `slack` to the source, when a shot from `start` misses it by `miss`.
     ///
     /// Near a fold the landing moves hardly at all in one direction, however the place moves: that direction tells most.
-    pub(super) fn excludes(&self, miss: DVec2, away: DVec2, slack: f64) -> bool {
+    /// Across it, the landing moves like nowhere else, which bounds the places to a strip.
+    pub(super) fn reaching(&self, part: &Rect, start: DVec2, miss: DVec2, slack: f64) -> Rect {
         let squares = self.derivative * self.derivative.transpose();
         // The eigenvector of the larger eigenvalue: the landing moves most along it, and least across it.
         let (half_difference, mixed) = (0.5 * (squares.x_axis.x - squares.y_axis.y), squares.x_axis.y);
@@ -397,11 +397,25 @@ impl Stretch {
         } else {
             DVec2::new(half_distance + half_difference, mixed)
         };
-        let stiff = stiff.try_normalize().unwrap_or(DVec2::X);
-        [DVec2::new(-stiff.y, stiff.x), stiff].into_iter().any(|along| {
-            let moved = (self.derivative.transpose() * along).abs() + self.mean_error.transpose() * along.abs();
-            along.dot(miss).abs() > moved.dot(away) + along.abs().element_sum() * slack
-        })
+        let mut left = Rect::new(part.min - start, part.max - start);
+        for along in [stiff, DVec2::new(-stiff.y, stiff.x)] {
+            let away = left.min.abs().max(left.max.abs());
+            let by = self.derivative.transpose() * along;
+            let unsure = (self.mean_error * away + slack).dot(along.abs());
+            let moved = along.dot(miss);
+            let (low, high) = (by * left.min, by * left.max);
+            let (low, high) = (low.min(high), low.max(high));
+            // What each coordinate has to make up for, whatever the other one does.
+            let needed = DVec2::splat(moved) - DVec2::new(high.y, high.x) - unsure;
+            let allowed = DVec2::splat(moved) - DVec2::new(low.y, low.x) + unsure;
+            if needed.cmpgt(high).any() || allowed.cmplt(low).any() {
+                return Rect::new(part.max, part.min);
+            }
+            let (a, b) = (needed / by, allowed / by);
+            // Where a coordinate has no influence, this is infinite or not a number, which bounds nothing.
+            left = left.intersection(&Rect::new(a.min(b), a.max(b)));
+        }
+        Rect::new(start + left.min, start + left.max).intersection(part)
     }
 
     /// Whether no two places of a part with these half sides land at the same point: the derivative, brought near the
