@@ -5,9 +5,6 @@ use super::Interval;
 /// Bounds of a height and of its first and second derivatives by the cell coordinates, in the order h; x, y; xx, xy, yy.
 pub(crate) type Bounds = [Interval; 6];
 
-/// The largest magnitudes of the third derivatives by the cell coordinates, in the order xxx, xxy, xyy, yyy.
-pub(crate) type Thirds = [f32; 4];
-
 /// The largest blocks of entries that one query reads are 3 x 3.
 const ENTRIES_PER_AXIS_LOG2: u32 = 1;
 
@@ -19,10 +16,9 @@ struct Entry {
     slopes: [f32; 4],
     /// Of the height and the second derivatives.
     others: [f32; 8],
-    thirds: Thirds,
 }
 
-const EMPTY: Entry = Entry { slopes: [f32::NEG_INFINITY; 4], others: [f32::NEG_INFINITY; 8], thirds: [0.0; 4] };
+const EMPTY: Entry = Entry { slopes: [f32::NEG_INFINITY; 4], others: [f32::NEG_INFINITY; 8] };
 
 /// Bounds over every cell of a grid, and over blocks of 2 x 2, 4 x 4, ... cells.
 #[derive(Clone, Debug)]
@@ -46,8 +42,8 @@ pub(crate) struct CellRange {
 
 impl Pyramid {
     /// The pyramid over `columns` x `rows` cells, whose bounds are given row by row.
-    pub(crate) fn new(columns: usize, rows: usize, cells: impl Iterator<Item = (Bounds, Thirds)>) -> Self {
-        let entries: Vec<_> = cells.map(|(bounds, thirds)| Entry::around(&bounds, thirds)).collect();
+    pub(crate) fn new(columns: usize, rows: usize, cells: impl Iterator<Item = Bounds>) -> Self {
+        let entries: Vec<_> = cells.map(|bounds| Entry::around(&bounds)).collect();
         debug_assert_eq!(entries.len(), columns * rows);
         let mut levels = vec![Level { columns, rows, entries }];
         while let Some(coarser) = levels.last().and_then(Level::coarser) {
@@ -69,14 +65,6 @@ impl Pyramid {
         let mut united = EMPTY.slopes;
         self.for_each_entry(range, |entry| unite(&mut united, &entry.slopes));
         intervals(&united)
-    }
-
-    /// The largest magnitudes of the third derivatives over a block of cells.
-    #[inline(always)]
-    pub(crate) fn thirds(&self, range: &CellRange) -> [f64; 4] {
-        let mut united = EMPTY.thirds;
-        self.for_each_entry(range, |entry| unite(&mut united, &entry.thirds));
-        united.map(f64::from)
     }
 
     /// Bounds over all cells.
@@ -117,14 +105,13 @@ impl Level {
 }
 
 impl Entry {
-    fn around(&[h, x, y, xx, xy, yy]: &Bounds, thirds: Thirds) -> Self {
-        Self { slopes: rounded_outwards(&[x, y]), others: rounded_outwards(&[h, xx, xy, yy]), thirds }
+    fn around(&[h, x, y, xx, xy, yy]: &Bounds) -> Self {
+        Self { slopes: rounded_outwards(&[x, y]), others: rounded_outwards(&[h, xx, xy, yy]) }
     }
 
     fn unite(&mut self, other: &Self) {
         unite(&mut self.slopes, &other.slopes);
         unite(&mut self.others, &other.others);
-        unite(&mut self.thirds, &other.thirds);
     }
 
     fn bounds(&self) -> Bounds {
@@ -182,16 +169,10 @@ mod tests {
 
         #[test]
         fn bounds_hold_every_cell_of_the_block_and_shrink_with_it(outer in block(37, 22), inner in block(37, 22)) {
-            let third = |column: usize, row: usize| [6, 7, 8, 9].map(|k| value(k, column, row).abs() as f32);
             let pyramid = Pyramid::new(37, 22, (0..37 * 22).map(|i| {
-                (std::array::from_fn(|k| Interval::point(value(k, i % 37, i / 37))), third(i % 37, i / 37))
+                std::array::from_fn(|k| Interval::point(value(k, i % 37, i / 37)))
             }));
-            let (bounds, all, thirds) = (pyramid.bounds(&outer), pyramid.all(), pyramid.thirds(&outer));
-            for row in outer.first[1]..=outer.last[1] {
-                for column in outer.first[0]..=outer.last[0] {
-                    prop_assert!((0..4).all(|k| f64::from(third(column, row)[k]) <= thirds[k]));
-                }
-            }
+            let (bounds, all) = (pyramid.bounds(&outer), pyramid.all());
             for k in 0..6 {
                 for row in outer.first[1]..=outer.last[1] {
                     for column in outer.first[0]..=outer.last[0] {

@@ -93,7 +93,11 @@ pub fn enumerate<'a>(
             }
             continue;
         }
-        let Some(shapes) = window.landing().shapes(&rect.grown(slack), counters) else { continue };
+        let around = rect.grown(slack);
+        if !window.landing().meets_glass(&around) {
+            continue;
+        }
+        let shapes = window.landing().shapes(&around, counters);
         let Some(part) = window.shaped_part(&rect, &shapes) else { continue };
         if part.area() < SMALLER * rect.area() {
             stack.push(part);
@@ -130,15 +134,14 @@ impl Search<'_, '_> {
         if !injective && half_size.max_element() > 0.5 * self.large {
             return Finding::Open(*part);
         }
-        let aim = landing.aim(rect.centre());
-        let Some(shot) = self.connection.shoot(aim, counters) else { return Finding::Open(*part) };
-        // The way from the shot to any place of the part has to lie where the derivative is bounded.
+        let Some(shot) = self.connection.shoot(&shapes[0].middle, counters) else { return Finding::Open(*part) };
+        // The way from there to any place of the part has to lie where the derivative is bounded.
         let known = rect.grown(self.slack);
         let stretch = if known.contains(shot.place) {
             Some(stretch)
         } else {
             let hull = Rect::new(known.min.min(shot.place), known.max.max(shot.place));
-            landing.shapes(&hull, counters).and_then(|shapes| landing.stretch(&shapes.map(ShapeBounds::everywhere)))
+            landing.stretch(&landing.shapes(&hull, counters).map(ShapeBounds::everywhere))
         };
         let Some(stretch) = stretch else { return Finding::Open(*part) };
         let around = part.grown(self.slack);

@@ -18,7 +18,7 @@ use glam::{DMat2, DVec2, DVec3};
 use super::side::{PaneSide, unit_normal};
 use crate::{
     counters::Counters,
-    geometry::{HeightField, SurfaceJet},
+    geometry::{FacePoint, HeightField, SurfaceJet},
     optics::{Source, dielectric::refract},
 };
 
@@ -55,14 +55,14 @@ pub struct FermatPath {
 
 /// A path that obeys Snell's law at both faces but need not meet the source.
 #[derive(Clone, Copy, Debug)]
-pub struct Shot {
+pub(super) struct Shot {
     /// Its vertices.
-    pub theta: Theta,
+    pub(super) theta: Theta,
     /// Where the line of its first segment crosses the plane of the undisplaced near face.
-    pub place: DVec2,
+    pub(super) place: DVec2,
     /// By how far it misses the source, on the scale of that plane: without relief, moving `place` by as much would mend
     /// it.
-    pub miss: DVec2,
+    pub(super) miss: DVec2,
 }
 
 /// A shot has found its second vertex when that moves by less than this part of the pane's thickness.
@@ -141,9 +141,9 @@ impl<'a> Connection<'a> {
 
     /// The path from the shading point through a point of the near face and on by Snell's law; `None` when it is totally
     /// reflected or leaves away from the source.
-    pub fn shoot(&self, near: DVec2, counters: &mut Counters) -> Option<Shot> {
-        counters.height_evaluations += 2;
-        let (height, gradient) = self.surfaces[0].slope(near);
+    pub(super) fn shoot(&self, near: &FacePoint, counters: &mut Counters) -> Option<Shot> {
+        counters.height_evaluations += 1;
+        let FacePoint { place: near, height, gradient } = *near;
         let x1 = near.extend(self.bases[0] + height);
         let first = x1 - self.origin;
         let inner = refract(first.normalize(), unit_normal(gradient), 1.0, self.index)?.direction;

@@ -258,20 +258,23 @@ impl<'a> Landing<'a> {
         self.reached(rect, slopes.iter().map(|slopes| (middle(slopes), radius(slopes))))
     }
 
-    /// The shapes of both faces where light from a rectangle of the near plane goes through, also beyond the outline;
-    /// `None` when it lies wholly beside the outline.
-    pub(super) fn shapes(&self, rect: &Rect, counters: &mut Counters) -> Option<[ShapeBounds; 2]> {
-        self.regions(rect)?;
+    /// Whether light from a rectangle of the near plane goes through the outline of both faces.
+    pub(super) fn meets_glass(&self, rect: &Rect) -> bool {
+        self.regions(rect).is_some()
+    }
+
+    /// The shapes of both faces where light from a rectangle of the near plane goes through, also beyond the outline.
+    pub(super) fn shapes(&self, rect: &Rect, counters: &mut Counters) -> [ShapeBounds; 2] {
         counters.height_evaluations += 2;
         let [entry, exit] = [shifted(rect, &self.to_entry), shifted(rect, &self.to_exit)];
         // On the way from where the shot starts, at most a radius of `to_entry` from the middle, to any place of the
         // rectangle, the places are on average half as far from the middle as these ends.
         let nearer = 0.25 * (rect.max - rect.min) - 0.5 * radius(&self.to_entry);
         let reach = |face: &Rect| 0.5 * (face.max - face.min) - nearer;
-        Some([
+        [
             self.side.near_surface().shape_bounds(&entry, reach(&entry)),
             self.side.far_surface().shape_bounds(&exit, reach(&exit)),
-        ])
+        ]
     }
 
     /// As [`Self::part`], with the shapes of the faces there.
@@ -293,11 +296,6 @@ impl<'a> Landing<'a> {
     /// Where light from a rectangle of the near plane goes through the near face.
     pub(super) fn entry(&self, rect: &Rect) -> Rect {
         shifted(rect, &self.to_entry)
-    }
-
-    /// The tangential coordinates of X1 on a path that crosses the near plane at `place`, but for the radius of `to_entry`.
-    pub(super) fn aim(&self, place: DVec2) -> DVec2 {
-        place + middle(&self.to_entry)
     }
 
     /// How far x0 may be off: the source's extent, on the near plane's scale.

@@ -5,7 +5,7 @@
 
 use glam::{DMat2, DVec2};
 
-use super::{HeightField, Patch, cell_of, patches, tensor};
+use super::{FacePoint, HeightField, Patch, cell_of, patches, tensor};
 use crate::geometry::{
     Interval, Rect,
     pyramid::{Bounds, CellRange, Pyramid, round_up},
@@ -13,6 +13,7 @@ use crate::geometry::{
 };
 
 /// Over rectangles with larger half sides, in cells, the Taylor polynomial's remainder is wider than the hull of the cells.
+/// Smaller ones touch no cell more than two columns and rows from that of their middle.
 const MOST_CELLS: f64 = 2.0;
 
 /// Rounding error of an evaluation and of a cell's Bernstein coefficients, relative to the largest coefficient that
@@ -42,6 +43,8 @@ pub(crate) struct ShapeBounds {
     pub(crate) curvature_radius: DMat2,
     /// Largest distances from the middle of means of the second derivatives.
     pub(crate) mean_radius: DMat2,
+    /// The point in the middle of the region.
+    pub(crate) middle: FacePoint,
 }
 
 impl ShapeBounds {
@@ -72,9 +75,10 @@ impl HeightField {
     /// derivatives are bounded by `mean_radius`.
     pub(crate) fn shape_bounds(&self, rect: &Rect, reach: DVec2) -> ShapeBounds {
         let half_size = 0.5 * (rect.max - rect.min);
-        let cells = self.cells(rect);
-        if (half_size * self.density).max_element() > MOST_CELLS {
-            let JetBounds { gradient: [x, y], hessian, .. } = by_metres(&self.bounds.bounds(&cells), self.density);
+        let cells = half_size * self.density;
+        if cells.max_element() > MOST_CELLS {
+            let bounds = self.bounds.bounds(&self.cells(rect));
+            let JetBounds { gradient: [x, y], hessian, .. } = by_metres(&bounds, self.density);
             let curvature_radius = symmetric(hessian.map(|bounds| 0.5 * (bounds.max - bounds.min)));
             return ShapeBounds {
                 slope: 0.5 * DVec2::new(x.min + x.max, y.min + y.max),
@@ -82,13 +86,15 @@ impl HeightField {
                 curvature: symmetric(hessian.map(|bounds| 0.5 * (bounds.min + bounds.max))),
                 curvature_radius,
                 mean_radius: curvature_radius,
+                middle: self.point(rect.centre()),
             };
         }
         // All by the cell coordinates, until the end.
-        let [xxx, xxy, xyy, yyy] = self.bounds.thirds(&cells);
-        let middle = self.cell_jet(rect.centre());
+        let place = rect.centre();
+        let (cell, middle) = self.cell_jet(place);
+        let [xxx, xxy, xyy, yyy] = self.thirds.around(cell, cells.max_element() > 1.0);
+        let half_size = cells;
         let [xx, xy, yy] = middle.hessian.map(f64::abs);
-        let half_size = half_size * self.density;
         let turned = |DVec2 { x, y }: DVec2| [xxx * x + xxy * y, xxy * x + xyy * y, xyy * x + yyy * y];
         let [turned_xx, turned_xy, turned_yy] = turned(half_size);
         let [mean_xx, mean_xy, mean_yy] = turned(reach * self.density);
@@ -106,13 +112,20 @@ impl HeightField {
             symmetric([xx * by_xx, xy * by_xy, yy * by_yy])
         };
         let [xx, xy, yy] = middle.hessian;
+        let gradient = middle.gradient * self.density;
         ShapeBounds {
-            slope: middle.gradient * self.density,
+            middle: FacePoint { place, height: middle.height, gradient },
+            slope: gradient,
             slope_radius: (slope_radius * (1.0 + 1e-12) + slope_rounding) * self.density,
             curvature: symmetric([xx * by_xx, xy * by_xy, yy * by_yy]),
             curvature_radius: scaled([turned_xx, turned_xy, turned_yy]),
             mean_radius: scaled([mean_xx, mean_xy, mean_yy]),
         }
+    }
+
+    fn point(&self, place: DVec2) -> FacePoint {
+        let (height, gradient) = self.slope(place);
+        FacePoint { place, height, gradient }
     }
 
     /// Bounds of dh/dx and dh/dy over `rect`, which must not be empty, as in [`Self::bounds`].
@@ -136,27 +149,74 @@ impl HeightField {
     }
 }
 
+/// The largest magnitudes of the third derivatives xxx, xxy, xyy and yyy by the cell coordinates around each cell: over it
+/// and the 8 cells around it, and over it and the 24 cells around it.
+#[derive(Clone, Debug)]
+pub(super) struct ThirdDerivatives {
+    columns: usize,
+    near: Vec<[f32; 4]>,
+    wide: Vec<[f32; 4]>,
+}
+
+impl ThirdDerivatives {
+    /// Of the cells of a padded grid.
+    pub(super) fn of_cells(padded: &[f64], grid: [usize; 2]) -> Self {
+        let value = bernstein_weights(0.0, 1.0);
+        let slope = bernstein_slope_weights(0.0, 1.0);
+        let curvature = bernstein_curvature_weights(0.0, 1.0);
+        let third = [THIRD_DERIVATIVE_WEIGHTS];
+        let cells: Vec<_> = patches(padded, grid)
+            .map(|patch| {
+                [
+                    hull(patch, &tensor(patch, &third, &value)),
+                    hull(patch, &tensor(patch, &curvature, &slope)),
+                    hull(patch, &tensor(patch, &slope, &curvature)),
+                    hull(patch, &tensor(patch, &value, &third)),
+                ]
+                .map(|bounds| round_up(bounds.magnitude()))
+            })
+            .collect();
+        let columns = grid[0] + 3;
+        let near = with_neighbours(&cells, columns);
+        Self { columns, wide: with_neighbours(&near, columns), near }
+    }
+
+    /// Of the cells at most 1, or at most 2, columns and rows away.
+    #[inline(always)]
+    fn around(&self, [column, row]: [u32; 2], wide: bool) -> [f64; 4] {
+        let cells = if wide { &self.wide } else { &self.near };
+        cells[row as usize * self.columns + column as usize].map(f64::from)
+    }
+}
+
+/// For each cell the largest of each value in it and its neighbours.
+fn with_neighbours(cells: &[[f32; 4]], columns: usize) -> Vec<[f32; 4]> {
+    let rows = cells.len() / columns;
+    let largest = |row: usize, column: usize| {
+        let mut largest = [0f32; 4];
+        for row in row.saturating_sub(1)..(row + 2).min(rows) {
+            for cell in &cells[row * columns + column.saturating_sub(1)..row * columns + (column + 2).min(columns)] {
+                largest = std::array::from_fn(|k| largest[k].max(cell[k]));
+            }
+        }
+        largest
+    };
+    (0..rows).flat_map(|row| (0..columns).map(move |column| largest(row, column))).collect()
+}
+
 /// Bounds over each cell of a padded grid, by the cell coordinates.
 pub(super) fn of_cells(padded: &[f64], [columns, rows]: [usize; 2]) -> Pyramid {
     let (value, slope) = (bernstein_weights(0.0, 1.0), bernstein_slope_weights(0.0, 1.0));
     let curvature = bernstein_curvature_weights(0.0, 1.0);
-    let third = [THIRD_DERIVATIVE_WEIGHTS];
     let bounds = patches(padded, [columns, rows]).map(|patch| {
-        let bounds = [
+        [
             hull(patch, &tensor(patch, &value, &value)),
             hull(patch, &tensor(patch, &slope, &value)),
             hull(patch, &tensor(patch, &value, &slope)),
             hull(patch, &tensor(patch, &curvature, &value)),
             hull(patch, &tensor(patch, &slope, &slope)),
             hull(patch, &tensor(patch, &value, &curvature)),
-        ];
-        let thirds = [
-            hull(patch, &tensor(patch, &third, &value)),
-            hull(patch, &tensor(patch, &curvature, &slope)),
-            hull(patch, &tensor(patch, &slope, &curvature)),
-            hull(patch, &tensor(patch, &value, &third)),
-        ];
-        (bounds, thirds.map(|bounds| round_up(bounds.magnitude())))
+        ]
     });
     Pyramid::new(columns + 3, rows + 3, bounds)
 }

@@ -12,6 +12,7 @@ mod bounds;
 
 pub use bounds::JetBounds;
 pub(crate) use bounds::ShapeBounds;
+use bounds::ThirdDerivatives;
 use glam::{DVec2, dvec2};
 use thiserror::Error;
 use wide::f64x2;
@@ -32,6 +33,17 @@ pub struct SurfaceJet {
     pub gradient: DVec2,
     /// The second derivatives by xx, xy and yy, in 1/metre.
     pub hessian: [f64; 3],
+}
+
+/// A point of a height field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct FacePoint {
+    /// Its tangential coordinates.
+    pub(crate) place: DVec2,
+    /// h, in metres.
+    pub(crate) height: f64,
+    /// dh/dx and dh/dy.
+    pub(crate) gradient: DVec2,
 }
 
 /// Why a grid is no height field.
@@ -87,8 +99,9 @@ pub struct HeightField {
     squared_density: [f64; 3],
     /// Rounding errors of bounds.
     rounding: [f64; 2],
-    /// Heights, and their derivatives by the cell coordinates.
+    /// Heights, and their first and second derivatives by the cell coordinates.
     bounds: Pyramid,
+    thirds: ThirdDerivatives,
     /// Bounds over the whole plane.
     all: JetBounds,
 }
@@ -116,6 +129,7 @@ impl HeightField {
         let stride = (columns + 2 * PADDING) as u32;
         let padded = pad(&coefficients, columns, rows);
         let bounds = bounds::of_cells(&padded, [columns, rows]);
+        let thirds = ThirdDerivatives::of_cells(&padded, [columns, rows]);
         let grid = dvec2(columns as f64, rows as f64);
         let (density, end) = (grid / size, grid + 2.5);
         Ok(Self {
@@ -130,6 +144,7 @@ impl HeightField {
             stride,
             coefficients: padded,
             bounds,
+            thirds,
         })
     }
 
@@ -166,9 +181,9 @@ impl HeightField {
     /// The height at `p`, in metres.
     #[inline]
     pub fn height(&self, p: DVec2) -> f64 {
-        let (patch, f) = self.locate(p);
+        let (cell, f) = self.locate(p);
         let weights = ByAxis::new(weights(f));
-        let [first, second] = columns_sum(&pairs(patch), &weights.y);
+        let [first, second] = columns_sum(&pairs(self.patch(cell)), &weights.y);
         let [a, b] = [weights.x[0] * first, weights.x[1] * second].map(f64x2::to_array);
         (a[0] + a[1]) + (b[0] + b[1])
     }
@@ -176,8 +191,8 @@ impl HeightField {
     /// The height and its gradient at `p`.
     #[inline]
     pub fn slope(&self, p: DVec2) -> (f64, DVec2) {
-        let (patch, f) = self.locate(p);
-        let patch = pairs(patch);
+        let (cell, f) = self.locate(p);
+        let patch = pairs(self.patch(cell));
         let (w, d) = (ByAxis::new(weights(f)), ByAxis::new(slope_weights(f)));
         let value = columns_sum(&patch, &w.y);
         let [height, x] = dots([&w.x, &d.x], [&value, &value]);
@@ -188,16 +203,16 @@ impl HeightField {
     /// The height and its first and second derivatives at `p`.
     #[inline]
     pub fn jet(&self, p: DVec2) -> SurfaceJet {
-        let SurfaceJet { height, gradient, hessian: [xx, xy, yy] } = self.cell_jet(p);
+        let (_, SurfaceJet { height, gradient, hessian: [xx, xy, yy] }) = self.cell_jet(p);
         let [by_xx, by_xy, by_yy] = self.squared_density;
         SurfaceJet { height, gradient: gradient * self.density, hessian: [xx * by_xx, xy * by_xy, yy * by_yy] }
     }
 
-    /// As [`Self::jet`], but with derivatives by the cell coordinates.
+    /// As [`Self::jet`], but with derivatives by the cell coordinates. The cell comes first.
     #[inline(always)]
-    fn cell_jet(&self, p: DVec2) -> SurfaceJet {
-        let (patch, f) = self.locate(p);
-        let patch = pairs(patch);
+    fn cell_jet(&self, p: DVec2) -> ([u32; 2], SurfaceJet) {
+        let (cell, f) = self.locate(p);
+        let patch = pairs(self.patch(cell));
         let (w, d) = (ByAxis::new(weights(f)), ByAxis::new(slope_weights(f)));
         let c = ByAxis::new(curvature_weights(f));
         let value = columns_sum(&patch, &w.y);
@@ -206,7 +221,7 @@ impl HeightField {
         let [height, x] = dots([&w.x, &d.x], [&value, &value]);
         let [y, xy] = dots([&w.x, &d.x], [&along_y, &along_y]);
         let [xx, yy] = dots([&c.x, &w.x], [&value, &curved_y]);
-        SurfaceJet { height, gradient: dvec2(x, y), hessian: [xx, xy, yy] }
+        (cell, SurfaceJet { height, gradient: dvec2(x, y), hessian: [xx, xy, yy] })
     }
 
     /// The padded cell coordinates of `p`: cell (i, j) of the padded grid covers `[i, i + 1] x [j, j + 1]`, and the
@@ -247,10 +262,10 @@ impl HeightField {
     }
 
     #[inline(always)]
-    fn locate(&self, p: DVec2) -> (Patch<'_>, f64x2) {
+    fn locate(&self, p: DVec2) -> ([u32; 2], f64x2) {
         let a = self.clamped(self.cell_coordinates(p));
         let cell = cell_of(a);
-        (self.patch(cell), f64x2::new([a.x, a.y]) - f64x2::new(cell.map(f64::from)))
+        (cell, f64x2::new([a.x, a.y]) - f64x2::new(cell.map(f64::from)))
     }
 
     #[inline(always)]
