@@ -14,6 +14,7 @@ use glam::DVec2;
 use super::{
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete},
+    widest::{self, Computation},
     window::Window,
 };
 use crate::{
@@ -67,8 +68,35 @@ struct Search<'a, 'b> {
     roots: Vec<Root>,
 }
 
+/// What is sought.
+struct Problem<'a, 'b> {
+    window: &'b Window<'a>,
+    connection: &'b Connection<'a>,
+    region: &'b SearchRegion,
+    counters: &'b mut Counters,
+}
+
+impl Computation for Problem<'_, '_> {
+    type Output = Enumeration;
+
+    #[inline(always)]
+    fn run(self) -> Enumeration {
+        all_paths(self.window, self.connection, self.region, self.counters)
+    }
+}
+
 /// Finds all paths of a connection through a window.
 pub fn enumerate<'a>(
+    window: &Window<'a>,
+    connection: &Connection<'a>,
+    region: &SearchRegion,
+    counters: &mut Counters,
+) -> Enumeration {
+    widest::run(Problem { window, connection, region, counters })
+}
+
+#[inline(always)]
+fn all_paths<'a>(
     window: &Window<'a>,
     connection: &Connection<'a>,
     region: &SearchRegion,
@@ -126,6 +154,7 @@ fn push_smaller(stack: &mut Vec<Rect>, part: &Rect, left: Rect) {
 
 impl Search<'_, '_> {
     /// Shoots from the middle of a rectangle around which the faces have the given shapes. `part` is what matters of it.
+    #[inline(always)]
     fn shoot(&mut self, rect: &Rect, part: &Rect, shapes: &[ShapeBounds; 2], counters: &mut Counters) -> Finding {
         let landing = self.window.landing();
         let half_size = 0.5 * (part.max - part.min);

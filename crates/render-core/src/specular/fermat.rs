@@ -105,6 +105,7 @@ impl<'a> Connection<'a> {
     }
 
     /// The optical length at `theta`, up to a constant for a light at infinity.
+    #[inline(always)]
     pub fn optical_length(&self, theta: &Theta, counters: &mut Counters) -> f64 {
         counters.height_evaluations += 2;
         let x1 = theta[0].extend(self.bases[0] + self.surfaces[0].height(theta[0]));
@@ -117,6 +118,7 @@ impl<'a> Connection<'a> {
     }
 
     /// The path through `theta` and what its derivatives need.
+    #[inline(always)]
     pub fn path(&self, theta: &Theta, counters: &mut Counters) -> FermatPath {
         counters.height_evaluations += 2;
         let jets = [self.surfaces[0].jet(theta[0]), self.surfaces[1].jet(theta[1])];
@@ -141,6 +143,7 @@ impl<'a> Connection<'a> {
 
     /// The path from the shading point through a point of the near face and on by Snell's law; `None` when it is totally
     /// reflected or leaves away from the source.
+    #[inline(always)]
     pub(super) fn shoot(&self, near: &FacePoint, counters: &mut Counters) -> Option<Shot> {
         counters.height_evaluations += 1;
         let FacePoint { place: near, height, gradient } = *near;
@@ -180,6 +183,7 @@ impl<'a> Connection<'a> {
     }
 
     /// A point of the near face refracted towards the light's side: the seed that obeys Snell's law at X1.
+    #[inline(always)]
     pub fn thin_seed(&self, near: DVec2, counters: &mut Counters) -> Option<Theta> {
         counters.height_evaluations += 2;
         let (height, gradient) = self.surfaces[0].slope(near);
@@ -195,6 +199,7 @@ impl<'a> Connection<'a> {
 
 impl FermatPath {
     /// The Hessian of the optical length.
+    #[inline(always)]
     pub fn hessian(&self) -> Hessian {
         let [a, b, w] = self.directions;
         let [d0, d1, d2] = self.lengths;
@@ -244,6 +249,7 @@ impl FermatPath {
 
 impl Hessian {
     /// Factorises; `None` when singular.
+    #[inline(always)]
     pub fn factorise(&self) -> Option<Factorisation> {
         let far_determinant = self.far.determinant();
         let far_inverse = inverse(&self.far, far_determinant)?;
@@ -261,6 +267,7 @@ impl Hessian {
 
 impl Factorisation {
     /// `-H^-1 gradient`.
+    #[inline(always)]
     pub fn newton_step(&self, gradient: &[DVec2; 2]) -> Theta {
         let reduced = gradient[0] - self.mixed * (self.far_inverse * gradient[1]);
         let near = -(self.schur_inverse * reduced);
@@ -269,6 +276,7 @@ impl Factorisation {
     }
 }
 
+#[inline(always)]
 pub(super) fn inverse(matrix: &DMat2, determinant: f64) -> Option<DMat2> {
     let scale = 1.0 / determinant;
     scale.is_finite().then(|| {
@@ -278,16 +286,19 @@ pub(super) fn inverse(matrix: &DMat2, determinant: f64) -> Option<DMat2> {
 }
 
 /// The unnormalised normal `(-h_x, -h_y, 1)`.
+#[inline(always)]
 fn normal(jet: &SurfaceJet) -> DVec3 {
     DVec3::new(-jet.gradient.x, -jet.gradient.y, 1.0)
 }
 
 /// `T^T v` for the tangents `(1, 0, h_x)` and `(0, 1, h_y)`.
+#[inline(always)]
 fn pulled_back(jet: &SurfaceJet, vector: DVec3) -> DVec2 {
     vector.truncate() + jet.gradient * vector.z
 }
 
 /// `T1^T (I - v v^T) T2`.
+#[inline(always)]
 fn projector(first: &SurfaceJet, second: &SurfaceJet, direction: DVec3) -> DMat2 {
     let left = pulled_back(first, direction);
     let right = pulled_back(second, direction);
@@ -299,6 +310,7 @@ fn projector(first: &SurfaceJet, second: &SurfaceJet, direction: DVec3) -> DMat2
     )
 }
 
+#[inline(always)]
 fn second_derivatives(jet: &SurfaceJet) -> DMat2 {
     let [xx, xy, yy] = jet.hessian;
     DMat2::from_cols(DVec2::new(xx, xy), DVec2::new(xy, yy))

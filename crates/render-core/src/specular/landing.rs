@@ -251,7 +251,7 @@ impl<'a> Landing<'a> {
     }
 
     /// What of a part of the window can matter; `None` when no light from there reaches the source.
-    #[inline]
+    #[inline(always)]
     pub(super) fn part(&self, rect: &Rect) -> Option<Part> {
         let [entry, exit] = self.regions(rect)?;
         let slopes = [self.side.near_surface().slope_bounds(&entry), self.side.far_surface().slope_bounds(&exit)];
@@ -259,11 +259,13 @@ impl<'a> Landing<'a> {
     }
 
     /// Whether light from a rectangle of the near plane goes through the outline of both faces.
+    #[inline(always)]
     pub(super) fn meets_glass(&self, rect: &Rect) -> bool {
         self.regions(rect).is_some()
     }
 
     /// The shapes of both faces where light from a rectangle of the near plane goes through, also beyond the outline.
+    #[inline(always)]
     pub(super) fn shapes(&self, rect: &Rect, counters: &mut Counters) -> [ShapeBounds; 2] {
         counters.height_evaluations += 2;
         let [entry, exit] = [shifted(rect, &self.to_entry), shifted(rect, &self.to_exit)];
@@ -278,6 +280,7 @@ impl<'a> Landing<'a> {
     }
 
     /// As [`Self::part`], with the shapes of the faces there.
+    #[inline(always)]
     pub(super) fn shaped_part(&self, rect: &Rect, shapes: &[ShapeBounds; 2]) -> Option<Part> {
         self.reached(rect, shapes.iter().map(|face| (face.slope, face.slope_radius)))
     }
@@ -305,6 +308,7 @@ impl<'a> Landing<'a> {
     }
 
     /// The derivative of the landing where the faces have the given shapes; `None` where its middle is singular.
+    #[inline(always)]
     pub(super) fn stretch(&self, faces: &[ShapeBounds; 2]) -> Option<Stretch> {
         let (mut derivative, mut error, mut mean_error) = (DMat2::IDENTITY, DMat2::ZERO, DMat2::ZERO);
         let (mut steepest, mut largest, mut bent) = (0.0, 1.0, 0.0);
@@ -337,7 +341,7 @@ impl<'a> Landing<'a> {
     }
 
     /// Where light from a part of the window enters and leaves the glass; `None` when that is beside the outline.
-    #[inline]
+    #[inline(always)]
     fn regions(&self, part: &Rect) -> Option<[Rect; 2]> {
         let entry = shifted(part, &self.to_entry).intersection(&self.outline);
         let exit = shifted(part, &self.to_exit).intersection(&self.outline);
@@ -346,7 +350,7 @@ impl<'a> Landing<'a> {
 
     /// The places of a part from which light can reach the source when the slopes of each face are within a radius of their
     /// middle.
-    #[inline]
+    #[inline(always)]
     fn reached(&self, part: &Rect, slopes: impl Iterator<Item = (DVec2, DVec2)>) -> Option<Part> {
         let (mut centre, mut radius, mut spread) = (self.flat, self.flat_radius, DVec2::ZERO);
         for ((slope, slope_radius), weight) in slopes.zip(&self.weights) {
@@ -377,6 +381,7 @@ impl SlopeWeight {
 impl Stretch {
     /// By how much the place of a path predicted from a shot may be off, if it is within `away` of the shot, coordinate by
     /// coordinate, and the shot is off by `error` in each component.
+    #[inline(always)]
     pub(super) fn error_of_prediction(&self, away: DVec2, error: f64) -> DVec2 {
         magnitude(&self.inverse) * (self.mean_error * away + error)
     }
@@ -385,6 +390,7 @@ impl Stretch {
     ///
     /// Near a fold the landing moves hardly at all in one direction, however the place moves: that direction tells most.
     /// Across it, the landing moves like nowhere else, which bounds the places to a strip.
+    #[inline(always)]
     pub(super) fn reaching(&self, part: &Rect, start: DVec2, miss: DVec2, slack: f64) -> Rect {
         let squares = self.derivative * self.derivative.transpose();
         // The eigenvector of the larger eigenvalue: the landing moves most along it, and least across it.
@@ -418,6 +424,7 @@ impl Stretch {
 
     /// Whether no two places of a part with these half sides land at the same point: the derivative, brought near the
     /// identity, stays nearer to it than 1 in the norm in which the part is a unit square.
+    #[inline(always)]
     pub(super) fn is_injective(&self, half_size: DVec2) -> bool {
         (self.defect * half_size).cmple(half_size * MOST_DEFECT).all()
     }
@@ -451,27 +458,27 @@ fn times(vectors: &Box2, factor: Interval) -> Box2 {
 }
 
 /// `rect` moved by any vector of a box.
-#[inline]
+#[inline(always)]
 fn shifted(rect: &Rect, by: &Box2) -> Rect {
     Rect::new(rect.min + DVec2::new(by[0].min, by[1].min), rect.max + DVec2::new(by[0].max, by[1].max))
 }
 
-#[inline]
+#[inline(always)]
 fn middle(vectors: &Box2) -> DVec2 {
     DVec2::new(middle_of(vectors[0]), middle_of(vectors[1]))
 }
 
-#[inline]
+#[inline(always)]
 fn radius(vectors: &Box2) -> DVec2 {
     DVec2::new(radius_of(vectors[0]), radius_of(vectors[1]))
 }
 
-#[inline]
+#[inline(always)]
 fn middle_of(interval: Interval) -> f64 {
     0.5 * (interval.min + interval.max)
 }
 
-#[inline]
+#[inline(always)]
 fn radius_of(interval: Interval) -> f64 {
     0.5 * (interval.max - interval.min)
 }
@@ -481,13 +488,13 @@ fn symmetric([xx, xy, yy]: [f64; 3]) -> DMat2 {
     DMat2::from_cols(DVec2::new(xx, xy), DVec2::new(xy, yy))
 }
 
-#[inline]
+#[inline(always)]
 fn magnitude(matrix: &DMat2) -> DMat2 {
     DMat2::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs())
 }
 
 /// The larger of two numbers.
-#[inline]
+#[inline(always)]
 fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }

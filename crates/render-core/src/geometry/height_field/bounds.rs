@@ -73,6 +73,7 @@ impl HeightField {
     /// whole cells; these get as narrow as the rectangle does, by the Taylor polynomial about its middle. Along a curve in the
     /// rectangle that is on average within `reach` of its middle, coordinate by coordinate, the means of the second
     /// derivatives are bounded by `mean_radius`.
+    #[inline(always)]
     pub(crate) fn shape_bounds(&self, rect: &Rect, reach: DVec2) -> ShapeBounds {
         let half_size = 0.5 * (rect.max - rect.min);
         let cells = half_size * self.density;
@@ -123,13 +124,14 @@ impl HeightField {
         }
     }
 
+    #[inline(always)]
     fn point(&self, place: DVec2) -> FacePoint {
         let (height, gradient) = self.slope(place);
         FacePoint { place, height, gradient }
     }
 
     /// Bounds of dh/dx and dh/dy over `rect`, which must not be empty, as in [`Self::bounds`].
-    #[inline]
+    #[inline(always)]
     pub(crate) fn slope_bounds(&self, rect: &Rect) -> [Interval; 2] {
         let [x, y] = self.bounds.slopes(&self.cells(rect));
         [scaled(x, self.density.x), scaled(y, self.density.y)]

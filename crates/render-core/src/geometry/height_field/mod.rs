@@ -179,7 +179,7 @@ impl HeightField {
     }
 
     /// The height at `p`, in metres.
-    #[inline]
+    #[inline(always)]
     pub fn height(&self, p: DVec2) -> f64 {
         let (cell, f) = self.locate(p);
         let weights = ByAxis::new(weights(f));
@@ -189,7 +189,7 @@ impl HeightField {
     }
 
     /// The height and its gradient at `p`.
-    #[inline]
+    #[inline(always)]
     pub fn slope(&self, p: DVec2) -> (f64, DVec2) {
         let (cell, f) = self.locate(p);
         let patch = pairs(self.patch(cell));
@@ -201,7 +201,7 @@ impl HeightField {
     }
 
     /// The height and its first and second derivatives at `p`.
-    #[inline]
+    #[inline(always)]
     pub fn jet(&self, p: DVec2) -> SurfaceJet {
         let (_, SurfaceJet { height, gradient, hessian: [xx, xy, yy] }) = self.cell_jet(p);
         let [by_xx, by_xy, by_yy] = self.squared_density;
