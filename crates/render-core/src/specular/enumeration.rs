@@ -163,7 +163,9 @@ impl Search<'_, '_> {
         if !injective && half_size.max_element() > 0.5 * self.large {
             return Finding::Open(*part);
         }
-        let Some(shot) = self.connection.shoot(&shapes[0].middle, counters) else { return Finding::Open(*part) };
+        let Some(shot) = self.connection.shoot(&shapes[0].middle, &shapes[1].middle, counters) else {
+            return Finding::Open(*part);
+        };
         // The way from there to any place of the part has to lie where the derivative is bounded.
         let known = rect.grown(self.slack);
         let stretch = if known.contains(shot.place) {

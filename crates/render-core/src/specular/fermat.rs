@@ -65,8 +65,8 @@ pub(super) struct Shot {
     pub(super) miss: DVec2,
 }
 
-/// A shot has found its second vertex when that moves by less than this part of the pane's thickness.
-const LANDED: f64 = 1e-4;
+/// A shot has found its second vertex when its way in the glass ends less than this part of the pane's thickness beside it.
+const LANDED: f64 = 1e-5;
 
 /// Most rounds until then. Where slopes are so steep that these are too few, Newton's method decides.
 const LANDING_ROUNDS: usize = 8;
@@ -144,8 +144,7 @@ impl<'a> Connection<'a> {
     /// The path from the shading point through a point of the near face and on by Snell's law; `None` when it is totally
     /// reflected or leaves away from the source.
     #[inline(always)]
-    pub(super) fn shoot(&self, near: &FacePoint, counters: &mut Counters) -> Option<Shot> {
-        counters.height_evaluations += 1;
+    pub(super) fn shoot(&self, near: &FacePoint, far: &FacePoint, counters: &mut Counters) -> Option<Shot> {
         let FacePoint { place: near, height, gradient } = *near;
         let x1 = near.extend(self.bases[0] + height);
         let first = x1 - self.origin;
@@ -153,17 +152,23 @@ impl<'a> Connection<'a> {
         let tangent = inner.truncate() / inner.z;
         let flat = near + tangent * (self.bases[1] - x1.z);
         let landed = LANDED * (self.bases[1] - self.bases[0]).abs();
-        let mut far = flat;
-        for _ in 0..LANDING_ROUNDS {
+        // Where the ray meets the plane through a point of the far face along its slope.
+        let met = |point: &FacePoint| {
+            let height = point.height + point.gradient.dot(flat - point.place);
+            flat + tangent * (height / (1.0 - point.gradient.dot(tangent)))
+        };
+        let mut far = met(far);
+        let mut rounds = 0;
+        let (height, gradient) = loop {
             counters.height_evaluations += 1;
-            let before = far;
-            far = flat + tangent * self.surfaces[1].height(far);
-            // Each round leaves of the error before the slope along the ray.
-            if (far - before).abs().max_element() < landed {
-                break;
+            let (height, gradient) = self.surfaces[1].slope(far);
+            rounds += 1;
+            let off = (flat + tangent * height - far).abs().max_element();
+            if off < landed || rounds == LANDING_ROUNDS {
+                break (height, gradient);
             }
-        }
-        let (height, gradient) = self.surfaces[1].slope(far);
+            far = met(&FacePoint { place: far, height, gradient });
+        };
         let exit_z = self.bases[1] + height;
         let last = refract(inner, unit_normal(gradient), self.index, 1.0)?.direction;
         let to_plane = (self.bases[0] - self.origin.z) / first.z;
