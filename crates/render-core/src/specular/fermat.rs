@@ -149,7 +149,7 @@ impl<'a> Connection<'a> {
         let x1 = near.extend(self.bases[0] + height);
         let first = x1 - self.origin;
         let inner = refract(first.normalize(), unit_normal(gradient), 1.0, self.index)?.direction;
-        let tangent = inner.truncate() / inner.z;
+        let tangent = inner.truncate() * (1.0 / inner.z);
         let flat = near + tangent * (self.bases[1] - x1.z);
         let landed = LANDED * (self.bases[1] - self.bases[0]).abs();
         // Where the ray meets the plane through a point of the far face along its slope.
@@ -171,16 +171,17 @@ impl<'a> Connection<'a> {
         };
         let exit_z = self.bases[1] + height;
         let last = refract(inner, unit_normal(gradient), self.index, 1.0)?.direction;
+        let last_tangent = last.truncate() * (1.0 / last.z);
         let to_plane = (self.bases[0] - self.origin.z) / first.z;
         let scale = (self.bases[0] - self.origin.z).abs();
         let miss = match self.source {
             Source::Point(point) => {
                 let above = point.z - exit_z;
-                let landing = far + last.truncate() * (above / last.z);
+                let landing = far + last_tangent * above;
                 (point.truncate() - landing) * (scale / (first.z + above).abs())
             }
             Source::Direction(direction) => {
-                (direction.truncate() / direction.z - last.truncate() / last.z) * (direction.z.signum() * scale)
+                (direction.truncate() / direction.z - last_tangent) * (direction.z.signum() * scale)
             }
         };
         let place = self.origin.truncate() + first.truncate() * to_plane;

@@ -393,14 +393,8 @@ impl Stretch {
     #[inline(always)]
     pub(super) fn reaching(&self, part: &Rect, start: DVec2, miss: DVec2, slack: f64) -> Rect {
         let squares = self.derivative * self.derivative.transpose();
-        // The eigenvector of the larger eigenvalue: the landing moves most along it, and least across it.
-        let (half_difference, mixed) = (0.5 * (squares.x_axis.x - squares.y_axis.y), squares.x_axis.y);
-        let half_distance = (half_difference * half_difference + mixed * mixed).sqrt();
-        let stiff = if half_difference < 0.0 {
-            DVec2::new(mixed, half_distance - half_difference)
-        } else {
-            DVec2::new(half_distance + half_difference, mixed)
-        };
+        // Near a fold, all columns are along the direction in which the landing moves most.
+        let stiff = if squares.x_axis.x > squares.y_axis.y { squares.x_axis } else { squares.y_axis };
         let mut left = Rect::new(part.min - start, part.max - start);
         for along in [stiff, DVec2::new(-stiff.y, stiff.x)] {
             let away = left.min.abs().max(left.max.abs());
@@ -415,7 +409,8 @@ impl Stretch {
             if needed.cmpgt(high).any() || allowed.cmplt(low).any() {
                 return Rect::new(part.max, part.min);
             }
-            let (a, b) = (needed / by, allowed / by);
+            let scale = by.recip();
+            let (a, b) = (needed * scale, allowed * scale);
             // Where a coordinate has no influence, this is infinite or not a number, which bounds nothing.
             left = left.intersection(&Rect::new(a.min(b), a.max(b)));
         }
