@@ -49,6 +49,17 @@ const LARGE: f64 = 4.0;
 /// What is left of a part is looked at again before it is halved if its area is less than this share of the part's.
 const SMALLER: f64 = 0.5;
 
+/// Room for the parts of most windows.
+const USUAL_PARTS: usize = 64;
+
+/// A part and the shapes of the faces there.
+struct Seen {
+    rect: Rect,
+    /// What can matter of the rectangle, by the slopes there.
+    part: Rect,
+    shapes: [ShapeBounds; 2],
+}
+
 /// What is known of a part after one shot.
 enum Finding {
     /// It holds no path, or just the one that is now known.
@@ -107,34 +118,43 @@ fn all_paths<'a>(
     let cell = side.near_surface().cell_size().min(side.far_surface().cell_size()).min_element();
     let mut search = Search { window, connection, region, slack, large: LARGE * cell, roots: Vec::new() };
     let mut complete = true;
-    let mut stack = vec![*window.rect()];
+    let mut unseen = Vec::with_capacity(USUAL_PARTS);
+    let mut seen = Vec::with_capacity(USUAL_PARTS);
+    unseen.push(*window.rect());
     let mut looked_at = 0;
-    while let Some(rect) = stack.pop() {
-        looked_at += 1;
-        if looked_at > MOST_PARTS {
-            complete = false;
-            break;
-        }
-        if looked_at > 1 && (rect.max - rect.min).max_element() > search.large {
-            if let Some(part) = window.part(&rect) {
-                push_smaller(&mut stack, &rect, part.rect);
+    loop {
+        // One part after the other without a shot in between: each look waits for little but itself, and none for another.
+        while let Some(rect) = unseen.pop() {
+            looked_at += 1;
+            if looked_at > MOST_PARTS {
+                // What has been seen may still hold paths.
+                complete = false;
+                unseen.clear();
+                break;
             }
-            continue;
+            if looked_at > 1 && (rect.max - rect.min).max_element() > search.large {
+                if let Some(part) = window.part(&rect) {
+                    push_smaller(&mut unseen, &rect, part.rect);
+                }
+                continue;
+            }
+            let around = rect.grown(slack);
+            if !window.landing().meets_glass(&around) {
+                continue;
+            }
+            let shapes = window.landing().shapes(&around, counters);
+            let Some(part) = window.shaped_part(&rect, &shapes) else { continue };
+            if part.area() < SMALLER * rect.area() {
+                unseen.push(part);
+            } else {
+                seen.push(Seen { rect, part, shapes });
+            }
         }
-        let around = rect.grown(slack);
-        if !window.landing().meets_glass(&around) {
-            continue;
-        }
-        let shapes = window.landing().shapes(&around, counters);
-        let Some(part) = window.shaped_part(&rect, &shapes) else { continue };
-        if part.area() < SMALLER * rect.area() {
-            stack.push(part);
-            continue;
-        }
+        let Some(Seen { rect, part, shapes }) = seen.pop() else { break };
         let Finding::Open(rect) = search.shoot(&rect, &part, &shapes, counters) else { continue };
         let size = rect.max - rect.min;
         if size.max_element() > SMALLEST * cell || rect.area() < SMALLER * part.area() {
-            push_smaller(&mut stack, &part, rect);
+            push_smaller(&mut unseen, &part, rect);
         } else {
             complete = false;
             search.solve_from(rect.centre(), counters);
