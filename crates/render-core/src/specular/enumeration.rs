@@ -248,6 +248,7 @@ mod tests {
         geometry::testing::Glass,
         optics::Source,
         specular::{
+            newton::{Complete, Published, Solve, solve_published},
             side::PaneSide,
             testing::{between, pair, pane, random},
             window::SourceBounds,
@@ -328,6 +329,57 @@ mod tests {
             [check(Glass::Crown, 0.3e-3, 200), check(Glass::Bumpy, 0.2e-3, 100), check(Glass::Steep, 0.05e-3, 100)]
         {
             assert!(tally.roots > tally.problems as usize, "{tally:?}");
+        }
+    }
+
+    /// The bits of a root.
+    fn bits(root: &Root) -> Vec<u64> {
+        let [near, far] = root.path.vertices;
+        let numbers =
+            root.theta.iter().flat_map(|vertex| vertex.to_array()).chain(near.to_array()).chain(far.to_array());
+        numbers.chain([root.determinant]).map(f64::to_bits).collect()
+    }
+
+    #[test]
+    fn every_processor_computes_the_same_bits() {
+        for glass in Glass::ALL {
+            let pane = pane(glass, 0.1e-3);
+            let mut random = random(8);
+            let counters = &mut Counters::default();
+            let mut found = 0;
+            for _ in 0..100 {
+                let origin = ((pair(&mut random) - 0.5) * 0.6).extend(-0.9);
+                let centre = ((pair(&mut random) - 0.5) * 0.6).extend(1.5);
+                let side = PaneSide::facing(&pane, origin).unwrap();
+                let connection = Connection::new(&side, origin, Source::Point(centre));
+                let region = SearchRegion::around(&pane.outline(), pane.thickness);
+                let seed = [0, 1].map(|_| (pair(&mut random) - 0.5) * pane.size);
+                let [mut widest, mut plain] = [Counters::default(); 2];
+                let solved = [
+                    (
+                        solve_complete(&connection, seed, &region, &mut widest),
+                        Complete(Solve { connection: &connection, seed, region: &region, counters: &mut plain }).run(),
+                    ),
+                    (
+                        solve_published(&connection, seed, &region, &mut widest),
+                        Published(Solve { connection: &connection, seed, region: &region, counters: &mut plain }).run(),
+                    ),
+                ];
+                for (widest, plain) in &solved {
+                    assert_eq!(widest.as_ref().map(bits), plain.as_ref().map(bits));
+                }
+                assert_eq!(widest, plain);
+                let Some(window) = Window::new(&side, origin, &SourceBounds::Ball { centre, radius: 0.0 }) else {
+                    continue;
+                };
+                let widest = enumerate(&window, &connection, &region, counters);
+                let problem = Problem { window: &window, connection: &connection, region: &region, counters };
+                let plain = problem.run();
+                assert_eq!(widest.complete, plain.complete);
+                assert!(widest.roots.iter().map(bits).eq(plain.roots.iter().map(bits)));
+                found += plain.roots.len();
+            }
+            assert!(found > 10, "{glass:?}: {found} paths");
         }
     }
 

@@ -62,14 +62,14 @@ impl SearchRegion {
 }
 
 /// A run from one seed.
-struct Solve<'a, 'b> {
-    connection: &'b Connection<'a>,
-    seed: Theta,
-    region: &'b SearchRegion,
-    counters: &'b mut Counters,
+pub(super) struct Solve<'a, 'b> {
+    pub(super) connection: &'b Connection<'a>,
+    pub(super) seed: Theta,
+    pub(super) region: &'b SearchRegion,
+    pub(super) counters: &'b mut Counters,
 }
 
-struct Complete<'a, 'b>(Solve<'a, 'b>);
+pub(super) struct Complete<'a, 'b>(pub(super) Solve<'a, 'b>);
 
 impl Computation for Complete<'_, '_> {
     type Output = Option<Root>;
@@ -80,7 +80,7 @@ impl Computation for Complete<'_, '_> {
     }
 }
 
-struct Published<'a, 'b>(Solve<'a, 'b>);
+pub(super) struct Published<'a, 'b>(pub(super) Solve<'a, 'b>);
 
 impl Computation for Published<'_, '_> {
     type Output = Option<Root>;
