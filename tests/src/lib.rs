@@ -10,6 +10,7 @@
 //! - [`farm`]: a farm of real processes, and [`browser`]: what a user sees of it;
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
+//! - [`connections`]: fixed problems, to compare the paths that methods find and the time that they take;
 //! - [`rendering`]: scenes rendered in this process, and [`agreement`] of two ways to render one;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
 //! - [`slab`]: the faces of a slab whose caustic has no folds;
@@ -21,6 +22,7 @@ pub mod bias;
 pub mod browser;
 pub mod calls;
 pub mod comparisons;
+pub mod connections;
 pub mod exr_files;
 pub mod farm;
 pub mod folds;

@@ -28,6 +28,7 @@ impl Interval {
     pub const EMPTY: Self = Self { min: f64::INFINITY, max: f64::NEG_INFINITY };
 
     /// Whether no number lies inside.
+    #[inline(always)]
     pub fn is_empty(&self) -> bool {
         self.min > self.max
     }
@@ -38,6 +39,7 @@ impl Interval {
     }
 
     /// What both have in common.
+    #[inline(always)]
     pub fn intersection(self, other: Self) -> Self {
         Self { min: self.min.max(other.min), max: self.max.min(other.max) }
     }
@@ -102,6 +104,7 @@ impl Rect {
     }
 
     /// Whether `point` lies inside or on the border.
+    #[inline(always)]
     pub fn contains(&self, point: DVec2) -> bool {
         point.cmpge(self.min).all() && point.cmple(self.max).all()
     }
@@ -112,11 +115,13 @@ impl Rect {
     }
 
     /// The rectangle grown by `margin` on every side.
+    #[inline(always)]
     pub fn grown(&self, margin: f64) -> Self {
         Self { min: self.min - margin, max: self.max + margin }
     }
 
     /// The two halves across its longer side.
+    #[inline(always)]
     pub fn halves(&self) -> [Self; 2] {
         let size = self.max - self.min;
         let (mut low, mut high) = (*self, *self);
@@ -131,11 +136,13 @@ impl Rect {
     }
 
     /// The point in the middle.
+    #[inline(always)]
     pub fn centre(&self) -> DVec2 {
         self.min + 0.5 * (self.max - self.min)
     }
 
     /// Width times height.
+    #[inline(always)]
     pub fn area(&self) -> f64 {
         let size = self.max - self.min;
         size.x * size.y

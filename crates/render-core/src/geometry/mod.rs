@@ -23,7 +23,7 @@ mod triangle;
 pub use accelerator::{Accelerator, AcceleratorError, Hit, Surface};
 pub use differential::SurfaceDifferential;
 pub use frame::Frame;
-pub(crate) use height_field::ShapeBounds;
+pub(crate) use height_field::{FacePoint, ShapeBounds};
 pub use height_field::{HeightField, HeightFieldError, JetBounds, SurfaceJet};
 pub use interval::{Interval, Rect};
 pub use pane::{Pane, PaneBoundary, PaneError, PaneHit};

@@ -4,26 +4,31 @@
 //! ("taps") at -1, 0, 1 and 2 relative to its start control it. The curve is a convex combination of the taps and is C2
 //! across cells. (Farin, *Curves and Surfaces for CAGD*, chapters 4 to 8, has every formula of this page.)
 
-/// Weights of the four taps for the value at `f`.
+use wide::f64x2;
+
+/// Weights of the four taps for the value at `f`, in two lanes: one for each axis of a surface.
 #[inline(always)]
-pub(crate) fn weights(f: f64) -> [f64; 4] {
-    const SIXTH: f64 = 1.0 / 6.0;
-    let r = 1.0 - f;
+pub(crate) fn weights(f: f64x2) -> [f64x2; 4] {
+    const SIXTH: f64x2 = f64x2::splat(1.0 / 6.0);
+    let (one, three, four) = (f64x2::splat(1.0), f64x2::splat(3.0), f64x2::splat(4.0));
+    let r = one - f;
     let (ff, rr) = (f * f, r * r);
-    [rr * r * SIXTH, (4.0 - 3.0 * ff * (1.0 + r)) * SIXTH, (4.0 - 3.0 * rr * (1.0 + f)) * SIXTH, ff * f * SIXTH]
+    [rr * r * SIXTH, (four - three * ff * (one + r)) * SIXTH, (four - three * rr * (one + f)) * SIXTH, ff * f * SIXTH]
 }
 
 /// Weights of the four taps for the first derivative by `f`.
 #[inline(always)]
-pub(crate) fn slope_weights(f: f64) -> [f64; 4] {
-    let r = 1.0 - f;
-    [-0.5 * r * r, 0.5 * f * (3.0 * f - 4.0), 0.5 * r * (1.0 + 3.0 * f), 0.5 * f * f]
+pub(crate) fn slope_weights(f: f64x2) -> [f64x2; 4] {
+    let (half, one, three, four) = (f64x2::splat(0.5), f64x2::splat(1.0), f64x2::splat(3.0), f64x2::splat(4.0));
+    let r = one - f;
+    [f64x2::splat(-0.5) * r * r, half * f * (three * f - four), half * r * (one + three * f), half * f * f]
 }
 
 /// Weights of the four taps for the second derivative by `f`.
 #[inline(always)]
-pub(crate) fn curvature_weights(f: f64) -> [f64; 4] {
-    [1.0 - f, 3.0 * f - 2.0, 1.0 - 3.0 * f, f]
+pub(crate) fn curvature_weights(f: f64x2) -> [f64x2; 4] {
+    let (one, two, three) = (f64x2::splat(1.0), f64x2::splat(2.0), f64x2::splat(3.0));
+    [one - f, three * f - two, one - three * f, f]
 }
 
 /// Weights of the four taps for the third derivative by `f`, which is constant on a cell.
@@ -78,7 +83,8 @@ pub(crate) fn bernstein_slope_weights(from: f64, to: f64) -> [[f64; 4]; 3] {
 /// For each of the two Bernstein coefficients of the curve's second derivative over `[from, to]`, the weights of the taps.
 #[inline]
 pub(crate) fn bernstein_curvature_weights(from: f64, to: f64) -> [[f64; 4]; 2] {
-    [curvature_weights(from), curvature_weights(to)]
+    let weights = curvature_weights(f64x2::new([from, to])).map(f64x2::to_array);
+    [0, 1].map(|end| weights.map(|weight| weight[end]))
 }
 
 #[cfg(test)]
@@ -86,6 +92,22 @@ mod tests {
     use super::*;
     use crate::geometry::testing::fixed_seed;
     use proptest::prelude::*;
+
+    fn first(weights: [f64x2; 4]) -> [f64; 4] {
+        weights.map(|weight| weight.to_array()[0])
+    }
+
+    fn weights(f: f64) -> [f64; 4] {
+        first(super::weights(f64x2::new([f, 0.3])))
+    }
+
+    fn slope_weights(f: f64) -> [f64; 4] {
+        first(super::slope_weights(f64x2::new([f, 0.3])))
+    }
+
+    fn curvature_weights(f: f64) -> [f64; 4] {
+        first(super::curvature_weights(f64x2::new([f, 0.3])))
+    }
 
     fn close(a: f64, b: f64) -> bool {
         (a - b).abs() < 1e-14

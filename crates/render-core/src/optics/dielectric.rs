@@ -13,6 +13,7 @@ pub struct Refraction {
 
 /// Refracts `direction` at an interface with the unit normal `normal`, of either orientation, from a medium of index
 /// `index_in` into one of index `index_out`. `None` on total internal reflection.
+#[inline(always)]
 pub fn refract(direction: DVec3, normal: DVec3, index_in: f64, index_out: f64) -> Option<Refraction> {
     let signed_cos = direction.dot(normal);
     let (cos_in, normal) = if signed_cos > 0.0 { (signed_cos, -normal) } else { (-signed_cos, normal) };
@@ -34,6 +35,7 @@ pub fn reflect(direction: DVec3, normal: DVec3) -> DVec3 {
 }
 
 /// Fresnel transmittance of unpolarised light, from the cosines on both sides of the interface.
+#[inline(always)]
 pub fn fresnel_transmittance(index_in: f64, index_out: f64, cos_in: f64, cos_out: f64) -> f64 {
     let perpendicular = (index_in * cos_in - index_out * cos_out) / (index_in * cos_in + index_out * cos_out);
     let parallel = (index_out * cos_in - index_in * cos_out) / (index_out * cos_in + index_in * cos_out);

@@ -14,6 +14,7 @@ use glam::DVec2;
 use super::{
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete},
+    widest::{self, Computation},
     window::Window,
 };
 use crate::{
@@ -39,10 +40,25 @@ const SMALLEST: f64 = 0.25;
 
 /// A shot lands with less than this error, in thicknesses of the pane: its second vertex is off by less than its last
 /// step (`fermat::Connection::shoot`).
-const SHOT_ERROR: f64 = 1e-3;
+const SHOT_ERROR: f64 = 1e-4;
 
-/// Larger parts on a fold are halved without a shot, in cells of the finer face.
+/// Larger parts, in cells of the finer face, are halved without a shot, and all but the whole window without a look at the
+/// curvatures: over so many cells they hardly ever say anything.
 const LARGE: f64 = 4.0;
+
+/// What is left of a part is looked at again before it is halved if its area is less than this share of the part's.
+const SMALLER: f64 = 0.5;
+
+/// Room for the parts of most windows.
+const USUAL_PARTS: usize = 64;
+
+/// A part and the shapes of the faces there.
+struct Seen {
+    rect: Rect,
+    /// What can matter of the rectangle, by the slopes there.
+    part: Rect,
+    shapes: [ShapeBounds; 2],
+}
 
 /// What is known of a part after one shot.
 enum Finding {
@@ -63,8 +79,35 @@ struct Search<'a, 'b> {
     roots: Vec<Root>,
 }
 
+/// What is sought.
+struct Problem<'a, 'b> {
+    window: &'b Window<'a>,
+    connection: &'b Connection<'a>,
+    region: &'b SearchRegion,
+    counters: &'b mut Counters,
+}
+
+impl Computation for Problem<'_, '_> {
+    type Output = Enumeration;
+
+    #[inline(always)]
+    fn run(self) -> Enumeration {
+        all_paths(self.window, self.connection, self.region, self.counters)
+    }
+}
+
 /// Finds all paths of a connection through a window.
 pub fn enumerate<'a>(
+    window: &Window<'a>,
+    connection: &Connection<'a>,
+    region: &SearchRegion,
+    counters: &mut Counters,
+) -> Enumeration {
+    widest::run(Problem { window, connection, region, counters })
+}
+
+#[inline(always)]
+fn all_paths<'a>(
     window: &Window<'a>,
     connection: &Connection<'a>,
     region: &SearchRegion,
@@ -75,59 +118,92 @@ pub fn enumerate<'a>(
     let cell = side.near_surface().cell_size().min(side.far_surface().cell_size()).min_element();
     let mut search = Search { window, connection, region, slack, large: LARGE * cell, roots: Vec::new() };
     let mut complete = true;
-    let mut stack = vec![*window.rect()];
+    let mut unseen = Vec::with_capacity(USUAL_PARTS);
+    let mut seen = Vec::with_capacity(USUAL_PARTS);
+    unseen.push(*window.rect());
     let mut looked_at = 0;
-    while let Some(rect) = stack.pop() {
-        looked_at += 1;
-        if looked_at > MOST_PARTS {
-            complete = false;
-            break;
+    loop {
+        // One part after the other without a shot in between: each look waits for little but itself, and none for another.
+        while let Some(rect) = unseen.pop() {
+            looked_at += 1;
+            if looked_at > MOST_PARTS {
+                // What has been seen may still hold paths.
+                complete = false;
+                unseen.clear();
+                break;
+            }
+            if looked_at > 1 && (rect.max - rect.min).max_element() > search.large {
+                if let Some(part) = window.part(&rect) {
+                    push_smaller(&mut unseen, &rect, part.rect);
+                }
+                continue;
+            }
+            let around = rect.grown(slack);
+            if !window.landing().meets_glass(&around) {
+                continue;
+            }
+            let shapes = window.landing().shapes(&around, counters);
+            let Some(part) = window.shaped_part(&rect, &shapes) else { continue };
+            if part.area() < SMALLER * rect.area() {
+                unseen.push(part);
+            } else {
+                seen.push(Seen { rect, part, shapes });
+            }
         }
-        let Some(shapes) = window.landing().shapes(&rect.grown(slack), counters) else { continue };
-        let Some(part) = window.shaped_part(&rect, &shapes) else { continue };
-        let Finding::Open(rect) = search.shoot(&part, &shapes, counters) else { continue };
+        let Some(Seen { rect, part, shapes }) = seen.pop() else { break };
+        let Finding::Open(rect) = search.shoot(&rect, &part, &shapes, counters) else { continue };
         let size = rect.max - rect.min;
-        if rect.area() < 0.5 * part.area() {
-            stack.push(rect);
-        } else if size.max_element() > SMALLEST * cell {
-            stack.extend(rect.halves());
+        if size.max_element() > SMALLEST * cell || rect.area() < SMALLER * part.area() {
+            push_smaller(&mut unseen, &part, rect);
         } else {
             complete = false;
             search.solve_from(rect.centre(), counters);
-            search.solve_from(rect.min, counters);
-            search.solve_from(rect.max, counters);
         }
     }
     Enumeration { roots: search.roots, complete }
 }
 
+/// Keeps what is left of a part for another look, or its halves.
+fn push_smaller(stack: &mut Vec<Rect>, part: &Rect, left: Rect) {
+    if left.area() < SMALLER * part.area() {
+        stack.push(left);
+    } else {
+        stack.extend(left.halves());
+    }
+}
+
 impl Search<'_, '_> {
-    /// Shoots from the middle of a part, around which the faces have the given shapes.
-    fn shoot(&mut self, rect: &Rect, shapes: &[ShapeBounds; 2], counters: &mut Counters) -> Finding {
+    /// Shoots from the middle of a rectangle around which the faces have the given shapes. `part` is what matters of it.
+    #[inline(always)]
+    fn shoot(&mut self, rect: &Rect, part: &Rect, shapes: &[ShapeBounds; 2], counters: &mut Counters) -> Finding {
         let landing = self.window.landing();
-        let half_size = 0.5 * (rect.max - rect.min);
-        let around = rect.grown(self.slack);
-        let Some(stretch) = landing.stretch(shapes) else { return Finding::Open(*rect) };
+        let half_size = 0.5 * (part.max - part.min);
+        let Some(stretch) = landing.stretch(shapes) else { return Finding::Open(*part) };
         let injective = stretch.is_injective(half_size + self.slack);
         if !injective && half_size.max_element() > 0.5 * self.large {
-            return Finding::Open(*rect);
+            return Finding::Open(*part);
         }
-        let Some(shot) = self.connection.shoot(rect.centre(), counters) else { return Finding::Open(*rect) };
-        // The way from the shot to any place of the part has to lie where the derivative is bounded.
-        let hull = Rect::new(around.min.min(shot.place), around.max.max(shot.place));
-        let stretch = if around.contains(shot.place) {
+        let Some(shot) = self.connection.shoot(&shapes[0].middle, &shapes[1].middle, counters) else {
+            return Finding::Open(*part);
+        };
+        // The way from there to any place of the part has to lie where the derivative is bounded.
+        let known = rect.grown(self.slack);
+        let stretch = if known.contains(shot.place) {
             Some(stretch)
         } else {
-            landing.shapes(&hull, counters).and_then(|shapes| landing.stretch(&shapes))
+            let hull = Rect::new(known.min.min(shot.place), known.max.max(shot.place));
+            landing.stretch(&landing.shapes(&hull, counters).map(ShapeBounds::everywhere))
         };
-        let Some(stretch) = stretch else { return Finding::Open(*rect) };
-        let away = half_size + (shot.place - rect.centre()).abs();
-        if stretch.excludes(shot.miss, away, self.slack) {
+        let Some(stretch) = stretch else { return Finding::Open(*part) };
+        let around = part.grown(self.slack);
+        let part = &stretch.reaching(part, shot.place, shot.miss, self.slack);
+        if part.is_empty() {
             return Finding::Settled;
         }
+        let away = (part.min - shot.place).abs().max((part.max - shot.place).abs());
         let predicted = shot.place + stretch.inverse * shot.miss;
-        let reach = stretch.defect * away + stretch.error_of(self.slack);
-        let possible = Rect::new(predicted - reach, predicted + reach).intersection(rect);
+        let reach = stretch.error_of_prediction(away, self.slack);
+        let possible = Rect::new(predicted - reach, predicted + reach).intersection(part);
         if possible.is_empty() {
             return Finding::Settled;
         }
@@ -172,6 +248,7 @@ mod tests {
         geometry::testing::Glass,
         optics::Source,
         specular::{
+            newton::{Complete, Published, Solve, solve_published},
             side::PaneSide,
             testing::{between, pair, pane, random},
             window::SourceBounds,
@@ -252,6 +329,57 @@ mod tests {
             [check(Glass::Crown, 0.3e-3, 200), check(Glass::Bumpy, 0.2e-3, 100), check(Glass::Steep, 0.05e-3, 100)]
         {
             assert!(tally.roots > tally.problems as usize, "{tally:?}");
+        }
+    }
+
+    /// The bits of a root.
+    fn bits(root: &Root) -> Vec<u64> {
+        let [near, far] = root.path.vertices;
+        let numbers =
+            root.theta.iter().flat_map(|vertex| vertex.to_array()).chain(near.to_array()).chain(far.to_array());
+        numbers.chain([root.determinant]).map(f64::to_bits).collect()
+    }
+
+    #[test]
+    fn every_processor_computes_the_same_bits() {
+        for glass in Glass::ALL {
+            let pane = pane(glass, 0.1e-3);
+            let mut random = random(8);
+            let counters = &mut Counters::default();
+            let mut found = 0;
+            for _ in 0..100 {
+                let origin = ((pair(&mut random) - 0.5) * 0.6).extend(-0.9);
+                let centre = ((pair(&mut random) - 0.5) * 0.6).extend(1.5);
+                let side = PaneSide::facing(&pane, origin).unwrap();
+                let connection = Connection::new(&side, origin, Source::Point(centre));
+                let region = SearchRegion::around(&pane.outline(), pane.thickness);
+                let seed = [0, 1].map(|_| (pair(&mut random) - 0.5) * pane.size);
+                let [mut widest, mut plain] = [Counters::default(); 2];
+                let solved = [
+                    (
+                        solve_complete(&connection, seed, &region, &mut widest),
+                        Complete(Solve { connection: &connection, seed, region: &region, counters: &mut plain }).run(),
+                    ),
+                    (
+                        solve_published(&connection, seed, &region, &mut widest),
+                        Published(Solve { connection: &connection, seed, region: &region, counters: &mut plain }).run(),
+                    ),
+                ];
+                for (widest, plain) in &solved {
+                    assert_eq!(widest.as_ref().map(bits), plain.as_ref().map(bits));
+                }
+                assert_eq!(widest, plain);
+                let Some(window) = Window::new(&side, origin, &SourceBounds::Ball { centre, radius: 0.0 }) else {
+                    continue;
+                };
+                let widest = enumerate(&window, &connection, &region, counters);
+                let problem = Problem { window: &window, connection: &connection, region: &region, counters };
+                let plain = problem.run();
+                assert_eq!(widest.complete, plain.complete);
+                assert!(widest.roots.iter().map(bits).eq(plain.roots.iter().map(bits)));
+                found += plain.roots.len();
+            }
+            assert!(found > 10, "{glass:?}: {found} paths");
         }
     }
 

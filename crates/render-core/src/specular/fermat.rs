@@ -18,7 +18,7 @@ use glam::{DMat2, DVec2, DVec3};
 use super::side::{PaneSide, unit_normal};
 use crate::{
     counters::Counters,
-    geometry::{HeightField, SurfaceJet},
+    geometry::{FacePoint, HeightField, SurfaceJet},
     optics::{Source, dielectric::refract},
 };
 
@@ -55,18 +55,18 @@ pub struct FermatPath {
 
 /// A path that obeys Snell's law at both faces but need not meet the source.
 #[derive(Clone, Copy, Debug)]
-pub struct Shot {
+pub(super) struct Shot {
     /// Its vertices.
-    pub theta: Theta,
+    pub(super) theta: Theta,
     /// Where the line of its first segment crosses the plane of the undisplaced near face.
-    pub place: DVec2,
+    pub(super) place: DVec2,
     /// By how far it misses the source, on the scale of that plane: without relief, moving `place` by as much would mend
     /// it.
-    pub miss: DVec2,
+    pub(super) miss: DVec2,
 }
 
-/// A shot has found its second vertex when that moves by less than this part of the pane's thickness.
-const LANDED: f64 = 1e-3;
+/// A shot has found its second vertex when its way in the glass ends less than this part of the pane's thickness beside it.
+const LANDED: f64 = 1e-5;
 
 /// Most rounds until then. Where slopes are so steep that these are too few, Newton's method decides.
 const LANDING_ROUNDS: usize = 8;
@@ -105,10 +105,11 @@ impl<'a> Connection<'a> {
     }
 
     /// The optical length at `theta`, up to a constant for a light at infinity.
+    #[inline(always)]
     pub fn optical_length(&self, theta: &Theta, counters: &mut Counters) -> f64 {
         counters.height_evaluations += 2;
-        let [x1, x2] =
-            [0, 1].map(|face| theta[face].extend(self.bases[face] + self.surfaces[face].height(theta[face])));
+        let x1 = theta[0].extend(self.bases[0] + self.surfaces[0].height(theta[0]));
+        let x2 = theta[1].extend(self.bases[1] + self.surfaces[1].height(theta[1]));
         let outside = match self.source {
             Source::Point(point) => (point - x2).length(),
             Source::Direction(direction) => -direction.dot(x2),
@@ -117,10 +118,12 @@ impl<'a> Connection<'a> {
     }
 
     /// The path through `theta` and what its derivatives need.
+    #[inline(always)]
     pub fn path(&self, theta: &Theta, counters: &mut Counters) -> FermatPath {
         counters.height_evaluations += 2;
         let jets = [self.surfaces[0].jet(theta[0]), self.surfaces[1].jet(theta[1])];
-        let vertices = [0, 1].map(|face| theta[face].extend(self.bases[face] + jets[face].height));
+        let vertices =
+            [theta[0].extend(self.bases[0] + jets[0].height), theta[1].extend(self.bases[1] + jets[1].height)];
         let first = vertices[0] - self.origin;
         let inner = vertices[1] - vertices[0];
         let (last_direction, last_length) = match self.source {
@@ -140,38 +143,45 @@ impl<'a> Connection<'a> {
 
     /// The path from the shading point through a point of the near face and on by Snell's law; `None` when it is totally
     /// reflected or leaves away from the source.
-    pub fn shoot(&self, near: DVec2, counters: &mut Counters) -> Option<Shot> {
-        counters.height_evaluations += 2;
-        let (height, gradient) = self.surfaces[0].slope(near);
+    #[inline(always)]
+    pub(super) fn shoot(&self, near: &FacePoint, far: &FacePoint, counters: &mut Counters) -> Option<Shot> {
+        let FacePoint { place: near, height, gradient } = *near;
         let x1 = near.extend(self.bases[0] + height);
         let first = x1 - self.origin;
         let inner = refract(first.normalize(), unit_normal(gradient), 1.0, self.index)?.direction;
-        let tangent = inner.truncate() / inner.z;
+        let tangent = inner.truncate() * (1.0 / inner.z);
         let flat = near + tangent * (self.bases[1] - x1.z);
         let landed = LANDED * (self.bases[1] - self.bases[0]).abs();
-        let mut far = flat;
-        for _ in 0..LANDING_ROUNDS {
+        // Where the ray meets the plane through a point of the far face along its slope.
+        let met = |point: &FacePoint| {
+            let height = point.height + point.gradient.dot(flat - point.place);
+            flat + tangent * (height / (1.0 - point.gradient.dot(tangent)))
+        };
+        let mut far = met(far);
+        let mut rounds = 0;
+        let (height, gradient) = loop {
             counters.height_evaluations += 1;
-            let before = far;
-            far = flat + tangent * self.surfaces[1].height(far);
-            // Each round leaves of the error before the slope along the ray.
-            if (far - before).abs().max_element() < landed {
-                break;
+            let (height, gradient) = self.surfaces[1].slope(far);
+            rounds += 1;
+            let off = (flat + tangent * height - far).abs().max_element();
+            if off < landed || rounds == LANDING_ROUNDS {
+                break (height, gradient);
             }
-        }
-        let (height, gradient) = self.surfaces[1].slope(far);
+            far = met(&FacePoint { place: far, height, gradient });
+        };
         let exit_z = self.bases[1] + height;
         let last = refract(inner, unit_normal(gradient), self.index, 1.0)?.direction;
+        let last_tangent = last.truncate() * (1.0 / last.z);
         let to_plane = (self.bases[0] - self.origin.z) / first.z;
         let scale = (self.bases[0] - self.origin.z).abs();
         let miss = match self.source {
             Source::Point(point) => {
                 let above = point.z - exit_z;
-                let landing = far + last.truncate() * (above / last.z);
+                let landing = far + last_tangent * above;
                 (point.truncate() - landing) * (scale / (first.z + above).abs())
             }
             Source::Direction(direction) => {
-                (direction.truncate() / direction.z - last.truncate() / last.z) * (direction.z.signum() * scale)
+                (direction.truncate() / direction.z - last_tangent) * (direction.z.signum() * scale)
             }
         };
         let place = self.origin.truncate() + first.truncate() * to_plane;
@@ -179,6 +189,7 @@ impl<'a> Connection<'a> {
     }
 
     /// A point of the near face refracted towards the light's side: the seed that obeys Snell's law at X1.
+    #[inline(always)]
     pub fn thin_seed(&self, near: DVec2, counters: &mut Counters) -> Option<Theta> {
         counters.height_evaluations += 2;
         let (height, gradient) = self.surfaces[0].slope(near);
@@ -194,6 +205,7 @@ impl<'a> Connection<'a> {
 
 impl FermatPath {
     /// The Hessian of the optical length.
+    #[inline(always)]
     pub fn hessian(&self) -> Hessian {
         let [a, b, w] = self.directions;
         let [d0, d1, d2] = self.lengths;
@@ -243,6 +255,7 @@ impl FermatPath {
 
 impl Hessian {
     /// Factorises; `None` when singular.
+    #[inline(always)]
     pub fn factorise(&self) -> Option<Factorisation> {
         let far_determinant = self.far.determinant();
         let far_inverse = inverse(&self.far, far_determinant)?;
@@ -260,6 +273,7 @@ impl Hessian {
 
 impl Factorisation {
     /// `-H^-1 gradient`.
+    #[inline(always)]
     pub fn newton_step(&self, gradient: &[DVec2; 2]) -> Theta {
         let reduced = gradient[0] - self.mixed * (self.far_inverse * gradient[1]);
         let near = -(self.schur_inverse * reduced);
@@ -268,6 +282,7 @@ impl Factorisation {
     }
 }
 
+#[inline(always)]
 pub(super) fn inverse(matrix: &DMat2, determinant: f64) -> Option<DMat2> {
     let scale = 1.0 / determinant;
     scale.is_finite().then(|| {
@@ -277,16 +292,19 @@ pub(super) fn inverse(matrix: &DMat2, determinant: f64) -> Option<DMat2> {
 }
 
 /// The unnormalised normal `(-h_x, -h_y, 1)`.
+#[inline(always)]
 pub(super) fn normal(jet: &SurfaceJet) -> DVec3 {
     DVec3::new(-jet.gradient.x, -jet.gradient.y, 1.0)
 }
 
 /// `T^T v` for the tangents `(1, 0, h_x)` and `(0, 1, h_y)`.
+#[inline(always)]
 pub(super) fn pulled_back(jet: &SurfaceJet, vector: DVec3) -> DVec2 {
     vector.truncate() + jet.gradient * vector.z
 }
 
 /// `T1^T (I - v v^T) T2`.
+#[inline(always)]
 pub(super) fn projector(first: &SurfaceJet, second: &SurfaceJet, direction: DVec3) -> DMat2 {
     let left = pulled_back(first, direction);
     let right = pulled_back(second, direction);
@@ -298,6 +316,7 @@ pub(super) fn projector(first: &SurfaceJet, second: &SurfaceJet, direction: DVec
     )
 }
 
+#[inline(always)]
 pub(super) fn second_derivatives(jet: &SurfaceJet) -> DMat2 {
     let [xx, xy, yy] = jet.hessian;
     DMat2::from_cols(DVec2::new(xx, xy), DVec2::new(xy, yy))

@@ -70,7 +70,7 @@ pub(super) struct Landing<'a> {
     to_entry: Box2,
     to_exit: Box2,
     /// How much X1 and X2 move with the place.
-    levers: [Interval; 2],
+    levers: [Lever; 2],
     /// x0: its middle, and how far it may be from that.
     flat: DVec2,
     flat_radius: DVec2,
@@ -92,6 +92,14 @@ struct SlopeWeight {
     magnitude: DMat2,
 }
 
+/// How much a vertex moves with the place where its path crosses the near plane: positive numbers.
+#[derive(Clone, Copy, Debug)]
+struct Lever {
+    middle: f64,
+    radius: f64,
+    max: f64,
+}
+
 /// A part of a window, without what cannot matter of it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Part {
@@ -106,12 +114,12 @@ pub(super) struct Part {
 pub(super) struct Stretch {
     /// Middle of the derivative's bounds.
     derivative: DMat2,
-    /// How far each entry may be from its middle.
-    error: DMat2,
+    /// How far each entry, as a mean over a straight line from a shot to any place of the part, may be from its middle.
+    mean_error: DMat2,
     /// Inverse of the middle of the derivative's bounds.
     pub(super) inverse: DMat2,
     /// Bounds, entry by entry, on how far `inverse` times the derivative is from the identity anywhere in the part.
-    pub(super) defect: DMat2,
+    defect: DMat2,
 }
 
 /// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part: terms of
@@ -225,7 +233,10 @@ impl<'a> Landing<'a> {
             to_entry,
             to_exit: std::array::from_fn(|axis| to_entry[axis] + to_glass[axis]),
             // In the glass a tangent changes by at most as much as in air.
-            levers: [near_lever, Interval::new(near_lever.min, near_lever.max + gap.max / ends.near)],
+            levers: [
+                Lever::new(near_lever),
+                Lever::new(Interval::new(near_lever.min, near_lever.max + gap.max / ends.near)),
+            ],
             flat: ends.origin + middle(&flat),
             flat_radius: radius(&flat),
             // Slopes are read as they are, and not as mirrored.
@@ -234,30 +245,44 @@ impl<'a> Landing<'a> {
             gap: gap.max,
             glass,
         };
-        let part = landing.reached(window, &[near.gradient, far.gradient].map(|slopes| unmirrored(&slopes, sign)))?;
+        let slopes = [near.gradient, far.gradient].map(|slopes| unmirrored(&slopes, sign));
+        let part = landing.reached(window, slopes.iter().map(|slopes| (middle(slopes), radius(slopes))))?;
         Some((landing, part))
     }
 
     /// What of a part of the window can matter; `None` when no light from there reaches the source.
-    #[inline]
+    #[inline(always)]
     pub(super) fn part(&self, rect: &Rect) -> Option<Part> {
         let [entry, exit] = self.regions(rect)?;
         let slopes = [self.side.near_surface().slope_bounds(&entry), self.side.far_surface().slope_bounds(&exit)];
-        self.reached(rect, &slopes)
+        self.reached(rect, slopes.iter().map(|slopes| (middle(slopes), radius(slopes))))
     }
 
-    /// The shapes of both faces where light from a rectangle of the near plane goes through, also beyond the outline;
-    /// `None` when it lies wholly beside the outline.
-    pub(super) fn shapes(&self, rect: &Rect, counters: &mut Counters) -> Option<[ShapeBounds; 2]> {
-        self.regions(rect)?;
+    /// Whether light from a rectangle of the near plane goes through the outline of both faces.
+    #[inline(always)]
+    pub(super) fn meets_glass(&self, rect: &Rect) -> bool {
+        self.regions(rect).is_some()
+    }
+
+    /// The shapes of both faces where light from a rectangle of the near plane goes through, also beyond the outline.
+    #[inline(always)]
+    pub(super) fn shapes(&self, rect: &Rect, counters: &mut Counters) -> [ShapeBounds; 2] {
         counters.height_evaluations += 2;
         let [entry, exit] = [shifted(rect, &self.to_entry), shifted(rect, &self.to_exit)];
-        Some([self.side.near_surface().shape_bounds(&entry), self.side.far_surface().shape_bounds(&exit)])
+        // On the way from where the shot starts, at most a radius of `to_entry` from the middle, to any place of the
+        // rectangle, the places are on average half as far from the middle as these ends.
+        let nearer = 0.25 * (rect.max - rect.min) - 0.5 * radius(&self.to_entry);
+        let reach = |face: &Rect| 0.5 * (face.max - face.min) - nearer;
+        [
+            self.side.near_surface().shape_bounds(&entry, reach(&entry)),
+            self.side.far_surface().shape_bounds(&exit, reach(&exit)),
+        ]
     }
 
     /// As [`Self::part`], with the shapes of the faces there.
+    #[inline(always)]
     pub(super) fn shaped_part(&self, rect: &Rect, shapes: &[ShapeBounds; 2]) -> Option<Part> {
-        self.reached(rect, &[shapes[0].gradient, shapes[1].gradient])
+        self.reached(rect, shapes.iter().map(|face| (face.slope, face.slope_radius)))
     }
 
     /// The pane from the side of the shading point.
@@ -283,54 +308,65 @@ impl<'a> Landing<'a> {
     }
 
     /// The derivative of the landing where the faces have the given shapes; `None` where its middle is singular.
+    #[inline(always)]
     pub(super) fn stretch(&self, faces: &[ShapeBounds; 2]) -> Option<Stretch> {
-        let (mut derivative, mut error) = (DMat2::IDENTITY, DMat2::ZERO);
+        let (mut derivative, mut error, mut mean_error) = (DMat2::IDENTITY, DMat2::ZERO, DMat2::ZERO);
         let (mut steepest, mut largest, mut bent) = (0.0, 1.0, 0.0);
         for ((face, weight), lever) in faces.iter().zip(&self.weights).zip(&self.levers) {
-            let [xx, xy, yy] = face.hessian.map(|entry| entry * *lever);
-            let curvature = symmetric([xx, xy, yy].map(middle_of));
-            let curvature_radius = symmetric([xx, xy, yy].map(radius_of));
-            derivative -= weight.middle * curvature;
-            error += weight.magnitude * curvature_radius + weight.radius * magnitude(&curvature);
-            let sizes = weight.magnitude * (magnitude(&curvature) + curvature_radius);
+            let size = magnitude(&face.curvature);
+            derivative -= weight.middle * (face.curvature * lever.middle);
+            let unsure = weight.magnitude * (size * lever.radius) + weight.radius * (size * lever.middle);
+            let varying = weight.magnitude * (face.curvature_radius * lever.max);
+            let sizes = weight.magnitude * (size * lever.max) + varying;
             // The near face's curvature turns the ray in the glass, which moves X2.
-            error += sizes * (self.gap * bent);
-            largest += sizes.x_axis.max_element().max(sizes.y_axis.max_element());
-            bent = face.hessian.iter().map(Interval::magnitude).fold(0.0, f64::max);
-            steepest = face.gradient.iter().map(Interval::magnitude).fold(steepest, f64::max);
+            let unsure = unsure + sizes * (self.gap * bent);
+            error += unsure + varying;
+            mean_error += unsure + weight.magnitude * (face.mean_radius * lever.max);
+            largest += larger(sizes.x_axis.max_element(), sizes.y_axis.max_element());
+            let most = size + face.curvature_radius;
+            bent = larger(larger(most.x_axis.x, most.x_axis.y), most.y_axis.y);
+            steepest = larger(steepest, (face.slope.abs() + face.slope_radius).max_element());
         }
         let obliquity = (self.tilt + steepest) * (1.0 + self.tilt * self.tilt);
         let left_out = (LEFT_OUT * steepest * obliquity + self.glass) * largest;
-        error += DMat2::from_cols(DVec2::splat(left_out), DVec2::splat(left_out));
-        let determinant = derivative.determinant();
+        let left_out = DMat2::from_cols(DVec2::splat(left_out), DVec2::splat(left_out));
+        let (error, mean_error) = (error + left_out, mean_error + left_out);
+        let scale = 1.0 / derivative.determinant();
         let inverse = DMat2::from_cols(
-            DVec2::new(derivative.y_axis.y, -derivative.x_axis.y) / determinant,
-            DVec2::new(-derivative.y_axis.x, derivative.x_axis.x) / determinant,
+            DVec2::new(derivative.y_axis.y, -derivative.x_axis.y) * scale,
+            DVec2::new(-derivative.y_axis.x, derivative.x_axis.x) * scale,
         );
-        inverse.is_finite().then(|| Stretch { derivative, error, inverse, defect: magnitude(&inverse) * error })
+        let defect = magnitude(&inverse) * error;
+        inverse.is_finite().then_some(Stretch { derivative, mean_error, inverse, defect })
     }
 
     /// Where light from a part of the window enters and leaves the glass; `None` when that is beside the outline.
-    #[inline]
+    #[inline(always)]
     fn regions(&self, part: &Rect) -> Option<[Rect; 2]> {
         let entry = shifted(part, &self.to_entry).intersection(&self.outline);
         let exit = shifted(part, &self.to_exit).intersection(&self.outline);
         (!entry.is_empty() && !exit.is_empty()).then_some([entry, exit])
     }
 
-    /// The places of a part from which light can reach the source when the slopes are within the given bounds.
-    #[inline]
-    fn reached(&self, part: &Rect, slopes: &[Box2; 2]) -> Option<Part> {
-        let (mut centre, mut radius_, mut spread) = (self.flat, self.flat_radius, DVec2::ZERO);
-        for (slopes, weight) in slopes.iter().zip(&self.weights) {
-            let slope = middle(slopes);
+    /// The places of a part from which light can reach the source when the slopes of each face are within a radius of their
+    /// middle.
+    #[inline(always)]
+    fn reached(&self, part: &Rect, slopes: impl Iterator<Item = (DVec2, DVec2)>) -> Option<Part> {
+        let (mut centre, mut radius, mut spread) = (self.flat, self.flat_radius, DVec2::ZERO);
+        for ((slope, slope_radius), weight) in slopes.zip(&self.weights) {
             centre += weight.middle * slope;
-            radius_ += weight.radius * slope.abs();
-            spread += weight.magnitude * radius(slopes);
+            radius += weight.radius * slope.abs();
+            spread += weight.magnitude * slope_radius;
         }
-        let reach = radius_ + spread;
+        let reach = radius + spread;
         let rect = Rect::new(centre - reach, centre + reach).intersection(part);
         (!rect.is_empty()).then_some(Part { rect, spread })
+    }
+}
+
+impl Lever {
+    fn new(bounds: Interval) -> Self {
+        Self { middle: middle_of(bounds), radius: radius_of(bounds), max: bounds.max }
     }
 }
 
@@ -343,34 +379,47 @@ impl SlopeWeight {
 }
 
 impl Stretch {
-    /// By how much a place predicted from a shot is off when the shot is off by `error` in each component.
-    pub(super) fn error_of(&self, error: f64) -> DVec2 {
-        magnitude(&self.inverse) * DVec2::splat(error)
+    /// By how much the place of a path predicted from a shot may be off, if it is within `away` of the shot, coordinate by
+    /// coordinate, and the shot is off by `error` in each component.
+    #[inline(always)]
+    pub(super) fn error_of_prediction(&self, away: DVec2, error: f64) -> DVec2 {
+        magnitude(&self.inverse) * (self.mean_error * away + error)
     }
 
-    /// Whether a shot that misses by `miss` says that no place within `away` of it, coordinate by coordinate, lands nearer
-    /// than `slack` to the source.
+    /// The places of a part that can land nearer than `slack` to the source, when a shot from `start` misses it by `miss`.
     ///
     /// Near a fold the landing moves hardly at all in one direction, however the place moves: that direction tells most.
-    pub(super) fn excludes(&self, miss: DVec2, away: DVec2, slack: f64) -> bool {
+    /// Across it, the landing moves like nowhere else, which bounds the places to a strip.
+    #[inline(always)]
+    pub(super) fn reaching(&self, part: &Rect, start: DVec2, miss: DVec2, slack: f64) -> Rect {
         let squares = self.derivative * self.derivative.transpose();
-        // The eigenvector of the larger eigenvalue: the landing moves most along it, and least across it.
-        let (half_difference, mixed) = (0.5 * (squares.x_axis.x - squares.y_axis.y), squares.x_axis.y);
-        let half_distance = (half_difference * half_difference + mixed * mixed).sqrt();
-        let stiff = if half_difference < 0.0 {
-            DVec2::new(mixed, half_distance - half_difference)
-        } else {
-            DVec2::new(half_distance + half_difference, mixed)
-        };
-        let stiff = stiff.try_normalize().unwrap_or(DVec2::X);
-        [DVec2::new(-stiff.y, stiff.x), stiff].into_iter().any(|along| {
-            let moved = (self.derivative.transpose() * along).abs() + self.error.transpose() * along.abs();
-            along.dot(miss).abs() > moved.dot(away) + along.abs().element_sum() * slack
-        })
+        // Near a fold, all columns are along the direction in which the landing moves most.
+        let stiff = if squares.x_axis.x > squares.y_axis.y { squares.x_axis } else { squares.y_axis };
+        let mut left = Rect::new(part.min - start, part.max - start);
+        for along in [stiff, DVec2::new(-stiff.y, stiff.x)] {
+            let away = left.min.abs().max(left.max.abs());
+            let by = self.derivative.transpose() * along;
+            let unsure = (self.mean_error * away + slack).dot(along.abs());
+            let moved = along.dot(miss);
+            let (low, high) = (by * left.min, by * left.max);
+            let (low, high) = (low.min(high), low.max(high));
+            // What each coordinate has to make up for, whatever the other one does.
+            let needed = DVec2::splat(moved) - DVec2::new(high.y, high.x) - unsure;
+            let allowed = DVec2::splat(moved) - DVec2::new(low.y, low.x) + unsure;
+            if needed.cmpgt(high).any() || allowed.cmplt(low).any() {
+                return Rect::new(part.max, part.min);
+            }
+            let scale = by.recip();
+            let (a, b) = (needed * scale, allowed * scale);
+            // Where a coordinate has no influence, this is infinite or not a number, which bounds nothing.
+            left = left.intersection(&Rect::new(a.min(b), a.max(b)));
+        }
+        Rect::new(start + left.min, start + left.max).intersection(part)
     }
 
     /// Whether no two places of a part with these half sides land at the same point: the derivative, brought near the
     /// identity, stays nearer to it than 1 in the norm in which the part is a unit square.
+    #[inline(always)]
     pub(super) fn is_injective(&self, half_size: DVec2) -> bool {
         (self.defect * half_size).cmple(half_size * MOST_DEFECT).all()
     }
@@ -404,27 +453,27 @@ fn times(vectors: &Box2, factor: Interval) -> Box2 {
 }
 
 /// `rect` moved by any vector of a box.
-#[inline]
+#[inline(always)]
 fn shifted(rect: &Rect, by: &Box2) -> Rect {
     Rect::new(rect.min + DVec2::new(by[0].min, by[1].min), rect.max + DVec2::new(by[0].max, by[1].max))
 }
 
-#[inline]
+#[inline(always)]
 fn middle(vectors: &Box2) -> DVec2 {
     DVec2::new(middle_of(vectors[0]), middle_of(vectors[1]))
 }
 
-#[inline]
+#[inline(always)]
 fn radius(vectors: &Box2) -> DVec2 {
     DVec2::new(radius_of(vectors[0]), radius_of(vectors[1]))
 }
 
-#[inline]
+#[inline(always)]
 fn middle_of(interval: Interval) -> f64 {
     0.5 * (interval.min + interval.max)
 }
 
-#[inline]
+#[inline(always)]
 fn radius_of(interval: Interval) -> f64 {
     0.5 * (interval.max - interval.min)
 }
@@ -434,9 +483,15 @@ fn symmetric([xx, xy, yy]: [f64; 3]) -> DMat2 {
     DMat2::from_cols(DVec2::new(xx, xy), DVec2::new(xy, yy))
 }
 
-#[inline]
+#[inline(always)]
 fn magnitude(matrix: &DMat2) -> DMat2 {
     DMat2::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs())
+}
+
+/// The larger of two numbers.
+#[inline(always)]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 /// One over an interval that is never negative.

@@ -29,6 +29,7 @@ pub mod sms;
 mod testing;
 mod trials;
 mod view;
+mod widest;
 pub mod window;
 
 use glam::DVec3;

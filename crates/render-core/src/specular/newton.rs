@@ -2,7 +2,10 @@
 
 use glam::DVec2;
 
-use super::fermat::{Connection, FermatPath, Theta};
+use super::{
+    fermat::{Connection, FermatPath, Theta},
+    widest::{self, Computation},
+};
 use crate::{counters::Counters, geometry::Rect};
 
 /// A stationary path: minimum, saddle or maximum of the optical length.
@@ -58,6 +61,36 @@ impl SearchRegion {
     }
 }
 
+/// A run from one seed.
+pub(super) struct Solve<'a, 'b> {
+    pub(super) connection: &'b Connection<'a>,
+    pub(super) seed: Theta,
+    pub(super) region: &'b SearchRegion,
+    pub(super) counters: &'b mut Counters,
+}
+
+pub(super) struct Complete<'a, 'b>(pub(super) Solve<'a, 'b>);
+
+impl Computation for Complete<'_, '_> {
+    type Output = Option<Root>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        complete(self.0)
+    }
+}
+
+pub(super) struct Published<'a, 'b>(pub(super) Solve<'a, 'b>);
+
+impl Computation for Published<'_, '_> {
+    type Output = Option<Root>;
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        published(self.0)
+    }
+}
+
 /// Newton's method on the gradient, damped by the natural monotonicity test (Deuflhard 2011, section 3.3): a step is
 /// accepted when the Newton correction shrinks, measured with the Jacobian of the step's start. Unlike a line search on
 /// the optical length it does not prefer minima, and unlike one on the norm of the gradient it does not feel how stiff
@@ -68,6 +101,11 @@ pub fn solve_complete(
     region: &SearchRegion,
     counters: &mut Counters,
 ) -> Option<Root> {
+    widest::run(Complete(Solve { connection, seed, region, counters }))
+}
+
+#[inline(always)]
+fn complete(Solve { connection, seed, region, counters }: Solve<'_, '_>) -> Option<Root> {
     counters.solver_calls += 1;
     let longest = (region.bounds.max - region.bounds.min).length();
     let mut theta = seed;
@@ -120,6 +158,11 @@ pub fn solve_published(
     region: &SearchRegion,
     counters: &mut Counters,
 ) -> Option<Root> {
+    widest::run(Published(Solve { connection, seed, region, counters }))
+}
+
+#[inline(always)]
+fn published(Solve { connection, seed, region, counters }: Solve<'_, '_>) -> Option<Root> {
     counters.solver_calls += 1;
     let mut theta = seed;
     let mut length = connection.optical_length(&theta, counters);
@@ -148,6 +191,7 @@ pub fn solve_published(
     None
 }
 
+#[inline(always)]
 pub(super) fn polished(
     connection: &Connection<'_>,
     mut theta: Theta,
@@ -169,6 +213,7 @@ pub(super) fn polished(
     None
 }
 
+#[inline(always)]
 fn finished(connection: &Connection<'_>, theta: Theta, counters: &mut Counters) -> Option<Root> {
     let path = connection.path(&theta, counters);
     let determinant = path.hessian().factorise()?.determinant;
@@ -176,10 +221,12 @@ fn finished(connection: &Connection<'_>, theta: Theta, counters: &mut Counters) 
     Some(Root { theta, path, determinant })
 }
 
+#[inline(always)]
 fn moved(theta: &Theta, step: &Theta, fraction: f64) -> Theta {
     [theta[0] + step[0] * fraction, theta[1] + step[1] * fraction]
 }
 
+#[inline(always)]
 fn norm(step: &[DVec2; 2]) -> f64 {
     (step[0].length_squared() + step[1].length_squared()).sqrt()
 }

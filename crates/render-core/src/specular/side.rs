@@ -111,6 +111,7 @@ impl<'a> PaneSide<'a> {
 }
 
 /// Unit normal of the surface `z = h(x, y)`, towards +z.
+#[inline(always)]
 pub fn unit_normal(gradient: DVec2) -> DVec3 {
     DVec3::new(-gradient.x, -gradient.y, 1.0).normalize()
 }

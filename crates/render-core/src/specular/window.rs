@@ -85,17 +85,18 @@ impl<'a> Window<'a> {
     }
 
     /// What of a part of the window can matter; `None` when nothing can.
-    #[inline]
+    #[inline(always)]
     pub(super) fn part(&self, part: &Rect) -> Option<Part> {
         self.with_margin(part, self.landing.part(part)?)
     }
 
     /// As [`Self::part`], with the shapes of both faces there.
+    #[inline(always)]
     pub(super) fn shaped_part(&self, part: &Rect, shapes: &[ShapeBounds; 2]) -> Option<Rect> {
         self.with_margin(part, self.landing.shaped_part(part, shapes)?).map(|part| part.rect)
     }
 
-    #[inline]
+    #[inline(always)]
     fn with_margin(&self, whole: &Rect, Part { rect, spread }: Part) -> Option<Part> {
         let rect = rect.grown(self.margin).intersection(whole);
         (!rect.is_empty()).then_some(Part { rect, spread })
@@ -135,12 +136,14 @@ impl<'a> Window<'a> {
     }
 
     /// Where the line from the shading point to `vertex` crosses the near plane.
+    #[inline(always)]
     pub(super) fn place_of(&self, vertex: DVec3) -> DVec2 {
         let offset = vertex - self.origin;
         self.origin.truncate() + offset.truncate() * ((self.side().near_base() - self.origin.z) / offset.z)
     }
 
     /// The map from the window to the source.
+    #[inline(always)]
     pub(super) fn landing(&self) -> &Landing<'a> {
         &self.landing
     }

@@ -12,8 +12,10 @@ mod bounds;
 
 pub use bounds::JetBounds;
 pub(crate) use bounds::ShapeBounds;
+use bounds::ThirdDerivatives;
 use glam::{DVec2, dvec2};
 use thiserror::Error;
+use wide::f64x2;
 
 use super::pyramid::Pyramid;
 use super::spline::{bernstein_slope_weights, bernstein_weights, curvature_weights, slope_weights, weights};
@@ -31,6 +33,17 @@ pub struct SurfaceJet {
     pub gradient: DVec2,
     /// The second derivatives by xx, xy and yy, in 1/metre.
     pub hessian: [f64; 3],
+}
+
+/// A point of a height field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct FacePoint {
+    /// Its tangential coordinates.
+    pub(crate) place: DVec2,
+    /// h, in metres.
+    pub(crate) height: f64,
+    /// dh/dx and dh/dy.
+    pub(crate) gradient: DVec2,
 }
 
 /// Why a grid is no height field.
@@ -80,12 +93,15 @@ pub struct HeightField {
     origin: DVec2,
     /// Largest padded cell coordinate that is evaluated.
     end: DVec2,
-    stride: usize,
+    stride: u32,
     coefficients: Vec<f64>,
+    /// The density's products xx, xy and yy.
+    squared_density: [f64; 3],
+    /// Rounding errors of bounds.
+    rounding: [f64; 2],
     /// Heights, and their first and second derivatives by the cell coordinates.
     bounds: Pyramid,
-    /// For each cell, the largest magnitudes of the third derivatives xxx, xxy, xyy and yyy by the cell coordinates.
-    thirds: Vec<[f32; 4]>,
+    thirds: ThirdDerivatives,
     /// Bounds over the whole plane.
     all: JetBounds,
 }
@@ -109,19 +125,22 @@ impl HeightField {
             let (column, row) = (at % columns, at / columns);
             return Err(HeightFieldError::NotFinite { column, row, value: coefficients[at] });
         }
-        let stride = columns + 2 * PADDING;
+        // Cells are counted in 32 bits.
+        let stride = (columns + 2 * PADDING) as u32;
         let padded = pad(&coefficients, columns, rows);
-        let (bounds, thirds) =
-            (bounds::of_cells(&padded, [columns, rows]), bounds::thirds_of_cells(&padded, [columns, rows]));
+        let bounds = bounds::of_cells(&padded, [columns, rows]);
+        let thirds = ThirdDerivatives::of_cells(&padded, [columns, rows]);
         let grid = dvec2(columns as f64, rows as f64);
-        let density = grid / size;
+        let (density, end) = (grid / size, grid + 2.5);
         Ok(Self {
             size,
             grid: [columns, rows],
             all: bounds::by_metres(&bounds.all(), density),
             density,
+            squared_density: [density.x * density.x, density.x * density.y, density.y * density.y],
             origin: (grid + 3.0) * 0.5,
-            end: grid + 2.5,
+            end,
+            rounding: bounds::rounding(&bounds, end),
             stride,
             coefficients: padded,
             bounds,
@@ -155,45 +174,54 @@ impl HeightField {
 
     /// The spline's coefficients, metres, row by row.
     pub fn coefficients(&self) -> impl Iterator<Item = f64> + '_ {
-        let rows = self.coefficients.chunks(self.stride).skip(PADDING).take(self.grid[1]);
+        let rows = self.coefficients.chunks(self.stride as usize).skip(PADDING).take(self.grid[1]);
         rows.flat_map(|row| row[PADDING..PADDING + self.grid[0]].iter().copied())
     }
 
     /// The height at `p`, in metres.
-    #[inline]
+    #[inline(always)]
     pub fn height(&self, p: DVec2) -> f64 {
-        let (patch, f) = self.locate(p);
-        dot(&weights(f.x), &columns_sum(patch, &weights(f.y)))
+        let (cell, f) = self.locate(p);
+        let weights = ByAxis::new(weights(f));
+        let [first, second] = columns_sum(&pairs(self.patch(cell)), &weights.y);
+        let [a, b] = [weights.x[0] * first, weights.x[1] * second].map(f64x2::to_array);
+        (a[0] + a[1]) + (b[0] + b[1])
     }
 
     /// The height and its gradient at `p`.
-    #[inline]
+    #[inline(always)]
     pub fn slope(&self, p: DVec2) -> (f64, DVec2) {
-        let (patch, f) = self.locate(p);
-        let wx = weights(f.x);
-        let value = columns_sum(patch, &weights(f.y));
-        let along_y = columns_sum(patch, &slope_weights(f.y));
-        let [height, x] = dots([&wx, &slope_weights(f.x)], [&value, &value]);
-        (height, dvec2(x, dot(&wx, &along_y)) * self.density)
+        let (cell, f) = self.locate(p);
+        let patch = pairs(self.patch(cell));
+        let (w, d) = (ByAxis::new(weights(f)), ByAxis::new(slope_weights(f)));
+        let value = columns_sum(&patch, &w.y);
+        let [height, x] = dots([&w.x, &d.x], [&value, &value]);
+        let [y, _] = dots([&w.x, &w.x], [&columns_sum(&patch, &d.y), &value]);
+        (height, dvec2(x, y) * self.density)
     }
 
     /// The height and its first and second derivatives at `p`.
-    #[inline]
+    #[inline(always)]
     pub fn jet(&self, p: DVec2) -> SurfaceJet {
-        let (patch, f) = self.locate(p);
-        let (wx, dx) = (weights(f.x), slope_weights(f.x));
-        let value = columns_sum(patch, &weights(f.y));
-        let along_y = columns_sum(patch, &slope_weights(f.y));
-        let curved_y = columns_sum(patch, &curvature_weights(f.y));
-        let [height, x] = dots([&wx, &dx], [&value, &value]);
-        let [y, xy] = dots([&wx, &dx], [&along_y, &along_y]);
-        let [xx, yy] = dots([&curvature_weights(f.x), &wx], [&value, &curved_y]);
-        let density = self.density;
-        SurfaceJet {
-            height,
-            gradient: dvec2(x, y) * density,
-            hessian: [xx * (density.x * density.x), xy * (density.x * density.y), yy * (density.y * density.y)],
-        }
+        let (_, SurfaceJet { height, gradient, hessian: [xx, xy, yy] }) = self.cell_jet(p);
+        let [by_xx, by_xy, by_yy] = self.squared_density;
+        SurfaceJet { height, gradient: gradient * self.density, hessian: [xx * by_xx, xy * by_xy, yy * by_yy] }
+    }
+
+    /// As [`Self::jet`], but with derivatives by the cell coordinates. The cell comes first.
+    #[inline(always)]
+    fn cell_jet(&self, p: DVec2) -> ([u32; 2], SurfaceJet) {
+        let (cell, f) = self.locate(p);
+        let patch = pairs(self.patch(cell));
+        let (w, d) = (ByAxis::new(weights(f)), ByAxis::new(slope_weights(f)));
+        let c = ByAxis::new(curvature_weights(f));
+        let value = columns_sum(&patch, &w.y);
+        let along_y = columns_sum(&patch, &d.y);
+        let curved_y = columns_sum(&patch, &c.y);
+        let [height, x] = dots([&w.x, &d.x], [&value, &value]);
+        let [y, xy] = dots([&w.x, &d.x], [&along_y, &along_y]);
+        let [xx, yy] = dots([&c.x, &w.x], [&value, &curved_y]);
+        (cell, SurfaceJet { height, gradient: dvec2(x, y), hessian: [xx, xy, yy] })
     }
 
     /// The padded cell coordinates of `p`: cell (i, j) of the padded grid covers `[i, i + 1] x [j, j + 1]`, and the
@@ -234,15 +262,15 @@ impl HeightField {
     }
 
     #[inline(always)]
-    fn locate(&self, p: DVec2) -> (Patch<'_>, DVec2) {
+    fn locate(&self, p: DVec2) -> ([u32; 2], f64x2) {
         let a = self.clamped(self.cell_coordinates(p));
         let cell = cell_of(a);
-        (self.patch(cell), dvec2(a.x - f64::from(cell[0]), a.y - f64::from(cell[1])))
+        (cell, f64x2::new([a.x, a.y]) - f64x2::new(cell.map(f64::from)))
     }
 
     #[inline(always)]
-    fn patch(&self, [column, row]: [u32; 2]) -> Patch<'_> {
-        patch(&self.coefficients, self.stride, row as usize * self.stride + column as usize)
+    fn patch(&self, cell: [u32; 2]) -> Patch<'_> {
+        patch(&self.coefficients, self.stride, cell)
     }
 
     /// Cell coordinates, moved to the nearest place where there are coefficients: the surface is constant from there on.
@@ -262,35 +290,56 @@ fn cell_of(a: DVec2) -> [u32; 2] {
 type Patch<'a> = [&'a [f64; 4]; 4];
 
 #[inline(always)]
-fn patch(coefficients: &[f64], stride: usize, start: usize) -> Patch<'_> {
-    let block = &coefficients[start..start + 3 * stride + 4];
-    let row = |j: usize| block[j * stride..].first_chunk().expect("the block ends with a row of four");
-    [row(0), row(1), row(2), row(3)]
+fn patch(coefficients: &[f64], stride: u32, [column, row]: [u32; 2]) -> Patch<'_> {
+    // The products of numbers of 32 bits cannot overflow.
+    let (stride, start) = (stride as usize, row as usize * stride as usize + column as usize);
+    let (second, third, fourth) = (start + stride, start + 2 * stride, start + 3 * stride);
+    // One look at the end of the last row, so that the others need none.
+    let coefficients = &coefficients[..fourth + 4];
+    let row = |start: usize| coefficients[start..start + 4].first_chunk().expect("a row of four");
+    [row(start), row(second), row(third), row(fourth)]
 }
 
+/// Four numbers in pairs of lanes.
+type Pairs = [f64x2; 2];
+
 #[inline(always)]
-fn columns_sum(patch: Patch<'_>, weights: &[f64; 4]) -> [f64; 4] {
-    let mut sum = [0.0; 4];
-    for (i, sum) in sum.iter_mut().enumerate() {
-        *sum = (patch[0][i] * weights[0] + patch[1][i] * weights[1])
-            + (patch[2][i] * weights[2] + patch[3][i] * weights[3]);
+fn pairs(patch: Patch<'_>) -> [Pairs; 4] {
+    patch.map(|row| [f64x2::new([row[0], row[1]]), f64x2::new([row[2], row[3]])])
+}
+
+/// Weights for the four columns, side by side, and for the four rows, each in both lanes.
+struct ByAxis {
+    x: Pairs,
+    y: [f64x2; 4],
+}
+
+impl ByAxis {
+    #[inline(always)]
+    fn new(weights: [f64x2; 4]) -> Self {
+        let [a, b, c, d] = weights;
+        let ([first, _], [second, _]) = (f64x2::transpose([a, b]), f64x2::transpose([c, d]));
+        Self { x: [first, second], y: weights.map(|weight| f64x2::transpose([weight, weight])[1]) }
     }
-    sum
+}
+
+/// For each column of a patch, the weighted sum along it.
+#[inline(always)]
+fn columns_sum(patch: &[Pairs; 4], weights: &[f64x2; 4]) -> Pairs {
+    let sum = |k: usize| {
+        (patch[0][k] * weights[0] + patch[1][k] * weights[1]) + (patch[2][k] * weights[2] + patch[3][k] * weights[3])
+    };
+    [sum(0), sum(1)]
 }
 
 /// Two dot products side by side.
 #[inline(always)]
-fn dots(a: [&[f64; 4]; 2], b: [&[f64; 4]; 2]) -> [f64; 2] {
-    let mut sums = [0.0; 2];
-    for (lane, sum) in sums.iter_mut().enumerate() {
-        *sum = dot(a[lane], b[lane]);
-    }
-    sums
-}
-
-#[inline(always)]
-fn dot(a: &[f64; 4], b: &[f64; 4]) -> f64 {
-    (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])
+fn dots(a: [&Pairs; 2], b: [&Pairs; 2]) -> [f64; 2] {
+    let half = |k: usize| {
+        let [even, odd] = f64x2::transpose([a[0][k] * b[0][k], a[1][k] * b[1][k]]);
+        even + odd
+    };
+    (half(0) + half(1)).to_array()
 }
 
 fn pad(coefficients: &[f32], columns: usize, rows: usize) -> Vec<f64> {
@@ -311,17 +360,18 @@ fn tensor<const X: usize, const Y: usize>(
     along_x: &[[f64; 4]; X],
     along_y: &[[f64; 4]; Y],
 ) -> [[f64; X]; Y] {
+    let dot = |a: &[f64; 4], b: &[f64; 4]| (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
     along_y.map(|wy| {
-        let line = columns_sum(patch, &wy);
+        let line = [0, 1, 2, 3].map(|column| dot(&patch.map(|row| row[column]), &wy));
         along_x.map(|wx| dot(&wx, &line))
     })
 }
 
 /// The patches of all cells of a padded grid, row by row: `columns + 3` times `rows + 3`.
 fn patches(padded: &[f64], [columns, rows]: [usize; 2]) -> impl Iterator<Item = Patch<'_>> {
-    let stride = columns + 2 * PADDING;
-    let cells = (0..rows + 3).flat_map(move |row| (0..columns + 3).map(move |column| row * stride + column));
-    cells.map(move |start| patch(padded, stride, start))
+    let (cells_across, cells_down) = ((columns + PADDING) as u32, (rows + PADDING) as u32);
+    let cells = (0..cells_down).flat_map(move |row| (0..cells_across).map(move |column| [column, row]));
+    cells.map(move |cell| patch(padded, cells_across + PADDING as u32, cell))
 }
 
 #[cfg(test)]
@@ -353,7 +403,8 @@ mod tests {
         let tap = |i: i64, n: usize| i.clamp(0, n as i64 - 1) as usize;
         let a = (p / size + 0.5) * dvec2(columns as f64, rows as f64) - 0.5;
         let k = a.floor();
-        let (wx, wy) = (weights(a.x - k.x), weights(a.y - k.y));
+        let weights = weights(f64x2::new((a - k).to_array())).map(f64x2::to_array);
+        let [wx, wy] = [0, 1].map(|axis| weights.map(|weight| weight[axis]));
         let mut sum = 0.0;
         for (j, wy) in (0..).zip(wy) {
             for (i, wx) in (0..).zip(wx) {
