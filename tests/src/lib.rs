@@ -11,18 +11,19 @@
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`connections`]: fixed problems, to compare the paths that methods find and the time that they take;
-//! - [`rendering`]: scenes rendered in this process, and [`agreement`] of two ways to render one;
+//! - [`rendering`]: scenes rendered in this process, and [`estimate`]: whether two ways to render one agree;
+//! - [`pane_scene`]: small scenes for tests of laws;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
 //! - [`slab`]: the faces of a slab whose caustic has no folds;
 //! - [`folds`]: where the caustic of a point light is singular;
 //! - [`sun_scene`]: scenes whose sun is made larger or smaller, and references of them.
 
-pub mod agreement;
 pub mod bias;
 pub mod browser;
 pub mod calls;
 pub mod comparisons;
 pub mod connections;
+pub mod estimate;
 pub mod exr_files;
 pub mod farm;
 pub mod folds;
@@ -31,6 +32,7 @@ pub mod hand_worker;
 pub mod malformed_calls;
 pub mod malformed_partials;
 pub mod malformed_scenes;
+pub mod pane_scene;
 pub mod random;
 pub mod reference;
 pub mod rendering;

@@ -10,7 +10,7 @@ use clerestory_render_core::{
 };
 use glam::DVec3;
 
-use crate::reference::Image;
+use crate::{estimate::Estimate, reference::Image};
 
 /// A scene being rendered: the sums over the passes so far.
 pub struct Rendering<'a> {
@@ -70,4 +70,30 @@ impl<'a> Rendering<'a> {
             pixels: self.sums.iter().map(|&sum| sum * scale).collect(),
         }
     }
+}
+
+/// Means of the red channel over `blocks` by `blocks` equal parts of the picture, row by row, from `passes` independent passes.
+///
+/// # Panics
+///
+/// When a sample is not finite.
+pub fn block_means(scene: &Scene, passes: u32, blocks: usize) -> Vec<Estimate> {
+    let mut rendering = Rendering::new(scene);
+    let mut values = vec![Vec::new(); blocks * blocks];
+    let mut before = vec![0.0; blocks * blocks];
+    for _ in 0..passes {
+        rendering.render_pass().expect("finite samples");
+        let image = rendering.image();
+        let mut now = vec![0.0; blocks * blocks];
+        let scale = f64::from(rendering.passes()) * (blocks * blocks) as f64 / image.pixels.len() as f64;
+        for (index, pixel) in image.pixels.iter().enumerate() {
+            let (column, row) = (index % image.width, index / image.width);
+            now[row * blocks / image.height * blocks + column * blocks / image.width] += pixel.x * scale;
+        }
+        for ((values, now), before) in values.iter_mut().zip(&now).zip(&before) {
+            values.push(now - before);
+        }
+        before = now;
+    }
+    values.iter().map(|values| Estimate::of(values)).collect()
 }

@@ -4,8 +4,12 @@
 use std::collections::BTreeMap;
 
 use clerestory_render_core::scene::{Scene, SceneBundle, SceneDescription};
-use clerestory_tests::agreement::{check_agreement, render_blocks};
+use clerestory_tests::estimate::check_agreement;
+use clerestory_tests::rendering::block_means;
 use serde_json::{Value, json};
+
+/// Parts of the picture along each edge.
+const BLOCKS: usize = 4;
 
 /// A floor seen from above, 0.4 m wide, in a picture of 8 x 8 pixels, below a pane that a lamp on the floor's side lights.
 fn scene(light: &Value, integrator: Value) -> Scene {
@@ -36,11 +40,11 @@ fn light_off_a_pane_is_what_the_path_tracer_finds() {
     // From below, past the floor.
     let sun = json!({"sun": {"name": "sun", "direction": [0.5, 0.1, -1], "angular_radius": 15, "radiance": [9, 9, 9]}});
     for (name, light) in [("panel", panel), ("sun", sun)] {
-        let chance = render_blocks(&scene(&light, json!({"path": {}})), 6000);
+        let chance = block_means(&scene(&light, json!({"path": {}})), 6000, BLOCKS);
         for (method, integrator) in
             [("fnee", json!({"fnee": {"reflected": true}})), ("sms", json!({"sms": {"chains": ["R"]}}))]
         {
-            let ours = render_blocks(&scene(&light, integrator), 100);
+            let ours = block_means(&scene(&light, integrator), 100, BLOCKS);
             check_agreement(&format!("{name}, {method}"), &ours, &chance, 0.12);
         }
     }

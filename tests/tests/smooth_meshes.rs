@@ -12,10 +12,14 @@ use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription}
 use clerestory_render_core::specular::{
     ShadingPoint, SpecularEvent, SpecularMethod, mnee::Mnee, scope::Scope, sms::Sms,
 };
-use clerestory_tests::agreement::{check_agreement, render_blocks};
+use clerestory_tests::estimate::check_agreement;
+use clerestory_tests::rendering::block_means;
 use clerestory_tests::solution_lists::{load_case, load_list};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
+
+/// Parts of the picture along each edge.
+const BLOCKS: usize = 4;
 
 /// A grid of quads over a square around the origin, cut into triangles that are seen counterclockwise from +z, with heights
 /// and normals.
@@ -79,14 +83,14 @@ fn check_by_chance(name: &str, chain: &str, parts: [&Value; 3], with_mnee: bool,
     let [material, mesh, lights] = parts;
     let filter = format!("D {chain} L");
     let build = |integrator| scene(material.clone(), mesh.clone(), lights.clone(), &filter, integrator);
-    let chance = render_blocks(&build(json!({"path": {}})), 4000);
+    let chance = block_means(&build(json!({"path": {}})), 4000, BLOCKS);
     for constraint in ["angle_difference", "half_vector"] {
         let sms = build(json!({"sms": {"chains": [chain], "constraint": constraint}}));
-        check_agreement(&format!("{name}, sms, {constraint}"), &render_blocks(&sms, 150), &chance, fault);
+        check_agreement(&format!("{name}, sms, {constraint}"), &block_means(&sms, 150, BLOCKS), &chance, fault);
     }
     if with_mnee {
         let mnee = build(json!({"mnee": {"chains": [chain]}}));
-        check_agreement(&format!("{name}, mnee"), &render_blocks(&mnee, 100), &chance, fault);
+        check_agreement(&format!("{name}, mnee"), &block_means(&mnee, 100, BLOCKS), &chance, fault);
     }
 }
 

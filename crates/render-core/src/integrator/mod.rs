@@ -5,6 +5,6 @@ pub mod path_filter;
 pub mod render;
 
 pub use path_filter::PathFilter;
-pub use render::{RenderError, render_node};
+pub use render::{RenderError, render_node, specular_method};
 
 pub use crate::film::Rendered;

@@ -65,8 +65,8 @@ pub fn render_node(
     renderer.subtree(address)
 }
 
-/// The method that the scene's integrator uses for light by way of specular surfaces.
-fn specular_method(scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
+/// The method that the scene's integrator uses for light by way of specular surfaces; `None` for path tracing alone.
+pub fn specular_method(scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
     match &scene.description().integrator {
         IntegratorDescription::Path { .. } => None,
         IntegratorDescription::Cone { .. } => Some(Box::new(Cone)),
