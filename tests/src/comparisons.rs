@@ -15,6 +15,7 @@ use glam::DVec3;
 
 use crate::folds::fold_pixels;
 use crate::forward_tracer::{Fault, Tracing, trace};
+use crate::methods;
 use crate::reference::{Image, Reference, ReferenceError};
 use crate::rendering::Rendering;
 use crate::traced_scene::TracedScene;
@@ -37,7 +38,7 @@ pub fn reference_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/references")
 }
 
-/// The comparison of `integrator` with the reference of a case (`crown`, `bump`, `flat`, `cathedral`) and a light
+/// The comparison of `integrator` (a name of [`methods::settings`]) with the reference of a case (`crown`, `bump`, `flat`, `cathedral`) and a light
 /// (`point`, `sphere`, `sun`, `distant-METRES` for a sphere so far away that is compared with the sun, or `near` for a
 /// large light near by).
 ///
@@ -57,7 +58,7 @@ pub fn comparison(case: &str, light: &str, integrator: &str) -> Comparison {
     if light == "near" {
         move_near(&mut description, case);
     }
-    let description = description.with_integrator_named(integrator).expect("an integrator");
+    description.integrator = methods::integrator(integrator, description.integrator.max_depth());
     let bundle = bundle.with_description(description).expect("the changed scene is valid");
     let traced = TracedScene::build(&bundle, &folder).expect("the reference scenes can be traced");
     Comparison { name: format!("{integrator} {case}-{light}"), bundle, traced, stored }

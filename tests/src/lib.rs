@@ -6,6 +6,7 @@
 //! - [`spline`], [`traced_scene`] and [`forward_tracer`]: light traced forward from the lights, in double precision;
 //! - [`mod@reference`]: images with independent halves and a standard error, as OpenEXR;
 //! - [`bias`]: whether a renderer's replicates agree with a reference, and with what power;
+//! - [`methods`]: the integrators and settings that are tested;
 //! - [`comparisons`]: which method is held against which reference;
 //! - [`farm`]: a farm of real processes, and [`browser`]: what a user sees of it;
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
@@ -32,6 +33,7 @@ pub mod hand_worker;
 pub mod malformed_calls;
 pub mod malformed_partials;
 pub mod malformed_scenes;
+pub mod methods;
 pub mod pane_scene;
 pub mod random;
 pub mod reference;

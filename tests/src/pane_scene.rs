@@ -185,21 +185,3 @@ pub fn height_map(size: [f64; 2], [columns, rows]: [usize; 2], height: impl Fn(D
     Image::from_layer(layer).write().to_buffered(&mut bytes).expect("memory can be written");
     Asset::new(bytes.into_inner())
 }
-
-/// The integrators that find all light that comes through panes without bias: names and settings.
-pub fn unbiased_integrators() -> Vec<(&'static str, Value)> {
-    vec![
-        ("path", json!({"path": {}})),
-        ("cone", json!({"cone": {}})),
-        ("fnee", json!({"fnee": {}})),
-        ("fnee, published", json!({"fnee": {"solver": "published", "max_trials": 20_000}})),
-        ("sms, angle difference", json!({"sms": {"constraint": "angle_difference"}})),
-        ("sms, half vector", json!({"sms": {"constraint": "half_vector"}})),
-        ("mnee", json!({"mnee": {}})),
-    ]
-}
-
-/// Specular manifold sampling of all distinct paths that `trials` walks find.
-pub fn biased_sms(constraint: &str, trials: u32) -> Value {
-    json!({"sms": {"constraint": constraint, "estimator": {"biased": {"trials": trials}}}})
-}

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use clerestory_tests::estimate::{Agreement, Estimate, check_agreement};
 use clerestory_tests::forward_tracer::Side;
-use clerestory_tests::pane_scene::{PaneScene, pane, unbiased_integrators};
+use clerestory_tests::methods::unbiased_integrators;
+use clerestory_tests::pane_scene::{PaneScene, pane};
 use clerestory_tests::traced_scene::{TracedLight, TracedScene};
 use glam::DVec3;
 use serde_json::{Value, json};

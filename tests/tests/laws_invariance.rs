@@ -4,7 +4,8 @@ use clerestory_render_core::counters::Counters;
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::specular::ShadingPoint;
 use clerestory_tests::estimate::check_agreement;
-use clerestory_tests::pane_scene::{INDEX, PaneScene, biased_sms, gather, pane, unbiased_integrators};
+use clerestory_tests::methods::{biased_sms, unbiased_integrators};
+use clerestory_tests::pane_scene::{INDEX, PaneScene, gather, pane};
 use clerestory_tests::random::Random;
 use clerestory_tests::reference::Image;
 use clerestory_tests::rendering::Rendering;
@@ -279,6 +280,8 @@ fn every_method_finds_the_light_through_panes_that_overlap() {
         ("mnee over both chains", both(&json!({"mnee": {}}), "mnee")),
         ("fnee, sharp", json!({"fnee": {"selection": "sharp"}})),
         ("fnee, bleed", json!({"fnee": {"selection": "bleed"}})),
+        ("sms, sharp", json!({"sms": {"selection": "sharp"}})),
+        ("sms, bleed", json!({"sms": {"selection": "bleed"}})),
     ];
     for (name, integrator) in unbiased_integrators().into_iter().skip(1).chain(overlapping) {
         // Methods that look for one pane leave the light through two to chance.

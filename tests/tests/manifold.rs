@@ -5,10 +5,13 @@ use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::LightKind;
 use clerestory_render_core::scene::Scene;
-use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection};
-use clerestory_render_core::specular::{
-    ShadingPoint, SpecularMethod, THROUGH_PANE, mnee::Mnee, scope::Scope, sms::Sms,
+use clerestory_render_core::scene::description::{
+    FneeSolver, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
 };
+use clerestory_render_core::specular::{
+    ShadingPoint, SpecularMethod, THROUGH_PANE, fnee::Fnee, mnee::Mnee, scope::Scope, sms::Sms,
+};
+use clerestory_tests::estimate::Estimate;
 use clerestory_tests::solution_lists::{load_case, load_list};
 use glam::DVec3;
 
@@ -79,48 +82,108 @@ fn walks_find_the_listed_paths_and_no_others() {
     check("cathedral", "cathedral.json", 0.95);
 }
 
-/// Mean and its variance.
-fn mean_and_variance(values: &[f64]) -> (f64, f64) {
-    let count = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / count;
-    (mean, values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (count * (count - 1.0)))
+/// A search that finds each path with some probability p, and by `trials` of them the part 1 - (1 - p)^trials of its light on
+/// average: manifold walks whose distinct paths are summed, and the search of the FNEE paper, whose estimates of 1/p are cut
+/// off there.
+type Searches<'a> = dyn Fn(u32) -> Box<dyn SpecularMethod> + 'a;
+
+/// The light of each path over many single trials, as its probabilities, by the paths' listed light.
+fn probabilities(scene: &Scene, searches: &Searches<'_>, origin: [f64; 3], listed: &[f64], runs: u32) -> Vec<f64> {
+    let method = searches(1);
+    let mut found = vec![0.0; listed.len()];
+    for stream in 0..runs {
+        let light = irradiance(scene, origin, &*method, stream, &mut Counters::default());
+        let known = listed.iter().position(|expected| (light - expected).abs() <= 1e-4 * expected);
+        assert!(light == 0.0 || known.is_some(), "{light} is the light of no path to {origin:?}: {listed:?}");
+        if let Some(path) = known {
+            found[path] += 1.0;
+        }
+    }
+    found.into_iter().map(|found| found / f64::from(runs)).collect()
 }
+
+/// Checks that `trials` find the light that follows from the probabilities, and with `unbiased` all of it.
+#[track_caller]
+fn check_missing_light(name: &str, case: &str, searches: &Searches<'_>, unbiased: &dyn SpecularMethod) {
+    const RUNS: u32 = 4000;
+    let scene = load_case(case);
+    let several = load_list(&format!("{case}-folds.json")).into_iter().filter(|point| point.solutions.len() > 2);
+    let mut lacking = [0.0; TRIALS.len()];
+    let (mut points, mut largest_fault): (f64, f64) = (0.0, 0.0);
+    for (index, point) in several.take(6).enumerate() {
+        let listed: Vec<f64> = point.solutions.iter().map(|solution| solution.irradiance).collect();
+        let all: f64 = listed.iter().sum();
+        let mean = |method: &dyn SpecularMethod, first: u32| {
+            let one = |stream| irradiance(&scene, point.origin, method, stream, &mut Counters::default());
+            Estimate::of(&(first..first + RUNS / 4).map(one).collect::<Vec<_>>())
+        };
+        let probabilities = probabilities(&scene, searches, point.origin, &listed, RUNS);
+        for (lacking, trials) in lacking.iter_mut().zip(TRIALS) {
+            let paths = || listed.iter().zip(&probabilities);
+            let of_theory =
+                |trials: u32| -> f64 { paths().map(|(light, p)| light * (1.0 - (1.0 - p).powi(trials as i32))).sum() };
+            let expected = of_theory(trials);
+            // One trial finds one path: the counts are multinomial.
+            let slope = |p: f64| f64::from(trials) * (1.0 - p).powi(trials as i32 - 1);
+            let [squares, mean_slope] = paths().fold([0.0; 2], |[squares, mean], (light, p)| {
+                let slope = light * slope(*p);
+                [squares + slope * slope * p, mean + slope * p]
+            });
+            let variance = (squares - mean_slope * mean_slope).max(0.0) / f64::from(RUNS);
+            let predicted = Estimate { mean: expected, variance, degrees: f64::from(RUNS) };
+            let found = mean(&*searches(trials), RUNS);
+            let deviates = found.deviates(&predicted);
+            println!(
+                "{name}, {case}, point {index}, {trials} trials: {:.4} of the light, by theory {:.4} ({deviates:+.1})",
+                found.mean / all,
+                expected / all
+            );
+            assert!(deviates.abs() < DEVIATES, "{name}, {case}, point {index}: {found}, by theory {predicted}");
+            // A search that makes one trial too few.
+            let faulty = Estimate { mean: of_theory(trials - 1), ..predicted };
+            largest_fault = largest_fault.max(found.deviates(&faulty));
+            *lacking += 1.0 - found.mean / all;
+        }
+        let found = mean(unbiased, RUNS);
+        let listed = Estimate { variance: (LIST_ERROR * all).powi(2), ..Estimate::exact(all) };
+        let deviates = found.deviates(&listed);
+        assert!(deviates.abs() < DEVIATES, "{name}, {case}, point {index}: {found} of {all}, {deviates} deviates");
+        points += 1.0;
+    }
+    assert!(largest_fault > DEVIATES, "{name}, {case}: a missing trial is not noticed: {largest_fault}");
+    let lacking = lacking.map(|sum| sum / points);
+    assert!(lacking[0] > 0.05 && lacking.is_sorted_by(|fewer, more| fewer > more), "{name}, {case}: {lacking:?}");
+}
+
+/// Relative error of the light in the lists.
+const LIST_ERROR: f64 = 1e-5;
+
+/// Numbers of trials whose light is predicted.
+const TRIALS: [u32; 2] = [3, 12];
 
 /// The largest of a few hundred normal deviates exceeds this once in a thousand times.
 const DEVIATES: f64 = 5.0;
 
 #[test]
 fn few_walks_lack_the_light_that_theory_says_and_weighted_ones_none() {
-    const ESTIMATES: u32 = 400;
     for case in ["crown", "bump", "cathedral"] {
         let scene = load_case(case);
-        let several = load_list(&format!("{case}-folds.json")).into_iter().filter(|point| point.solutions.len() > 2);
-        for (index, point) in several.take(6).enumerate() {
-            let all: f64 = point.solutions.iter().map(|solution| solution.irradiance).sum();
-            let estimates = |estimator| {
-                let constraint = ManifoldConstraint::AngleDifference;
-                let method = Sms { constraint, estimator, selection: PaneSelection::All, scope: through_panes(&scene) };
-                let counters = &mut Counters::default();
-                let one = |stream| irradiance(&scene, point.origin, &method, stream, counters);
-                mean_and_variance(&(0..ESTIMATES).map(one).collect::<Vec<_>>())
-            };
-            // The mean over runs of one walk each is the sum over paths of p times their light.
-            let (one, one_variance) = estimates(ManifoldEstimator::Biased { trials: 1 });
-            let (four, four_variance) = estimates(ManifoldEstimator::Biased { trials: 4 });
-            let (weighted, weighted_variance) = estimates(ManifoldEstimator::Unbiased { max_trials: 1_000_000 });
-            println!(
-                "{case}, point {index}: 1 walk {:.3}, 4 walks {:.3}, weighted {:.3}",
-                one / all,
-                four / all,
-                weighted / all
-            );
-            assert!(four < all && one < four, "{case}, point {index}: {one}, {four} of {all}");
-            // 1 - (1 - p)^4 <= 4 p for each path.
-            let excess = (four - 4.0 * one) / (four_variance + 16.0 * one_variance).sqrt();
-            assert!(excess < DEVIATES, "{case}, point {index}: {four} from four walks, {one} from one");
-            let deviation = (weighted - all) / weighted_variance.sqrt();
-            assert!(deviation.abs() < DEVIATES, "{case}, point {index}: {weighted} of {all}, {deviation} deviates");
-        }
+        let sms = |estimator| {
+            let constraint = ManifoldConstraint::AngleDifference;
+            Sms { constraint, estimator, selection: PaneSelection::All, scope: through_panes(&scene) }
+        };
+        let biased = |trials| Box::new(sms(ManifoldEstimator::Biased { trials })) as Box<dyn SpecularMethod>;
+        check_missing_light("sms", case, &biased, &sms(ManifoldEstimator::Unbiased { max_trials: 1_000_000 }));
+    }
+}
+
+#[test]
+fn estimates_that_are_cut_off_lack_the_light_that_theory_says() {
+    for case in ["crown", "bump", "cathedral"] {
+        let fnee = |solver, max_trials| Fnee { solver, selection: PaneSelection::All, max_trials, reflected: false };
+        let published = |trials| Box::new(fnee(FneeSolver::Published, trials)) as Box<dyn SpecularMethod>;
+        // The search of the paper finds some paths so rarely that no affordable number of runs has all of the light.
+        check_missing_light("fnee, published", case, &published, &fnee(FneeSolver::Complete, 1_000_000));
     }
 }
 

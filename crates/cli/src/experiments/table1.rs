@@ -1,6 +1,8 @@
 //! `table1`: FNEE paper, table 1. What the solvers do at equal samples.
 
 use clerestory_render_core::film::preview;
+use clerestory_render_core::geometry::FaceCrossing;
+use clerestory_render_core::scene::SceneBundle;
 use serde::Serialize;
 
 use super::measure::{self, Snapshot};
@@ -18,7 +20,8 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     question: "The window of four panes is rendered with 100 samples a pixel, and everything that the solvers do is counted. \
                Huan et al. 2023 state evaluations of the height field, unique solutions, and success, the ratio of the solver \
                calls that converge to all of them, for FNEE and SMS, both with FNEE's choice of panes (the pane on the straight \
-               line), at 256 x 256 pixels. Whether calls that estimate inverse probabilities count is not said, so success is \
+               line), at 256 x 256 pixels. There, rays find the faces by sphere tracing, here by bounds on slopes; the rows with \
+               sphere tracing are as in the paper. Whether calls that estimate inverse probabilities count is not said, so success is \
                stated in every sense that the words allow.",
     defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: None, renders: true },
     run,
@@ -51,6 +54,10 @@ struct Row {
     unique_solutions_per_core_second: Option<f64>,
     core_seconds: Option<f64>,
 }
+
+/// How rays find the faces, and what a row adds to the name of its solver.
+const CROSSINGS: [(FaceCrossing, &str); 2] =
+    [(FaceCrossing::Proven, ""), (FaceCrossing::SphereTracing, ", sphere tracing")];
 
 const COLUMNS: [Column; 15] = [
     column("solver", "the integrator and its settings, or the paper's name"),
@@ -85,33 +92,37 @@ const PAPER: [(&str, u64, u64, f64); 2] =
 
 fn run(session: &mut Session) -> Result<Report, Failure> {
     let variants = [Variant::fnee_published(), Variant::sms_sharp(), Variant::fnee()];
-    session.plan(variants.len());
+    session.plan(variants.len() * CROSSINGS.len());
     let bundle = FOUR_PANES.bundle(session.settings.size)?;
     let mut report = Report::default();
     report.note_scene(SCENE, &bundle);
     let mut rows = Vec::new();
-    for variant in &variants {
-        session.begin(format!("{}, {SAMPLES} samples a pixel", variant.name));
+    for ((crossing, suffix), variant) in
+        CROSSINGS.iter().flat_map(|crossing| variants.iter().map(move |v| (crossing, v)))
+    {
+        let solver = format!("{}{suffix}", variant.name);
+        session.begin(format!("{solver}, {SAMPLES} samples a pixel"));
+        let bundle = with_crossing(&bundle, *crossing)?;
         let description = bundle.description();
         let integrator = variant.integrator(description.integrator.max_depth());
         let changed = changed(&bundle, integrator, SEED, description.sampling);
         let changed = changed.map_err(|source| FOUR_PANES.failure(source))?;
         let snapshot = measure::samples(session, &changed, SAMPLES)?;
-        let row = Row::of(variant, &snapshot);
+        let row = Row::of(solver, &snapshot);
         let (evaluations, success) = (snapshot.counters.height_evaluations, row.success.unwrap_or(0.0));
         session.end(&format!(
             "{}: {:.1} M height evaluations, {} unique solutions, {:.2} percent of calls converge, {:.1} s",
-            variant.name,
+            row.solver,
             evaluations as f64 / 1e6,
             snapshot.counters.unique_solutions,
             100.0 * success,
             snapshot.wall_seconds
         ));
-        rows.push(row);
         let stops = preview::automatic_stops(&snapshot.image);
-        report.add_picture(format!("{SCENE}: {}", variant.name), snapshot.image, stops);
+        report.add_picture(format!("{SCENE}: {}", row.solver), snapshot.image, stops);
+        rows.push(row);
     }
-    report.statements = statements(&rows);
+    report.statements = CROSSINGS.iter().flat_map(|(_, suffix)| statements(&rows, suffix)).collect();
     let samples = u64::from(session.settings.size[0]) * u64::from(session.settings.size[1]) * u64::from(SAMPLES);
     rows.extend(PAPER.map(Row::of_paper));
     let caption = format!("Work at {SAMPLES} samples a pixel, {samples} camera samples in all.");
@@ -124,13 +135,13 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
 const PAPER_SAMPLES: f64 = 256.0 * 256.0 * 100.0;
 
 impl Row {
-    fn of(variant: &Variant, snapshot: &Snapshot) -> Self {
+    fn of(solver: String, snapshot: &Snapshot) -> Self {
         let counters = snapshot.counters;
         let ratio = |part: u64, whole: u64| (whole > 0).then(|| part as f64 / whole as f64);
         let estimates = counters.solver_calls.saturating_sub(counters.trials);
         let seconds = snapshot.core_seconds;
         Self {
-            solver: variant.name.clone(),
+            solver,
             height_evaluations: Some(counters.height_evaluations),
             solver_calls: Some(counters.solver_calls),
             trials: Some(counters.trials),
@@ -164,39 +175,48 @@ impl Row {
     }
 }
 
-/// Our numbers beside the paper's.
-fn statements(rows: &[Row]) -> Vec<String> {
+/// The scene with panes whose faces rays find in one way.
+fn with_crossing(bundle: &SceneBundle, crossing: FaceCrossing) -> Result<SceneBundle, Failure> {
+    let mut description = bundle.description().clone();
+    for pane in &mut description.panes {
+        pane.crossing = crossing;
+    }
+    bundle.clone().with_description(description).map_err(|source| FOUR_PANES.failure(source))
+}
+
+/// The numbers of the rows whose names end in `suffix` beside the paper's.
+fn statements(rows: &[Row], suffix: &str) -> Vec<String> {
     let [fnee, sms] = [Variant::fnee_published(), Variant::sms_sharp()]
-        .map(|variant| rows.iter().find(|row| row.solver == variant.name));
+        .map(|variant| rows.iter().find(|row| row.solver == format!("{}{suffix}", variant.name)));
     let (Some(fnee), Some(sms)) = (fnee, sms) else { return Vec::new() };
     let [(_, paper_fnee, paper_fnee_solutions, fnee_success), (_, paper_sms, paper_sms_solutions, sms_success)] = PAPER;
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
     let ratio = |ours: Option<u64>, other: Option<u64>| ours.unwrap_or(0) as f64 / other.unwrap_or(0).max(1) as f64;
     vec![
         format!(
-            "Height evaluations of SMS over those of FNEE at equal samples: {:.2}; paper: {:.2}.",
+            "Height evaluations of SMS over those of FNEE at equal samples{suffix}: {:.2}; paper: {:.2}.",
             ratio(sms.height_evaluations, fnee.height_evaluations),
             paper_sms as f64 / paper_fnee as f64
         ),
         format!(
-            "Height evaluations for each unique solution, SMS over FNEE: {:.2}; paper: {:.2}.",
+            "Height evaluations for each unique solution, SMS over FNEE{suffix}: {:.2}; paper: {:.2}.",
             number(sms.height_evaluations_per_solution) / number(fnee.height_evaluations_per_solution),
             (paper_sms as f64 / paper_sms_solutions as f64) / (paper_fnee as f64 / paper_fnee_solutions as f64)
         ),
         format!(
-            "Unique solutions, FNEE over SMS: {:.2}; paper: {:.2}.",
+            "Unique solutions, FNEE over SMS{suffix}: {:.2}; paper: {:.2}.",
             ratio(fnee.unique_solutions, sms.unique_solutions),
             paper_fnee_solutions as f64 / paper_sms_solutions as f64
         ),
         format!(
-            "Success, all calls: FNEE {:.2} percent, SMS {:.2} percent; paper: {:.2} and {:.2} percent.",
+            "Success, all calls{suffix}: FNEE {:.2} percent, SMS {:.2} percent; paper: {:.2} and {:.2} percent.",
             100.0 * number(fnee.success),
             100.0 * number(sms.success),
             100.0 * fnee_success,
             100.0 * sms_success
         ),
         format!(
-            "Success, unique solutions over all calls: FNEE {:.2} percent, SMS {:.2} percent; over first seeds alone: \
+            "Success, unique solutions over all calls{suffix}: FNEE {:.2} percent, SMS {:.2} percent; over first seeds alone: \
              {:.2} and {:.2} percent.",
             100.0 * number(fnee.unique_per_call),
             100.0 * number(sms.unique_per_call),

@@ -14,6 +14,7 @@ pub mod interval;
 pub mod pane;
 mod pyramid;
 pub mod ray;
+mod sphere_tracing;
 mod spline;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -26,5 +27,5 @@ pub use frame::Frame;
 pub(crate) use height_field::{FacePoint, ShapeBounds};
 pub use height_field::{HeightField, HeightFieldError, JetBounds, SurfaceJet};
 pub use interval::{Interval, Rect};
-pub use pane::{Pane, PaneBoundary, PaneError, PaneHit};
+pub use pane::{FaceCrossing, Pane, PaneBoundary, PaneError, PaneHit};
 pub use ray::{Face, Leaving, Ray};

@@ -8,6 +8,8 @@
 //! the module `crossing` for what follows from this.
 
 use glam::{DVec2, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::crossing::{Crossing, Side, Start};
@@ -35,6 +37,19 @@ pub struct Pane {
     pub front: HeightField,
     /// Displacement h2 of the back face.
     pub back: HeightField,
+    /// How rays find the faces; [`FaceCrossing::Proven`] to begin with.
+    pub crossing: FaceCrossing,
+}
+
+/// How rays find where they cross a face.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FaceCrossing {
+    /// By bounds on height and slope, which prove what is the first crossing.
+    #[default]
+    Proven,
+    /// By sphere tracing (Hart 1996), as the FNEE paper has it: slower, and blind to what is thinner than a micrometre.
+    SphereTracing,
 }
 
 /// Why there can be no such pane.
@@ -130,7 +145,17 @@ impl Pane {
         if let Some((at, gap)) = thin_spot(&front, &back, thickness) {
             return Err(PaneError::TooThin { thickness, at, gap });
         }
-        Ok(Self { name, frame, size, thickness, index_of_refraction, absorption, front, back })
+        Ok(Self {
+            name,
+            frame,
+            size,
+            thickness,
+            index_of_refraction,
+            absorption,
+            front,
+            back,
+            crossing: FaceCrossing::default(),
+        })
     }
 
     /// The rectangle that the pane covers, in its frame.
@@ -279,8 +304,11 @@ impl Pane {
         counters: &mut Counters,
     ) -> Option<PaneHit> {
         let base = self.base_height(face);
-        let Crossing { distance, point, gradient } =
-            self.surface(face).first_crossing(base, ray, range, side, start, counters)?;
+        let surface = self.surface(face);
+        let Crossing { distance, point, gradient } = match self.crossing {
+            FaceCrossing::Proven => surface.first_crossing(base, ray, range, side, start, counters),
+            FaceCrossing::SphereTracing => surface.sphere_traced(base, ray, range, side, start, counters),
+        }?;
         let outline = self.outline();
         let point = point.truncate().clamp(outline.min, outline.max).extend(point.z);
         Some(PaneHit { distance, point, boundary: PaneBoundary::Face(face), gradient, inside })

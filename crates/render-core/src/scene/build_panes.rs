@@ -59,7 +59,7 @@ fn build_pane(index: usize, description: &PaneDescription, height_maps: &HeightM
     let z = x.cross(DVec3::from(description.y_axis).normalize()).normalize();
     let [front, back] =
         faces(description).map(|(face, profile, size)| height_field(index, face, profile, size, height_maps));
-    Pane::new(
+    let pane = Pane::new(
         description.name.clone(),
         Frame::new(DVec3::from(description.centre), x, z.cross(x)),
         DVec2::new(description.width, description.height),
@@ -69,7 +69,8 @@ fn build_pane(index: usize, description: &PaneDescription, height_maps: &HeightM
         front?,
         back?,
     )
-    .map_err(|error| SceneError::Structure { path: format!("panes[{index}].thickness"), message: error.to_string() })
+    .map_err(|error| SceneError::Structure { path: format!("panes[{index}].thickness"), message: error.to_string() })?;
+    Ok(Pane { crossing: description.crossing, ..pane })
 }
 
 fn height_field(

@@ -11,6 +11,8 @@ use schemars::JsonSchema;
 use serde::de::{Error as _, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
+use crate::geometry::FaceCrossing;
+
 /// The version of the scene format that this build reads.
 pub const SCENE_FORMAT_VERSION: u32 = 1;
 
@@ -443,6 +445,9 @@ pub struct PaneDescription {
     /// Profile of the back face.
     #[serde(default)]
     pub back: ProfileDescription,
+    /// How rays find where they cross the faces.
+    #[serde(default)]
+    pub crossing: FaceCrossing,
 }
 
 fn default_index_of_refraction() -> f64 {

@@ -7,6 +7,7 @@
 use super::leading::GAP;
 use super::stonework::{GLASS_DEPTH, OPENING};
 use super::{WINDOWS, rounded, window_centre};
+use crate::geometry::FaceCrossing;
 use crate::scene::description::{PaneDescription, ProfileDescription, Triple};
 
 /// How a pane was made.
@@ -60,6 +61,7 @@ fn pane(glass: Glass, cuts: u32, [window, row, column]: [u32; 3], seed: u64) -> 
         absorption,
         front,
         back,
+        crossing: FaceCrossing::default(),
     }
 }
 

@@ -1,0 +1,51 @@
+//! Integrators with settings, by the names that comparisons and tests of laws call them.
+
+use clerestory_render_core::scene::description::IntegratorDescription;
+use serde_json::{Value, json};
+
+/// The integrators that find all light that comes through panes without bias.
+pub const UNBIASED: [&str; 7] = ["path", "cone", "fnee", "fnee, published", "sms", "sms, half vector", "mnee"];
+
+/// The settings of an integrator, as in a scene file. Beside [`UNBIASED`] there are those that lack light: `fnee, cut off`
+/// (the published search with the trials of the paper), `sms, M walks` for any number M, and `mnee, dropped`.
+///
+/// # Panics
+///
+/// When there is no such integrator.
+pub fn settings(name: &str) -> Value {
+    match name {
+        "path" | "cone" | "fnee" | "sms" | "mnee" => json!({name: {}}),
+        // So many that what is cut off is less than what tests notice.
+        "fnee, published" => json!({"fnee": {"solver": "published", "max_trials": 20_000}}),
+        "fnee, cut off" => json!({"fnee": {"solver": "published", "max_trials": 1000}}),
+        "sms, half vector" => json!({"sms": {"constraint": "half_vector"}}),
+        "mnee, dropped" => json!({"mnee": {"missed": "dropped"}}),
+        _ => match name.strip_prefix("sms, ").and_then(|rest| rest.strip_suffix(" walks")?.parse().ok()) {
+            Some(walks) => biased_sms("angle_difference", walks),
+            None => panic!("no integrator is called {name}"),
+        },
+    }
+}
+
+/// All of [`UNBIASED`] with their settings.
+pub fn unbiased_integrators() -> Vec<(&'static str, Value)> {
+    UNBIASED.into_iter().map(|name| (name, settings(name))).collect()
+}
+
+/// Specular manifold sampling of all distinct paths that `walks` walks find.
+pub fn biased_sms(constraint: &str, walks: u32) -> Value {
+    json!({"sms": {"constraint": constraint, "estimator": {"biased": {"trials": walks}}}})
+}
+
+/// An integrator with the largest number of vertices between camera and light.
+///
+/// # Panics
+///
+/// When there is no such integrator.
+pub fn integrator(name: &str, max_depth: u32) -> IntegratorDescription {
+    let mut settings = settings(name);
+    for settings in settings.as_object_mut().into_iter().flat_map(|integrator| integrator.values_mut()) {
+        settings["max_depth"] = max_depth.into();
+    }
+    serde_json::from_value(settings).expect("settings that the scene format knows")
+}
