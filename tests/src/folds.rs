@@ -19,20 +19,40 @@ const CELLS: usize = 1024;
 /// How far a fold reaches into the pixels around it.
 const MARGIN: f64 = 1.0;
 
-/// For each pixel of the picture, whether the fold of a point light's caustic passes within a pixel of it. No pixel is
-/// marked by lights with an extent.
-pub fn fold_pixels(scene: &TracedScene) -> Vec<bool> {
+/// Places on a light with an extent whose folds are marked, along each of the two numbers that choose a place: from the
+/// middle to the rim, and around.
+const LAMPS: [usize; 2] = [4, 12];
+
+/// Whose folds are marked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Folds {
+    /// Those of point lights. No pixel is marked by lights with an extent.
+    OfPoints,
+    /// Those of points of lights with an extent, too: where methods that draw one point of the light have infinite variance.
+    OfAllLights,
+}
+
+/// For each pixel of the picture, whether a fold passes within a pixel of it.
+pub fn fold_pixels(scene: &TracedScene, folds: Folds) -> Vec<bool> {
     let [width, height] = scene.film;
     let mut marked = vec![false; width * height];
-    for light in scene.lights.iter().filter(|light| matches!(light, TracedLight::Point { .. })) {
-        for pane in 0..scene.panes.len() {
-            for place in fold_places(scene, light, pane) {
-                let low = (place - MARGIN).max(DVec2::ZERO);
-                let high = place + MARGIN;
-                for y in low.y as usize..=(high.y as usize).min(height - 1) {
-                    for x in low.x as usize..=(high.x as usize).min(width - 1) {
-                        marked[y * width + x] = true;
-                    }
+    for light in &scene.lights {
+        let is_point = matches!(light, TracedLight::Point { .. });
+        let lamps = match folds {
+            _ if is_point => 1,
+            Folds::OfPoints => 0,
+            Folds::OfAllLights => LAMPS[0] * LAMPS[1],
+        };
+        let places = (0..lamps).flat_map(|lamp| {
+            let lamp = [(lamp % LAMPS[0]) as f64 / (LAMPS[0] - 1) as f64, (lamp / LAMPS[0]) as f64 / LAMPS[1] as f64];
+            (0..scene.panes.len()).flat_map(move |pane| fold_places(scene, light, pane, lamp))
+        });
+        for place in places {
+            let low = (place - MARGIN).max(DVec2::ZERO);
+            let high = place + MARGIN;
+            for y in low.y as usize..=(high.y as usize).min(height - 1) {
+                for x in low.x as usize..=(high.x as usize).min(width - 1) {
+                    marked[y * width + x] = true;
                 }
             }
         }
@@ -40,8 +60,8 @@ pub fn fold_pixels(scene: &TracedScene) -> Vec<bool> {
     marked
 }
 
-/// Places in the picture where neighbouring cells of the face have opposite orientation.
-fn fold_places(scene: &TracedScene, light: &TracedLight, pane: usize) -> Vec<DVec2> {
+/// Places in the picture where neighbouring cells of the face have opposite orientation, under one place of the light.
+fn fold_places(scene: &TracedScene, light: &TracedLight, pane: usize, lamp: [f64; 2]) -> Vec<DVec2> {
     let vertices: Vec<Vec<Option<DVec2>>> = (0..=CELLS)
         .into_par_iter()
         .map(|j| {
@@ -49,7 +69,7 @@ fn fold_places(scene: &TracedScene, light: &TracedLight, pane: usize) -> Vec<DVe
             (0..=CELLS)
                 .map(|i| {
                     let face = [parameter(i), parameter(j)];
-                    photon(scene, light, pane, face, [0.0; 2], Fault::None).map(|splat| splat.position)
+                    photon(scene, light, pane, face, lamp, Fault::None).map(|splat| splat.position)
                 })
                 .collect()
         })

@@ -146,3 +146,37 @@ fn path_and_cone_are_unbiased_for_a_large_light() {
         check_against(&cone, 16, &reference, &faulty);
     }
 }
+
+#[test]
+fn sms_is_unbiased() {
+    check_with_power("flat", "point", "sms", 2);
+    check_with_power("flat", "sphere", "sms", 2);
+    check_with_power("flat", "sun", "sms", 2);
+    check_without_power("crown", "sphere", "sms", 2);
+    check_without_power("bump", "sun", "sms", 2);
+    check_without_power("cathedral", "near", "sms", 2);
+}
+
+#[test]
+fn mnee_is_unbiased_where_chance_finds_what_it_misses() {
+    check_without_power("crown", "near", "mnee", 24);
+}
+
+#[test]
+fn searches_that_are_cut_off_and_paths_that_are_dropped_leave_the_picture_dark() {
+    let lacking = |case, light, integrator, samples| {
+        let comparison = comparison(case, light, integrator);
+        let reference = comparison.reference(PHOTONS, Fault::None).expect("the reference ships");
+        let report = compare(&comparison.replicates(samples, 1).0, &reference, &comparison.folds());
+        println!("{}, which lacks light: {report}", comparison.name);
+        let brightest = report.mean_ratio.iter().copied().fold(0.0, f64::max);
+        assert!(!report.agrees() && brightest < 1.0, "{}: {report}", comparison.name);
+        brightest
+    };
+    for case in ["bump", "crown"] {
+        lacking(case, "sun", "mnee, dropped", 2);
+        let one = lacking(case, "sun", "sms, 1 walks", 2);
+        let four = lacking(case, "sun", "sms, 4 walks", 2);
+        assert!(one < four, "{case}: {one}, {four}");
+    }
+}

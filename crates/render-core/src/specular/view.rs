@@ -5,6 +5,8 @@
 //! to tell more. Laid side by side, the parts make one interval that rays are spaced over equally: a density which is
 //! known and positive wherever light can come from, however many panes there are.
 
+use std::collections::VecDeque;
+
 use glam::{DVec2, DVec3};
 
 use super::{
@@ -25,7 +27,7 @@ use crate::{
 pub(super) struct Effort {
     /// Rays, over all panes.
     pub(super) rays: u32,
-    /// Parts into which a window is cut, at the most.
+    /// Parts into which the windows of all panes are cut, about, at the most.
     pub(super) parts: usize,
 }
 
@@ -94,7 +96,7 @@ const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 impl<'a> View<'a> {
     /// The view of a light, which is empty for a point light.
     pub(super) fn new(scene: &'a Scene, point: &'a ShadingPoint, light: u32, effort: &Effort) -> Self {
-        let (mut openings, mut patches) = (Vec::new(), Vec::new());
+        let (mut openings, mut windows) = (Vec::new(), Vec::new());
         let source = &scene.lights()[light as usize];
         let candidates = if matches!(source.kind, LightKind::Point { .. }) {
             Vec::new()
@@ -109,15 +111,16 @@ impl<'a> View<'a> {
                 continue;
             }
             let Some(window) = Window::new(&side, origin, &light_bounds(source, &pane.frame)) else { continue };
-            let parts = window.parts(effort.parts, |landing, part| part.spread.cmple(landing.extent() * SETTLED).all());
-            let opening = openings.len();
-            let patch = |rect: Rect| {
-                let weight = rect.area() * solid_angle(&side, origin, rect.centre());
-                Patch { opening, rect, weight }
-            };
-            patches.extend(parts.into_iter().map(patch).filter(|patch| patch.weight > 0.0));
+            windows.push(window);
             openings.push(Opening { pane: index, side, origin });
         }
+        let patch = |(opening, rect): (usize, Rect)| {
+            let Opening { side, origin, .. } = &openings[opening];
+            let weight = rect.area() * solid_angle(side, *origin, rect.centre());
+            Patch { opening, rect, weight }
+        };
+        let patches: Vec<Patch> =
+            cut(&windows, effort.parts).into_iter().map(patch).filter(|patch| patch.weight > 0.0).collect();
         let total: f64 = patches.iter().map(|patch| patch.weight).sum();
         let stride = total / f64::from(effort.rays);
         Self { scene, point, light, openings, patches, rays: effort.rays, stride }
@@ -185,6 +188,34 @@ impl<'a> View<'a> {
         let arrival = Arrival { direction, weight: hit.radiance * through.transmittance / density };
         Some(Glimpse { arrival, density, through, exit, hit })
     }
+}
+
+/// Cuts windows into about `most` parts in all: by halves, the parts of all windows in turn, until each is settled or there
+/// are so many. Leaves out those from which no light can reach the source. Each part comes with the index of its window.
+fn cut(windows: &[Window<'_>], most: usize) -> Vec<(usize, Rect)> {
+    let capacity = most.max(windows.len());
+    let (mut open, mut done) = (VecDeque::with_capacity(capacity), Vec::with_capacity(capacity));
+    let keep = |index: usize, rect: &Rect, open: &mut VecDeque<_>, done: &mut Vec<_>| {
+        let window = &windows[index];
+        let Some(part) = window.part(rect) else { return };
+        if part.spread.cmple(window.landing().extent() * SETTLED).all() {
+            done.push((index, part.rect));
+        } else {
+            open.push_back((index, part.rect));
+        }
+    };
+    for (index, window) in windows.iter().enumerate() {
+        keep(index, window.rect(), &mut open, &mut done);
+    }
+    while open.len() + done.len() < most
+        && let Some((index, rect)) = open.pop_front()
+    {
+        for half in &rect.halves() {
+            keep(index, half, &mut open, &mut done);
+        }
+    }
+    done.extend(open);
+    done
 }
 
 impl Patch {

@@ -45,6 +45,9 @@ pub enum SourceBounds {
 /// Each round reads the slopes in the window of the round before; the fourth changes next to nothing.
 const ROUNDS: usize = 3;
 
+/// A round that leaves more than this part of the window's area is the last.
+const CONTRACTED: f64 = 0.8;
+
 /// Rectangles are grown by this part of the window's size and of the distance from the shading point, against the
 /// rounding of the interval arithmetic.
 const ROUNDING_MARGINS: [f64; 2] = [1e-9, 1e-13];
@@ -72,8 +75,13 @@ impl<'a> Window<'a> {
             let margin = (part.rect.max - part.rect.min).max_element() * of_size
                 + ends.near * of_distance * landing.tangent_rounding();
             // Behind flat glass the window is a point, which the next round would lose by rounding.
-            rect = part.rect.grown(margin);
+            let grown = part.rect.grown(margin);
+            let settled = round > 0 && grown.area() > CONTRACTED * rect.area();
+            rect = grown;
             last = Some((landing, margin));
+            if settled {
+                break;
+            }
         }
         let (landing, margin) = last?;
         Some(Self { origin, rect, landing, margin })
@@ -100,29 +108,6 @@ impl<'a> Window<'a> {
     fn with_margin(&self, whole: &Rect, Part { rect, spread }: Part) -> Option<Part> {
         let rect = rect.grown(self.margin).intersection(whole);
         (!rect.is_empty()).then_some(Part { rect, spread })
-    }
-
-    /// Cuts the window into at most about `most` parts, by halves, until each is `settled`, and leaves out those from which
-    /// no light can reach the source.
-    pub(super) fn parts(&self, most: usize, settled: impl Fn(&Landing<'a>, &Part) -> bool) -> Vec<Rect> {
-        let mut open = Vec::with_capacity(most);
-        let mut done = Vec::with_capacity(most);
-        let mut first = 0;
-        let keep = |rect: &Rect, open: &mut Vec<Rect>, done: &mut Vec<Rect>| {
-            if let Some(part) = self.part(rect) {
-                if settled(&self.landing, &part) { done.push(part.rect) } else { open.push(part.rect) }
-            }
-        };
-        keep(&self.rect, &mut open, &mut done);
-        while first < open.len() && open.len() - first + done.len() < most {
-            let halves = open[first].halves();
-            first += 1;
-            for half in &halves {
-                keep(half, &mut open, &mut done);
-            }
-        }
-        done.extend_from_slice(&open[first..]);
-        done
     }
 
     /// Where light from the window goes through the near face.
