@@ -93,7 +93,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
     for variant in &variants {
         session.begin(format!("{}, {SAMPLES} samples a pixel", variant.name));
         let description = bundle.description();
-        let integrator = variant.integrator(description.integrator.max_depth());
+        let integrator = variant.integrator(&description.integrator);
         let changed = changed(&bundle, integrator, SEED, description.sampling);
         let changed = changed.map_err(|source| FOUR_PANES.failure(source))?;
         let snapshot = measure::samples(session, &changed, SAMPLES)?;
