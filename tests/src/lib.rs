@@ -16,6 +16,7 @@
 //! - [`pane_scene`]: small scenes for tests of laws;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
 //! - [`slab`]: the faces of a slab whose caustic has no folds;
+//! - [`pool`]: water whose caustic folds;
 //! - [`folds`]: where the caustic of a point light is singular;
 //! - [`sun_scene`]: scenes whose sun is made larger or smaller, and references of them.
 
@@ -35,6 +36,7 @@ pub mod malformed_partials;
 pub mod malformed_scenes;
 pub mod methods;
 pub mod pane_scene;
+pub mod pool;
 pub mod random;
 pub mod reference;
 pub mod rendering;

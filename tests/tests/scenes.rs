@@ -3,16 +3,23 @@
 use std::path::{Path, PathBuf};
 
 use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Leaving, Pane};
 use clerestory_render_core::optics::Source;
-use clerestory_render_core::scene::description::{FneeSolver, LightDescription, SamplingDescription, SceneDescription};
+use clerestory_render_core::scene::description::{
+    FneeSolver, IntegratorDescription, LightDescription, ManifoldConstraint, ManifoldEstimator, PaneSelection,
+    SamplingDescription, SceneDescription,
+};
 use clerestory_render_core::scene::{self, Scene, SceneBundle};
 use clerestory_render_core::specular::fnee::PathSearch;
 use clerestory_render_core::specular::side::PaneSide;
+use clerestory_render_core::specular::{ShadingPoint, SpecularEvent, SpecularMethod, scope::Scope, sms::Sms};
 use clerestory_tests::bias::compare;
+use clerestory_tests::estimate::{Estimate, check_agreement};
 use clerestory_tests::forward_tracer::{Exit, Fault, LightSample, Side, Tracing, trace};
+use clerestory_tests::pool::{Caustic, EDGE, Water};
 use clerestory_tests::reference::{Image, Reference};
-use clerestory_tests::rendering::Rendering;
+use clerestory_tests::rendering::{Rendering, block_means};
 use clerestory_tests::slab::{SlabFace, smallest_spread};
 use clerestory_tests::traced_scene::{TracedLight, TracedScene, read_height_map};
 use glam::{DVec2, DVec3};
@@ -134,6 +141,129 @@ mod slab {
     #[test]
     fn its_light_is_that_of_forward_tracing() {
         check_against_forward_tracing("slab.json", &["cone", "fnee"], 32, 4);
+    }
+}
+
+mod pool {
+    use super::*;
+
+    /// Seed of the waves.
+    const SEED: u64 = 1;
+
+    /// Parts of the picture along an edge.
+    const BLOCKS: usize = 4;
+
+    /// The same pool with another light.
+    fn lit_by(light: LightDescription) -> SceneBundle {
+        let bundle = bundle("pool.json");
+        let description = SceneDescription { lights: vec![light], ..bundle.description().clone() };
+        bundle.with_description(description).expect("a valid light")
+    }
+
+    /// The scene as an integrator renders it in 16 by 16 pixels.
+    fn small(bundle: &SceneBundle, integrator: IntegratorDescription) -> Scene {
+        let description = SceneDescription { integrator, ..bundle.description().clone() };
+        let description = description.with_size(16, 16).expect("a valid size");
+        Scene::build(&bundle.clone().with_description(description).expect("a valid change")).expect("a scene")
+    }
+
+    #[test]
+    fn its_water_is_waves_of_30_to_70_centimetres() {
+        let file = folder().join("pool/water.ply");
+        let computed = Water::new(SEED).ply();
+        if std::env::var_os("UPDATE_SCENES").is_some() {
+            std::fs::write(&file, &computed).expect("a file that can be written");
+        }
+        let stored = std::fs::read(&file).expect("the scene ships");
+        assert!(stored == computed, "pool/water.ply is out of date; write it with UPDATE_SCENES=1");
+        assert!(stored.len() < 300_000, "{}", stored.len());
+    }
+
+    #[test]
+    fn its_caustic_folds_where_the_waves_of_its_mesh_do() {
+        let LightDescription::Disk { name, centre: position, .. } = bundle("pool.json").description().lights[0].clone()
+        else {
+            panic!("a disk")
+        };
+        let bundle = lit_by(LightDescription::Point { name, position, intensity: [1.0; 3] });
+        let scene = Scene::build(&bundle).expect("the scene can be built");
+        let sms = Sms {
+            constraint: ManifoldConstraint::AngleDifference,
+            estimator: ManifoldEstimator::Biased { trials: 500 },
+            selection: PaneSelection::All,
+            scope: Scope::new(&scene, &["T".to_owned()], None, None),
+        };
+        let caustic = Caustic::new(&Water::new(SEED), position.into(), 250);
+        let (mut folded, mut same, mut points) = (0, 0, 0);
+        for (pixel, place) in (0..).zip(seen(&scene, 16)) {
+            let point = ShadingPoint { position: place, normal: DVec3::Z, leaving: Leaving::Triangle(0), bounces: 0 };
+            let mut stream = SampleStream::new(&SamplerSettings { seed: 1, samples_per_block: 1 }, 0, [pixel, 0], 0);
+            let mut paths = 0;
+            let events = [SpecularEvent::Transmission];
+            sms.gather(&scene, &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| paths += 1);
+            let rays = caustic.rays(place.truncate());
+            assert!(rays % 2 == 1, "{place}: {rays} rays");
+            points += 1;
+            folded += u32::from(rays > 1);
+            same += u32::from(paths == rays);
+        }
+        println!(
+            "{folded} of {points} points are lit more than once; at {same} the mesh throws as many paths as its waves"
+        );
+        assert!(points == 256 && folded * 100 > points * 8 && folded * 100 < points * 25, "{folded} of {points}");
+        // Between the vertices the mesh is not quite its waves, which matters where the light is about to fold.
+        assert!(same * 100 > points * 95, "{same} of {points}");
+    }
+
+    /// The picture's red, in parts, by light that is traced from places all over the lamp through places all over the waves.
+    fn traced_forward(bundle: &SceneBundle) -> Vec<Estimate> {
+        /// Rays along an edge of the surface.
+        const RAYS: u32 = 700;
+        let LightDescription::Disk { centre, normal, radius, radiance, .. } = bundle.description().lights[0] else {
+            panic!("a disk")
+        };
+        let (centre, normal) = (DVec3::from(centre), DVec3::from(normal).normalize());
+        let (across, along) = normal.any_orthonormal_pair();
+        let intensity = std::f64::consts::PI * radius * radius * radiance[0];
+        let water = Water::new(SEED);
+        let piece = EDGE / f64::from(RAYS);
+        let mut expected = [0.0; BLOCKS * BLOCKS];
+        for k in 0..RAYS * RAYS {
+            // Points that fill the unit square evenly (Roberts' sequence), mapped onto the disk.
+            let even = DVec2::new(0.754_877_666_246_692_8, 0.569_840_290_998_053_2) * f64::from(k);
+            let (distance, turn) = (radius * even.x.fract().sqrt(), std::f64::consts::TAU * even.y.fract());
+            let lamp = centre + (across * turn.cos() + along * turn.sin()) * distance;
+            let place = (DVec2::new(f64::from(k % RAYS), f64::from(k / RAYS)) + 0.5) * piece - 0.5 * EDGE;
+            let from_lamp = place.extend(water.surface(place).0) - lamp;
+            let landing = water.landing(place, lamp);
+            // 1.6 m of the floor, of reflectance 0.6.
+            let block = (landing.place * DVec2::new(1.0, -1.0) / 1.6 + 0.5) * BLOCKS as f64;
+            if block.min_element() >= 0.0 && block.max_element() < BLOCKS as f64 {
+                let towards = normal.dot(from_lamp.normalize());
+                let flux = intensity * towards / from_lamp.length_squared() * landing.weight * piece * piece;
+                let area = (1.6 / BLOCKS as f64).powi(2);
+                expected[block.y as usize * BLOCKS + block.x as usize] += flux / area * 0.6 / std::f64::consts::PI;
+            }
+        }
+        expected.map(Estimate::exact).to_vec()
+    }
+
+    #[test]
+    fn its_light_is_that_of_its_waves_traced_forward() {
+        let bundle = bundle("pool.json");
+        let sms = small(&bundle, bundle.description().integrator.clone());
+        // Unbiased estimates of paths that few seeds find are noisy.
+        check_agreement("sms", &block_means(&sms, 60, BLOCKS), &traced_forward(&bundle), 0.2);
+    }
+
+    #[test]
+    fn the_path_tracer_finds_as_much_of_a_large_lamp() {
+        let mut light = bundle("pool.json").description().lights[0].clone();
+        let LightDescription::Disk { radius, radiance, .. } = &mut light else { panic!("a disk") };
+        (*radius, *radiance) = (1.0, [100.0; 3]);
+        let bundle = lit_by(light);
+        let chance = small(&bundle, IntegratorDescription::Path { max_depth: 16 });
+        check_agreement("path", &block_means(&chance, 1000, BLOCKS), &traced_forward(&bundle), 0.05);
     }
 }
 

@@ -164,7 +164,7 @@ impl Comparison {
             for seed in 1..=u64::from(session.settings.seeds) {
                 session.begin(format!("{}, {}, seed {seed}", case.scene, variant.name));
                 let description = case.bundle.description();
-                let integrator = variant.integrator(description.integrator.max_depth());
+                let integrator = variant.integrator(&description.integrator);
                 let bundle = changed(case.bundle, integrator, seed, description.sampling)
                     .map_err(|source| Failure::scene(case.scene.as_ref(), source))?;
                 let snapshots = measure::until(session, &bundle, &times, &case.reference.asset)?;
@@ -192,7 +192,7 @@ impl Comparison {
         [Table::new("summary", caption, &SUMMARY_COLUMNS, &self.summaries), measurements]
     }
 
-    /// Error against time in a region of a scene: a curve for each variant.
+    /// Error against time in a region of a scene: a curve for each variant that was rendered there.
     pub(super) fn error_against_time(&self, scene: &str, region: &str, variants: &[Variant]) -> Figure {
         let of = |variant: &Variant| {
             let rows = self.summaries.iter().filter(|row| row.scene == scene && row.region == region);
@@ -205,6 +205,7 @@ impl Comparison {
             points: of(variant),
             colour,
         });
+        let curves = curves.filter(|curve| !curve.points.is_empty());
         let title = format!("{scene}: {region}");
         Figure { title, axes: ["render time, s", "mean squared error"], curves: curves.collect() }
     }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clerestory_render_core::film::{FrameImage, ImageLayers};
 use clerestory_render_core::scene::description::{LightDescription, SamplingDescription};
-use clerestory_render_core::scene::{Asset, SceneBundle};
+use clerestory_render_core::scene::{Asset, SceneBundle, SceneDescription};
 use serde::Serialize;
 
 use super::measure::{self, Snapshot};
@@ -54,14 +54,11 @@ pub(super) struct ReferenceRecord {
     scene_hash: String,
 }
 
-/// The reference of a scene: from the folder if it has been rendered before. It is made by forward sampling, or by `fnee`
-/// where there is a point light, which forward sampling never meets.
+/// The reference of a scene: from the folder if it has been rendered before.
 pub(super) fn reference(session: &mut Session, name: &str, bundle: &SceneBundle) -> Result<Reference, Failure> {
     let samples = session.settings.reference_samples;
-    let is_point = |light: &LightDescription| matches!(light, LightDescription::Point { .. });
-    let has_point = bundle.description().lights.iter().any(is_point);
-    let method = if has_point { Variant::fnee() } else { Variant::cone() };
-    let integrator = method.integrator(bundle.description().integrator.max_depth());
+    let method = method(bundle.description());
+    let integrator = method.integrator(&bundle.description().integrator);
     let changed = changed(bundle, integrator, SEED, sampling(samples));
     let bundle = changed.map_err(|source| Failure::scene(name.as_ref(), source))?;
     let scene_hash = bundle.scene_hash().to_string();
@@ -93,6 +90,24 @@ pub(super) fn reference(session: &mut Session, name: &str, bundle: &SceneBundle)
     };
     let asset = Asset::new(bare(&image)?.encode().map_err(|error| Failure::BadImage(error.into()))?);
     Ok(Reference { image, asset, record })
+}
+
+/// The method without bias that is the least noisy: forward sampling, or `fnee` where there is a point light, which forward
+/// sampling never meets. Both know panes only.
+///
+/// Where there are none, light comes by way of smooth meshes. Of the three methods without bias that find such light, `sms`
+/// alone finds every path in each sample with a probability that does not shrink with the light: `mnee` and `path` leave
+/// some paths or all to chance, which meets a small light so rarely that a picture lacks them, and its standard error does
+/// not tell.
+fn method(scene: &SceneDescription) -> Variant {
+    let is_point = |light: &LightDescription| matches!(light, LightDescription::Point { .. });
+    if scene.panes.is_empty() {
+        Variant::sms()
+    } else if scene.lights.iter().any(is_point) {
+        Variant::fnee()
+    } else {
+        Variant::cone()
+    }
 }
 
 /// What is needed of an image to measure errors against it.
@@ -138,7 +153,15 @@ fn sampling(samples: u32) -> SamplingDescription {
 
 #[cfg(test)]
 mod tests {
+    use super::super::scenes::{FOUR_PANES, FOUR_PANES_POINT, POOL};
     use super::*;
+
+    #[test]
+    fn references_are_made_by_methods_that_find_all_light_of_the_scene() {
+        for (file, expected) in [(FOUR_PANES, "cone"), (FOUR_PANES_POINT, "fnee"), (POOL, "sms unbiased")] {
+            assert_eq!(method(file.bundle([8, 8]).unwrap().description()).name, expected);
+        }
+    }
 
     #[test]
     fn references_have_blocks_enough_for_a_standard_error() {

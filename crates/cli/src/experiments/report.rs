@@ -62,6 +62,7 @@ impl Report {
             "name": name,
             "description": bundle.description().name,
             "hash": bundle.scene_hash().to_string(),
+            "integrator": bundle.description().integrator,
             "width": film.width,
             "height": film.height,
         }));

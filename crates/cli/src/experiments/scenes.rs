@@ -37,6 +37,9 @@ pub(super) const FOUR_PANES_POINT: EmbeddedScene = embedded!("four-panes-point")
 /// A slab without folds, for comparison with the authors of specular manifold sampling.
 pub(super) const SLAB: EmbeddedScene = embedded!("slab", "slab/front.exr", "slab/back.exr");
 
+/// A pool whose water throws caustics, in the manner of the authors of specular manifold sampling.
+pub(super) const POOL: EmbeddedScene = embedded!("pool", "pool/water.ply");
+
 /// A nave with 4 panes.
 pub(super) const NAVE_4: EmbeddedScene = embedded!("nave/nave-4");
 

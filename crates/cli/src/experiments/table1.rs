@@ -104,7 +104,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
         session.begin(format!("{solver}, {SAMPLES} samples a pixel"));
         let bundle = with_crossing(&bundle, *crossing)?;
         let description = bundle.description();
-        let integrator = variant.integrator(description.integrator.max_depth());
+        let integrator = variant.integrator(&description.integrator);
         let changed = changed(&bundle, integrator, SEED, description.sampling);
         let changed = changed.map_err(|source| FOUR_PANES.failure(source))?;
         let snapshot = measure::samples(session, &changed, SAMPLES)?;

@@ -11,7 +11,8 @@ const PAPER_TRIALS: u32 = 1000;
 /// Largest number of trials of unbiased `sms`, as in the scenes of its authors.
 const MANIFOLD_TRIALS: u32 = 10_000_000;
 
-/// An integrator with settings. Its `max_depth` is replaced by the scene's.
+/// An integrator with settings. Its `max_depth` is replaced by the scene's, and its `chains` are by those that the scene's
+/// own integrator names: which chains there are to be found is a property of the scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Variant {
     /// What figures and files call it.
@@ -104,15 +105,22 @@ impl Variant {
         )
     }
 
-    /// The integrator for a scene.
-    pub(super) fn integrator(&self, depth: u32) -> IntegratorDescription {
+    /// The integrator for a scene, whose own integrator is `scenes`.
+    pub(super) fn integrator(&self, scenes: &IntegratorDescription) -> IntegratorDescription {
         let mut integrator = self.integrator.clone();
+        if let (
+            IntegratorDescription::Sms { chains, .. } | IntegratorDescription::Mnee { chains, .. },
+            IntegratorDescription::Sms { chains: named, .. } | IntegratorDescription::Mnee { chains: named, .. },
+        ) = (&mut integrator, scenes)
+        {
+            chains.clone_from(named);
+        }
         match &mut integrator {
             IntegratorDescription::Path { max_depth }
             | IntegratorDescription::Cone { max_depth }
             | IntegratorDescription::Fnee { max_depth, .. }
             | IntegratorDescription::Sms { max_depth, .. }
-            | IntegratorDescription::Mnee { max_depth, .. } => *max_depth = depth,
+            | IntegratorDescription::Mnee { max_depth, .. } => *max_depth = scenes.max_depth(),
         }
         integrator
     }
@@ -146,8 +154,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn variants_take_the_depth_of_the_scene_and_names_that_files_can_have() {
-        assert_eq!(Variant::sms().integrator(7).max_depth(), 7);
+    fn variants_take_depth_and_chains_of_the_scene_and_names_that_files_can_have() {
+        let deep = IntegratorDescription::Path { max_depth: 7 };
+        assert_eq!(Variant::sms().integrator(&deep).max_depth(), 7);
+        let chains = |variant: Variant, scenes: &IntegratorDescription| match variant.integrator(scenes) {
+            IntegratorDescription::Sms { chains, .. } | IntegratorDescription::Mnee { chains, .. } => chains,
+            other => panic!("{other:?} has no chains"),
+        };
+        let pool = super::super::scenes::POOL.bundle([8, 8]).unwrap();
+        for variant in [Variant::sms(), Variant::sms_biased(4), Variant::mnee()] {
+            assert_eq!(chains(variant.clone(), &deep), ["TT"], "panes, where the scene names none");
+            assert_eq!(chains(variant, &pool.description().integrator), ["T"]);
+        }
         assert_eq!(file_name(&Variant::sms_biased_sharp(16).name), "sms-biased-m-16-sharp");
         assert_eq!(file_name("N_max = 100, complete"), "n-max-100-complete");
     }
