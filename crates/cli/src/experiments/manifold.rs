@@ -47,7 +47,9 @@ const SETTINGS: [Setting; 2] = [
 
 /// The methods on manifolds.
 fn manifold_variants() -> Vec<Variant> {
-    vec![Variant::sms_biased(1), Variant::sms_biased(4), Variant::sms_biased(16), Variant::sms(), Variant::mnee()]
+    let biased = [1, 4, 16].map(Variant::sms_biased);
+    let others = [Variant::sms(), Variant::mnee(), Variant::mnee_dropped()];
+    biased.into_iter().chain(others).collect()
 }
 
 impl Setting {

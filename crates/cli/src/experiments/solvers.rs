@@ -38,6 +38,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
         Variant::sms_sharp(),
         Variant::sms_biased_sharp(4),
         Variant::mnee(),
+        Variant::mnee_dropped(),
         Variant::cone(),
         Variant::path(),
     ];

@@ -91,17 +91,21 @@ impl Variant {
         Self::new(&format!("sms biased M = {trials} sharp"), sms(estimator, PaneSelection::Sharp))
     }
 
-    /// Manifold next event estimation.
+    /// Manifold next event estimation; chance finds what its walk misses.
     pub(super) fn mnee() -> Self {
+        Self::mnee_with("mnee", MissedPaths::LeftToChance)
+    }
+
+    /// Manifold next event estimation that drops what its walk misses.
+    pub(super) fn mnee_dropped() -> Self {
+        Self::mnee_with("mnee biased", MissedPaths::Dropped)
+    }
+
+    fn mnee_with(name: &str, missed: MissedPaths) -> Self {
+        let (casters, receivers) = (None, None);
         Self::new(
-            "mnee",
-            IntegratorDescription::Mnee {
-                max_depth: DEPTH,
-                missed: MissedPaths::LeftToChance,
-                chains: through_panes(),
-                casters: None,
-                receivers: None,
-            },
+            name,
+            IntegratorDescription::Mnee { max_depth: DEPTH, missed, chains: through_panes(), casters, receivers },
         )
     }
 
