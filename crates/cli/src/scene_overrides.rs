@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use clerestory_render_core::scene::description::{
-    FilmDescription, FneeSolver, IntegratorDescription, PaneSelection, SceneDescription,
+    FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, PaneSelection,
+    SceneDescription,
 };
 use clerestory_render_core::scene::{self, SceneBundle};
 
@@ -36,12 +37,22 @@ pub(crate) struct SceneOverrides {
     /// How the integrator fnee searches for paths.
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) solver: Option<SolverName>,
-    /// Which panes the integrator fnee searches.
+    /// Which panes the integrators fnee and sms search.
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) selection: Option<SelectionName>,
-    /// Trials after which the integrator fnee cuts off an estimate of an inverse probability.
+    /// Trials after which the integrators fnee and sms cut off an estimate of an inverse probability.
     #[arg(long, value_name = "N")]
     pub(crate) max_trials: Option<u32>,
+    /// Sum the distinct paths that so many walks of the integrator sms find, instead of an estimate without bias.
+    #[arg(long, value_name = "N", conflicts_with = "max_trials")]
+    pub(crate) walks: Option<u32>,
+    /// What a vertex of the integrator sms has to obey.
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub(crate) constraint: Option<ConstraintName>,
+    /// Chains of refractions (T) and reflections (R) from a surface to a light that the integrators sms and mnee look for,
+    /// such as T,TT.
+    #[arg(long, value_name = "CHAINS", value_delimiter = ',')]
+    pub(crate) chains: Vec<String>,
     /// Seed of the random numbers.
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
@@ -74,7 +85,7 @@ pub(crate) enum SolverName {
     Published,
 }
 
-/// Names of the selections of panes that `fnee` searches.
+/// Names of the selections of panes that `fnee` and `sms` search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SelectionName {
     /// Every pane.
@@ -83,6 +94,15 @@ pub(crate) enum SelectionName {
     Sharp,
     /// One pane at random whenever something blocks the straight line.
     Bleed,
+}
+
+/// Names of the constraints of manifold walks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ConstraintName {
+    /// The outgoing direction is that of the refracted or mirrored ray.
+    AngleDifference,
+    /// The half vector is the normal.
+    HalfVector,
 }
 
 /// Width and height in pixels, written `640x480`.
@@ -136,7 +156,7 @@ impl SceneOverrides {
         if let Some(name) = self.integrator {
             description = description.with_integrator_named(name.name()).expect("every name is that of an integrator");
         }
-        self.apply_to_fnee(&mut description.integrator)?;
+        self.apply_to_integrator(&mut description.integrator)?;
         if let Some(seed) = self.seed {
             description.seed = seed;
         }
@@ -146,26 +166,51 @@ impl SceneOverrides {
         Ok(description)
     }
 
-    /// Changes the settings that only `fnee` has.
-    fn apply_to_fnee(&self, integrator: &mut IntegratorDescription) -> Result<(), Failure> {
-        if let IntegratorDescription::Fnee { solver, selection, max_trials, .. } = integrator {
-            *solver = self.solver.map_or(*solver, SolverName::setting);
-            *selection = self.selection.map_or(*selection, SelectionName::setting);
-            *max_trials = self.max_trials.unwrap_or(*max_trials);
-            return Ok(());
+    /// Changes the settings of the integrator.
+    fn apply_to_integrator(&self, integrator: &mut IntegratorDescription) -> Result<(), Failure> {
+        use IntegratorDescription::{Fnee, Mnee, Sms};
+        let unsuited = |option: &str, suited: &str, integrator: &IntegratorDescription| {
+            let name = integrator.name();
+            Err(Failure::Usage(format!("{option} is for {suited}, and the image is made by the integrator {name}")))
+        };
+        if let Some(name) = self.solver {
+            match integrator {
+                Fnee { solver, .. } => *solver = name.setting(),
+                other => return unsuited("--solver", "the integrator fnee", other),
+            }
         }
-        let given = [
-            ("--solver", self.solver.is_some()),
-            ("--selection", self.selection.is_some()),
-            ("--max-trials", self.max_trials.is_some()),
-        ];
-        match given.into_iter().find(|(_, is_given)| *is_given) {
-            None => Ok(()),
-            Some((option, _)) => Err(Failure::Usage(format!(
-                "{option} is for the integrator fnee, and the image is made by {}: expected --integrator fnee beside it",
-                integrator.name()
-            ))),
+        if let Some(name) = self.selection {
+            match integrator {
+                Fnee { selection, .. } | Sms { selection, .. } => *selection = name.setting(),
+                other => return unsuited("--selection", "the integrators fnee and sms", other),
+            }
         }
+        if let Some(most) = self.max_trials {
+            match integrator {
+                Fnee { max_trials, .. } => *max_trials = most,
+                Sms { estimator, .. } => *estimator = ManifoldEstimator::Unbiased { max_trials: most },
+                other => return unsuited("--max-trials", "the integrators fnee and sms", other),
+            }
+        }
+        if let Some(trials) = self.walks {
+            match integrator {
+                Sms { estimator, .. } => *estimator = ManifoldEstimator::Biased { trials },
+                other => return unsuited("--walks", "the integrator sms", other),
+            }
+        }
+        if let Some(name) = self.constraint {
+            match integrator {
+                Sms { constraint, .. } => *constraint = name.setting(),
+                other => return unsuited("--constraint", "the integrator sms", other),
+            }
+        }
+        if !self.chains.is_empty() {
+            match integrator {
+                Sms { chains, .. } | Mnee { chains, .. } => chains.clone_from(&self.chains),
+                other => return unsuited("--chains", "the integrators sms and mnee", other),
+            }
+        }
+        Ok(())
     }
 }
 
@@ -184,6 +229,15 @@ impl SelectionName {
             Self::All => PaneSelection::All,
             Self::Sharp => PaneSelection::Sharp,
             Self::Bleed => PaneSelection::Bleed,
+        }
+    }
+}
+
+impl ConstraintName {
+    fn setting(self) -> ManifoldConstraint {
+        match self {
+            Self::AngleDifference => ManifoldConstraint::AngleDifference,
+            Self::HalfVector => ManifoldConstraint::HalfVector,
         }
     }
 }
@@ -234,27 +288,37 @@ mod tests {
     }
 
     #[test]
-    fn settings_of_fnee_change_what_is_named_and_are_an_error_elsewhere() {
-        let overrides =
-            SceneOverrides { solver: Some(SolverName::Published), max_trials: Some(50), ..SceneOverrides::default() };
-        let mut integrator = IntegratorDescription::Fnee {
-            max_depth: 7,
-            solver: FneeSolver::Complete,
-            selection: PaneSelection::Sharp,
-            max_trials: 9,
-            reflected: false,
+    fn settings_change_what_is_named_and_are_an_error_with_other_integrators() {
+        let scene = include_bytes!("../../../scenes/references/flat-point.json");
+        let description = SceneDescription::parse(scene).unwrap();
+        let none = SceneOverrides::default();
+        let integrator = |overrides: SceneOverrides, name| {
+            let overrides = SceneOverrides { integrator: Some(name), ..overrides };
+            Ok::<_, Failure>(serde_json::to_value(overrides.apply(description.clone())?.integrator).unwrap())
         };
-        overrides.apply_to_fnee(&mut integrator).unwrap();
-        let expected = IntegratorDescription::Fnee {
-            max_depth: 7,
-            solver: FneeSolver::Published,
-            selection: PaneSelection::Sharp,
-            max_trials: 50,
-            reflected: false,
+        let fnee = SceneOverrides { solver: Some(SolverName::Published), max_trials: Some(50), ..none.clone() };
+        let changed = integrator(fnee.clone(), IntegratorName::Fnee).unwrap();
+        assert_eq!((&changed["fnee"]["solver"], &changed["fnee"]["max_trials"]), (&"published".into(), &50.into()));
+        let sms = SceneOverrides {
+            selection: Some(SelectionName::Sharp),
+            walks: Some(4),
+            constraint: Some(ConstraintName::HalfVector),
+            chains: vec!["T".into(), "TT".into()],
+            ..none.clone()
         };
-        assert_eq!(integrator, expected);
-        let message =
-            overrides.apply_to_fnee(&mut IntegratorDescription::Cone { max_depth: 7 }).unwrap_err().to_string();
-        assert!(message.contains("--solver") && message.contains("cone"), "{message}");
+        let changed = integrator(sms.clone(), IntegratorName::Sms).unwrap();
+        let expected = serde_json::json!({"sms": {"max_depth": changed["sms"]["max_depth"], "constraint": "half_vector",
+            "estimator": {"biased": {"trials": 4}}, "selection": "sharp", "chains": ["T", "TT"]}});
+        assert_eq!(changed, expected);
+        let chains = SceneOverrides { chains: vec!["TTTT".into()], ..none };
+        assert_eq!(integrator(chains.clone(), IntegratorName::Mnee).unwrap()["mnee"]["chains"][0], "TTTT");
+        for (overrides, name, option) in [
+            (fnee, IntegratorName::Sms, "--solver"),
+            (sms, IntegratorName::Mnee, "--selection"),
+            (chains, IntegratorName::Cone, "--chains"),
+        ] {
+            let message = integrator(overrides, name).unwrap_err().to_string();
+            assert!(message.contains(option) && message.contains(name.name()), "{message}");
+        }
     }
 }
