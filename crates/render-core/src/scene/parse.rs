@@ -40,6 +40,14 @@ impl SceneDescription {
     /// When no integrator has that name.
     pub fn with_integrator_named(self, name: &str) -> Result<Self, SceneError> {
         let max_depth = self.integrator.max_depth();
+        // Where light comes from is a property of the scene, whichever of both methods looks for it.
+        let (chains, casters, receivers) = match &self.integrator {
+            IntegratorDescription::Sms { chains, casters, receivers, .. }
+            | IntegratorDescription::Mnee { chains, casters, receivers, .. } => {
+                (chains.clone(), casters.clone(), receivers.clone())
+            }
+            _ => (default_chains(), None, None),
+        };
         let integrator = match name {
             "path" => IntegratorDescription::Path { max_depth },
             "cone" => IntegratorDescription::Cone { max_depth },
@@ -60,9 +68,9 @@ impl SceneDescription {
                     constraint: ManifoldConstraint::default(),
                     estimator: ManifoldEstimator::default(),
                     selection: PaneSelection::default(),
-                    chains: default_chains(),
-                    casters: None,
-                    receivers: None,
+                    chains,
+                    casters,
+                    receivers,
                 },
             },
             "mnee" => match self.integrator {
@@ -70,9 +78,9 @@ impl SceneDescription {
                 _ => IntegratorDescription::Mnee {
                     max_depth,
                     missed: MissedPaths::default(),
-                    chains: default_chains(),
-                    casters: None,
-                    receivers: None,
+                    chains,
+                    casters,
+                    receivers,
                 },
             },
             other => {

@@ -104,6 +104,18 @@ impl SeenCaster {
         }
     }
 
+    /// The nearest point at which a chain can go through a pane, to one of its near face's plane that is beside it or so near
+    /// to its border that what enters there leaves by the edge; `None` where there is no other.
+    pub(super) fn brought_within(&self, scene: &Scene, target: DVec3) -> Option<DVec3> {
+        let Self::Face { pane, .. } = *self else { return None };
+        let pane = &scene.panes()[pane as usize];
+        let outline = pane.outline();
+        let margin = glam::DVec2::splat(pane.thickness).min(0.25 * pane.size);
+        let local = pane.frame.point_to_local(target);
+        let within = local.truncate().clamp(outline.min + margin, outline.max - margin);
+        (within != local.truncate()).then(|| pane.frame.point_to_world(within.extend(local.z)))
+    }
+
     /// Whether a surface that a ray has met belongs to it.
     pub(super) fn holds(&self, scene: &Scene, surface: &Surface) -> bool {
         match (self, surface) {

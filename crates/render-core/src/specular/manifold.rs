@@ -3,7 +3,9 @@
 //!
 //! A step moves the first vertex along its tangent plane; a ray from the shading point through where it lands is traced
 //! through the scene and gives the next iterate. Where that ray does not meet surfaces on which the same things can happen,
-//! the step is halved. So whatever stands in the way of the ray stands in the way of the walk as well.
+//! the step is halved. So whatever stands in the way of the ray stands in the way of the walk as well. A step that leaves a
+//! pane's outline ends at its border instead: halving it would end in a corner, or where the direction of steepest descent
+//! points outwards, however far the path is along the border.
 //!
 //! Lengths below which the authors' code gives up are absolute and exceed the thickness of a window pane; all lengths here
 //! are relative to the shortest segment of the path.
@@ -74,7 +76,7 @@ impl ManifoldWalk<'_> {
     /// Walks from the chain that light takes from the shading point in the direction of `target`.
     pub(super) fn walk_towards(&self, target: DVec3, counters: &mut Counters) -> Option<SolvedChain> {
         counters.solver_calls += 1;
-        let seed = self.linearised(self.trace(target, counters)?)?;
+        let seed = self.linearised(self.trace_within(target, counters)?)?;
         self.walk(seed, counters)
     }
 
@@ -96,7 +98,7 @@ impl ManifoldWalk<'_> {
             if current.error <= THRESHOLD {
                 return self.polished(current, counters);
             }
-            if let Some(next) = self.trace(current.target(fraction), counters) {
+            if let Some(next) = self.trace_within(current.target(fraction), counters) {
                 current = self.linearised(next)?;
                 fraction = f64::min(1.0, 2.0 * fraction);
             } else {
@@ -121,6 +123,11 @@ impl ManifoldWalk<'_> {
             current = self.linearised(self.trace(current.target(1.0), counters)?)?;
         }
         None
+    }
+
+    /// As [`Self::trace`]; a target beside a pane's outline is brought onto the pane where nothing else is met.
+    fn trace_within(&self, target: DVec3, counters: &mut Counters) -> Option<Chain> {
+        self.trace(target, counters).or_else(|| self.trace(self.caster.brought_within(self.scene, target)?, counters))
     }
 
     fn trace(&self, target: DVec3, counters: &mut Counters) -> Option<Chain> {
