@@ -12,9 +12,12 @@ use rayon::prelude::*;
 use crate::forward_tracer::{Fault, photon};
 use crate::traced_scene::{TracedLight, TracedScene};
 
-/// Cells of the face along each axis. The profiles have at most 256 coefficients along an axis, so that a cell is a
-/// quarter of the finest detail.
+/// Cells of the face along each axis under a point light. The profiles have at most 256 coefficients along an axis, so that a
+/// cell is a quarter of the finest detail.
 const CELLS: usize = 1024;
+
+/// Cells of the face along each axis under each place of a light with an extent, whose folds lie side by side.
+const FEWER_CELLS: usize = 256;
 
 /// How far a fold reaches into the pixels around it.
 const MARGIN: f64 = 1.0;
@@ -38,14 +41,14 @@ pub fn fold_pixels(scene: &TracedScene, folds: Folds) -> Vec<bool> {
     let mut marked = vec![false; width * height];
     for light in &scene.lights {
         let is_point = matches!(light, TracedLight::Point { .. });
-        let lamps = match folds {
-            _ if is_point => 1,
-            Folds::OfPoints => 0,
-            Folds::OfAllLights => LAMPS[0] * LAMPS[1],
+        let (lamps, cells) = match folds {
+            _ if is_point => (1, CELLS),
+            Folds::OfPoints => (0, CELLS),
+            Folds::OfAllLights => (LAMPS[0] * LAMPS[1], FEWER_CELLS),
         };
         let places = (0..lamps).flat_map(|lamp| {
             let lamp = [(lamp % LAMPS[0]) as f64 / (LAMPS[0] - 1) as f64, (lamp / LAMPS[0]) as f64 / LAMPS[1] as f64];
-            (0..scene.panes.len()).flat_map(move |pane| fold_places(scene, light, pane, lamp))
+            (0..scene.panes.len()).flat_map(move |pane| fold_places(scene, light, pane, lamp, cells))
         });
         for place in places {
             let low = (place - MARGIN).max(DVec2::ZERO);
@@ -61,12 +64,12 @@ pub fn fold_pixels(scene: &TracedScene, folds: Folds) -> Vec<bool> {
 }
 
 /// Places in the picture where neighbouring cells of the face have opposite orientation, under one place of the light.
-fn fold_places(scene: &TracedScene, light: &TracedLight, pane: usize, lamp: [f64; 2]) -> Vec<DVec2> {
-    let vertices: Vec<Vec<Option<DVec2>>> = (0..=CELLS)
+fn fold_places(scene: &TracedScene, light: &TracedLight, pane: usize, lamp: [f64; 2], cells: usize) -> Vec<DVec2> {
+    let vertices: Vec<Vec<Option<DVec2>>> = (0..=cells)
         .into_par_iter()
         .map(|j| {
-            let parameter = |k: usize| k as f64 / CELLS as f64;
-            (0..=CELLS)
+            let parameter = |k: usize| k as f64 / cells as f64;
+            (0..=cells)
                 .map(|i| {
                     let face = [parameter(i), parameter(j)];
                     photon(scene, light, pane, face, lamp, Fault::None).map(|splat| splat.position)
@@ -79,8 +82,8 @@ fn fold_places(scene: &TracedScene, light: &TracedLight, pane: usize, lamp: [f64
         Some((b - a).perp_dot(c - a) < 0.0)
     };
     let mut places = Vec::new();
-    for j in 0..CELLS - 1 {
-        for i in 0..CELLS - 1 {
+    for j in 0..cells - 1 {
+        for i in 0..cells - 1 {
             let here = turned(i, j);
             let changes = |other: Option<bool>| matches!((here, other), (Some(a), Some(b)) if a != b);
             if changes(turned(i + 1, j)) {

@@ -3,7 +3,7 @@
 
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::decomposition::{Decomposition, decompose, mean};
-use clerestory_render_core::film::{FrameImage, compare};
+use clerestory_render_core::film::{FrameImage, compare, relative_noise};
 use clerestory_render_core::scene::SceneBundle;
 use serde::Serialize;
 
@@ -131,7 +131,7 @@ const SUMMARY_COLUMNS: [Column; 22] = [
     column("mse_standard_error", "standard error of mse by the spread of the seeds"),
     column(
         "rel_mse",
-        "1/N sum (x - r)^2 / (r^2 + 0.01 m^2), m being the mean of |r| over the region; mean over the seeds",
+        "1/N sum (x - r)^2 / (r^2 + 0.01 m^2), m being the mean of |r| over the region, less the noise of the reference; mean over the seeds",
     ),
     column("variance", "variance of one render, by the spread of the seeds"),
     column("bias_squared", "mse less variance: the squared bias, below zero as often as above where there is none"),
@@ -336,6 +336,7 @@ impl<'a> Parts<'a> {
                 snapshots.iter().map(|snapshot| part.region.of(&snapshot.image)).collect::<Result<_, _>>()?;
             let rel_mses: Option<Vec<f64>> =
                 images.iter().map(|image| compare(image, &part.reference).ok()?.rel_mse).collect();
+            let relative_noise = relative_noise(&part.reference).unwrap_or(0.0);
             let renders: Vec<Vec<f64>> = images.iter().map(numbers).collect();
             let renders: Vec<&[f64]> = renders.iter().map(Vec::as_slice).collect();
             let Some(error) = decompose(&renders, &part.numbers, part.noise) else { continue };
@@ -352,7 +353,7 @@ impl<'a> Parts<'a> {
                 core_seconds,
                 mse,
                 mse_standard_error,
-                rel_mse: rel_mses.map(|values| mean(&values)),
+                rel_mse: rel_mses.map(|values| mean(&values) - relative_noise),
                 variance,
                 bias_squared,
                 bias_squared_standard_error: error.bias_squared_standard_error,

@@ -97,6 +97,21 @@ pub fn compare(image: &FrameImage, reference: &FrameImage) -> Result<Metrics, Co
     })
 }
 
+/// What a reference's standard error `e` adds to [`Metrics::rel_mse`]: `1/N sum e^2 / (r^2 + 0.01 m^2)`. `None` when it has no
+/// standard error or is black.
+pub fn relative_noise(reference: &FrameImage) -> Option<f64> {
+    let errors = reference.layers().standard_error.as_ref()?.as_flattened();
+    let reference = reference.layers().mean.as_flattened();
+    let count = reference.len() as f64;
+    let mean_magnitude = reference.iter().map(|r| f64::from(r.abs())).sum::<f64>() / count;
+    let epsilon = RELATIVE_EPSILON * mean_magnitude * mean_magnitude;
+    let squares = errors.iter().zip(reference).map(|(&error, &r)| {
+        let (error, r) = (f64::from(error), f64::from(r));
+        error * error / (r * r + epsilon)
+    });
+    (epsilon > 0.0).then(|| squares.sum::<f64>() / count)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,6 +133,9 @@ mod tests {
         // m = 2, so epsilon is 0.04.
         let rel_mse = (1.0 / 9.04 + 9.0 / 36.04) / 6.0;
         assert!((metrics.rel_mse.unwrap() - rel_mse).abs() < 1e-15);
+        let noise = 0.25 * (1.0 / 1.04 + 1.0 / 4.04 + 1.0 / 9.04 + 2.0 / 0.04 + 1.0 / 36.04) / 6.0;
+        assert!((relative_noise(&reference).unwrap() - noise).abs() < 1e-12);
+        assert_eq!(relative_noise(&other), None);
         // 10 log10(36 / (10/6)) = 10 log10(21.6).
         assert!((metrics.psnr.unwrap() - 13.344537511509307).abs() < 1e-12);
         assert_eq!(metrics.mean_ratio, Some(10.0 / 12.0));
