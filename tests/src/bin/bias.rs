@@ -70,7 +70,8 @@ fn main() -> ExitCode {
         .flat_map(|case| methods().map(move |(method, light, dark)| (case, light, method, dark)));
     let chosen: Vec<(Comparison, bool)> = names
         // One path leads through a flat pane, which every walk finds.
-        .map(|(case, light, method, dark)| (comparison(case, light, method), dark && case != "flat"))
+        .filter(|(case, .., dark)| !(*dark && *case == "flat"))
+        .map(|(case, light, method, dark)| (comparison(case, light, method), dark))
         .filter(|(comparison, _)| comparison.name.contains(&arguments.filter))
         .collect();
     let style = ProgressStyle::with_template("{spinner} {pos}/{len} {msg} {elapsed} (about {eta} left)")

@@ -42,7 +42,8 @@ struct Row {
     seconds_per_sample: f64,
     height_evaluations_per_sample: f64,
     mse: f64,
-    relative_variance_times_time: Option<f64>,
+    reference_mean: f64,
+    variance_times_time: Option<f64>,
     growth: Option<f64>,
     bias_squared: Option<f64>,
     bias_squared_standard_error: Option<f64>,
@@ -50,17 +51,15 @@ struct Row {
     mean_ratio_standard_error: Option<f64>,
 }
 
-const COLUMNS: [Column; 11] = [
+const COLUMNS: [Column; 12] = [
     column("panes", "panes in the windows of the nave"),
     column("variant", "the integrator and its settings, listed under variants"),
     column("seconds_per_sample", "core seconds for each camera sample; whole picture"),
     column("height_evaluations_per_sample", "height evaluations for each camera sample; whole picture"),
     column("mse", "mean squared error at the longest time less the noise of the reference, mean over the seeds"),
-    column(
-        "relative_variance_times_time",
-        "variance of one render over the squared mean of the reference, times core seconds",
-    ),
-    column("growth", "relative_variance_times_time over that with the fewest panes"),
+    column("reference_mean", "mean of the reference, W/(m2 sr): lead cames take some of the light"),
+    column("variance_times_time", "variance of one render times core seconds: what the method costs whatever the time"),
+    column("growth", "variance_times_time over that with the fewest panes"),
     column("bias_squared", "mse less variance: the squared bias, below zero as often as above where there is none"),
     column("bias_squared_standard_error", "standard error of bias_squared by the jackknife over the seeds"),
     column("mean_ratio", "mean energy of the picture over that of the reference"),
@@ -87,7 +86,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
         report.add_pictures(&name, &reference, &mut comparison);
         for variant in &variants {
             let fewest = rows.iter().find(|row| row.variant == variant.name);
-            let fewest = fewest.and_then(|row| row.relative_variance_times_time);
+            let fewest = fewest.and_then(|row| row.variance_times_time);
             rows.extend(row(&comparison, &name, &regions[0].name, panes, variant, &reference, fewest));
         }
     }
@@ -96,7 +95,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
         ("core seconds for each sample", |row| Some(row.seconds_per_sample)),
         ("height evaluations for each sample", |row| Some(row.height_evaluations_per_sample)),
         ("mean squared error", |row| Some(row.mse)),
-        ("relative variance times time, s", |row| row.relative_variance_times_time),
+        ("variance times core seconds", |row| row.variance_times_time),
     ];
     for (label, value) in figures {
         report.add_figure(&figure(&rows, &variants, label, value))?;
@@ -119,16 +118,15 @@ fn row(
     fewest: Option<f64>,
 ) -> Option<Row> {
     let last = comparison.last(scene, region, &variant.name)?;
-    let scale = 1.0 / (reference.record.mean * reference.record.mean);
-    let relative_variance_times_time = last.variance_times_time.map(|cost| cost * scale);
-    let growth = relative_variance_times_time.map(|cost| cost / fewest.unwrap_or(cost));
+    let growth = last.variance_times_time.map(|cost| cost / fewest.unwrap_or(cost));
     Some(Row {
         panes,
         variant: variant.name.clone(),
         seconds_per_sample: last.seconds_per_sample,
         height_evaluations_per_sample: last.height_evaluations_per_sample,
         mse: last.mse,
-        relative_variance_times_time,
+        reference_mean: reference.record.mean,
+        variance_times_time: last.variance_times_time,
         growth,
         bias_squared: last.bias_squared,
         bias_squared_standard_error: last.bias_squared_standard_error,
@@ -153,7 +151,7 @@ fn growth(rows: &[Row], variant: &Variant) -> Option<String> {
     let fewest = of_variant.next()?;
     let most = of_variant.next_back()?;
     Some(format!(
-        "{}: from {} to {} panes, relative variance times time grows by a factor of {}, core seconds for each sample by {}, \
+        "{}: from {} to {} panes, variance times time grows by a factor of {}, core seconds for each sample by {}, \
          height evaluations for each sample by {}.",
         variant.name,
         fewest.panes,

@@ -446,8 +446,13 @@ pub struct PaneDescription {
     #[serde(default)]
     pub back: ProfileDescription,
     /// How rays find where they cross the faces.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "is_default")]
     pub crossing: FaceCrossing,
+}
+
+/// Settings that few scenes change are left out where they are as usual, so that the hashes of other scenes stay.
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 fn default_index_of_refraction() -> f64 {
