@@ -169,45 +169,49 @@ impl SceneOverrides {
     /// Changes the settings of the integrator.
     fn apply_to_integrator(&self, integrator: &mut IntegratorDescription) -> Result<(), Failure> {
         use IntegratorDescription::{Fnee, Mnee, Sms};
-        let unsuited = |option: &str, suited: &str, integrator: &IntegratorDescription| {
-            let name = integrator.name();
-            Err(Failure::Usage(format!("{option} is for {suited}, and the image is made by the integrator {name}")))
+        let unsuited = |option: &str, suited: &[&str], integrator: &IntegratorDescription| {
+            let expected: Vec<String> = suited.iter().map(|name| format!("--integrator {name}")).collect();
+            Err(Failure::Usage(format!(
+                "{option} is not for the integrator {}, which makes the image: expected {} beside it",
+                integrator.name(),
+                expected.join(" or ")
+            )))
         };
         if let Some(name) = self.solver {
             match integrator {
                 Fnee { solver, .. } => *solver = name.setting(),
-                other => return unsuited("--solver", "the integrator fnee", other),
+                other => return unsuited("--solver", &["fnee"], other),
             }
         }
         if let Some(name) = self.selection {
             match integrator {
                 Fnee { selection, .. } | Sms { selection, .. } => *selection = name.setting(),
-                other => return unsuited("--selection", "the integrators fnee and sms", other),
+                other => return unsuited("--selection", &["fnee", "sms"], other),
             }
         }
         if let Some(most) = self.max_trials {
             match integrator {
                 Fnee { max_trials, .. } => *max_trials = most,
                 Sms { estimator, .. } => *estimator = ManifoldEstimator::Unbiased { max_trials: most },
-                other => return unsuited("--max-trials", "the integrators fnee and sms", other),
+                other => return unsuited("--max-trials", &["fnee", "sms"], other),
             }
         }
         if let Some(trials) = self.walks {
             match integrator {
                 Sms { estimator, .. } => *estimator = ManifoldEstimator::Biased { trials },
-                other => return unsuited("--walks", "the integrator sms", other),
+                other => return unsuited("--walks", &["sms"], other),
             }
         }
         if let Some(name) = self.constraint {
             match integrator {
                 Sms { constraint, .. } => *constraint = name.setting(),
-                other => return unsuited("--constraint", "the integrator sms", other),
+                other => return unsuited("--constraint", &["sms"], other),
             }
         }
         if !self.chains.is_empty() {
             match integrator {
                 Sms { chains, .. } | Mnee { chains, .. } => chains.clone_from(&self.chains),
-                other => return unsuited("--chains", "the integrators sms and mnee", other),
+                other => return unsuited("--chains", &["sms", "mnee"], other),
             }
         }
         Ok(())
