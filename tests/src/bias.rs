@@ -115,7 +115,7 @@ impl BiasReport {
 
     /// Whether the test is sharp enough for its verdict to count: [`MEAN_POWER`] and [`BLOCK_POWER`].
     pub fn has_power(&self) -> bool {
-        self.mean_error <= MEAN_POWER && self.block_error <= BLOCK_POWER
+        self.blocks > 0 && self.mean_error <= MEAN_POWER && self.block_error <= BLOCK_POWER
     }
 
     /// Largest deviation of a channel's mean from the reference's, as a ratio minus one.

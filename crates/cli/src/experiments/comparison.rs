@@ -108,7 +108,10 @@ const MEASUREMENT_COLUMNS: [Column; 21] = [
     ),
     column("solver_calls", "starts of the solver from one seed, those of trials included; whole picture"),
     column("converged", "solver calls that converged; whole picture"),
-    column("unique_solutions", "distinct paths that entered an estimate; whole picture"),
+    column(
+        "unique_solutions",
+        "paths that entered an estimate, told apart within it (of fnee, rays that see the light too); whole picture",
+    ),
     column("trials", "solver calls spent on estimating inverse probabilities; whole picture"),
     column("truncated", "estimates of an inverse probability that were cut off; whole picture"),
     column("rays", "rays traced against the scene; whole picture"),

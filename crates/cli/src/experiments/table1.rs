@@ -71,7 +71,10 @@ const COLUMNS: [Column; 15] = [
     ),
     column("trials", "solver calls that estimate an inverse probability"),
     column("converged", "solver calls that converged to a path, whether or not it had been found before"),
-    column("unique_solutions", "distinct paths that entered an estimate (paper: unique solutions discovered)"),
+    column(
+        "unique_solutions",
+        "paths that entered an estimate, told apart within it (of fnee, rays that see the light too) (paper: unique solutions discovered)",
+    ),
     column("truncated", "estimates of an inverse probability that were cut off at the largest number of trials"),
     column("success", "converged / solver_calls, the paper's definition by its words"),
     column("unique_per_call", "unique_solutions / solver_calls"),

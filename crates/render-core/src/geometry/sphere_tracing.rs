@@ -2,7 +2,8 @@
 //!
 //! A ray goes on by steps that the steepest slope of the surface proves to be free, until it is so near that it counts as
 //! arrived. It needs only heights and a bound on slopes, and takes many steps where `crossing` takes a few. It is here to
-//! count what the published methods cost with it.
+//! count what the published methods cost with it. Its lengths are absolute, as in published code: it is for glass that is much
+//! thicker than a micrometre.
 
 use glam::DVec3;
 
@@ -16,7 +17,7 @@ const ARRIVED: f64 = 1e-9;
 /// What leaves the surface starts so far from it along the ray, metres.
 const OFFSET: f64 = 1e-6;
 
-/// A ray that has not arrived after so many steps runs along the surface and counts as arrived.
+/// A ray that has not arrived after so many steps runs along the surface and counts as gone past it.
 const MOST_STEPS: usize = 4096;
 
 impl HeightField {
@@ -42,6 +43,7 @@ impl HeightField {
         let first = if start == Start::OnSurface { OFFSET } else { range.min };
         let range = over_heights(origin.z, direction.z, bounds.height).intersection(Interval::new(first, range.max));
         let mut t = range.min;
+        let mut arrived = false;
         for _ in 0..MOST_STEPS {
             if t > range.max {
                 return None;
@@ -50,9 +52,13 @@ impl HeightField {
             let place = origin + direction * t;
             let clearance = sign * (place.z - self.height(place.truncate())) / steepness;
             if clearance < ARRIVED {
+                arrived = true;
                 break;
             }
             t += clearance;
+        }
+        if !arrived {
+            return None;
         }
         counters.height_evaluations += 1;
         let place = origin + direction * t;

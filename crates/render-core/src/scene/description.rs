@@ -139,7 +139,7 @@ pub enum IntegratorDescription {
         #[schemars(range(min = 1, max = 1_000_000))]
         max_trials: u32,
         /// Whether light that the outside of a pane reflects is searched for, too.
-        #[serde(default)]
+        #[serde(default, skip_serializing_if = "is_default")]
         reflected: bool,
     },
     /// Path tracing, with light by way of panes and smooth meshes found by specular manifold sampling.

@@ -15,6 +15,7 @@ use glam::DVec3;
 
 use super::{
     ShadingPoint, SpecularEvent,
+    passage::local,
     side::{GRAZING_COSINE, PaneSide},
 };
 use crate::{
@@ -71,7 +72,9 @@ pub fn through_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularPath
 pub(super) fn off_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>) -> bool {
     match path.links {
         [Link { event: SpecularEvent::Reflection, surface: Leaving::Pane { index, face }, .. }] => {
-            is_near(scene, point, *index, *face)
+            let frame = &scene.panes()[*index as usize].frame;
+            let side = PaneSide::facing(&scene.panes()[*index as usize], frame.point_to_local(point.position));
+            side.is_some_and(|side| side.near == *face && side.is_lit_from_here(local(path.source, frame)))
         }
         _ => false,
     }

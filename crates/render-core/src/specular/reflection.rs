@@ -79,15 +79,15 @@ pub(super) struct ReflectionRoot {
 impl<'a> ReflectionSearch<'a> {
     /// `None` when the pane cannot reflect the light to the point.
     pub(super) fn new(side: PaneSide<'a>, origin: DVec3, source: Source, solver: FneeSolver) -> Option<Self> {
+        if !side.is_lit_from_here(source) {
+            return None;
+        }
         let base = side.near_base();
         let height = (origin.z - base).abs();
         // The light's image in the undisplaced face, and how steeply the optical length rises around where it is seen.
         let (image, curvature) = match source {
             Source::Point(point) => {
                 let above = (point.z - base) * -side.sign;
-                if above <= 0.0 {
-                    return None;
-                }
                 let seen = origin.truncate().lerp(point.truncate(), height / (height + above));
                 let [near, far] = [origin, point].map(|end| (seen.extend(base) - end).length());
                 let cosine = height / near;
@@ -95,9 +95,6 @@ impl<'a> ReflectionSearch<'a> {
             }
             Source::Direction(direction) => {
                 let cosine = -direction.z * side.sign;
-                if cosine <= 0.0 {
-                    return None;
-                }
                 let seen = origin.truncate() + direction.truncate() * (height / cosine);
                 (seen, cosine * cosine * cosine / height)
             }

@@ -5,7 +5,10 @@ use glam::{DVec2, DVec3};
 use crate::{
     counters::Counters,
     geometry::{Face, HeightField, Pane, PaneBoundary, Ray},
-    optics::dielectric::{absorption, refract},
+    optics::{
+        Source,
+        dielectric::{absorption, refract},
+    },
 };
 
 /// Rays that cross a pane's plane at less than this cosine belong to the path tracer: at 89.9 degrees the bounds on
@@ -62,6 +65,15 @@ impl<'a> PaneSide<'a> {
         let rise = |height: f64| normal.z * (self.near_base() + height - point.z);
         let depth = rise(heights.min).max(rise(heights.max));
         reach + depth - normal.x * point.x - normal.y * point.y > 0.0
+    }
+
+    /// Whether a source (in the pane's frame) is on the shading point's side of the undisplaced near face, so that the search
+    /// for light that this face reflects looks for it.
+    pub(super) fn is_lit_from_here(&self, source: Source) -> bool {
+        match source {
+            Source::Point(point) => (point.z - self.near_base()) * -self.sign > 0.0,
+            Source::Direction(direction) => -direction.z * self.sign > 0.0,
+        }
     }
 
     /// Height field of the near face.
