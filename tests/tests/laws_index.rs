@@ -140,7 +140,12 @@ fn walked(scene: &PaneScene, query: &Query, roots: &[Root]) -> Kinds {
     }))
 }
 
-/// Checks the index sum of all queries through a pane both faces of which have this profile.
+/// Part of the queries of which walks find all paths, at the least: [`SEEDS`] walks miss a path to which one walk in a hundred
+/// leads less than once in a hundred times, and few paths are as rare.
+const LEAST_WALKED: f64 = 0.95;
+
+/// Checks the index sum of all queries through a pane both faces of which have this profile. The published search has to find
+/// all paths of the part `least_found` of them: it misses most maxima.
 #[track_caller]
 fn check(name: &str, [front, back]: [Value; 2], least_paths: f64, least_found: f64) {
     let light = json!({"point": {"name": "lamp", "position": [0, 0, 1], "intensity": [1, 1, 1]}});
@@ -189,7 +194,7 @@ fn check(name: &str, [front, back]: [Value; 2], least_paths: f64, least_found: f
     let paths: usize = sought.iter().map(Kinds::count).sum();
     assert!(paths as f64 > least_paths * QUERIES as f64, "{name}: {paths} paths");
     let walked = report(&format!("{name}, sms, {SEEDS} walks"), &by_walks);
-    assert!(walked >= least_found, "{name}: {walked}");
+    assert!(walked >= LEAST_WALKED, "{name}: {walked}");
     let found = report(&format!("{name}, fnee as published, {SEEDS} seeds"), &by_published);
     // The index of minima alone is their number.
     let several = sought.iter().filter(|kinds| kinds.count() > 1).count() as f64 / QUERIES as f64;

@@ -11,6 +11,7 @@ use super::measure::{self, Snapshot};
 use super::scenes::changed;
 use super::session::Session;
 use super::variant::{Variant, file_name};
+use crate::commands::worker::BUILD;
 use crate::failure::Failure;
 use crate::image_file;
 use crate::output_file::write;
@@ -124,7 +125,8 @@ pub(super) fn noise(image: &FrameImage) -> Option<f64> {
     Some(squares / errors.len() as f64)
 }
 
-/// An image of this very scene that an earlier run has left. A file that is damaged is as good as none.
+/// An image of this very scene that an earlier run of this very build has left: what another one rendered may have had a
+/// fault that has been mended since. A file that is damaged is as good as none.
 fn kept(session: &Session, file: &str, bundle: &SceneBundle) -> Option<FrameImage> {
     let path: PathBuf = session.folder.join(file);
     if !path.is_file() {
@@ -139,7 +141,9 @@ fn kept(session: &Session, file: &str, bundle: &SceneBundle) -> Option<FrameImag
     };
     let film = bundle.description().film;
     let is_whole = (image.width(), image.height()) == (film.width, film.height);
-    let is_same = image.metadata().is_some_and(|metadata| metadata.scene_hash == bundle.scene_hash().to_string());
+    let is_same = image
+        .metadata()
+        .is_some_and(|metadata| metadata.scene_hash == bundle.scene_hash().to_string() && metadata.build == BUILD);
     (is_whole && is_same).then_some(image)
 }
 

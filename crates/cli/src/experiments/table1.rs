@@ -21,7 +21,8 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
                Huan et al. 2023 state evaluations of the height field, unique solutions, and success, the ratio of the solver \
                calls that converge to all of them, for FNEE and SMS, both with FNEE's choice of panes (the pane on the straight \
                line), at 256 x 256 pixels. There, rays find the faces by sphere tracing, here by bounds on slopes; the rows with \
-               sphere tracing are as in the paper. Whether calls that estimate inverse probabilities count is not said, so success is \
+               sphere tracing are as in the paper. Estimates of inverse probabilities are cut off after 1000 trials for fnee, as in \
+               the paper, and after 10 million for sms, as in its authors' scenes. Whether calls that estimate inverse probabilities count is not said, so success is \
                stated in every sense that the words allow.",
     defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: None, renders: true },
     run,
