@@ -55,22 +55,33 @@ impl SceneDescription {
             IntegratorDescription::Mnee { missed: MissedPaths::Dropped, .. } => vec![
                 "paths through a pane but for the one that a walk from the straight line to the light finds".to_owned(),
             ],
-            IntegratorDescription::Fnee { solver: FneeSolver::Complete, max_trials, .. } => {
+            IntegratorDescription::Fnee { solver: FneeSolver::Complete, max_trials, reflected, .. } => {
                 let cut_off = cut_off(max_trials);
-                vec![format!("paths through a pane that the enumeration misses and a random seed {cut_off}")]
+                let through = format!("paths through a pane that the enumeration misses and a random seed {cut_off}");
+                let off = reflected.then(|| format!("paths off the outside of a pane that a random seed {cut_off}"));
+                [through].into_iter().chain(off).collect()
             }
-            IntegratorDescription::Fnee { solver: FneeSolver::Published, max_trials, .. } => vec![
-                "paths through a pane along which the optical length is no minimum: the published solver finds almost none"
-                    .to_owned(),
-                format!("paths through a pane that a random seed {}", cut_off(max_trials)),
-            ],
-            IntegratorDescription::Sms { estimator: ManifoldEstimator::Unbiased { max_trials }, .. } => {
-                vec![format!("paths through a pane that a random seed {}", cut_off(max_trials))]
+            IntegratorDescription::Fnee { solver: FneeSolver::Published, max_trials, reflected, .. } => {
+                let ways = if reflected { "through a pane or off its outside" } else { "through a pane" };
+                vec![
+                    format!(
+                        "paths {ways} along which the optical length is no minimum: the published solver finds almost none"
+                    ),
+                    format!("paths {ways} that a random seed {}", cut_off(max_trials)),
+                ]
             }
-            IntegratorDescription::Sms { estimator: ManifoldEstimator::Biased { trials }, .. } => vec![format!(
-                "the part (1 - p)^{trials} of the light of each path through a pane, p being the probability with which a \
-                 random seed finds it (trials)"
-            )],
+            IntegratorDescription::Sms {
+                estimator: ManifoldEstimator::Unbiased { max_trials }, ref chains, ..
+            } => {
+                vec![format!("paths over {} (chains) that a random seed {}", chains.join(" or "), cut_off(max_trials))]
+            }
+            IntegratorDescription::Sms { estimator: ManifoldEstimator::Biased { trials }, ref chains, .. } => {
+                vec![format!(
+                    "the part (1 - p)^{trials} of the light of each path over {} (chains), p being the probability with which a \
+                 random seed finds it (trials)",
+                    chains.join(" or ")
+                )]
+            }
         }
     }
 
