@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use clerestory_render_core::scene::description::{
-    FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, PaneSelection,
-    SceneDescription,
+    FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths,
+    PaneSelection, SceneDescription,
 };
 use clerestory_render_core::scene::{self, SceneBundle};
 
@@ -53,6 +53,18 @@ pub(crate) struct SceneOverrides {
     /// such as T,TT.
     #[arg(long, value_name = "CHAINS", value_delimiter = ',')]
     pub(crate) chains: Vec<String>,
+    /// Panes and smooth meshes on which the chains of the integrators sms and mnee begin, by name.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) casters: Vec<String>,
+    /// Meshes on which the integrators sms and mnee gather the light of their chains, by name.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub(crate) receivers: Vec<String>,
+    /// What happens to paths that the walk of the integrator mnee does not find.
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub(crate) missed: Option<MissedName>,
+    /// Let the integrator fnee look for light that the outside of a pane reflects, too.
+    #[arg(long)]
+    pub(crate) reflected: bool,
     /// Seed of the random numbers.
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
@@ -103,6 +115,15 @@ pub(crate) enum ConstraintName {
     AngleDifference,
     /// The half vector is the normal.
     HalfVector,
+}
+
+/// Names of what happens to paths that a walk misses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MissedName {
+    /// They count when chance finds them.
+    LeftToChance,
+    /// They are dropped.
+    Dropped,
 }
 
 /// Width and height in pixels, written `640x480`.
@@ -214,6 +235,30 @@ impl SceneOverrides {
                 other => return unsuited("--chains", &["sms", "mnee"], other),
             }
         }
+        if !self.casters.is_empty() {
+            match integrator {
+                Sms { casters, .. } | Mnee { casters, .. } => *casters = Some(self.casters.clone()),
+                other => return unsuited("--casters", &["sms", "mnee"], other),
+            }
+        }
+        if !self.receivers.is_empty() {
+            match integrator {
+                Sms { receivers, .. } | Mnee { receivers, .. } => *receivers = Some(self.receivers.clone()),
+                other => return unsuited("--receivers", &["sms", "mnee"], other),
+            }
+        }
+        if let Some(name) = self.missed {
+            match integrator {
+                Mnee { missed, .. } => *missed = name.setting(),
+                other => return unsuited("--missed", &["mnee"], other),
+            }
+        }
+        if self.reflected {
+            match integrator {
+                Fnee { reflected, .. } => *reflected = true,
+                other => return unsuited("--reflected", &["fnee"], other),
+            }
+        }
         Ok(())
     }
 }
@@ -242,6 +287,15 @@ impl ConstraintName {
         match self {
             Self::AngleDifference => ManifoldConstraint::AngleDifference,
             Self::HalfVector => ManifoldConstraint::HalfVector,
+        }
+    }
+}
+
+impl MissedName {
+    fn setting(self) -> MissedPaths {
+        match self {
+            Self::LeftToChance => MissedPaths::LeftToChance,
+            Self::Dropped => MissedPaths::Dropped,
         }
     }
 }
@@ -314,12 +368,24 @@ mod tests {
         let expected = serde_json::json!({"sms": {"max_depth": changed["sms"]["max_depth"], "constraint": "half_vector",
             "estimator": {"biased": {"trials": 4}}, "selection": "sharp", "chains": ["T", "TT"]}});
         assert_eq!(changed, expected);
-        let chains = SceneOverrides { chains: vec!["TTTT".into()], ..none };
-        assert_eq!(integrator(chains.clone(), IntegratorName::Mnee).unwrap()["mnee"]["chains"][0], "TTTT");
+        let chains = SceneOverrides {
+            chains: vec!["TTTT".into()],
+            casters: vec!["north".into(), "south".into()],
+            receivers: vec!["floor".into()],
+            missed: Some(MissedName::Dropped),
+            ..none.clone()
+        };
+        let changed = integrator(chains.clone(), IntegratorName::Mnee).unwrap();
+        let expected = serde_json::json!({"mnee": {"max_depth": changed["mnee"]["max_depth"], "missed": "dropped",
+            "chains": ["TTTT"], "casters": ["north", "south"], "receivers": ["floor"]}});
+        assert_eq!(changed, expected);
+        let reflected = SceneOverrides { reflected: true, ..none };
+        assert_eq!(integrator(reflected.clone(), IntegratorName::Fnee).unwrap()["fnee"]["reflected"], true);
         for (overrides, name, option) in [
             (fnee, IntegratorName::Sms, "--solver"),
             (sms, IntegratorName::Mnee, "--selection"),
             (chains, IntegratorName::Cone, "--chains"),
+            (reflected, IntegratorName::Path, "--reflected"),
         ] {
             let message = integrator(overrides, name).unwrap_err().to_string();
             assert!(message.contains(option) && message.contains(name.name()), "{message}");
