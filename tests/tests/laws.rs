@@ -164,7 +164,7 @@ fn a_uniform_sky_behind_a_flat_pane_is_dimmed_by_the_mean_transmittance() {
     let expected = sky_irradiance(0.0, 0.5 * PI, distance, 0.5 * size);
     println!("mean transmittance {:.5}", expected / PI);
     for (name, integrator) in unbiased_integrators() {
-        let found = bench.mean_irradiance(&integrator, if name == "path" { 512 } else { 64 }, 32);
+        let found = bench.mean_irradiance(&integrator, if name == "path" { 512 } else { 128 }, 32);
         let fault = if name.contains("published") { 0.1 } else { 0.02 };
         check_agreement(&format!("a sky behind a flat pane, {name}"), &[found], &[Estimate::exact(expected)], fault);
     }

@@ -4,8 +4,8 @@
 //! A step moves the first vertex along its tangent plane; a ray from the shading point through where it lands is traced
 //! through the scene and gives the next iterate. Where that ray does not meet surfaces on which the same things can happen,
 //! the step is halved. So whatever stands in the way of the ray stands in the way of the walk as well. A step that leaves a
-//! pane's outline ends at its border instead: halving it would end in a corner, or where the direction of steepest descent
-//! points outwards, however far the path is along the border.
+//! pane's outline ends at its border if that helps: halving it alone would end where the direction of descent points outwards,
+//! however far the path is along the border.
 //!
 //! Lengths below which the authors' code gives up are absolute and exceed the thickness of a window pane; all lengths here
 //! are relative to the shortest segment of the path.
@@ -29,6 +29,11 @@ const MAX_ITERATIONS: usize = 20;
 
 /// Zeltner et al. 2020, the published configuration: largest component of a constraint that counts as zero.
 const THRESHOLD: f64 = 1e-5;
+
+/// A step ends at a pane's border if it leaves at most this part of the error there: steps that point outwards because the walk
+/// is far from any path would lead into a corner. What is beyond that border already, where light leaves by the edge, cannot
+/// lose by it.
+const PROGRESS: f64 = 0.5;
 
 /// Where the published walk ends, full Newton steps follow until they are shorter than this part of the shortest segment, so
 /// that paths can be told apart.
@@ -76,8 +81,8 @@ impl ManifoldWalk<'_> {
     /// Walks from the chain that light takes from the shading point in the direction of `target`.
     pub(super) fn walk_towards(&self, target: DVec3, counters: &mut Counters) -> Option<SolvedChain> {
         counters.solver_calls += 1;
-        let seed = self.linearised(self.trace_within(target, counters)?)?;
-        self.walk(seed, counters)
+        let seed = self.trace(target, counters).or_else(|| self.trace_within(target, counters))?;
+        self.walk(self.linearised(seed)?, counters)
     }
 
     /// Walks from where the straight line to the light crosses the surfaces.
@@ -98,11 +103,15 @@ impl ManifoldWalk<'_> {
             if current.error <= THRESHOLD {
                 return self.polished(current, counters);
             }
-            if let Some(next) = self.trace_within(current.target(fraction), counters) {
+            let target = current.target(fraction);
+            if let Some(next) = self.trace(target, counters) {
                 current = self.linearised(next)?;
                 fraction = f64::min(1.0, 2.0 * fraction);
             } else {
                 fraction *= 0.5;
+                if let Some(next) = self.at_border(&current, target, counters) {
+                    current = next;
+                }
             }
         }
         None
@@ -125,9 +134,16 @@ impl ManifoldWalk<'_> {
         None
     }
 
-    /// As [`Self::trace`]; a target beside a pane's outline is brought onto the pane where nothing else is met.
+    /// Where a step to a target beside a pane's outline ends at its border, if it is to.
+    fn at_border(&self, current: &Iterate, target: DVec3, counters: &mut Counters) -> Option<Iterate> {
+        let next = self.linearised(self.trace_within(target, counters)?)?;
+        let beyond = self.caster.brought_within(self.scene, current.target(0.0)).is_some();
+        (beyond || next.error < PROGRESS * current.error).then_some(next)
+    }
+
+    /// As [`Self::trace`], for a target beside a pane's outline, which is brought onto the pane.
     fn trace_within(&self, target: DVec3, counters: &mut Counters) -> Option<Chain> {
-        self.trace(target, counters).or_else(|| self.trace(self.caster.brought_within(self.scene, target)?, counters))
+        self.trace(self.caster.brought_within(self.scene, target)?, counters)
     }
 
     fn trace(&self, target: DVec3, counters: &mut Counters) -> Option<Chain> {
