@@ -90,7 +90,7 @@ fn what_a_pane_lets_through_arrives() {
             let (samples, fault) = match method {
                 "path" | "mnee" => (64, 0.03),
                 _ if searches => (6, 0.08),
-                _ => (4, 0.02),
+                _ => (4, 0.002),
             };
             let found = bench.mean_irradiance(&integrator, samples, 32).scaled(edge * edge);
             check_agreement(&format!("power through {name}, {method}"), &[found], &[power], fault);

@@ -106,6 +106,8 @@ pub(crate) enum SelectionName {
     Sharp,
     /// One pane at random whenever something blocks the straight line.
     Bleed,
+    /// One pane at random.
+    Random,
 }
 
 /// Names of the constraints of manifold walks.
@@ -278,6 +280,7 @@ impl SelectionName {
             Self::All => PaneSelection::All,
             Self::Sharp => PaneSelection::Sharp,
             Self::Bleed => PaneSelection::Bleed,
+            Self::Random => PaneSelection::Random,
         }
     }
 }

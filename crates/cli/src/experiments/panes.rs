@@ -70,7 +70,8 @@ const COLUMNS: [Column; 12] = [
 ];
 
 fn run(session: &mut Session) -> Result<Report, Failure> {
-    let variants = [Variant::fnee(), Variant::cone(), Variant::fnee_published(), Variant::sms_sharp()];
+    let variants =
+        [Variant::fnee(), Variant::cone(), Variant::fnee_published(), Variant::sms_sharp(), Variant::sms_random()];
     session.plan(SCENES.len() * (1 + Comparison::steps(session, &variants)));
     let mut report = Report::default();
     let mut comparison = Comparison::default();

@@ -58,6 +58,7 @@ impl Variant {
             PaneSelection::All => "",
             PaneSelection::Sharp => " sharp",
             PaneSelection::Bleed => " bleed",
+            PaneSelection::Random => " random",
         };
         Self::fnee_trials(&format!("fnee{solver_name}{selection_name}"), solver, selection, PAPER_TRIALS)
     }
@@ -78,6 +79,12 @@ impl Variant {
     pub(super) fn sms_sharp() -> Self {
         let estimator = ManifoldEstimator::Unbiased { max_trials: MANIFOLD_TRIALS };
         Self::new("sms unbiased sharp", sms(estimator, PaneSelection::Sharp))
+    }
+
+    /// Unbiased specular manifold sampling of one pane at random.
+    pub(super) fn sms_random() -> Self {
+        let estimator = ManifoldEstimator::Unbiased { max_trials: MANIFOLD_TRIALS };
+        Self::new("sms unbiased random", sms(estimator, PaneSelection::Random))
     }
 
     /// Biased specular manifold sampling with so many trials for every pane.

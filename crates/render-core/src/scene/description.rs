@@ -261,6 +261,8 @@ pub enum PaneSelection {
     Sharp,
     /// A pane at random whenever anything blocks the straight line to the light.
     Bleed,
+    /// A pane at random.
+    Random,
 }
 
 fn default_max_depth() -> u32 {

@@ -143,7 +143,7 @@ fn between_the_faces(grazing: Option<f64>) -> String {
 /// What a selection of panes loses.
 fn unselected(selection: PaneSelection) -> Option<String> {
     let lost = match selection {
-        PaneSelection::All => return None,
+        PaneSelection::All | PaneSelection::Random => return None,
         PaneSelection::Sharp => {
             "light of point lights through any pane but the one that the straight line to the light meets first"
         }
@@ -236,6 +236,7 @@ mod tests {
         let always = [long, "(1 - p)^1000", "more than one pane", "less than 0.06 degrees"];
         let with = |selection| missing(json!({"fnee": {"selection": selection}}), 0..1);
         check(&with("all"), &always);
+        check(&with("random"), &always);
         let reflected = missing(json!({"fnee": {"reflected": true}}), 0..1);
         assert!(!reflected.iter().any(|text| text.contains("on its outside")), "{reflected:?}");
         check(&with("sharp"), &[&always[..], &["meets first"]].concat());

@@ -370,11 +370,14 @@ mod tests {
             let counters = &mut Counters::default();
             let [near, far] = connection.path(theta, counters).gradient;
             for (coordinate, derivative) in [near.x, near.y, far.x, far.y].into_iter().enumerate() {
+                let difference = |step: f64, counters: &mut Counters| {
+                    connection.optical_length(&moved(theta, coordinate, step), counters)
+                        - connection.optical_length(&moved(theta, coordinate, -step), counters)
+                };
+                // Without the third derivative, which is of the order of n / d1^2. Lengths of metres are rounded to 1e-15.
                 let step = 1e-6;
-                let ahead = connection.optical_length(&moved(theta, coordinate, step), counters);
-                let behind = connection.optical_length(&moved(theta, coordinate, -step), counters);
-                // Central differences: the third derivative, of the order of n/d1^2, times the step squared.
-                assert!((derivative - (ahead - behind) / (2.0 * step)).abs() < 1e-6);
+                let slope = (8.0 * difference(step, counters) - difference(2.0 * step, counters)) / (12.0 * step);
+                assert!((derivative - slope).abs() < 1e-8, "{derivative} {slope}");
             }
         });
     }
@@ -391,13 +394,13 @@ mod tests {
                 [hessian.mixed.y_axis, hessian.far.y_axis],
             ];
             for (coordinate, column) in columns.into_iter().enumerate() {
-                let step = 1e-7;
+                let step = 1e-8;
                 let ahead = connection.path(&moved(theta, coordinate, step), counters).gradient;
                 let behind = connection.path(&moved(theta, coordinate, -step), counters).gradient;
                 let scale = hessian.near.x_axis.length() + hessian.far.y_axis.length();
                 for face in 0..2 {
                     let difference = (ahead[face] - behind[face]) / (2.0 * step);
-                    assert!((column[face] - difference).length() < 1e-6 * scale, "{column:?} {difference}");
+                    assert!((column[face] - difference).length() < 1e-8 * scale, "{column:?} {difference}");
                 }
             }
         });

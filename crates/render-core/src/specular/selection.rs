@@ -34,9 +34,9 @@ impl PaneSelection {
         match self {
             Self::All => Choice::All,
             Self::Sharp => first_caster_towards(scene, point, source, counters).map_or(Choice::None, Choice::One),
-            Self::Bleed => {
+            Self::Bleed | Self::Random => {
                 let pick = ((stream.next_1d() * count as f64) as usize).min(count.saturating_sub(1));
-                if count > 0 && scene.is_blocked_towards(point, source, counters) {
+                if count > 0 && (self == Self::Random || scene.is_blocked_towards(point, source, counters)) {
                     Choice::AtRandom(pick)
                 } else {
                     Choice::None
@@ -55,7 +55,7 @@ impl PaneSelection {
         counters: &mut Counters,
     ) -> bool {
         match self {
-            Self::All => true,
+            Self::All | Self::Random => true,
             Self::Sharp => first_caster_towards(scene, point, source, counters) == Some(caster),
             Self::Bleed => scene.is_blocked_towards(point, source, counters),
         }
