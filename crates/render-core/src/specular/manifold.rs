@@ -4,8 +4,8 @@
 //! A step moves the first vertex along its tangent plane; a ray from the shading point through where it lands is traced
 //! through the scene and gives the next iterate. Where that ray does not meet surfaces on which the same things can happen,
 //! the step is halved. So whatever stands in the way of the ray stands in the way of the walk as well. A step that leaves a
-//! pane's outline ends at its border if that helps: halving it alone would end where the direction of descent points outwards,
-//! however far the path is along the border.
+//! pane's outline ends at its border if that helps, or if nothing else does: halving alone would end where the direction of
+//! descent points outwards, however far the path is along the border.
 //!
 //! Lengths below which the authors' code gives up are absolute and exceed the thickness of a window pane; all lengths here
 //! are relative to the shortest segment of the path.
@@ -34,6 +34,9 @@ const THRESHOLD: f64 = 1e-5;
 /// is far from any path would lead into a corner. What is beyond that border already, where light leaves by the edge, cannot
 /// lose by it.
 const PROGRESS: f64 = 0.5;
+
+/// A walk whose steps have been halved to less than this part is stuck, and goes to the border wherever that leads.
+const STUCK: f64 = 0.1;
 
 /// Where the published walk ends, full Newton steps follow until they are shorter than this part of the shortest segment, so
 /// that paths can be told apart.
@@ -109,7 +112,7 @@ impl ManifoldWalk<'_> {
                 fraction = f64::min(1.0, 2.0 * fraction);
             } else {
                 fraction *= 0.5;
-                if let Some(next) = self.at_border(&current, target, counters) {
+                if let Some(next) = self.at_border(&current, target, fraction, counters) {
                     current = next;
                 }
             }
@@ -135,10 +138,10 @@ impl ManifoldWalk<'_> {
     }
 
     /// Where a step to a target beside a pane's outline ends at its border, if it is to.
-    fn at_border(&self, current: &Iterate, target: DVec3, counters: &mut Counters) -> Option<Iterate> {
+    fn at_border(&self, current: &Iterate, target: DVec3, fraction: f64, counters: &mut Counters) -> Option<Iterate> {
         let next = self.linearised(self.trace_within(target, counters)?)?;
         let beyond = self.caster.brought_within(self.scene, current.target(0.0)).is_some();
-        (beyond || next.error < PROGRESS * current.error).then_some(next)
+        (beyond || fraction < STUCK || next.error < PROGRESS * current.error).then_some(next)
     }
 
     /// As [`Self::trace`], for a target beside a pane's outline, which is brought onto the pane.
