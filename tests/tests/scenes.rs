@@ -7,13 +7,15 @@ use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Leaving, Pane};
 use clerestory_render_core::optics::Source;
 use clerestory_render_core::scene::description::{
-    FneeSolver, IntegratorDescription, LightDescription, ManifoldConstraint, ManifoldEstimator, PaneSelection,
-    SamplingDescription, SceneDescription,
+    ConicSearch, FneeSolver, IntegratorDescription, LightDescription, ManifoldConstraint, ManifoldEstimator,
+    PaneSelection, SamplingDescription, SceneDescription,
 };
 use clerestory_render_core::scene::{self, Scene, SceneBundle};
 use clerestory_render_core::specular::fnee::PathSearch;
 use clerestory_render_core::specular::side::PaneSide;
-use clerestory_render_core::specular::{ShadingPoint, SpecularEvent, SpecularMethod, scope::Scope, sms::Sms};
+use clerestory_render_core::specular::{
+    ShadingPoint, SpecularEvent, SpecularMethod, conic::Conic, scope::Scope, sms::Sms,
+};
 use clerestory_tests::bias::compare;
 use clerestory_tests::estimate::{Estimate, check_agreement};
 use clerestory_tests::forward_tracer::{Exit, Fault, LightSample, Side, Tracing, trace};
@@ -193,6 +195,8 @@ mod pool {
             selection: PaneSelection::All,
             scope: Scope::new(&scene, &["T".to_owned()], None, None),
         };
+        let scope = Scope::new(&scene, &["T".to_owned()], None, None);
+        let conic = Conic { search: ConicSearch::Complete, scope };
         let caustic = Caustic::new(&Water::new(SEED), position.into(), 250);
         let (mut folded, mut same, mut points) = (0, 0, 0);
         for (pixel, place) in (0..).zip(seen(&scene, 16)) {
@@ -201,6 +205,10 @@ mod pool {
             let mut paths = 0;
             let events = [SpecularEvent::Transmission];
             sms.gather(&scene, &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| paths += 1);
+            let mut all = 0;
+            conic.gather(&scene, &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| all += 1);
+            // Walks from random places may miss some.
+            assert!(all >= paths && all % 2 == 1, "{place}: {all} paths, of which walks find {paths}");
             let rays = caustic.rays(place.truncate());
             assert!(rays % 2 == 1, "{place}: {rays} rays");
             points += 1;
@@ -252,8 +260,18 @@ mod pool {
     fn its_light_is_that_of_its_waves_traced_forward() {
         let bundle = bundle("pool.json");
         let sms = small(&bundle, bundle.description().integrator.clone());
+        let expected = traced_forward(&bundle);
         // Unbiased estimates of paths that few seeds find are noisy.
-        check_agreement("sms", &block_means(&sms, 60, BLOCKS), &traced_forward(&bundle), 0.2);
+        check_agreement("sms", &block_means(&sms, 60, BLOCKS), &expected, 0.2);
+        let conic = bundle.description().clone().with_integrator_named("conic").expect("there is one").integrator;
+        check_agreement("conic", &block_means(&small(&bundle, conic.clone()), 60, BLOCKS), &expected, 0.05);
+        let IntegratorDescription::Conic { max_depth, chains, casters, receivers, .. } = conic else { panic!("conic") };
+        let search = ConicSearch::Published;
+        let first = IntegratorDescription::Conic { max_depth, search, chains, casters, receivers };
+        let first = Estimate::mean(&block_means(&small(&bundle, first), 16, BLOCKS));
+        let part = first.mean / Estimate::mean(&expected).mean;
+        println!("the published walk finds {part:.3} of the light");
+        assert!((0.3..0.9).contains(&part), "{part}");
     }
 
     #[test]

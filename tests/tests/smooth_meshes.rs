@@ -7,10 +7,12 @@ use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving, Pane};
 use clerestory_render_core::optics::LightKind;
-use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection};
+use clerestory_render_core::scene::description::{
+    ConicSearch, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
+};
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
 use clerestory_render_core::specular::{
-    ShadingPoint, SpecularEvent, SpecularMethod, mnee::Mnee, scope::Scope, sms::Sms,
+    ShadingPoint, SpecularEvent, SpecularMethod, conic::Conic, mnee::Mnee, scope::Scope, sms::Sms,
 };
 use clerestory_tests::estimate::check_agreement;
 use clerestory_tests::rendering::block_means;
@@ -77,7 +79,7 @@ fn build(description: &Value, assets: BTreeMap<String, Asset>) -> Scene {
     Scene::build(&bundle).expect("a scene that can be built")
 }
 
-/// Checks the manifold methods on one chain over one smooth mesh against the path tracer.
+/// Checks the manifold methods, and `conic` where it can, on one chain over one smooth mesh against the path tracer.
 #[track_caller]
 fn check_by_chance(name: &str, chain: &str, parts: [&Value; 3], with_mnee: bool, fault: f64) {
     let [material, mesh, lights] = parts;
@@ -87,6 +89,10 @@ fn check_by_chance(name: &str, chain: &str, parts: [&Value; 3], with_mnee: bool,
     for constraint in ["angle_difference", "half_vector"] {
         let sms = build(json!({"sms": {"chains": [chain], "constraint": constraint}}));
         check_agreement(&format!("{name}, sms, {constraint}"), &block_means(&sms, 150, BLOCKS), &chance, fault);
+    }
+    if chain.len() == 1 {
+        let conic = build(json!({"conic": {"chains": [chain]}}));
+        check_agreement(&format!("{name}, conic"), &block_means(&conic, 30, BLOCKS), &chance, fault);
     }
     if with_mnee {
         let mnee = build(json!({"mnee": {"chains": [chain]}}));
@@ -188,6 +194,17 @@ fn flat_water_and_flat_mirrors_throw_the_light_of_closed_forms() {
         };
         let reflected = irradiance(&mirror, &point, &sms(&mirror, "R"), &[SpecularEvent::Reflection]);
         assert!((reflected - expected).abs() < 1e-7 * expected, "{reflected} {expected}");
+        // On flat triangles the curve is a straight line, and right below the light there is none.
+        let conic = |scene: &Scene, chain: &str, search| Conic {
+            search,
+            scope: Scope::new(scene, &[chain.to_owned()], None, None),
+        };
+        for search in [ConicSearch::Complete, ConicSearch::Published] {
+            let reflected = irradiance(&mirror, &point, &conic(&mirror, "R", search), &[SpecularEvent::Reflection]);
+            // The walk starts where the straight line meets the mirror, which it does not.
+            let expected = if search == ConicSearch::Complete { expected } else { 0.0 };
+            assert!((reflected - expected).abs() <= 1e-7 * expected, "conic, {search:?}: {reflected} {expected}");
+        }
         // Refraction: angles by bisection on the lateral distance, irradiance from the width of a ring of rays.
         let lateral = (DVec2::new(0.2, 0.1) - DVec2::new(x, y)).length();
         let reach = |sine: f64| {
@@ -223,6 +240,10 @@ fn flat_water_and_flat_mirrors_throw_the_light_of_closed_forms() {
                 )
             };
             assert!((found - expected).abs() < 1e-7 * expected, "{estimator_name}: {found} {expected}");
+        }
+        for search in [ConicSearch::Complete, ConicSearch::Published] {
+            let found = irradiance(&water, &point, &conic(&water, "T", search), &[SpecularEvent::Transmission]);
+            assert!((found - expected).abs() < 1e-7 * expected, "conic, {search:?}: {found} {expected}");
         }
     }
 }

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use clerestory_render_core::scene::description::{
-    FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths,
-    PaneSelection, SceneDescription,
+    ConicSearch, FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator,
+    MissedPaths, PaneSelection, SceneDescription,
 };
 use clerestory_render_core::scene::{self, SceneBundle};
 
@@ -59,6 +59,9 @@ pub(crate) struct SceneOverrides {
     /// Meshes on which the integrators sms and mnee gather the light of their chains, by name.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) receivers: Vec<String>,
+    /// Which of the paths over a mesh the integrator conic finds.
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub(crate) search: Option<SearchName>,
     /// What happens to paths that the walk of the integrator mnee does not find.
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) missed: Option<MissedName>,
@@ -86,6 +89,8 @@ pub(crate) enum IntegratorName {
     Sms,
     /// Light through glass by one manifold walk from the straight line to the light.
     Mnee,
+    /// All light over one smooth mesh, such as the surface of water.
+    Conic,
 }
 
 /// Names of the ways in which `fnee` searches for paths.
@@ -117,6 +122,15 @@ pub(crate) enum ConstraintName {
     AngleDifference,
     /// The half vector is the normal.
     HalfVector,
+}
+
+/// Names of the searches of `conic`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SearchName {
+    /// All.
+    Complete,
+    /// The first along the curve from the straight line to the light, as in the paper.
+    Published,
 }
 
 /// Names of what happens to paths that a walk misses.
@@ -191,7 +205,7 @@ impl SceneOverrides {
 
     /// Changes the settings of the integrator.
     fn apply_to_integrator(&self, integrator: &mut IntegratorDescription) -> Result<(), Failure> {
-        use IntegratorDescription::{Fnee, Mnee, Sms};
+        use IntegratorDescription::{Conic, Fnee, Mnee, Sms};
         let unsuited = |option: &str, suited: &[&str], integrator: &IntegratorDescription| {
             let expected: Vec<String> = suited.iter().map(|name| format!("--integrator {name}")).collect();
             Err(Failure::Usage(format!(
@@ -233,20 +247,30 @@ impl SceneOverrides {
         }
         if !self.chains.is_empty() {
             match integrator {
-                Sms { chains, .. } | Mnee { chains, .. } => chains.clone_from(&self.chains),
-                other => return unsuited("--chains", &["sms", "mnee"], other),
+                Sms { chains, .. } | Mnee { chains, .. } | Conic { chains, .. } => chains.clone_from(&self.chains),
+                other => return unsuited("--chains", &["sms", "mnee", "conic"], other),
             }
         }
         if !self.casters.is_empty() {
             match integrator {
-                Sms { casters, .. } | Mnee { casters, .. } => *casters = Some(self.casters.clone()),
-                other => return unsuited("--casters", &["sms", "mnee"], other),
+                Sms { casters, .. } | Mnee { casters, .. } | Conic { casters, .. } => {
+                    *casters = Some(self.casters.clone())
+                }
+                other => return unsuited("--casters", &["sms", "mnee", "conic"], other),
             }
         }
         if !self.receivers.is_empty() {
             match integrator {
-                Sms { receivers, .. } | Mnee { receivers, .. } => *receivers = Some(self.receivers.clone()),
-                other => return unsuited("--receivers", &["sms", "mnee"], other),
+                Sms { receivers, .. } | Mnee { receivers, .. } | Conic { receivers, .. } => {
+                    *receivers = Some(self.receivers.clone());
+                }
+                other => return unsuited("--receivers", &["sms", "mnee", "conic"], other),
+            }
+        }
+        if let Some(name) = self.search {
+            match integrator {
+                Conic { search, .. } => *search = name.setting(),
+                other => return unsuited("--search", &["conic"], other),
             }
         }
         if let Some(name) = self.missed {
@@ -294,6 +318,15 @@ impl ConstraintName {
     }
 }
 
+impl SearchName {
+    fn setting(self) -> ConicSearch {
+        match self {
+            Self::Complete => ConicSearch::Complete,
+            Self::Published => ConicSearch::Published,
+        }
+    }
+}
+
 impl MissedName {
     fn setting(self) -> MissedPaths {
         match self {
@@ -311,6 +344,7 @@ impl IntegratorName {
             Self::Fnee => "fnee",
             Self::Sms => "sms",
             Self::Mnee => "mnee",
+            Self::Conic => "conic",
         }
     }
 }

@@ -131,7 +131,8 @@ impl Variant {
             | IntegratorDescription::Cone { max_depth }
             | IntegratorDescription::Fnee { max_depth, .. }
             | IntegratorDescription::Sms { max_depth, .. }
-            | IntegratorDescription::Mnee { max_depth, .. } => *max_depth = scenes.max_depth(),
+            | IntegratorDescription::Mnee { max_depth, .. }
+            | IntegratorDescription::Conic { max_depth, .. } => *max_depth = scenes.max_depth(),
         }
         integrator
     }

@@ -1,4 +1,4 @@
-//! Polynomials in Bernstein form on `[0, 1]`: where the sign first changes.
+//! Polynomials in Bernstein form on `[0, 1]`: where the sign first changes, and all roots.
 //!
 //! The number of sign changes among the coefficients bounds the number of roots and has the same parity (Descartes' rule
 //! in its Bernstein form): no change proves that there is no root, one change that there is exactly one. Halving
@@ -14,13 +14,53 @@ pub(crate) fn first_descent<const N: usize>(coefficients: &[f64; N]) -> Option<f
     descent_within(coefficients, 0.0, 1.0, DEEPEST)
 }
 
+/// All roots in `[0, 1]` of a polynomial, ascending, each handed to `found`. Roots that are closer than rounding tells apart,
+/// a double root among them, are handed over once. Nothing is found where all coefficients are zero.
+pub(crate) fn roots<const N: usize>(coefficients: &[f64; N], found: &mut impl FnMut(f64)) {
+    if coefficients.iter().any(|&value| value != 0.0) {
+        roots_within(coefficients, 0.0, 1.0, DEEPEST, found);
+    }
+}
+
+fn roots_within<const N: usize>(b: &[f64; N], from: f64, length: f64, depth: u32, found: &mut impl FnMut(f64)) {
+    // A zero at an end is a root; zeros within change no sign.
+    let mut changes = 0;
+    let mut sign = 0.0;
+    for &value in b.iter().filter(|&&value| value != 0.0) {
+        changes += usize::from(sign * value < 0.0);
+        sign = value.signum();
+    }
+    match changes {
+        0 => {
+            if b[0] == 0.0 {
+                found(from);
+            }
+        }
+        1 if b[0] != 0.0 && b[N - 1] != 0.0 => {
+            let falling = if b[0] > 0.0 { *b } else { b.map(|value| -value) };
+            // A start at an end that is all but a root would never leave it.
+            found(from + length * single_root(&falling, 0.5));
+        }
+        _ if depth == 0 => found(from + 0.5 * length),
+        _ => {
+            let (left, right) = halves(b);
+            roots_within(&left, from, 0.5 * length, depth - 1, found);
+            roots_within(&right, from + 0.5 * length, 0.5 * length, depth - 1, found);
+        }
+    }
+    // The end is the start of the next part, but for the last.
+    if changes == 0 && b[N - 1] == 0.0 && from + length == 1.0 {
+        found(1.0);
+    }
+}
+
 fn descent_within<const N: usize>(b: &[f64; N], from: f64, length: f64, depth: u32) -> Option<f64> {
     if b.iter().find(|&&value| value != 0.0).is_some_and(|&value| value < 0.0) {
         return Some(from);
     }
     let first_negative = b.iter().position(|&value| value < 0.0)?;
     if b[first_negative..].iter().all(|&value| value < 0.0) {
-        return Some(from + length * single_root(b));
+        return Some(from + length * single_root(b, b[0] / (b[0] - b[N - 1])));
     }
     if depth == 0 {
         return (b[N - 1] < 0.0).then_some(from + length);
@@ -31,9 +71,9 @@ fn descent_within<const N: usize>(b: &[f64; N], from: f64, length: f64, depth: u
 }
 
 /// The root of a polynomial whose coefficients are first not negative, then negative: Newton's method in a bracket.
-fn single_root<const N: usize>(b: &[f64; N]) -> f64 {
+fn single_root<const N: usize>(b: &[f64; N], start: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
-    let mut s = b[0] / (b[0] - b[N - 1]);
+    let mut s = start;
     for steps in 0..100 {
         let (value, slope) = evaluate(b, s);
         if value >= 0.0 {
@@ -118,6 +158,41 @@ mod tests {
         fn roots_outside_are_not_found(outside in prop::array::uniform5(1.0001..3.0f64)) {
             prop_assert_eq!(first_descent(&from_roots(outside)), None);
         }
+    }
+
+    fn all(b: &[f64; 6]) -> Vec<f64> {
+        let mut found = Vec::new();
+        roots(b, &mut |root| found.push(root));
+        found
+    }
+
+    proptest! {
+        #![proptest_config(fixed_seed(512))]
+
+        #[test]
+        fn all_separated_roots_are_found_and_no_others(
+            first in -0.5..0.5f64, gaps in prop::array::uniform4(0.001..0.4f64),
+        ) {
+            let mut planted = [first; 5];
+            for i in 0..4 {
+                planted[i + 1] = planted[i] + gaps[i];
+            }
+            let found = all(&from_roots(planted));
+            let within: Vec<f64> = planted.into_iter().filter(|root| (0.0..=1.0).contains(root)).collect();
+            prop_assert_eq!(found.len(), within.len(), "{:?} {:?}", found, within);
+            for (a, b) in found.iter().zip(&within) {
+                prop_assert!((a - b).abs() < 1e-6, "{:?} {:?}", found, within);
+            }
+        }
+    }
+
+    #[test]
+    fn roots_at_the_ends_and_in_the_middle_are_found_once() {
+        for planted in [[0.0, 0.5, 1.0, 2.0, 3.0], [0.25, 0.5, 0.75, 2.0, 3.0]] {
+            let found = all(&from_roots(planted));
+            assert!(found.len() == 3 && found.iter().zip(planted).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        }
+        assert_eq!(all(&[0.0; 6]), [0.0; 0]);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! rescaled and padded. What a ray has just left is skipped by identity ([`Leaving`]), never by an epsilon.
 
 pub mod accelerator;
-mod bernstein;
+pub(crate) mod bernstein;
 mod crossing;
 pub mod differential;
 pub mod frame;

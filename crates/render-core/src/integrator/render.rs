@@ -14,7 +14,7 @@ use crate::{
         Sampling, Tile, TileGrid,
     },
     scene::{Scene, description::IntegratorDescription},
-    specular::{SpecularMethod, cone::Cone, fnee::Fnee, mnee::Mnee, scope::Scope, sms::Sms},
+    specular::{SpecularMethod, cone::Cone, conic::Conic, fnee::Fnee, mnee::Mnee, scope::Scope, sms::Sms},
 };
 
 /// Why a node was not rendered.
@@ -72,6 +72,10 @@ pub fn specular_method(scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
         IntegratorDescription::Cone { .. } => Some(Box::new(Cone)),
         &IntegratorDescription::Fnee { solver, selection, max_trials, reflected, .. } => {
             Some(Box::new(Fnee { solver, selection, max_trials, reflected }))
+        }
+        IntegratorDescription::Conic { search, chains, casters, receivers, .. } => {
+            let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());
+            Some(Box::new(Conic { search: *search, scope: scope.over_meshes() }))
         }
         IntegratorDescription::Mnee { missed, chains, casters, receivers, .. } => {
             let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());

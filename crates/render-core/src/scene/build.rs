@@ -1,5 +1,7 @@
 //! From a description and its assets to a scene that can be rendered.
 
+use std::sync::OnceLock;
+
 use glam::DVec3;
 
 use super::build_meshes::{Meshes, decode_textures};
@@ -15,7 +17,7 @@ use crate::film::Sampling;
 use crate::geometry::{Accelerator, Pane};
 use crate::integrator::PathFilter;
 use crate::optics::Light;
-use crate::specular::pane_tree::PaneTree;
+use crate::specular::{conic::FacetTree, conic::Neighbours, pane_tree::PaneTree};
 
 /// A scene that can be rendered. It does not change any more.
 #[derive(Debug)]
@@ -29,6 +31,8 @@ pub struct Scene {
     specular_ball: (DVec3, f64),
     mesh_bounds: Vec<[DVec3; 2]>,
     pane_tree: PaneTree,
+    pub(super) facet_trees: Vec<OnceLock<Option<FacetTree>>>,
+    pub(super) neighbours: Vec<OnceLock<Neighbours>>,
     lights: Vec<Light>,
     meshes: Vec<MeshSurface>,
     normals: Vec<DVec3>,
@@ -61,6 +65,8 @@ impl Scene {
             specular_ball: specular_ball(&accelerator, &surfaces, &mesh_bounds),
             pane_tree: PaneTree::new(accelerator.panes()),
             mesh_bounds,
+            facet_trees: surfaces.iter().map(|_| OnceLock::new()).collect(),
+            neighbours: surfaces.iter().map(|_| OnceLock::new()).collect(),
             meshes: surfaces,
             accelerator,
             path_filter: description.compiled_path_filter()?,

@@ -226,9 +226,18 @@ mod tests {
         deep.integrator = super::super::description::IntegratorDescription::Path { max_depth: 5 };
         let cone = deep.with_integrator_named("cone").unwrap();
         assert_eq!((cone.integrator.name(), cone.integrator.max_depth()), ("cone", 5));
+        // Chains that it cannot look for are not kept.
+        scene["integrator"] = serde_json::json!({"sms": {"max_depth": 6, "chains": ["TT", "R"]}});
+        let chains = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+        let conic = serde_json::to_value(chains.with_integrator_named("conic").unwrap().integrator).unwrap();
+        assert_eq!(conic, serde_json::json!({"conic": {"max_depth": 6, "search": "complete", "chains": ["R"]}}));
+        let conic = serde_json::to_value(cone.clone().with_integrator_named("conic").unwrap().integrator).unwrap();
+        assert_eq!(conic["conic"]["chains"], serde_json::json!(["T"]));
         let error = cone.with_integrator_named("magic").unwrap_err().to_string();
         assert!(
-            error.contains("integrator: found \"magic\", must be \"path\", \"cone\", \"fnee\", \"sms\" or \"mnee\""),
+            error.contains(
+                "integrator: found \"magic\", must be \"path\", \"cone\", \"fnee\", \"sms\", \"mnee\" or \"conic\""
+            ),
             "{error}"
         );
         assert!(description.with_size(0, 5).unwrap_err().to_string().contains("film.width"));

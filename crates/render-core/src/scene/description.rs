@@ -190,6 +190,38 @@ pub enum IntegratorDescription {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         receivers: Option<Vec<String>>,
     },
+    /// Path tracing, with all light over one interface, a smooth mesh, found on the curves along which surface, light and
+    /// normal are coplanar.
+    Conic {
+        /// Largest number of vertices between camera and light, 1 to 1000.
+        #[serde(default = "default_max_depth")]
+        #[schemars(range(min = 1, max = 1000))]
+        max_depth: u32,
+        /// Which paths are found.
+        #[serde(default)]
+        search: ConicSearch,
+        /// What happens between a surface and a light: `T`, refraction, or `R`, reflection, or both in turn.
+        #[serde(default = "default_conic_chains")]
+        #[schemars(length(min = 1, max = 2), inner(regex(pattern = "^[RT]$")))]
+        chains: Vec<String>,
+        /// Names of the smooth meshes on which it happens; all by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        casters: Option<Vec<String>>,
+        /// Names of the meshes on which the light is gathered; all by default.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        receivers: Option<Vec<String>>,
+    },
+}
+
+/// Which paths over a mesh `conic` finds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ConicSearch {
+    /// All.
+    #[default]
+    Complete,
+    /// The first along the curve from the straight line to the light (Granizo-Hidalgo and Holzschuch 2024).
+    Published,
 }
 
 /// What manifold next event estimation does about the paths through a pane that its walk does not find.
@@ -278,6 +310,10 @@ pub const MOST_SPECULAR_VERTICES: usize = 16;
 
 pub(super) fn default_chains() -> Vec<String> {
     vec!["TT".to_owned()]
+}
+
+pub(super) fn default_conic_chains() -> Vec<String> {
+    vec!["T".to_owned()]
 }
 
 /// As in the scenes of the authors of specular manifold sampling.

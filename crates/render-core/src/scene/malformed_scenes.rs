@@ -186,6 +186,18 @@ fn values_out_of_range_are_named_with_what_would_be_right() {
         ("/integrator", json!({"sms": {"chains": []}}), "integrator.sms.chains", &["0 words", "1 to 16 words"]),
         ("/integrator", json!({"sms": {"chains": ["TX"]}}), "integrator.sms.chains[0]", &["\"TX\"", "letters R and T"]),
         ("/integrator", json!({"sms": {"chains": ["T", "T"]}}), "integrator.sms.chains[1]", &["\"T\"", "another"]),
+        (
+            "/integrator",
+            json!({"conic": {"chains": ["TT"]}}),
+            "integrator.conic.chains[0]",
+            &["\"TT\"", "one letter of R and T"],
+        ),
+        (
+            "/integrator",
+            json!({"conic": {"casters": ["left"]}}),
+            "integrator.conic.casters[0]",
+            &["\"left\"", "a smooth mesh"],
+        ),
         ("/integrator", json!({"mnee": {"chains": ["R"]}}), "integrator.mnee.chains[0]", &["\"R\"", "letters T"]),
         ("/integrator", json!({"sms": {"casters": ["middle"]}}), "integrator.sms.casters[0]", &["(left, right)"]),
         ("/integrator", json!({"mnee": {"receivers": ["left"]}}), "integrator.mnee.receivers[0]", &["\"left\""]),

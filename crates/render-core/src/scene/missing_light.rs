@@ -3,8 +3,8 @@
 //! These are classes of paths. How much light there is in them depends on the scene.
 
 use super::description::{
-    FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, MaterialDescription, MeshDescription,
-    MissedPaths, PaneSelection, SceneDescription,
+    ConicSearch, FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, MaterialDescription,
+    MeshDescription, MissedPaths, PaneSelection, SceneDescription,
 };
 use crate::specular::side::GRAZING_COSINE;
 
@@ -51,7 +51,12 @@ impl SceneDescription {
         match self.integrator {
             IntegratorDescription::Path { .. }
             | IntegratorDescription::Cone { .. }
+            | IntegratorDescription::Conic { search: ConicSearch::Complete, .. }
             | IntegratorDescription::Mnee { missed: MissedPaths::LeftToChance, .. } => Vec::new(),
+            IntegratorDescription::Conic { search: ConicSearch::Published, .. } => vec![
+                "paths over a smooth mesh but for the first that a walk from the straight line to the light meets"
+                    .to_owned(),
+            ],
             IntegratorDescription::Mnee { missed: MissedPaths::Dropped, .. } => vec![
                 "paths through a pane but for the one that a walk from the straight line to the light finds".to_owned(),
             ],
@@ -101,6 +106,15 @@ impl SceneDescription {
                 ];
                 missing.extend(unmarked(casters.as_deref(), receivers.as_deref()));
                 missing.extend(unselected(*selection));
+                missing
+            }
+            IntegratorDescription::Conic { chains, casters, receivers, .. } => {
+                let mut missing = vec![format!(
+                    "light of point lights that comes through or off a pane or a smooth mesh to a surface, but for that over \
+                     one smooth mesh ({}; chains)",
+                    chains.join(", ")
+                )];
+                missing.extend(unmarked(casters.as_deref(), receivers.as_deref()));
                 missing
             }
             IntegratorDescription::Mnee { chains, casters, receivers, .. } => {
@@ -210,6 +224,8 @@ mod tests {
         let mnee = |missed| missing(json!({"mnee": {"missed": missed}}), lights.clone());
         check(&mnee("left_to_chance"), &[long]);
         check(&mnee("dropped"), &[long, "but for the one"]);
+        check(&missing(json!({"conic": {}}), lights.clone()), &[long]);
+        check(&missing(json!({"conic": {"search": "published"}}), lights), &[long, "but for the first"]);
     }
 
     #[test]
@@ -219,6 +235,7 @@ mod tests {
             check(&missing(json!({integrator: {}}), 0..4), &[long, "through or off a pane or a smooth mesh"]);
         }
         check(&missing(json!({"mnee": {}}), 0..4), &[long, "but for the one path"]);
+        check(&missing(json!({"conic": {"chains": ["T", "R"]}}), 0..4), &[long, "over one smooth mesh (T, R; chains)"]);
         let manifold =
             [long, "(1 - p)^10000000", "other specular vertices than TT (chains)", "highest and lowest point"];
         check(&missing(json!({"sms": {}}), 0..1), &manifold);

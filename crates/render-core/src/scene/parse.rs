@@ -5,8 +5,8 @@ use serde::de::IgnoredAny;
 use serde_json::Value;
 
 use super::description::{
-    FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths,
-    PaneSelection, SCENE_FORMAT_VERSION, SceneDescription, default_chains,
+    ConicSearch, FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator,
+    MissedPaths, PaneSelection, SCENE_FORMAT_VERSION, SceneDescription, default_chains, default_conic_chains,
 };
 use super::error::SceneError;
 use super::json_path::JsonPath;
@@ -40,10 +40,11 @@ impl SceneDescription {
     /// When no integrator has that name.
     pub fn with_integrator_named(self, name: &str) -> Result<Self, SceneError> {
         let max_depth = self.integrator.max_depth();
-        // Where light comes from is a property of the scene, whichever of both methods looks for it.
+        // Where light comes from is a property of the scene, whichever method looks for it.
         let (chains, casters, receivers) = match &self.integrator {
             IntegratorDescription::Sms { chains, casters, receivers, .. }
-            | IntegratorDescription::Mnee { chains, casters, receivers, .. } => {
+            | IntegratorDescription::Mnee { chains, casters, receivers, .. }
+            | IntegratorDescription::Conic { chains, casters, receivers, .. } => {
                 (chains.clone(), casters.clone(), receivers.clone())
             }
             _ => (default_chains(), None, None),
@@ -73,6 +74,22 @@ impl SceneDescription {
                     receivers,
                 },
             },
+            "conic" => match self.integrator {
+                IntegratorDescription::Conic { .. } => self.integrator,
+                _ => {
+                    let single = |chain: &String| chain.len() == 1;
+                    let chains =
+                        Some(chains.into_iter().filter(single).collect()).filter(|chains: &Vec<_>| !chains.is_empty());
+                    let chains = chains.unwrap_or_else(default_conic_chains);
+                    IntegratorDescription::Conic {
+                        max_depth,
+                        search: ConicSearch::default(),
+                        chains,
+                        casters,
+                        receivers,
+                    }
+                }
+            },
             "mnee" => match self.integrator {
                 IntegratorDescription::Mnee { .. } => self.integrator,
                 _ => IntegratorDescription::Mnee {
@@ -88,7 +105,7 @@ impl SceneDescription {
                 return Err(SceneError::value(
                     &path.member("integrator"),
                     format_args!("\"{other}\""),
-                    "\"path\", \"cone\", \"fnee\", \"sms\" or \"mnee\"",
+                    "\"path\", \"cone\", \"fnee\", \"sms\", \"mnee\" or \"conic\"",
                 ));
             }
         };
@@ -121,6 +138,7 @@ impl IntegratorDescription {
             Self::Fnee { .. } => "fnee",
             Self::Sms { .. } => "sms",
             Self::Mnee { .. } => "mnee",
+            Self::Conic { .. } => "conic",
         }
     }
 
@@ -131,7 +149,8 @@ impl IntegratorDescription {
             | Self::Cone { max_depth }
             | Self::Fnee { max_depth, .. }
             | Self::Sms { max_depth, .. }
-            | Self::Mnee { max_depth, .. } => max_depth,
+            | Self::Mnee { max_depth, .. }
+            | Self::Conic { max_depth, .. } => max_depth,
         }
     }
 }

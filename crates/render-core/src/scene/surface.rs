@@ -8,6 +8,7 @@ use super::Scene;
 use super::texture::Texture;
 use crate::geometry::SurfaceDifferential;
 use crate::optics::{Interface, interface::Normals};
+use crate::specular::conic::{Facet, FacetTree, Neighbours};
 
 /// The triangles of one mesh, which follow one another in the scene.
 #[derive(Clone, Debug)]
@@ -126,6 +127,25 @@ impl Scene {
             (*a * (1.0 - v - w) + *b * v + *c * w).normalize()
         });
         Normals { geometric, shading }
+    }
+
+    /// A triangle with the normals at its corners.
+    pub(crate) fn facet(&self, triangle: u32) -> Facet {
+        let flat = [self.triangle_normal(triangle); 3];
+        let normals = self.smooth(triangle).and_then(|(mesh, index)| mesh.normals(index)).unwrap_or(&flat);
+        Facet { corners: *self.accelerator().corners(triangle), normals: *normals }
+    }
+
+    /// The triangles of a smooth mesh by place and normal, sorted when they are asked for first; `None` when it has none.
+    pub(crate) fn facets(&self, mesh: u32) -> Option<&FacetTree> {
+        let range = self.meshes()[mesh as usize].triangle_range();
+        self.facet_trees[mesh as usize].get_or_init(|| FacetTree::over(range, |triangle| self.facet(triangle))).as_ref()
+    }
+
+    /// Which triangles of a mesh share edges, found when it is asked for first.
+    pub(crate) fn neighbours(&self, mesh: u32) -> &Neighbours {
+        let range = self.meshes()[mesh as usize].triangle_range();
+        self.neighbours[mesh as usize].get_or_init(|| Neighbours::of(range, |triangle| self.facet(triangle)))
     }
 
     /// The surface around a point of a triangle.

@@ -18,9 +18,10 @@ impl SceneDescription {
             IntegratorDescription::Fnee { max_trials, .. } => {
                 check_range(*max_trials, 1, 1_000_000, &path.member("max_trials"))
             }
-            IntegratorDescription::Mnee { chains, .. } => check_chains(chains, "T", &path),
+            IntegratorDescription::Mnee { chains, .. } => check_chains(chains, "T", MOST_SPECULAR_VERTICES, &path),
+            IntegratorDescription::Conic { chains, .. } => check_chains(chains, "RT", 1, &path),
             IntegratorDescription::Sms { estimator, chains, .. } => {
-                check_chains(chains, "RT", &path)?;
+                check_chains(chains, "RT", MOST_SPECULAR_VERTICES, &path)?;
                 let path = path.member("estimator");
                 match estimator {
                     ManifoldEstimator::Unbiased { max_trials } => {
@@ -38,7 +39,8 @@ impl SceneDescription {
     /// Checks what the integrator says about other parts of the scene.
     pub(super) fn check_integrator_names(&self, path: &JsonPath<'_>) -> Check {
         let (IntegratorDescription::Sms { casters, receivers, .. }
-        | IntegratorDescription::Mnee { casters, receivers, .. }) = &self.integrator
+        | IntegratorDescription::Mnee { casters, receivers, .. }
+        | IntegratorDescription::Conic { casters, receivers, .. }) = &self.integrator
         else {
             return Ok(());
         };
@@ -47,25 +49,30 @@ impl SceneDescription {
         };
         let (smooth, others): (Vec<_>, Vec<_>) = self.meshes.iter().partition(is_smooth);
         let panes = self.panes.iter().map(|pane| pane.name.as_str());
-        let specular: Vec<&str> = panes.chain(smooth.iter().map(|mesh| mesh.name.as_str())).collect();
+        let smooth = smooth.iter().map(|mesh| mesh.name.as_str());
+        let (specular, kind): (Vec<&str>, _) = match self.integrator {
+            IntegratorDescription::Conic { .. } => (smooth.collect(), "a smooth mesh"),
+            _ => (panes.chain(smooth).collect(), "a pane or a smooth mesh"),
+        };
         let diffuse: Vec<&str> = others.iter().map(|mesh| mesh.name.as_str()).collect();
         let path = path.member(self.integrator.name());
-        check_known(casters.as_ref(), &specular, "a pane or a smooth mesh", &path.member("casters"))?;
+        check_known(casters.as_ref(), &specular, kind, &path.member("casters"))?;
         check_known(receivers.as_ref(), &diffuse, "a mesh that scatters light", &path.member("receivers"))
     }
 }
 
-fn check_chains(chains: &[String], letters: &str, path: &JsonPath<'_>) -> Check {
+fn check_chains(chains: &[String], letters: &str, longest: usize, path: &JsonPath<'_>) -> Check {
     let path = path.member("chains");
     if chains.is_empty() || chains.len() > MOST_SPECULAR_VERTICES {
         return Err(SceneError::value(&path, format_args!("{} words", chains.len()), "1 to 16 words"));
     }
     for (index, chain) in chains.iter().enumerate() {
         let length = chain.chars().count();
-        let fits = (1..=MOST_SPECULAR_VERTICES).contains(&length) && chain.chars().all(|sign| letters.contains(sign));
+        let fits = (1..=longest).contains(&length) && chain.chars().all(|sign| letters.contains(sign));
         if !fits || chains[..index].contains(chain) {
             let letters: Vec<String> = letters.chars().map(String::from).collect();
-            let expected = format!("another word than those before, of 1 to 16 letters {}", letters.join(" and "));
+            let length = if longest == 1 { "one letter of".to_owned() } else { format!("1 to {longest} letters") };
+            let expected = format!("another word than those before, of {length} {}", letters.join(" and "));
             return Err(SceneError::value(&path.element(index), Quoted(chain), expected));
         }
     }

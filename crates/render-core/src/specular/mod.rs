@@ -8,6 +8,7 @@ mod block_tridiagonal;
 mod caster;
 mod chain;
 pub mod cone;
+pub mod conic;
 mod constraint;
 pub mod coverage;
 mod direction_bounds;

@@ -36,6 +36,13 @@ impl Scope {
         }
     }
 
+    /// The same paths, but for those that begin on panes.
+    #[must_use]
+    pub fn over_meshes(mut self) -> Self {
+        self.casters.retain(|caster| matches!(caster, Caster::Mesh(_)));
+        self
+    }
+
     /// Whether light is gathered at a point.
     pub(super) fn receives(&self, scene: &Scene, point: &ShadingPoint) -> bool {
         match point.leaving {

@@ -1,0 +1,213 @@
+//! A triangle with interpolated normals: where on it light goes from one end to another.
+//!
+//! Places are given by the weights of the three corners, which sum to one. A path obeys the law of refraction where the
+//! generalised half vector `h = n_P w_P + n_L w_L` is along the normal, `w_P` and `w_L` being the unit directions to the
+//! shading point and to the light and `n_P`, `n_L` the indices there (Walter et al. 2007). Both indices are one for a
+//! mirror. The three components of `h x n` vanish together.
+
+use std::f64::consts::SQRT_2;
+
+use arrayvec::ArrayVec;
+use glam::{DMat2, DMat3, DVec2, DVec3};
+
+use super::{curve::all_paths, ends::Ends, facet_tree::BENDING};
+use crate::optics::dielectric::{reflect, refract};
+
+/// A triangle with normals at its corners.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Facet {
+    /// The corners, metres.
+    pub(crate) corners: [DVec3; 3],
+    /// The normals at the corners. What is interpolated linearly is normalised afterwards.
+    pub(crate) normals: [DVec3; 3],
+}
+
+/// Most steps of Newton's method from a place that is a path but for rounding.
+const STEPS: usize = 8;
+
+/// Newton's method ends with a step of this part of the triangle.
+const TOLERANCE: f64 = 1e-12;
+
+/// Sine of the largest angle between half vector and normal at a path.
+const STATIONARY: f64 = 1e-9;
+
+/// Paths closer than this part of the triangle are the same.
+const SAME: f64 = 1e-7;
+
+/// Most paths on one triangle: there are twelve roots on each of two arcs.
+const MOST_PATHS: usize = 24;
+
+/// Places so far outside are within: they lie on the edge that two triangles share, and belong to both.
+const ON_EDGE: f64 = 1e-9;
+
+impl Facet {
+    /// The place with these weights of the second and third corner.
+    pub(super) fn place(&self, weights: DVec2) -> DVec3 {
+        blend(&self.corners, weights)
+    }
+
+    /// The normal there, not of unit length.
+    pub(super) fn normal(&self, weights: DVec2) -> DVec3 {
+        blend(&self.normals, weights)
+    }
+
+    /// Half vector and unit normal.
+    fn half_and_normal(&self, ends: &Ends, weights: DVec2) -> [DVec3; 2] {
+        let place = self.place(weights);
+        let half = (ends.point - place).normalize() * ends.indices[0]
+            + ends.offset_to_light(place).normalize() * ends.indices[1];
+        [half, self.normal(weights).normalize()]
+    }
+
+    /// The weights of the second and third corner at all paths.
+    pub(super) fn paths(&self, ends: &Ends) -> ArrayVec<DVec2, MOST_PATHS> {
+        let mut paths = ArrayVec::<DVec2, MOST_PATHS>::new();
+        match self.only_path(ends) {
+            Only::Here(path) => paths.push(path),
+            Only::Nowhere => {}
+            Only::Unknown => all_paths(self, ends, &mut |weights| {
+                if let Some(path) = self.polished(ends, weights)
+                    && paths.iter().all(|known| (*known - path).abs().max_element() > SAME)
+                {
+                    let _ = paths.try_push(path);
+                }
+            }),
+        }
+        paths
+    }
+
+    /// The path on a triangle so small that it holds one at the most. With G the misfit and K its derivative in the middle, two
+    /// paths at x and y would make `|K (x - y)|` at most what the derivative changes between them times `|x - y|`.
+    fn only_path(&self, ends: &Ends) -> Only {
+        const MIDDLE: DVec2 = DVec2::splat(1.0 / 3.0);
+        let (_, derivative) = self.misfit(ends, MIDDLE);
+        // The smaller singular value is at least this.
+        let squares = derivative.x_axis.length_squared() + derivative.y_axis.length_squared();
+        let least = derivative.determinant().abs() / squares.sqrt();
+        // What weights change, as the sum over both, moves a place by that much of the longest edge.
+        let alone = |extent: f64| least > SQRT_2 * extent * self.bending(ends, MIDDLE, extent);
+        if !alone(1.0) {
+            return Only::Unknown;
+        }
+        let Some(path) = self.stationary(ends, MIDDLE) else { return Only::Unknown };
+        let distance = (path - MIDDLE).abs().element_sum();
+        if is_within(path) {
+            if self.takes_sides(ends, path) { Only::Here(path) } else { Only::Nowhere }
+        } else if alone(distance.max(1.0)) {
+            Only::Nowhere
+        } else {
+            Only::Unknown
+        }
+    }
+
+    /// A bound of the second derivatives of the misfit by the weights, as far as `extent` from a place.
+    fn bending(&self, ends: &Ends, weights: DVec2, extent: f64) -> f64 {
+        let [a, b, c] = self.corners;
+        let edge = (b - a).length().max((c - a).length());
+        let [na, nb, nc] = self.normals;
+        let turn = (nb - na).length().max((nc - na).length());
+        let place = self.place(weights);
+        let (mut speed, mut bend) = (0.0, 0.0);
+        let offsets = [(ends.point - place, 1.0), (ends.offset_to_light(place), ends.near)];
+        for ((offset, near), index) in offsets.into_iter().zip(ends.indices) {
+            let least = offset.length() - near * edge * extent;
+            let moved = if least > 0.0 { near * edge / least } else { f64::INFINITY };
+            speed += index * moved;
+            bend += index * 2.0 * BENDING * moved * moved;
+        }
+        bend * (na.length() + extent * turn) + 2.0 * speed * turn
+    }
+
+    /// By how much the ray from the shading point through a place of the curve misses the light: the part, across the curve in
+    /// the tangent plane, of the cross product between its direction behind the interface and that to the light. It changes
+    /// its sign where a path is. Equation 21 takes the sign from the part along the curve, which vanishes wherever the curve
+    /// lies in the plane of incidence, on all of a flat surface. `form` is the curve's matrix, whose gradient turned by a right
+    /// angle is the tangent (equations 13 to 15, for a matrix that is symmetric). `None` where light is totally reflected.
+    pub(super) fn defect(&self, ends: &Ends, form: &DMat3, weights: DVec3) -> Option<f64> {
+        let at = DVec2::new(weights.y, weights.z);
+        let (place, normal) = (self.place(at), self.normal(at).normalize());
+        let gradient = *form * weights;
+        let tangent = (self.corners[2] - self.corners[0]) * (gradient.y - gradient.x)
+            - (self.corners[1] - self.corners[0]) * (gradient.z - gradient.x);
+        let direction = (place - ends.point).normalize();
+        let behind = if ends.is_mirrored() {
+            reflect(direction, normal)
+        } else {
+            refract(direction, normal, ends.indices[0], ends.indices[1])?.direction
+        };
+        let across = normal.cross(tangent.normalize_or_zero());
+        Some(across.dot(behind.cross(ends.offset_to_light(place).normalize())))
+    }
+
+    /// The path next to a place that is one but for rounding, as weights; `None` when there is none in the triangle.
+    pub(super) fn polished(&self, ends: &Ends, start: DVec2) -> Option<DVec2> {
+        self.stationary(ends, start).filter(|weights| is_within(*weights) && self.takes_sides(ends, *weights))
+    }
+
+    /// Where Newton's method from a place leads on the triangle's plane, if that is a path.
+    fn stationary(&self, ends: &Ends, start: DVec2) -> Option<DVec2> {
+        let mut weights = start;
+        for _ in 0..STEPS {
+            let (misfit, derivative) = self.misfit(ends, weights);
+            let step = derivative.inverse() * misfit;
+            if !step.is_finite() {
+                return None;
+            }
+            weights -= step;
+            if step.abs().max_element() < TOLERANCE {
+                break;
+            }
+        }
+        let [half, normal] = self.half_and_normal(ends, weights);
+        (half.cross(normal).length() < STATIONARY).then_some(weights)
+    }
+
+    /// Whether the ends are on the right sides of the tangent plane.
+    fn takes_sides(&self, ends: &Ends, weights: DVec2) -> bool {
+        let (place, normal) = (self.place(weights), self.normal(weights));
+        ends.take_sides(normal.dot(ends.point - place), normal.dot(ends.offset_to_light(place)))
+    }
+
+    /// Both components of `h x n` in the plane across the normal, and their derivatives by the weights.
+    fn misfit(&self, ends: &Ends, weights: DVec2) -> (DVec2, DMat2) {
+        let (place, normal) = (self.place(weights), self.normal(weights));
+        let (u, v) = normal.normalize().any_orthonormal_pair();
+        let mut half = DVec3::ZERO;
+        let mut half_by = [DVec3::ZERO; 2];
+        let edges = [self.corners[1] - self.corners[0], self.corners[2] - self.corners[0]];
+        let offsets = [(ends.point - place, 1.0), (ends.offset_to_light(place), ends.near)];
+        for ((offset, near), index) in offsets.into_iter().zip(ends.indices) {
+            let inverse = 1.0 / offset.length();
+            let direction = offset * inverse;
+            half += direction * index;
+            for (by, edge) in half_by.iter_mut().zip(edges) {
+                *by += (direction * direction.dot(edge) - edge) * (near * index * inverse);
+            }
+        }
+        let across = |vector: DVec3| DVec2::new(u.dot(vector), v.dot(vector));
+        let column = |k: usize| {
+            let normal_by = self.normals[k + 1] - self.normals[0];
+            across(half_by[k].cross(normal) + half.cross(normal_by))
+        };
+        (across(half.cross(normal)), DMat2::from_cols(column(0), column(1)))
+    }
+}
+
+/// What is known of the paths on a triangle that may be too large to tell.
+enum Only {
+    /// There is one, here.
+    Here(DVec2),
+    /// There is none.
+    Nowhere,
+    /// There may be several.
+    Unknown,
+}
+
+/// Whether a place is on the triangle.
+fn is_within(weights: DVec2) -> bool {
+    weights.min_element() >= -ON_EDGE && weights.element_sum() <= 1.0 + ON_EDGE
+}
+
+fn blend(corners: &[DVec3; 3], weights: DVec2) -> DVec3 {
+    corners[0] * (1.0 - weights.x - weights.y) + corners[1] * weights.x + corners[2] * weights.y
+}

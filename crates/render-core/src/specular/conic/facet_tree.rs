@@ -1,0 +1,392 @@
+//! The hierarchy of triangles in which only boxes that may hold a path are opened.
+//!
+//! A box bounds places M = c + d, and normals by a linear function of the place, n = m + J d + v, with small v. The half
+//! vector at M is h = g + H d + r, with g that at the middle, H its derivative, and r of second order. At a path
+//!
+//!     h x n  =  g x m  +  (H d) x m + g x (J d)  +  (H d) x (J d) + r x n + h x v
+//!
+//! vanishes in each component: those that say how far P, L and the normal are from one plane, and how far from Snell's law,
+//! alike. The first term is known, the next two are linear in d, and the rest is small and bounded. So about as many boxes
+//! are opened as touch the places where the linear terms say that a path is, whatever their size.
+
+use std::ops::{Add, Mul, Range, Sub};
+
+use glam::{DMat3, DVec3};
+use wide::f32x8;
+
+use super::{ends::Ends, facet::Facet};
+use crate::specular::widest::{self, Computation};
+
+/// Boxes in a node.
+const WIDTH: usize = 8;
+
+/// Marks the number of a child that is a triangle.
+const IS_TRIANGLE: u32 = 1 << 31;
+
+/// No child.
+const EMPTY: u32 = u32::MAX;
+
+/// A value for each box of a node.
+type Lanes = f32x8;
+
+/// A vector for each box of a node.
+#[derive(Clone, Copy, Debug)]
+struct Vectors {
+    x: Lanes,
+    y: Lanes,
+    z: Lanes,
+}
+
+/// A node: the boxes of its children, in single precision relative to the middle of the mesh.
+#[derive(Clone, Debug)]
+struct Node {
+    /// Their middles c.
+    centre: Vectors,
+    /// Half of their edges.
+    half: Vectors,
+    /// The normals m there.
+    normal: Vectors,
+    /// How normals vary with places: the columns of J.
+    turning: [Vectors; 3],
+    /// Bounds of what remains of normals, |v|.
+    remainder: Lanes,
+    /// Numbers of nodes, or of triangles with [`IS_TRIANGLE`].
+    children: [u32; WIDTH],
+}
+
+/// What bounds the places and normals of some triangles.
+#[derive(Clone, Copy, Debug)]
+struct FacetBox {
+    centre: DVec3,
+    half: DVec3,
+    normal: DVec3,
+    turning: DMat3,
+    remainder: f64,
+}
+
+/// The ends, as boxes see them.
+struct SeenEnds {
+    point: Vectors,
+    light: Vectors,
+    near: Lanes,
+    indices: [Lanes; 2],
+    side: Lanes,
+}
+
+/// The triangles of a mesh by place and normal.
+#[derive(Clone, Debug)]
+pub(crate) struct FacetTree {
+    nodes: Vec<Node>,
+    /// The middle of the mesh.
+    middle: DVec3,
+}
+
+impl FacetTree {
+    /// The tree over triangles by their numbers; `None` when there are none.
+    pub(crate) fn over(triangles: Range<u32>, facet: impl Fn(u32) -> Facet) -> Option<Self> {
+        if triangles.is_empty() {
+            return None;
+        }
+        let mut order: Vec<(u32, DVec3)> =
+            triangles.map(|triangle| (triangle, facet(triangle).corners.iter().sum::<DVec3>() / 3.0)).collect();
+        let [low, high] = bounds(&order);
+        let middle = 0.5 * (low + high);
+        let mut nodes = Vec::new();
+        build(&mut nodes, &mut order, middle, &facet);
+        Some(Self { nodes, middle })
+    }
+
+    /// Hands the numbers of all triangles that may hold a path to `open`, and returns how many nodes it looked at.
+    pub(super) fn visit(&self, ends: &Ends, open: impl FnMut(u32)) -> usize {
+        widest::run(Visit { tree: self, ends, open })
+    }
+
+    #[inline(always)]
+    fn visit_nodes(&self, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
+        let light = ends.light - self.middle * ends.near;
+        let splat = |value: f64| Lanes::splat(value as f32);
+        let ends = SeenEnds {
+            point: Vectors::splat(ends.point - self.middle),
+            light: Vectors::splat(light),
+            near: splat(ends.near),
+            indices: ends.indices.map(splat),
+            side: splat(ends.side),
+        };
+        let mut looks = 0;
+        let (mut level, mut below) = (Vec::with_capacity(256), Vec::with_capacity(256));
+        let mut masks = Vec::with_capacity(256);
+        level.push(0u32);
+        while !level.is_empty() {
+            looks += level.len();
+            // All nodes of a level before any of the next: no look waits for another.
+            masks.clear();
+            masks.extend(level.iter().map(|&number| self.nodes[number as usize].may_hold(&ends)));
+            for (&number, &mask) in level.iter().zip(&masks) {
+                let mut may = mask;
+                while may != 0 {
+                    let child = self.nodes[number as usize].children[may.trailing_zeros() as usize];
+                    may &= may - 1;
+                    if child & IS_TRIANGLE == 0 {
+                        below.push(child);
+                    } else if child != EMPTY {
+                        open(child & !IS_TRIANGLE);
+                    }
+                }
+            }
+            std::mem::swap(&mut level, &mut below);
+            below.clear();
+        }
+        looks
+    }
+}
+
+/// The visit of a tree.
+struct Visit<'a, F> {
+    tree: &'a FacetTree,
+    ends: &'a Ends,
+    open: F,
+}
+
+impl<F: FnMut(u32)> Computation for Visit<'_, F> {
+    type Output = usize;
+
+    #[inline(always)]
+    fn run(self) -> usize {
+        self.tree.visit_nodes(self.ends, self.open)
+    }
+}
+
+/// Appends the node over `order` and all below it.
+fn build(nodes: &mut Vec<Node>, order: &mut [(u32, DVec3)], middle: DVec3, facet: &impl Fn(u32) -> Facet) {
+    let number = nodes.len();
+    let mut parts = vec![order];
+    while parts.len() < WIDTH {
+        parts = parts.into_iter().flat_map(halves).collect();
+    }
+    let boxes: Vec<FacetBox> = parts
+        .iter()
+        .map(|part| {
+            let facets: Vec<Facet> = part.iter().map(|&(triangle, _)| facet(triangle)).collect();
+            FacetBox::around(&facets, middle)
+        })
+        .collect();
+    nodes.push(Node::over(&boxes));
+    for (lane, part) in parts.into_iter().enumerate() {
+        nodes[number].children[lane] = match part {
+            [] => EMPTY,
+            [(triangle, _)] => *triangle | IS_TRIANGLE,
+            _ => nodes.len() as u32,
+        };
+        if part.len() > 1 {
+            build(nodes, part, middle, facet);
+        }
+    }
+}
+
+/// Both halves of some triangles, along the longest extent.
+fn halves(order: &mut [(u32, DVec3)]) -> [&mut [(u32, DVec3)]; 2] {
+    let half = split(order);
+    let (low, high) = order.split_at_mut(half);
+    [low, high]
+}
+
+/// Puts the half of the triangles that lie low along the longest extent first, and returns its number.
+fn split(order: &mut [(u32, DVec3)]) -> usize {
+    if order.len() <= 1 {
+        return order.len();
+    }
+    let [low, high] = order
+        .iter()
+        .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], (_, middle)| [low.min(*middle), high.max(*middle)]);
+    let extent = high - low;
+    let axis = (0..3).fold(0, |longest, axis| if extent[axis] > extent[longest] { axis } else { longest });
+    let half = order.len() / 2;
+    order.select_nth_unstable_by(half, |a, b| a.1[axis].total_cmp(&b.1[axis]).then(a.0.cmp(&b.0)));
+    half
+}
+
+impl FacetBox {
+    /// The box around some triangles, relative to `middle`.
+    fn around(facets: &[Facet], middle: DVec3) -> Self {
+        let corners = || {
+            facets.iter().flat_map(|facet| facet.corners.map(|corner| corner - middle).into_iter().zip(facet.normals))
+        };
+        let grown = |[low, high]: [DVec3; 2], point: DVec3| [low.min(point), high.max(point)];
+        let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let [low, high] = corners().fold(nothing, |bounds, (place, _)| grown(bounds, place));
+        let (centre, half) = (0.5 * (low + high), 0.5 * (high - low));
+        let count = 3.0 * facets.len() as f64;
+        let mean = |pick: fn((DVec3, DVec3)) -> DVec3| corners().map(pick).sum::<DVec3>() / count;
+        let (mean_place, mean_normal) = (mean(|(place, _)| place), mean(|(_, normal)| normal));
+        // Least squares; the little that is added keeps flat meshes from a singular matrix.
+        let (mut products, mut squares) = (DMat3::ZERO, DMat3::ZERO);
+        for (place, normal) in corners() {
+            let (place, normal) = (place - mean_place, normal - mean_normal);
+            products += outer(normal, place);
+            squares += outer(place, place);
+        }
+        let trace = squares.x_axis.x + squares.y_axis.y + squares.z_axis.z;
+        let turning = products * (squares + DMat3::from_diagonal(DVec3::splat(REGULARISATION * trace))).inverse();
+        let turning = if turning.is_finite() { turning } else { DMat3::ZERO };
+        let remains = |place: DVec3, normal: DVec3| normal - turning * (place - centre);
+        let [low, high] = corners().fold(nothing, |bounds, (place, normal)| grown(bounds, remains(place, normal)));
+        Self { centre, half, normal: 0.5 * (low + high), turning, remainder: 0.5 * (high - low).length() }
+    }
+}
+
+impl Node {
+    /// A node over children that are yet to be numbered.
+    fn over(boxes: &[FacetBox]) -> Self {
+        let lanes = |value: &dyn Fn(&FacetBox) -> f64| {
+            Lanes::from(std::array::from_fn::<f32, WIDTH, _>(|lane| boxes.get(lane).map_or(0.0, value) as f32))
+        };
+        let vectors = |vector: &dyn Fn(&FacetBox) -> DVec3| Vectors {
+            x: lanes(&|bounds| vector(bounds).x),
+            y: lanes(&|bounds| vector(bounds).y),
+            z: lanes(&|bounds| vector(bounds).z),
+        };
+        Self {
+            centre: vectors(&|bounds| bounds.centre),
+            half: vectors(&|bounds| bounds.half),
+            normal: vectors(&|bounds| bounds.normal),
+            turning: [0, 1, 2].map(|axis| vectors(&|bounds| bounds.turning.col(axis))),
+            remainder: lanes(&|bounds| bounds.remainder),
+            children: [EMPTY; WIDTH],
+        }
+    }
+
+    /// Which boxes may hold a path, as the bits of a number.
+    #[inline(always)]
+    fn may_hold(&self, ends: &SeenEnds) -> u32 {
+        let reach = self.half.dot(self.half).sqrt();
+        let to_point = ends.point - self.centre;
+        let to_light = ends.light - self.centre * ends.near;
+        // At an infinite distance nothing turns.
+        let seen = [(to_point, Lanes::splat(1.0), ends.indices[0]), (to_light, ends.near, ends.indices[1])];
+        let mut half = Vectors::splat(DVec3::ZERO);
+        let mut speeds = [Lanes::splat(0.0); 2];
+        let mut directions = [half; 2];
+        let (mut fastest, mut bent) = (Lanes::splat(0.0), Lanes::splat(0.0));
+        for (end, (offset, near, index)) in seen.into_iter().enumerate() {
+            let distance = offset.dot(offset).sqrt();
+            let inverse = Lanes::splat(1.0) / distance;
+            directions[end] = offset * inverse;
+            half = half + directions[end] * index;
+            speeds[end] = index * near * inverse;
+            fastest += speeds[end];
+            let moved = near * reach;
+            let least = (distance - moved).max(Lanes::splat(0.0));
+            // Infinite in a box around an end, which has no half vector at its middle and no bound.
+            let turn = moved / least;
+            bent += index * Lanes::splat(BENDING as f32) * turn * turn;
+        }
+        let (normal, normal_length) = (self.normal, self.normal.dot(self.normal).sqrt());
+        let size = half.dot(half).sqrt();
+        let defect = half.cross(normal);
+        let mut by_place = Vectors::splat(DVec3::ZERO);
+        let mut turned = Vectors::splat(DVec3::ZERO);
+        for (axis, edge) in [self.half.x, self.half.y, self.half.z].into_iter().enumerate() {
+            // A column of H: what the half vector does when the place moves along the axis.
+            let column = directions[0] * (directions[0].component(axis) * speeds[0])
+                + directions[1] * (directions[1].component(axis) * speeds[1])
+                - Vectors::splat(DVec3::AXES[axis]) * fastest;
+            let linear = column.cross(normal) + half.cross(self.turning[axis]);
+            by_place = by_place + linear.abs() * edge;
+            turned = turned + self.turning[axis].abs() * edge;
+        }
+        let away = turned.dot(turned).sqrt() + self.remainder;
+        let longest = normal_length + away;
+        let rest = fastest * reach * away
+            + bent * longest
+            + size * self.remainder
+            + Lanes::splat(ROUNDING) * (size + Lanes::splat(1.0)) * longest;
+        // The shading point is on the right side of some place.
+        let above = normal.dot(to_point) * ends.side;
+        let slack = longest * reach + away * to_point.dot(to_point).sqrt();
+        let hidden = (above + slack).simd_lt(Lanes::splat(0.0)) & ends.side.simd_ne(Lanes::splat(0.0));
+        let exceeds = |defect: Lanes, bound: Lanes| defect.abs().simd_gt(bound + rest);
+        let none =
+            exceeds(defect.x, by_place.x) | exceeds(defect.y, by_place.y) | exceeds(defect.z, by_place.z) | hidden;
+        !none.to_bitmask() & ((1 << WIDTH) - 1)
+    }
+}
+
+impl Vectors {
+    #[inline(always)]
+    fn splat(vector: DVec3) -> Self {
+        let lanes = |value: f64| Lanes::splat(value as f32);
+        Self { x: lanes(vector.x), y: lanes(vector.y), z: lanes(vector.z) }
+    }
+
+    #[inline(always)]
+    fn component(&self, axis: usize) -> Lanes {
+        [self.x, self.y, self.z][axis]
+    }
+
+    #[inline(always)]
+    fn dot(self, other: Self) -> Lanes {
+        self.x * other.x + self.y * other.y + self.z * other.z
+    }
+
+    #[inline(always)]
+    fn cross(self, other: Self) -> Self {
+        Self {
+            x: self.y * other.z - self.z * other.y,
+            y: self.z * other.x - self.x * other.z,
+            z: self.x * other.y - self.y * other.x,
+        }
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self { x: self.x.abs(), y: self.y.abs(), z: self.z.abs() }
+    }
+}
+
+impl Add for Vectors {
+    type Output = Self;
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
+    }
+}
+
+impl Sub for Vectors {
+    type Output = Self;
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
+    }
+}
+
+impl Mul<Lanes> for Vectors {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, factor: Lanes) -> Self {
+        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+    }
+}
+
+/// What keeps the least squares of flat meshes from a singular matrix, relative.
+const REGULARISATION: f64 = 1e-9;
+
+/// Largest second derivative of a unit vector, times the squared length of the vector, halved: |s (4 - 3 s^2)^(1/2)| / 2 at
+/// the worst sine s^2 = 2/3 between vector and motion.
+pub(super) const BENDING: f64 = 0.578;
+
+/// Slack for rounding, relative: some units in the last place of single precision.
+const ROUNDING: f32 = 4e-6;
+
+/// The box around middles of triangles.
+fn bounds(order: &[(u32, DVec3)]) -> [DVec3; 2] {
+    order
+        .iter()
+        .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], (_, middle)| [low.min(*middle), high.max(*middle)])
+}
+
+fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}

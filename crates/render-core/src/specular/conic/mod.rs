@@ -1,0 +1,341 @@
+//! `conic`: all paths over one interface, a triangle mesh with interpolated normals, found on the curves along which the
+//! shading point, the light and the normal lie in one plane (Granizo-Hidalgo and Holzschuch 2024).
+
+//!
+//! Published is a walk along one curve, from the straight line to the light to the first path. Here all triangles that may hold
+//! a path are opened (`facet_tree`), and all paths on each are found (`curve`): no derivative of a path is needed, no start,
+//! and no random number, so that light over one interface is without noise, and reflections are found as refractions are.
+
+mod curve;
+mod ends;
+mod facet;
+mod facet_tree;
+mod neighbours;
+mod walk;
+
+use arrayvec::ArrayVec;
+use glam::DVec2;
+
+use self::{ends::Ends, walk::first_path};
+use super::{
+    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath,
+    caster::Caster,
+    manifold::{ManifoldWalk, SolvedChain},
+    scope::Scope,
+};
+use crate::{
+    counters::Counters,
+    film::SampleStream,
+    geometry::{Leaving, PaneBoundary, Surface},
+    optics::{Interface, Source},
+    scene::{
+        Scene,
+        description::{ConicSearch, ManifoldConstraint},
+        visibility::straight,
+    },
+};
+
+pub(crate) use self::{facet::Facet, facet_tree::FacetTree, neighbours::Neighbours};
+
+/// Light over one smooth mesh.
+#[derive(Clone, Debug)]
+pub struct Conic {
+    /// Which of the paths over it are found.
+    pub search: ConicSearch,
+    /// Which paths are looked for; their chains have one vertex, which is on a mesh.
+    pub scope: Scope,
+}
+
+impl SpecularMethod for Conic {
+    fn chains(&self) -> Vec<Vec<SpecularEvent>> {
+        self.scope.chains.clone()
+    }
+
+    fn gather(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        light: u32,
+        events: &[SpecularEvent],
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+        arrive: &mut dyn FnMut(Arrival),
+    ) {
+        let (centre, radius) = scene.specular_ball();
+        let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
+        if !self.scope.receives(scene, point) {
+            return;
+        }
+        for &caster in &self.scope.casters {
+            for path in self.paths_over(scene, point, sample.source, caster, events, counters) {
+                if let Some(arrival) = path.arrival(scene, point, light, &sample, counters) {
+                    arrive(arrival);
+                }
+            }
+        }
+    }
+
+    fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, _counters: &mut Counters) -> bool {
+        self.scope.holds(scene, point, path)
+    }
+}
+
+impl Conic {
+    /// The paths from `point` to `source` over one vertex on `caster` that the search finds.
+    fn paths_over(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        source: Source,
+        caster: Caster,
+        events: &[SpecularEvent],
+        counters: &mut Counters,
+    ) -> Vec<SolvedChain> {
+        let mut paths: Vec<SolvedChain> = Vec::new();
+        let (Caster::Mesh(mesh), [event]) = (caster, events) else { return paths };
+        let Some(seen) = caster.seen_from(scene, point) else { return paths };
+        let constraint = ManifoldConstraint::AngleDifference;
+        let walk = ManifoldWalk { scene, point, source, caster: seen, events, constraint };
+        let mut add = |triangle: u32, weights: DVec2, counters: &mut Counters| {
+            // It sees that nothing else is met before, and what the interface does.
+            if let Some(path) = walk.walk_towards(scene.facet(triangle).place(weights), counters)
+                && !paths.iter().any(|known| known.same(&path))
+            {
+                paths.push(path);
+            }
+        };
+        for ends in ways(scene, point, source, mesh, *event) {
+            match self.search {
+                ConicSearch::Complete => {
+                    let Some(tree) = scene.facets(mesh) else { continue };
+                    tree.visit(&ends, |triangle| {
+                        scene
+                            .facet(triangle)
+                            .paths(&ends)
+                            .into_iter()
+                            .for_each(|weights| add(triangle, weights, counters));
+                    });
+                }
+                ConicSearch::Published => {
+                    let Some(start) = on_straight_line(scene, point, source, mesh, counters) else { continue };
+                    let facet = |triangle| scene.facet(triangle);
+                    let (triangle, weights) = start;
+                    let started = facet(triangle);
+                    if !ends.may_see(started.normal(weights).dot(point.position - started.place(weights)), 0.0) {
+                        continue;
+                    }
+                    if let Some((triangle, weights)) = first_path(start, facet, scene.neighbours(mesh), &ends) {
+                        add(triangle, weights, counters);
+                    }
+                }
+            }
+        }
+        paths
+    }
+}
+
+/// The ends of paths over a mesh, for each side of it on which the shading point can be.
+fn ways(scene: &Scene, point: &ShadingPoint, source: Source, mesh: u32, event: SpecularEvent) -> ArrayVec<Ends, 2> {
+    let first = scene.meshes()[mesh as usize].triangle_range().start;
+    match (event, scene.interface(first)) {
+        (SpecularEvent::Transmission, Some(&Interface::Dielectric { index_of_refraction })) => [true, false]
+            .into_iter()
+            .map(|outside| Ends::refracted(point.position, source, index_of_refraction, outside))
+            .collect(),
+        (SpecularEvent::Reflection, Some(_)) => [Ends::mirrored(point.position, source)].into_iter().collect(),
+        _ => ArrayVec::new(),
+    }
+}
+
+/// Where the straight line from `point` to `source` first meets a mesh, whatever else it meets: triangle and weights of its
+/// second and third corner.
+fn on_straight_line(
+    scene: &Scene,
+    point: &ShadingPoint,
+    source: Source,
+    mesh: u32,
+    counters: &mut Counters,
+) -> Option<(u32, DVec2)> {
+    let (mut ray, mut distance) = straight(point.position, source);
+    let mut leaving = point.leaving;
+    loop {
+        let hit = scene.accelerator().closest_hit(&ray, distance, leaving, counters)?;
+        if let Surface::Triangle { index, barycentric } = hit.surface
+            && scene.mesh_of(index) == mesh
+        {
+            return Some((index, barycentric.into()));
+        }
+        leaving = match hit.surface {
+            Surface::Triangle { index, .. } => Leaving::Triangle(index),
+            Surface::Pane { index, hit } => match hit.boundary {
+                PaneBoundary::Face(face) => Leaving::Pane { index, face },
+                PaneBoundary::Edge => return None,
+            },
+        };
+        (ray, distance) = straight(ray.at(hit.distance), source);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use glam::{DVec2, DVec3};
+
+    use super::{ends::Ends, facet::Facet, facet_tree::FacetTree};
+    use crate::{
+        film::TrialStream,
+        optics::Source,
+        specular::testing::{between, random},
+    };
+
+    const WATER: f64 = 1.33;
+
+    /// Water two metres wide, in `cells` by `cells` squares of two triangles.
+    fn water(cells: u32, amplitude: f64) -> Vec<Facet> {
+        let waves = [(DVec2::new(2.0, 1.0), 0.3), (DVec2::new(-1.0, 3.0), 1.1), (DVec2::new(4.0, -2.0), 2.0)];
+        let corner = |i: u32, j: u32| {
+            let place = DVec2::new(f64::from(i), f64::from(j)) / f64::from(cells) * 2.0 - 1.0;
+            let (mut height, mut slope) = (0.0, DVec2::ZERO);
+            for (wave, phase) in waves {
+                let angle = TAU * wave.dot(place) * 0.5 + phase;
+                height += amplitude / wave.length() * libm::sin(angle);
+                slope += wave * (0.5 * TAU * amplitude / wave.length() * libm::cos(angle));
+            }
+            (place.extend(height), DVec3::new(-slope.x, -slope.y, 1.0).normalize())
+        };
+        let mut facets = Vec::new();
+        for j in 0..cells {
+            for i in 0..cells {
+                let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+                for [x, y, z] in [[a, b, c], [a, c, d]] {
+                    facets.push(Facet { corners: [x.0, y.0, z.0], normals: [x.1, y.1, z.1] });
+                }
+            }
+        }
+        facets
+    }
+
+    fn problem(random: &mut TrialStream, case: u32) -> Ends {
+        let mut side = |height: f64| {
+            DVec3::new(between(random, -1.0, 1.0), between(random, -1.0, 1.0), height * between(random, 0.5, 2.0))
+        };
+        let (below, above) = (side(-1.0), side(1.5));
+        let mirrored = side(1.2);
+        match case % 4 {
+            0 => Ends::refracted(below, Source::Point(above), WATER, false),
+            1 => Ends::refracted(below, Source::Direction(above.normalize()), WATER, false),
+            2 => Ends::refracted(above, Source::Point(below), WATER, true),
+            _ => Ends::mirrored(mirrored, Source::Point(above)),
+        }
+    }
+
+    fn distinct(places: &mut Vec<DVec3>, place: DVec3) {
+        if places.iter().all(|known| (*known - place).length() > 1e-8) {
+            places.push(place);
+        }
+    }
+
+    fn found(facets: &[Facet], tree: &FacetTree, ends: &Ends) -> Vec<DVec3> {
+        let mut places = Vec::new();
+        tree.visit(ends, |triangle| {
+            let facet = &facets[triangle as usize];
+            facet.paths(ends).into_iter().for_each(|weights| distinct(&mut places, facet.place(weights)));
+        });
+        places
+    }
+
+    /// Newton's method from many places of each triangle.
+    fn sought_everywhere(facets: &[Facet], ends: &Ends) -> Vec<DVec3> {
+        const SEEDS: u32 = 5;
+        let mut places = Vec::new();
+        for facet in facets {
+            for i in 0..SEEDS {
+                for j in 0..SEEDS - i {
+                    let seed = (DVec2::new(f64::from(i), f64::from(j)) + 0.3) / f64::from(SEEDS);
+                    if let Some(weights) = facet.polished(ends, seed) {
+                        distinct(&mut places, facet.place(weights));
+                    }
+                }
+            }
+        }
+        places
+    }
+
+    #[test]
+    fn all_paths_over_water_are_found() {
+        let mut paths = 0;
+        for (cells, amplitude) in [(4, 0.05), (16, 0.05), (16, 0.15), (40, 0.1)] {
+            let facets = water(cells, amplitude);
+            let tree = FacetTree::over(0..facets.len() as u32, |k| facets[k as usize]).unwrap();
+            let mut random = random(5);
+            let (mut opened, mut several) = (0, 0);
+            let problems = 200;
+            for case in 0..problems {
+                let ends = problem(&mut random, case);
+                let ours = found(&facets, &tree, &ends);
+                let theirs = sought_everywhere(&facets, &ends);
+                tree.visit(&ends, |_| opened += 1);
+                for place in &theirs {
+                    assert!(
+                        ours.iter().any(|known| (*known - *place).length() < 1e-7),
+                        "{cells} {case}: {place} of {theirs:?} is not in {ours:?}"
+                    );
+                }
+                paths += ours.len();
+                several += usize::from(ours.len() > theirs.len());
+            }
+            println!(
+                "{cells} {amplitude}: {opened} triangles opened for {problems} problems, {paths} paths, {several} with more than seeds find"
+            );
+        }
+        assert!(paths > 0);
+    }
+
+    #[test]
+    fn finer_meshes_of_the_same_water_cost_hardly_more() {
+        let problems = 500;
+        let mut costs = Vec::new();
+        for cells in [22, 71, 224] {
+            let facets = water(cells, 0.05);
+            let tree = FacetTree::over(0..facets.len() as u32, |k| facets[k as usize]).unwrap();
+            let mut random = random(5);
+            let (mut looks, mut opened, mut paths) = (0, 0, 0);
+            for _ in 0..problems {
+                let below = DVec3::new(between(&mut random, -0.8, 0.8), between(&mut random, -0.8, 0.8), -1.0);
+                let ends = Ends::refracted(below, Source::Point(DVec3::new(1.0, -0.8, 12.0)), WATER, false);
+                looks += tree.visit(&ends, |triangle| {
+                    opened += 1;
+                    paths += facets[triangle as usize].paths(&ends).len();
+                });
+            }
+            println!("{} triangles: {looks} nodes, {opened} triangles, {paths} paths", facets.len());
+            assert!(paths >= problems && opened < 4 * paths);
+            costs.push(looks);
+        }
+        assert!(costs[2] * 2 < costs[0] * 3, "{costs:?}");
+    }
+
+    #[test]
+    fn paths_on_edges_and_corners_are_found() {
+        // Flat, with corners at thirds: light straight above an edge, a corner, and along an edge or a diagonal.
+        let third = 1.0 / 3.0;
+        let flat = water(3, 0.0);
+        let tree = FacetTree::over(0..flat.len() as u32, |k| flat[k as usize]).unwrap();
+        for [px, py, lx, ly] in [
+            [0.5, -0.4, 0.2, 0.1],
+            [third, 0.1, third, 0.1],
+            [third, third, third, third],
+            [third, -0.2, third, 0.3],
+            [-0.2, -0.2, 0.1, 0.1],
+            [third, -0.9, third, 0.9],
+            [0.0, third, 0.7, third],
+        ] {
+            let (point, light) = (DVec3::new(px, py, -1.0), DVec3::new(lx, ly, 0.8));
+            let mirrored = Ends::mirrored(point, Source::Point(light - DVec3::Z * 1.6));
+            for ends in [Ends::refracted(point, Source::Point(light), WATER, false), mirrored] {
+                assert_eq!(found(&flat, &tree, &ends).len(), 1, "{point} {light}");
+            }
+        }
+    }
+}
