@@ -31,6 +31,18 @@ pub(super) fn all_paths(facet: &Facet, ends: &Ends, found: &mut impl FnMut(DVec2
     // A path on an edge or a corner is well within the grown triangle, for each of the triangles that meet there.
     let grown = DMat3::IDENTITY * (1.0 + 3.0 * GROWTH) - DMat3::from_cols_array(&[GROWTH; 9]);
     paths_within(facet, ends, &grown, CUTS, found);
+    // Where light goes straight on, the path is a double root, which rounding may take away.
+    if let Some(straight) = on_straight_line(facet, ends) {
+        found(straight);
+    }
+}
+
+/// Where the line through both ends crosses the triangle.
+fn on_straight_line(facet: &Facet, ends: &Ends) -> Option<DVec2> {
+    let [a, b, c] = facet.corners;
+    let weights = DMat3::from_cols(b - a, c - a, ends.across()).inverse() * (ends.point - a);
+    let weights = weights.truncate();
+    (weights.min_element() > -GROWTH && weights.element_sum() < 1.0 + GROWTH).then_some(weights)
 }
 
 /// As [`all_paths`], within the triangle whose corners have the weights `part` (columns).
@@ -142,8 +154,21 @@ fn arcs(form: &DMat3, p: DVec3, q: DVec3) -> Option<arrayvec::ArrayVec<Arc, 2>> 
     let within = pole.dot(*form * pole);
     let squared = -0.5 * chord / within;
     if chord.abs() <= NOTHING.sqrt() * towards_p.length() && pole.length() <= NOTHING.sqrt() * size {
-        // Both on one line.
+        // Both on one line l of a pair, S = (l m^T + m l^T) / 2; the other one is m.
         arcs.push([p, 0.5 * (p + q), q]);
+        let line = p.cross(q).normalize();
+        let towards = *form * line;
+        let other = 2.0 * towards - line * line.dot(towards);
+        let met: arrayvec::ArrayVec<DVec3, 3> = (0..3)
+            .filter_map(|edge| {
+                let (a, b) = (DVec3::AXES[edge], DVec3::AXES[(edge + 1) % 3]);
+                let (at_a, at_b) = (other.dot(a), other.dot(b));
+                (at_a * at_b < 0.0).then(|| (a * at_b - b * at_a) / (at_b - at_a))
+            })
+            .collect();
+        if let [p, q, ..] = met[..] {
+            arcs.push([p, 0.5 * (p + q), q]);
+        }
         return Some(arcs);
     }
     let middle = pole * squared.sqrt();
@@ -158,13 +183,12 @@ fn arcs(form: &DMat3, p: DVec3, q: DVec3) -> Option<arrayvec::ArrayVec<Arc, 2>> 
 /// The pieces of an arc on which all weights have one sign: those within the triangle.
 fn pieces(arc: &Arc) -> arrayvec::ArrayVec<Arc, 7> {
     let mut breaks = arrayvec::ArrayVec::<f64, 8>::new();
-    breaks.push(0.0);
+    breaks.extend([0.0, 1.0]);
     for weight in 0..3 {
         roots(&arc.map(|b| b[weight]), &mut |t| {
             let _ = breaks.try_push(t);
         });
     }
-    breaks.push(1.0);
     breaks.sort_by(f64::total_cmp);
     let mut pieces = arrayvec::ArrayVec::new();
     for pair in breaks.windows(2) {

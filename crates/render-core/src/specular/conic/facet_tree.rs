@@ -71,6 +71,8 @@ struct SeenEnds {
     near: Lanes,
     indices: [Lanes; 2],
     side: Lanes,
+    /// How far places in single precision can be from where they are.
+    grain: Lanes,
 }
 
 /// The triangles of a mesh by place and normal.
@@ -79,6 +81,8 @@ pub(crate) struct FacetTree {
     nodes: Vec<Node>,
     /// The middle of the mesh.
     middle: DVec3,
+    /// How far corners can be from there.
+    radius: f64,
 }
 
 impl FacetTree {
@@ -91,9 +95,11 @@ impl FacetTree {
             triangles.map(|triangle| (triangle, facet(triangle).corners.iter().sum::<DVec3>() / 3.0)).collect();
         let [low, high] = bounds(&order);
         let middle = 0.5 * (low + high);
+        let farthest = |&(triangle, _): &(u32, DVec3)| facet(triangle).corners.map(|corner| (corner - middle).length());
+        let radius = order.iter().flat_map(farthest).fold(0.0, f64::max);
         let mut nodes = Vec::new();
         build(&mut nodes, &mut order, middle, &facet);
-        Some(Self { nodes, middle })
+        Some(Self { nodes, middle, radius })
     }
 
     /// Hands the numbers of all triangles that may hold a path to `open`, and returns how many nodes it looked at.
@@ -111,6 +117,7 @@ impl FacetTree {
             near: splat(ends.near),
             indices: ends.indices.map(splat),
             side: splat(ends.side),
+            grain: splat(f64::from(f32::EPSILON) * ((ends.point - self.middle).length() + self.radius)),
         };
         let mut looks = 0;
         let (mut level, mut below) = (Vec::with_capacity(256), Vec::with_capacity(256));
@@ -258,7 +265,8 @@ impl Node {
     /// Which boxes may hold a path, as the bits of a number.
     #[inline(always)]
     fn may_hold(&self, ends: &SeenEnds) -> u32 {
-        let reach = self.half.dot(self.half).sqrt();
+        let grown = Vectors { x: self.half.x + ends.grain, y: self.half.y + ends.grain, z: self.half.z + ends.grain };
+        let reach = grown.dot(grown).sqrt();
         let to_point = ends.point - self.centre;
         let to_light = ends.light - self.centre * ends.near;
         // At an infinite distance nothing turns.
@@ -285,7 +293,7 @@ impl Node {
         let defect = half.cross(normal);
         let mut by_place = Vectors::splat(DVec3::ZERO);
         let mut turned = Vectors::splat(DVec3::ZERO);
-        for (axis, edge) in [self.half.x, self.half.y, self.half.z].into_iter().enumerate() {
+        for (axis, edge) in [grown.x, grown.y, grown.z].into_iter().enumerate() {
             // A column of H: what the half vector does when the place moves along the axis.
             let column = directions[0] * (directions[0].component(axis) * speeds[0])
                 + directions[1] * (directions[1].component(axis) * speeds[1])

@@ -1,6 +1,5 @@
 //! `conic`: all paths over one interface, a triangle mesh with interpolated normals, found on the curves along which the
 //! shading point, the light and the normal lie in one plane (Granizo-Hidalgo and Holzschuch 2024).
-
 //!
 //! Published is a walk along one curve, from the straight line to the light to the first path. Here all triangles that may hold
 //! a path are opened (`facet_tree`), and all paths on each are found (`curve`): no derivative of a path is needed, no start,
@@ -147,6 +146,10 @@ fn ways(scene: &Scene, point: &ShadingPoint, source: Source, mesh: u32, event: S
     }
 }
 
+/// Surfaces on the straight line to a light that are passed over in search of a mesh. Without an end, a line through an edge would
+/// meet its two triangles in turn for ever.
+const MOST_PASSED: usize = 32;
+
 /// Where the straight line from `point` to `source` first meets a mesh, whatever else it meets: triangle and weights of its
 /// second and third corner.
 fn on_straight_line(
@@ -158,7 +161,7 @@ fn on_straight_line(
 ) -> Option<(u32, DVec2)> {
     let (mut ray, mut distance) = straight(point.position, source);
     let mut leaving = point.leaving;
-    loop {
+    for _ in 0..MOST_PASSED {
         let hit = scene.accelerator().closest_hit(&ray, distance, leaving, counters)?;
         if let Surface::Triangle { index, barycentric } = hit.surface
             && scene.mesh_of(index) == mesh
@@ -174,6 +177,7 @@ fn on_straight_line(
         };
         (ray, distance) = straight(ray.at(hit.distance), source);
     }
+    None
 }
 
 #[cfg(test)]
