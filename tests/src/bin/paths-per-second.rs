@@ -4,7 +4,9 @@
 //! evaluations and starts of a solver, and a hash of the light. Two states of the code can be compared where paths and hash
 //! agree.
 //!
-//!     cargo run --release -p clerestory-tests --bin paths-per-second -- --method fnee-complete --glass crown
+//! ```text
+//! cargo run --release -p clerestory-tests --bin paths-per-second -- --method fnee-complete --glass crown
+//! ```
 
 use std::fs;
 use std::path::PathBuf;

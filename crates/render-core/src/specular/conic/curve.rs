@@ -4,7 +4,9 @@
 //! coefficients are those of a quadratic Bernstein polynomial over the triangle: where all have one sign there is no curve.
 //! Through two of its points `p` and `q` it is a pair of rational arcs,
 //!
-//!     b(t) = (1 - t)^2 p +- 2 t (1 - t) c + t^2 q,        c along (S p) x (S q), the pole of the line through both,
+//! ```text
+//! b(t) = (1 - t)^2 p +- 2 t (1 - t) c + t^2 q,        c along (S p) x (S q), the pole of the line through both,
+//! ```
 //!
 //! the parts of which that lie in the triangle are found from the signs of three quadratics. Along an arc, the squares of both
 //! sides of Snell's law are polynomials of degree 12. Isolating their roots (`geometry::bernstein`) finds all paths.

@@ -3,7 +3,9 @@
 //! A box bounds places M = c + d, and normals by a linear function of the place, n = m + J d + v, with small v. The half
 //! vector at M is h = g + H d + r, with g that at the middle, H its derivative, and r of second order. At a path
 //!
-//!     h x n  =  g x m  +  (H d) x m + g x (J d)  +  (H d) x (J d) + r x n + h x v
+//! ```text
+//! h x n  =  g x m  +  (H d) x m + g x (J d)  +  (H d) x (J d) + r x n + h x v
+//! ```
 //!
 //! vanishes in each component: those that say how far P, L and the normal are from one plane, and how far from Snell's law,
 //! alike. The first term is known, the next two are linear in d, and the rest is small and bounded. So about as many boxes
