@@ -124,8 +124,14 @@ fn examine_dark(
 fn examine(comparison: &Comparison, arguments: &Arguments, progress: &ProgressBar) -> Result<bool, ReferenceError> {
     let reference = comparison.reference(arguments.photons, Fault::None)?;
     let folds = comparison.folds();
+    let start = Instant::now();
     let pilot = compare(&comparison.replicates(PILOT, 1).0, &reference, &folds);
-    let samples = necessary_samples(&pilot, arguments.mean_error).min(arguments.max_samples);
+    let necessary = necessary_samples(&pilot, arguments.mean_error);
+    let samples = necessary.min(arguments.max_samples);
+    let expected = start.elapsed().as_secs_f64() * f64::from(samples) / f64::from(PILOT);
+    progress.suspend(|| {
+        println!("{}: {necessary} samples a pixel necessary, {samples} in about {expected:.0} s", comparison.name);
+    });
     let start = Instant::now();
     // Other seeds: what chose the number of samples must not be part of the result.
     let (replicates, counters) = comparison.replicates(samples, 1 + REPLICATES);
