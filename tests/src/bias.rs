@@ -24,7 +24,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use crate::reference::{Image, Reference};
 
-/// Edge of a block, pixels.
+/// Edge of the smallest blocks, pixels.
 pub const BLOCK: usize = 4;
 
 /// Edge of a region in which blocks with folds are pooled, pixels.
@@ -155,17 +155,22 @@ impl fmt::Display for BiasReport {
 
 /// Tests whether independently seeded `replicates` have the expectation that `reference` estimates.
 ///
-/// `folds` says for each pixel whether a fold passes through or beside it; empty when there are none.
+/// `folds` says for each pixel whether a fold passes through or beside it; empty when there are none. `block` is the edge of
+/// the blocks that are tested one by one, in pixels: [`BLOCK`] or a multiple that divides [`REGION`].
 ///
 /// # Panics
 ///
-/// With fewer than 32 replicates, or pictures of different sizes.
-pub fn compare(replicates: &[Image], reference: &Reference, folds: &[bool]) -> BiasReport {
+/// With fewer than 32 replicates, pictures of different sizes, or another edge.
+pub fn compare(replicates: &[Image], reference: &Reference, folds: &[bool], block: usize) -> BiasReport {
+    assert!(
+        block.is_multiple_of(BLOCK) && REGION.is_multiple_of(block),
+        "blocks have 4, 8, 16 or 32 pixels, not {block}"
+    );
     assert!(replicates.len() >= 32, "Student's t needs at least 32 replicates, not {}", replicates.len());
     let size = (reference.mean.width, reference.mean.height);
     assert!(replicates.iter().all(|r| (r.width, r.height) == size), "all pictures have the size of the reference");
-    let cells = cells(reference, folds);
-    let comparisons = compare_cells(&cells, replicates, reference);
+    let cells = cells(reference, folds, block);
+    let comparisons = compare_cells(&cells, replicates, reference, block);
 
     let reference_variance: f64 = cells
         .iter()
@@ -206,7 +211,7 @@ pub fn compare(replicates: &[Image], reference: &Reference, folds: &[bool]) -> B
         block_error: quantile(relative_errors(CellKind::Block), 0.95),
         fold_regions: [
             of_kind(CellKind::Fold).count(),
-            of_kind(CellKind::Fold).map(|(cell, _)| cell.pixels.len()).sum::<usize>() / (BLOCK * BLOCK),
+            of_kind(CellKind::Fold).map(|(cell, _)| cell.pixels.len()).sum::<usize>() / (block * block),
         ],
         fold_error: quantile(relative_errors(CellKind::Fold), 0.95),
         worst: WorstCell {
@@ -239,14 +244,14 @@ struct Comparison {
     probability: f64,
 }
 
-fn cells(reference: &Reference, folds: &[bool]) -> Vec<Cell> {
+fn cells(reference: &Reference, folds: &[bool], edge: usize) -> Vec<Cell> {
     let (width, height) = (reference.mean.width, reference.mean.height);
     let blocks: Vec<Cell> = (0..height)
-        .step_by(BLOCK)
-        .flat_map(|y| (0..width).step_by(BLOCK).map(move |x| [x, y]))
+        .step_by(edge)
+        .flat_map(|y| (0..width).step_by(edge).map(move |x| [x, y]))
         .map(|[x, y]| {
-            let rows = y..(y + BLOCK).min(height);
-            let pixels = rows.flat_map(|y| (x..(x + BLOCK).min(width)).map(move |x| y * width + x)).collect();
+            let rows = y..(y + edge).min(height);
+            let pixels = rows.flat_map(|y| (x..(x + edge).min(width)).map(move |x| y * width + x)).collect();
             Cell { kind: CellKind::Block, corner: [x, y], pixels }
         })
         .collect();
@@ -273,7 +278,7 @@ fn cells(reference: &Reference, folds: &[bool]) -> Vec<Cell> {
     cells
 }
 
-fn compare_cells(cells: &[Cell], replicates: &[Image], reference: &Reference) -> Vec<Comparison> {
+fn compare_cells(cells: &[Cell], replicates: &[Image], reference: &Reference, edge: usize) -> Vec<Comparison> {
     struct Own {
         expected: f64,
         mean: f64,
@@ -307,7 +312,7 @@ fn compare_cells(cells: &[Cell], replicates: &[Image], reference: &Reference) ->
         .map(|(cell, values)| {
             let near = |other: &Cell| {
                 let distance = |axis: usize| (cell.corner[axis] as isize - other.corner[axis] as isize).abs();
-                let block_distance = distance(0).max(distance(1)) / BLOCK as isize;
+                let block_distance = distance(0).max(distance(1)) / edge as isize;
                 other.kind == cell.kind && (cell.kind != CellKind::Block || block_distance <= NEIGHBOURS)
             };
             let neighbours: Vec<&Own> =
@@ -463,7 +468,7 @@ mod tests {
         (0..experiments)
             .filter(|seed| {
                 let ours = replicates(&truth, noise, 0.2, *seed);
-                !compare(&ours, &reference(&truth, 0.01, *seed), &[]).agrees()
+                !compare(&ours, &reference(&truth, 0.01, *seed), &[], BLOCK).agrees()
             })
             .count()
     }
@@ -486,9 +491,9 @@ mod tests {
         spoil(&mut spoilt);
         for seed in 0..20 {
             let ours = replicates(&truth, noise, noise.faint(), seed);
-            let right = compare(&ours, &reference(&truth, 0.01, seed), &[]);
+            let right = compare(&ours, &reference(&truth, 0.01, seed), &[], BLOCK);
             assert!(right.has_power() && right.agrees(), "{right}");
-            let wrong = compare(&ours, &reference(&spoilt, 0.01, seed), &[]);
+            let wrong = compare(&ours, &reference(&spoilt, 0.01, seed), &[], BLOCK);
             assert!(!wrong.agrees(), "{wrong}");
         }
     }
@@ -534,9 +539,9 @@ mod tests {
         }
         for seed in 0..20 {
             let ours = replicates(&truth, Noise::Pareto, Noise::Pareto.faint(), seed);
-            let right = compare(&ours, &reference(&truth, 0.01, seed), &folds);
+            let right = compare(&ours, &reference(&truth, 0.01, seed), &folds, BLOCK);
             assert!(right.has_power() && right.agrees() && right.fold_regions[1] > 0, "{right}");
-            let wrong = compare(&ours, &reference(&spoilt, 0.01, seed), &folds);
+            let wrong = compare(&ours, &reference(&spoilt, 0.01, seed), &folds, BLOCK);
             assert!(!wrong.agrees(), "{wrong}");
         }
     }
@@ -544,7 +549,11 @@ mod tests {
     #[test]
     fn noise_that_hides_faults_is_reported_as_lack_of_power() {
         let truth = truth();
-        assert!(!compare(&replicates(&truth, Noise::Gaussian, 2.0, 1), &reference(&truth, 0.01, 1), &[]).has_power());
-        assert!(!compare(&replicates(&truth, Noise::Gaussian, 0.01, 1), &reference(&truth, 0.5, 1), &[]).has_power());
+        assert!(
+            !compare(&replicates(&truth, Noise::Gaussian, 2.0, 1), &reference(&truth, 0.01, 1), &[], BLOCK).has_power()
+        );
+        assert!(
+            !compare(&replicates(&truth, Noise::Gaussian, 0.01, 1), &reference(&truth, 0.5, 1), &[], BLOCK).has_power()
+        );
     }
 }

@@ -5,19 +5,23 @@
 //! when it is needed.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::{NodeAddress, TileGrid};
+use clerestory_render_core::integrator::render_node;
 use clerestory_render_core::scene::description::{
     CameraDescription, LightDescription, SamplingDescription, SceneDescription,
 };
 use clerestory_render_core::scene::{Scene, SceneBundle, load};
 use glam::DVec3;
+use rayon::prelude::*;
 
+use crate::allocation::TILE;
 use crate::folds::{Folds, fold_pixels};
 use crate::forward_tracer::{Fault, Tracing, trace};
 use crate::methods;
 use crate::reference::{Image, Reference, ReferenceError};
-use crate::rendering::Rendering;
 use crate::traced_scene::TracedScene;
 
 /// Number of independently seeded pictures of ours.
@@ -140,6 +144,21 @@ impl Comparison {
     ///
     /// When the renderer fails on a scene of the repository.
     pub fn replicates(&self, samples: u32, first_seed: u64) -> (Vec<Image>, Counters) {
+        self.replicates_with(samples, first_seed, &|_| 1)
+    }
+
+    /// Renders [`REPLICATES`] pictures with `passes` passes of `samples` samples for each pixel of a tile with that number
+    /// (tiles of [`TILE`], row by row), with different seeds from `first_seed` on.
+    ///
+    /// # Panics
+    ///
+    /// When the renderer fails on a scene of the repository.
+    pub fn replicates_with(
+        &self,
+        samples: u32,
+        first_seed: u64,
+        passes: &(dyn Fn(usize) -> u32 + Sync),
+    ) -> (Vec<Image>, Counters) {
         let mut counters = Counters::default();
         let images = (first_seed..first_seed + REPLICATES)
             .map(|seed| {
@@ -147,12 +166,49 @@ impl Comparison {
                 description.sampling = SamplingDescription { samples_per_pass: samples, samples_per_block: samples };
                 let bundle = self.bundle.clone().with_description(description).expect("another seed is valid");
                 let scene = Scene::build(&bundle).expect("the reference scenes can be built");
-                let mut rendering = Rendering::new(&scene);
-                rendering.render_pass().expect("the reference scenes render");
-                counters += *rendering.counters();
-                rendering.image()
+                let (image, work) = picture(&scene, passes);
+                counters += work;
+                image
             })
             .collect();
         (images, counters)
     }
+}
+
+/// The mean of `passes` passes in each tile.
+fn picture(scene: &Scene, passes: &(dyn Fn(usize) -> u32 + Sync)) -> (Image, Counters) {
+    let film = scene.description().film;
+    let grid = TileGrid { width: film.width, height: film.height, tile_size: TILE as u32 };
+    let tiles: Vec<(Vec<DVec3>, Counters)> = (0..grid.len())
+        .into_par_iter()
+        .map(|tile| {
+            let count = passes(tile as usize);
+            let mut sums = Vec::new();
+            let mut counters = Counters::default();
+            for index in 0..count {
+                let address = NodeAddress { frame: 0, tile, level: 0, index };
+                let rendered = render_node(scene, &grid, address, &AtomicBool::new(false)).expect("finite samples");
+                let beauty = &rendered.node.layers().beauty;
+                sums.resize(beauty.len(), DVec3::ZERO);
+                for (sum, pass) in sums.iter_mut().zip(beauty) {
+                    *sum += DVec3::from(pass.map(f64::from));
+                }
+                counters += rendered.counters;
+            }
+            let scale = 1.0 / f64::from(count * scene.sampling().samples_per_pass());
+            (sums.into_iter().map(|sum| sum * scale).collect(), counters)
+        })
+        .collect();
+    let [width, height] = [film.width as usize, film.height as usize];
+    let mut image = Image { width, height, pixels: vec![DVec3::ZERO; width * height] };
+    let mut counters = Counters::default();
+    for (index, (pixels, work)) in (0..).zip(tiles) {
+        let tile = grid.tile(index).expect("a tile of the grid");
+        for (row, values) in pixels.chunks(tile.width as usize).enumerate() {
+            let start = (tile.y as usize + row) * width + tile.x as usize;
+            image.pixels[start..start + values.len()].copy_from_slice(values);
+        }
+        counters += work;
+    }
+    (image, counters)
 }

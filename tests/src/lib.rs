@@ -7,7 +7,7 @@
 //! - [`mod@reference`]: images with independent halves and a standard error, as OpenEXR;
 //! - [`bias`]: whether a renderer's replicates agree with a reference, and with what power;
 //! - [`methods`]: the integrators and settings that are tested;
-//! - [`comparisons`]: which method is held against which reference;
+//! - [`comparisons`]: which method is held against which reference, and [`allocation`]: with how many samples where;
 //! - [`farm`]: a farm of real processes, and [`browser`]: what a user sees of it;
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
@@ -20,6 +20,7 @@
 //! - [`folds`]: where the caustic of a point light is singular;
 //! - [`sun_scene`]: scenes whose sun is made larger or smaller, and references of them.
 
+pub mod allocation;
 pub mod bias;
 pub mod browser;
 pub mod calls;

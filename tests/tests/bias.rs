@@ -6,7 +6,7 @@
 
 use std::time::Instant;
 
-use clerestory_tests::bias::{BiasReport, compare};
+use clerestory_tests::bias::{BLOCK, BiasReport, compare};
 use clerestory_tests::comparisons::{Comparison, comparison};
 use clerestory_tests::forward_tracer::Fault;
 use clerestory_tests::reference::Reference;
@@ -47,13 +47,13 @@ fn check_against(
     let start = Instant::now();
     let (replicates, counters) = comparison.replicates(samples, 1);
     let seconds = start.elapsed().as_secs_f64();
-    let verdict = compare(&replicates, reference, &folds);
+    let verdict = compare(&replicates, reference, &folds, BLOCK);
     println!("{} (rendered in {seconds:.1} s): {verdict}", comparison.name);
     assert!(verdict.agrees(), "{}: {verdict}", comparison.name);
     assert!(verdict.mean_error < SHORT_MEAN_ERROR, "{}: {verdict}", comparison.name);
     assert!(counters.truncated * 1000 <= counters.unique_solutions, "{}: {counters:?}", comparison.name);
     for (fault, faulty) in faulty {
-        let report = compare(&replicates, faulty, &folds);
+        let report = compare(&replicates, faulty, &folds, BLOCK);
         println!("{} against {fault:?}: {report}", comparison.name);
         assert!(!report.agrees(), "{} against {fault:?}: {report}", comparison.name);
     }
@@ -121,7 +121,7 @@ fn spheres_at_growing_distance_converge_to_the_sun() {
     let [near, farther] = ["distant-50", "distant-500"].map(|light| {
         let comparison = comparison("crown", light, "cone");
         let reference = comparison.reference(PHOTONS, Fault::None).expect("the reference ships");
-        let report = compare(&comparison.replicates(4, 1).0, &reference, &[]);
+        let report = compare(&comparison.replicates(4, 1).0, &reference, &[], BLOCK);
         println!("{}: {report}", comparison.name);
         assert!(!report.agrees(), "{}: {report}", comparison.name);
         report
@@ -167,7 +167,7 @@ fn searches_that_are_cut_off_and_paths_that_are_dropped_leave_the_picture_dark()
     let lacking = |case, light, integrator, samples| {
         let comparison = comparison(case, light, integrator);
         let reference = comparison.reference(PHOTONS, Fault::None).expect("the reference ships");
-        let report = compare(&comparison.replicates(samples, 1).0, &reference, &[]);
+        let report = compare(&comparison.replicates(samples, 1).0, &reference, &[], BLOCK);
         println!("{}, which lacks light: {report}", comparison.name);
         let brightest = report.mean_ratio.iter().copied().fold(0.0, f64::max);
         assert!(!report.agrees() && brightest < 1.0, "{}: {report}", comparison.name);

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clerestory_render_core::geometry::HeightField;
-use clerestory_tests::bias::{MEAN_POWER, compare};
+use clerestory_tests::bias::{BLOCK, MEAN_POWER, compare};
 use clerestory_tests::forward_tracer::{Fault, Tracing, photon, trace};
 use clerestory_tests::random::Random;
 use clerestory_tests::reference::{Image, Reference};
@@ -88,7 +88,7 @@ fn batches(scene: &TracedScene, photons: u64, fault: Fault) -> Vec<Image> {
 fn check_agreement(light: &str) {
     for case in CASES {
         let (scene, reference) = load(&format!("{case}-{light}"));
-        let report = compare(&batches(&scene, 3_000_000, Fault::None), &reference, &[]);
+        let report = compare(&batches(&scene, 3_000_000, Fault::None), &reference, &[], BLOCK);
         println!("{case}-{light}: {report}");
         assert!(report.agrees() && report.mean_deviation() < 0.0005, "{case}-{light}: {report}");
         // So few photons have power for the mean, and some for the blocks.
@@ -111,7 +111,7 @@ fn planted_faults_differ_from_the_imported_references() {
     for name in ["cathedral-point", "crown-sphere"] {
         let (scene, reference) = load(name);
         for fault in [Fault::MissingFresnelFactor, Fault::DroppedSaddles, Fault::Scaled] {
-            let report = compare(&batches(&scene, 500_000, fault), &reference, &[]);
+            let report = compare(&batches(&scene, 500_000, fault), &reference, &[], BLOCK);
             println!("{name} {fault:?}: {report}");
             assert!(!report.agrees(), "{name} with {fault:?}: {report}");
         }

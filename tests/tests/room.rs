@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clerestory_render_core::scene::{self, Scene};
-use clerestory_tests::bias::compare;
+use clerestory_tests::bias::{BLOCK, compare};
 use clerestory_tests::forward_tracer::{Fault, Tracing, trace};
 use clerestory_tests::reference::{Image, Reference};
 use clerestory_tests::rendering::Rendering;
@@ -56,11 +56,11 @@ fn check_caustics(angular_radius: f64, integrators: &[&str], samples: u32, fault
         faults.iter().map(|fault| (fault, traced(angular_radius, FAULTY_PHOTONS, *fault))).collect();
     for integrator in integrators {
         let ours = replicates(angular_radius, integrator, samples, Some("D TT L"));
-        let report = compare(&ours, &reference, &[]);
+        let report = compare(&ours, &reference, &[], BLOCK);
         println!("{integrator} room, {angular_radius} degrees: {report}");
         assert!(report.agrees() && report.mean_error < 0.005, "{integrator}, {angular_radius} degrees: {report}");
         for (fault, wrong) in &wrong {
-            let report = compare(&ours, wrong, &[]);
+            let report = compare(&ours, wrong, &[], BLOCK);
             println!("{integrator} room, {angular_radius} degrees, against {fault:?}: {report}");
             assert!(!report.agrees(), "{integrator}, {angular_radius} degrees, against {fault:?}: {report}");
         }
@@ -80,10 +80,10 @@ fn the_stored_references_are_pictures_of_the_room() {
     for angle in ANGLES {
         let reference = Reference::read(&reference_file(&scenes().join("room"), angle)).expect("the reference ships");
         let ours = replicates(angle, "cone", SHORT_SAMPLES, None);
-        let report = compare(&ours, &reference, &[]);
+        let report = compare(&ours, &reference, &[], BLOCK);
         println!("the room by cone, {angle} degrees: {report}");
         assert!(report.agrees() && report.mean_error < 0.005, "{angle} degrees: {report}");
-        let report = compare(&ours, &reference.scaled(1.04), &[]);
+        let report = compare(&ours, &reference.scaled(1.04), &[], BLOCK);
         assert!(!report.agrees(), "{angle} degrees, against a reference that is 4 percent too bright: {report}");
     }
 }

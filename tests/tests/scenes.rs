@@ -16,7 +16,7 @@ use clerestory_render_core::specular::side::PaneSide;
 use clerestory_render_core::specular::{
     ShadingPoint, SpecularEvent, SpecularMethod, conic::Conic, scope::Scope, sms::Sms,
 };
-use clerestory_tests::bias::compare;
+use clerestory_tests::bias::{BLOCK, compare};
 use clerestory_tests::estimate::{Estimate, check_agreement};
 use clerestory_tests::forward_tracer::{Exit, Fault, LightSample, Side, Tracing, trace};
 use clerestory_tests::pool::{Caustic, EDGE, Water};
@@ -91,10 +91,10 @@ fn check_against_forward_tracing(name: &str, integrators: &[&str], size: u32, sa
     let (right, wrong) = (reference(4_000_000, Fault::None), reference(1_000_000, Fault::MissingFresnelFactor));
     for integrator in integrators {
         let ours = replicates(&bundle, integrator, size, samples);
-        let report = compare(&ours, &right, &[]);
+        let report = compare(&ours, &right, &[], BLOCK);
         println!("{integrator} {name}: {report}");
         assert!(report.agrees() && report.mean_error < 0.005, "{integrator} {name}: {report}");
-        let report = compare(&ours, &wrong, &[]);
+        let report = compare(&ours, &wrong, &[], BLOCK);
         assert!(!report.agrees(), "{integrator} {name} without a Fresnel factor: {report}");
     }
 }

@@ -4,10 +4,11 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use clerestory_tests::bias::{BLOCK_POWER, BiasReport, compare};
+use clerestory_tests::allocation::passes;
+use clerestory_tests::bias::{BLOCK, BLOCK_POWER, BiasReport, REGION, compare};
 use clerestory_tests::comparisons::{Comparison, REPLICATES, comparison};
 use clerestory_tests::forward_tracer::Fault;
-use clerestory_tests::reference::ReferenceError;
+use clerestory_tests::reference::{Image, ReferenceError};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Renders every reference scene with every method that can, until a bias of the stated size would be noticed; then
@@ -18,12 +19,16 @@ struct Arguments {
     #[arg(default_value = "")]
     filter: String,
     /// At most so many samples for each pixel in each of the 32 replicates.
-    #[arg(long, default_value_t = 4096)]
+    #[arg(long, default_value_t = 65536)]
     max_samples: u32,
     /// Standard error of the image mean that is aimed at, relative; a verdict asks for a mean within 2.5 of them. What has
     /// more than 0.001 has no power.
     #[arg(long, default_value_t = 0.0002)]
     mean_error: f64,
+    /// Edge of the blocks that are compared one by one, pixels: 4, 8, 16 or 32. What needs 1 percent of each block needs a
+    /// quarter of the samples with twice the edge.
+    #[arg(long, default_value_t = BLOCK, value_parser = edge)]
+    block: usize,
     /// Photons of references that are traced for the purpose.
     #[arg(long, default_value_t = 30_000_000)]
     photons: u64,
@@ -104,6 +109,13 @@ fn main() -> ExitCode {
     if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
+fn edge(words: &str) -> Result<usize, String> {
+    match words.parse() {
+        Ok(edge) if edge % BLOCK == 0 && REGION.is_multiple_of(edge) && edge > 0 => Ok(edge),
+        _ => Err("a block has an edge of 4, 8, 16 or 32 pixels".to_owned()),
+    }
+}
+
 /// Whether one method lacks light, as it must.
 fn examine_dark(
     comparison: &Comparison,
@@ -112,7 +124,7 @@ fn examine_dark(
 ) -> Result<bool, ReferenceError> {
     let reference = comparison.reference(arguments.photons, Fault::None)?;
     let (replicates, _) = comparison.replicates(PILOT, 1);
-    let report = compare(&replicates, &reference, &comparison.folds());
+    let report = compare(&replicates, &reference, &comparison.folds(), arguments.block);
     let good = !report.agrees() && report.mean_ratio.iter().all(|ratio| *ratio < 1.0);
     progress.suspend(|| {
         println!("{} {}, which lacks light: {report}", if good { "ok  " } else { "FAIL" }, comparison.name)
@@ -125,29 +137,43 @@ fn examine(comparison: &Comparison, arguments: &Arguments, progress: &ProgressBa
     let reference = comparison.reference(arguments.photons, Fault::None)?;
     let folds = comparison.folds();
     let start = Instant::now();
-    let pilot = compare(&comparison.replicates(PILOT, 1).0, &reference, &folds);
-    let necessary = necessary_samples(&pilot, arguments.mean_error);
-    let samples = necessary.min(arguments.max_samples);
-    let expected = start.elapsed().as_secs_f64() * f64::from(samples) / f64::from(PILOT);
+    let (pilot, _) = comparison.replicates(PILOT, 1);
+    let seconds = start.elapsed().as_secs_f64();
+    let report = compare(&pilot, &reference, &folds, arguments.block);
+    let passes = necessary_passes(&pilot, &report, arguments);
+    let mean = passes.iter().map(|passes| f64::from(*passes)).sum::<f64>() / passes.len() as f64;
+    let samples = format!(
+        "{} to {} samples a pixel, {:.0} on average",
+        PILOT * passes.iter().min().copied().unwrap_or(0),
+        PILOT * passes.iter().max().copied().unwrap_or(0),
+        f64::from(PILOT) * mean,
+    );
     progress.suspend(|| {
-        println!("{}: {necessary} samples a pixel necessary, {samples} in about {expected:.0} s", comparison.name);
+        println!(
+            "{}: mean known to {:.3} %, blocks to {:.2} % with {PILOT} samples a pixel; {samples}, take about {:.0} s",
+            comparison.name,
+            report.mean_error * 100.0,
+            report.block_error * 100.0,
+            seconds * mean,
+        );
     });
     let start = Instant::now();
     // Other seeds: what chose the number of samples must not be part of the result.
-    let (replicates, counters) = comparison.replicates(samples, 1 + REPLICATES);
+    let (replicates, counters) = comparison.replicates_with(PILOT, 1 + REPLICATES, &|tile| passes[tile]);
     let seconds = start.elapsed().as_secs_f64();
-    let report = compare(&replicates, &reference, &folds);
+    let report = compare(&replicates, &reference, &folds, arguments.block);
     let good = report.agrees() && report.has_power() && report.mean_deviation() <= MEAN_LIMIT * arguments.mean_error;
     progress.suspend(|| {
         println!("{} {}: {report}", if good { "ok  " } else { "FAIL" }, comparison.name);
         println!(
-            "     {REPLICATES} x {samples} samples a pixel, {seconds:.0} s, {} of {} probabilities cut off",
+            "     {REPLICATES} pictures, {samples}, {seconds:.0} s, {} of {} probabilities cut off",
             counters.truncated, counters.unique_solutions
         );
     });
     let mut all_noticed = true;
     for fault in comparison.faults() {
-        let report = compare(&replicates, &comparison.reference(arguments.photons / 10, fault)?, &folds);
+        let report =
+            compare(&replicates, &comparison.reference(arguments.photons / 10, fault)?, &folds, arguments.block);
         let noticed = !report.agrees();
         all_noticed &= noticed;
         progress.suspend(|| println!("{}   against {fault:?}: {report}", if noticed { "ok  " } else { "FAIL" }));
@@ -155,8 +181,10 @@ fn examine(comparison: &Comparison, arguments: &Arguments, progress: &ProgressBa
     Ok(good && all_noticed)
 }
 
-fn necessary_samples(pilot: &BiasReport, mean_error: f64) -> u32 {
-    let excess = (pilot.block_error / BLOCK_POWER).max(pilot.mean_error / mean_error);
+/// The passes of [`PILOT`] samples for each tile.
+fn necessary_passes(pilot: &[Image], report: &BiasReport, arguments: &Arguments) -> Vec<u32> {
+    let most = (arguments.max_samples / PILOT).max(1);
     // A fifth more than the pilot says, since it is itself uncertain.
-    (f64::from(PILOT) * excess * excess * 1.2).ceil().clamp(f64::from(PILOT), 65536.0) as u32
+    let of_blocks = (1.2 * (report.block_error / BLOCK_POWER).powi(2)).ceil().clamp(1.0, f64::from(most)) as u32;
+    passes(pilot, arguments.mean_error, of_blocks, most)
 }
