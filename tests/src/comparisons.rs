@@ -22,6 +22,7 @@ use crate::folds::{Folds, fold_pixels};
 use crate::forward_tracer::{Fault, Tracing, trace};
 use crate::methods;
 use crate::reference::{Image, Reference, ReferenceError};
+use crate::sun_scene::SunScene;
 use crate::traced_scene::TracedScene;
 
 /// Number of independently seeded pictures of ours.
@@ -36,6 +37,7 @@ pub struct Comparison {
     traced: TracedScene,
     stored: Option<PathBuf>,
     folds: Folds,
+    has_saddles: bool,
 }
 
 /// The folder of the reference scenes.
@@ -43,14 +45,37 @@ pub fn reference_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/references")
 }
 
-/// The comparison of `integrator` (a name of [`methods::settings`]) with the reference of a case (`crown`, `bump`, `flat`, `cathedral`) and a light
-/// (`point`, `sphere`, `sun`, `distant-METRES` for a sphere so far away that is compared with the sun, or `near` for a
-/// large light near by).
+/// The comparison of `integrator` (a name of [`methods::settings`]) with the reference of a case (`crown`, `bump`, `flat`, `cathedral`,
+/// `room`) and a light (`point`, `sphere`, `sun`, `distant-METRES` for a sphere so far away that is compared with the sun, or
+/// `near` for a large light near by; in the room, `sun` or, for a sun of another angular radius, `sun-DEGREES`).
 ///
 /// # Panics
 ///
 /// When the repository's own scenes cannot be read, or there is no such integrator.
 pub fn comparison(case: &str, light: &str, integrator: &str) -> Comparison {
+    let Setting { bundle, folder, stored, has_saddles } =
+        if case == "room" { in_the_room(light) } else { through_one_pane(case, light) };
+    let mut description = bundle.description().clone();
+    description.integrator = methods::integrator(integrator, description.integrator.max_depth());
+    let bundle = bundle.with_description(description).expect("the changed scene is valid");
+    let traced = TracedScene::build(&bundle, &folder).expect("the scenes can be traced");
+    // Those that draw one point of a light. A light that is near and large has folds everywhere, and they weigh little.
+    let draws_points = !["path", "cone", "fnee"].contains(&integrator) && light != "near";
+    let folds = if draws_points { Folds::OfAllLights } else { Folds::OfPoints };
+    Comparison { name: format!("{integrator} {case}-{light}"), bundle, traced, stored, folds, has_saddles }
+}
+
+/// A scene with its light.
+struct Setting {
+    bundle: SceneBundle,
+    folder: PathBuf,
+    /// The reference, where one is stored.
+    stored: Option<PathBuf>,
+    /// Whether so many of the paths are saddles that a picture without them looks different.
+    has_saddles: bool,
+}
+
+fn through_one_pane(case: &str, light: &str) -> Setting {
     let folder = reference_folder();
     let distance = light.strip_prefix("distant-").map(|metres| metres.parse().expect("a number of metres"));
     let similar = if light == "near" || distance.is_some() { "sun" } else { light };
@@ -63,13 +88,26 @@ pub fn comparison(case: &str, light: &str, integrator: &str) -> Comparison {
     if light == "near" {
         move_near(&mut description, case);
     }
-    description.integrator = methods::integrator(integrator, description.integrator.max_depth());
     let bundle = bundle.with_description(description).expect("the changed scene is valid");
-    let traced = TracedScene::build(&bundle, &folder).expect("the reference scenes can be traced");
-    // Those that draw one point of a light. A light that is near and large has folds everywhere, and they weigh little.
-    let draws_points = !["path", "cone", "fnee"].contains(&integrator) && light != "near";
-    let folds = if draws_points { Folds::OfAllLights } else { Folds::OfPoints };
-    Comparison { name: format!("{integrator} {case}-{light}"), bundle, traced, stored, folds }
+    // A flat pane has none, and a light so large washes them out.
+    Setting { bundle, folder, has_saddles: stored.is_some() && case != "flat", stored }
+}
+
+/// The sun's light that falls through one pane onto stone.
+fn in_the_room(light: &str) -> Setting {
+    const SUN: f64 = 0.27;
+    let folder = reference_folder().join("..");
+    let bundle = load(&folder.join("room.json")).expect("the room ships");
+    let degrees = light.strip_prefix("sun-").map(|degrees| degrees.parse().expect("a number of degrees"));
+    let scene = SunScene {
+        angular_radius: degrees.unwrap_or(SUN),
+        integrator: "path",
+        seed: 0,
+        size: [96, 72],
+        path_filter: Some("D TT L"),
+    };
+    let bundle = scene.bundle(&bundle).expect("the changed room is valid");
+    Setting { bundle, folder, stored: None, has_saddles: degrees.is_none() }
 }
 
 /// A sphere instead of the sun, under the same angle.
@@ -128,8 +166,7 @@ impl Comparison {
     /// The faults that a test on this scene has to notice. A flat pane, and a light so large that it washes the caustic
     /// out, have no saddles to lose.
     pub fn faults(&self) -> Vec<Fault> {
-        let has_saddles = self.stored.is_some() && !self.name.contains("flat");
-        let saddles = has_saddles.then_some(Fault::DroppedSaddles);
+        let saddles = self.has_saddles.then_some(Fault::DroppedSaddles);
         [Fault::MissingFresnelFactor, Fault::Scaled].into_iter().chain(saddles).collect()
     }
 

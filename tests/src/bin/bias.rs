@@ -53,6 +53,16 @@ const UNBIASED: [(&str, &str); 15] = [
     ("mnee", "near"),
 ];
 
+/// Methods without bias, and the suns under which they find the light in the room.
+const UNBIASED_IN_THE_ROOM: [(&str, &str); 6] = [
+    ("fnee", "sun"),
+    ("cone", "sun"),
+    ("sms", "sun"),
+    ("sms, half vector", "sun"),
+    ("mnee", "sun-5"),
+    ("path", "sun-5"),
+];
+
 /// Methods that lack light where there are several paths.
 const DARK: [(&str, &str); 5] = [
     ("fnee, cut off", "point"),
@@ -70,17 +80,17 @@ const PILOT: u32 = 8;
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let unbiased = UNBIASED.map(|(method, light)| (method, light, false));
-    let dark = DARK.map(|(method, light)| (method, light, true));
-    let methods = || unbiased.into_iter().chain(dark);
-    let names = ["flat", "bump", "crown", "cathedral"]
-        .into_iter()
-        .flat_map(|case| methods().map(move |(method, light, dark)| (case, light, method, dark)));
-    let chosen: Vec<(Comparison, bool)> = names
+    let behind_panes = ["flat", "bump", "crown", "cathedral"].into_iter().flat_map(|case| {
+        let unbiased = UNBIASED.map(|(method, light)| (case, light, method, false));
         // One path leads through a flat pane, which every walk finds.
-        .filter(|(case, .., dark)| !(*dark && *case == "flat"))
+        let dark = if case == "flat" { &[] } else { DARK.as_slice() };
+        unbiased.into_iter().chain(dark.iter().map(move |&(method, light)| (case, light, method, true)))
+    });
+    let in_the_room = UNBIASED_IN_THE_ROOM.map(|(method, light)| ("room", light, method, false));
+    let chosen: Vec<(Comparison, bool)> = behind_panes
+        .chain(in_the_room)
+        .filter(|(case, light, method, _)| format!("{method} {case}-{light}").contains(&arguments.filter))
         .map(|(case, light, method, dark)| (comparison(case, light, method), dark))
-        .filter(|(comparison, _)| comparison.name.contains(&arguments.filter))
         .collect();
     let style = ProgressStyle::with_template("{spinner} {pos}/{len} {msg} {elapsed} (about {eta} left)")
         .expect("the template is valid");
