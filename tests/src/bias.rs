@@ -11,8 +11,8 @@
 //!   statistic exceeds its quantiles many times too often. So the variance of a cell is the larger one of its own and of
 //!   that of its neighbourhood (relative to the reference). The own one protects where the cell has the rare sample, the
 //!   neighbourhood's where it has not. For normal errors this costs 5 percent of the standard error.
-//! - **Folds.** Cells that a fold of a point light's caustic crosses have infinite variance; they are pooled to one flux
-//!   for each region of 8 x 8 blocks. Unlit blocks are pooled to one cell.
+//! - **Folds.** Cells that a fold of the caustic crosses, of a point light or of any point of a light of which the method
+//!   draws one, have infinite variance; they are pooled to one flux for each region of 32 x 32 pixels. Unlit blocks are pooled to one cell.
 //! - **Many tests at once** (image mean in each channel, every cell, and the sum of squares over all cells) share one
 //!   probability of a false alarm, [`SIGNIFICANCE`], by Bonferroni.
 //! - **Power** is part of the verdict: a test that could not have noticed a fault proves nothing.

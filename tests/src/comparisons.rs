@@ -59,8 +59,9 @@ pub fn comparison(case: &str, light: &str, integrator: &str) -> Comparison {
     description.integrator = methods::integrator(integrator, description.integrator.max_depth());
     let bundle = bundle.with_description(description).expect("the changed scene is valid");
     let traced = TracedScene::build(&bundle, &folder).expect("the scenes can be traced");
-    // Those that draw one point of a light. A light that is near and large has folds everywhere, and they weigh little.
-    let draws_points = !["path", "cone", "fnee"].contains(&integrator) && light != "near";
+    // Those that draw one point of a light. A light so large has folds everywhere, and they weigh little.
+    let is_large = light == "near" || light.starts_with("sun-");
+    let draws_points = !["path", "cone", "fnee"].contains(&integrator) && !is_large;
     let folds = if draws_points { Folds::OfAllLights } else { Folds::OfPoints };
     Comparison { name: format!("{integrator} {case}-{light}"), bundle, traced, stored, folds, has_saddles }
 }

@@ -46,7 +46,9 @@ pub fn fold_pixels(scene: &TracedScene, folds: Folds) -> Vec<bool> {
             Folds::OfPoints => (0, CELLS),
             Folds::OfAllLights => (LAMPS[0] * LAMPS[1], FEWER_CELLS),
         };
-        let places = (0..lamps).flat_map(|lamp| {
+        // Around the middle there is one place.
+        let distinct = |lamp: &usize| *lamp == 0 || !lamp.is_multiple_of(LAMPS[0]);
+        let places = (0..lamps).filter(distinct).flat_map(|lamp| {
             let lamp = [(lamp % LAMPS[0]) as f64 / (LAMPS[0] - 1) as f64, (lamp / LAMPS[0]) as f64 / LAMPS[1] as f64];
             (0..scene.panes.len()).flat_map(move |pane| fold_places(scene, light, pane, lamp, cells))
         });

@@ -25,8 +25,8 @@ use crate::rendering::block_means;
 pub struct PaneScene {
     /// The panes, as in a scene file.
     pub panes: Vec<Value>,
-    /// The light, as in a scene file.
-    pub light: Value,
+    /// The lights, as in a scene file.
+    pub lights: Vec<Value>,
     /// Height maps by the names of their files.
     pub assets: BTreeMap<String, Asset>,
     /// From the receiver to the plane `z = 0`, metres.
@@ -55,7 +55,7 @@ impl PaneScene {
         let filter = "D TT L";
         Self {
             panes,
-            light,
+            lights: vec![light],
             assets,
             distance: 1.0,
             reach: 10.0,
@@ -103,7 +103,7 @@ impl PaneScene {
                 "positions": [[-reach, -reach, depth], [reach, -reach, depth], [reach, reach, depth], [-reach, reach, depth]],
                 "triangles": [[0, 1, 2], [0, 2, 3]]}}}],
             "panes": self.panes,
-            "lights": [self.light],
+            "lights": self.lights,
         });
         let description = SceneDescription::parse(description.to_string().as_bytes()).expect("a valid scene");
         SceneBundle::from_parts(description, self.assets.clone()).expect("a complete scene")

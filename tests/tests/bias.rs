@@ -163,7 +163,7 @@ fn mnee_is_unbiased_where_chance_finds_what_it_misses() {
 }
 
 #[test]
-fn searches_that_are_cut_off_and_paths_that_are_dropped_leave_the_picture_dark() {
+fn walks_that_are_too_few_and_paths_that_are_dropped_leave_the_picture_dark() {
     let lacking = |case, light, integrator, samples| {
         let comparison = comparison(case, light, integrator);
         let reference = comparison.reference(PHOTONS, Fault::None).expect("the reference ships");

@@ -170,6 +170,23 @@ fn a_uniform_sky_behind_a_flat_pane_is_dimmed_by_the_mean_transmittance() {
     }
 }
 
+#[test]
+fn suns_in_the_same_direction_shine_through_one_another() {
+    let (distance, size) = (0.04, 0.3);
+    let irradiance = |degrees: f64| sky_irradiance(0.0, degrees.to_radians(), distance, 0.5 * size);
+    let expected = Estimate::exact(irradiance(90.0) + 2.0 * irradiance(45.0));
+    let [wide, mut narrow] = [sun(DVec3::Z, 90.0, 1.0), sun(DVec3::Z, 45.0, 2.0)];
+    narrow["sun"]["name"] = json!("another sun");
+    for lights in [vec![wide.clone(), narrow.clone()], vec![narrow, wide]] {
+        let bench = PaneScene::new(vec![flat_pane(size)], Value::Null).at([0.0; 2]);
+        let bench = PaneScene { distance, lights, ..bench };
+        for (name, samples) in [("path", 512), ("cone", 128)] {
+            let found = bench.mean_irradiance(&json!({name: {}}), samples, 32);
+            check_agreement(&format!("two suns, {name}"), &[found], &[expected], 0.02);
+        }
+    }
+}
+
 /// Edge of wedges and lenses, metres: a power of two, as everything about them, so that their coefficients are exact.
 const EDGE: f64 = 0.125;
 const CELLS: usize = 16;
@@ -228,7 +245,7 @@ fn a_wedge_turns_and_spreads_light_as_a_prism() {
             }
             for integrator in chancy_methods() {
                 // Rays that are sent to the sun do not find one as small as that.
-                let larger = PaneScene { light: sun(outer, LARGER, 1e2), ..bench.clone() };
+                let larger = PaneScene { lights: vec![sun(outer, LARGER, 1e2)], ..bench.clone() };
                 let found = larger.at([x, y]).mean_irradiance(&integrator, 32, 16);
                 let brighter = 1e-4 * (LARGER.to_radians().sin() / degrees.to_radians().sin()).powi(2);
                 let name = format!("wedge, {integrator}");
@@ -359,7 +376,7 @@ fn paths_through_a_lens_turn_from_minima_to_saddles_or_maxima_at_the_focus() {
 
 /// The light that arrives at `to` from a point light of unit intensity at `from`, without a cosine.
 fn received(scene: &PaneScene, integrator: &Value, from: DVec3, to: DVec3) -> f64 {
-    let scene = PaneScene { light: point_light(from.to_array()), ..scene.clone() };
+    let scene = PaneScene { lights: vec![point_light(from.to_array())], ..scene.clone() };
     let built: Scene = scene.build(integrator, 1);
     let normal = DVec3::Z * (from.z - to.z).signum();
     let point = ShadingPoint { position: to, normal, leaving: Leaving::Nothing, bounces: 0 };

@@ -124,7 +124,7 @@ fn published(glass: &Pane, query: &Query, random: &mut Random) -> Kinds {
 /// Those of the enumerated paths that walks over the manifold find; each of their arrivals has to be one of them.
 fn walked(scene: &PaneScene, query: &Query, roots: &[Root]) -> Kinds {
     let light = json!({"point": {"name": "lamp", "position": query.source.to_array(), "intensity": [1, 1, 1]}});
-    let scene = PaneScene { light, distance: 5.0, ..scene.clone() };
+    let scene = PaneScene { lights: vec![light], distance: 5.0, ..scene.clone() };
     let point = ShadingPoint { position: query.origin, normal: DVec3::Z, leaving: Leaving::Nothing, bounces: 0 };
     let built = scene.build(&biased_sms("angle_difference", SEEDS), 1);
     let arrivals = gather(&built, &point, 0, &mut Counters::default());

@@ -42,7 +42,7 @@ struct Setting {
 /// The scenes.
 const SETTINGS: [Setting; 2] = [
     Setting { file: &SLAB, name: "slab", others: || vec![Variant::fnee(), Variant::cone()] },
-    Setting { file: &POOL, name: "pool", others: || vec![Variant::path()] },
+    Setting { file: &POOL, name: "pool", others: || vec![Variant::conic(), Variant::path()] },
 ];
 
 /// The methods on manifolds.

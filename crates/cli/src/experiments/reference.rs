@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clerestory_render_core::film::{FrameImage, ImageLayers};
-use clerestory_render_core::scene::description::{LightDescription, SamplingDescription};
+use clerestory_render_core::scene::description::{IntegratorDescription, LightDescription, SamplingDescription};
 use clerestory_render_core::scene::{Asset, SceneBundle, SceneDescription};
 use serde::Serialize;
 
@@ -96,14 +96,21 @@ pub(super) fn reference(session: &mut Session, name: &str, bundle: &SceneBundle)
 /// The method without bias that is the least noisy: forward sampling, or `fnee` where there is a point light, which forward
 /// sampling never meets. Both know panes only.
 ///
-/// Where there are none, light comes by way of smooth meshes. Of the three methods without bias that find such light, `sms`
-/// alone finds every path in each sample with a probability that does not shrink with the light: `mnee` and `path` leave
-/// some paths or all to chance, which meets a small light so rarely that a picture lacks them, and its standard error does
-/// not tell.
+/// Where there are none, light comes by way of smooth meshes. Over one surface, `conic` finds all of it. Over several, `sms`
+/// is the only method without bias that finds every path in each sample with a probability that does not shrink with the
+/// light: `mnee` and `path` leave some paths or all to chance, which meets a small light so rarely that a picture lacks them,
+/// and its standard error does not tell.
 fn method(scene: &SceneDescription) -> Variant {
     let is_point = |light: &LightDescription| matches!(light, LightDescription::Point { .. });
+    let over_one_surface = match &scene.integrator {
+        IntegratorDescription::Sms { chains, .. } | IntegratorDescription::Mnee { chains, .. } => {
+            chains.iter().all(|chain| chain.len() == 1)
+        }
+        IntegratorDescription::Conic { .. } => true,
+        _ => false,
+    };
     if scene.panes.is_empty() {
-        Variant::sms()
+        if over_one_surface { Variant::conic() } else { Variant::sms() }
     } else if scene.lights.iter().any(is_point) {
         Variant::fnee()
     } else {

@@ -1,7 +1,7 @@
 //! The variants that experiments compare: integrators with settings, named alike in all figures.
 
 use clerestory_render_core::scene::description::{
-    FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
+    ConicSearch, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
 };
 use serde::Serialize;
 
@@ -116,11 +116,27 @@ impl Variant {
         )
     }
 
+    /// All light over one interface of a smooth mesh.
+    pub(super) fn conic() -> Self {
+        Self::new(
+            "conic",
+            IntegratorDescription::Conic {
+                max_depth: DEPTH,
+                search: ConicSearch::Complete,
+                chains: vec!["T".to_owned()],
+                casters: None,
+                receivers: None,
+            },
+        )
+    }
+
     /// The integrator for a scene, whose own integrator is `scenes`.
     pub(super) fn integrator(&self, scenes: &IntegratorDescription) -> IntegratorDescription {
         let mut integrator = self.integrator.clone();
         if let (
-            IntegratorDescription::Sms { chains, .. } | IntegratorDescription::Mnee { chains, .. },
+            IntegratorDescription::Sms { chains, .. }
+            | IntegratorDescription::Mnee { chains, .. }
+            | IntegratorDescription::Conic { chains, .. },
             IntegratorDescription::Sms { chains: named, .. } | IntegratorDescription::Mnee { chains: named, .. },
         ) = (&mut integrator, scenes)
         {

@@ -121,15 +121,16 @@ impl<'a> PathTracer<'a> {
             };
             let distance = hit.as_ref().map_or(f64::INFINITY, |hit| hit.distance);
             if walk.inside.is_none()
-                && let Some((index, light_hit)) = self.closest_light(&walk, distance)
+                && let Some((index, light_hit)) = self.nearest_light(&walk, distance)
             {
                 sample.radiance += self.emission(&walk, index, &light_hit, counters);
-                if light_hit.distance.is_finite() {
-                    if walk.depth == 0 {
-                        sample.depth = light_hit.distance;
-                    }
-                    return sample;
+                if walk.depth == 0 {
+                    sample.depth = light_hit.distance;
                 }
+                return sample;
+            }
+            if walk.inside.is_none() && hit.is_none() {
+                sample.radiance += self.emission_of_suns(&walk, counters);
             }
             let Some(hit) = hit else { return sample };
             if walk.depth == 0 {
@@ -173,20 +174,31 @@ impl<'a> PathTracer<'a> {
         sample.normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
     }
 
-    /// The nearest light on the ray before `distance`; the sun when nothing is hit at all.
-    fn closest_light(&self, walk: &Walk, distance: f64) -> Option<(u32, LightHit)> {
-        let mut closest: Option<(u32, LightHit)> = None;
+    /// The nearest light on the ray before `distance`. Suns are behind everything.
+    fn nearest_light(&self, walk: &Walk, distance: f64) -> Option<(u32, LightHit)> {
+        let mut nearest: Option<(u32, LightHit)> = None;
         for (index, light) in (0u32..).zip(self.scene.lights()) {
             if walk.leaving == Leaving::Light(index) {
                 continue;
             }
             let Some(hit) = light.intersect(&walk.ray) else { continue };
-            let nearest = closest.as_ref().map_or(distance, |(_, hit)| hit.distance);
-            if hit.distance < nearest || (hit.distance == f64::INFINITY && nearest == f64::INFINITY) {
-                closest = Some((index, hit));
+            if hit.distance < nearest.as_ref().map_or(distance, |(_, hit)| hit.distance) {
+                nearest = Some((index, hit));
             }
         }
-        closest
+        nearest
+    }
+
+    /// Light that the path carries back when it meets nothing: that of all suns in its direction, which cover each other no
+    /// more than they cast shadows.
+    fn emission_of_suns(&self, walk: &Walk, counters: &mut Counters) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        for (index, light) in (0u32..).zip(self.scene.lights()) {
+            if let Some(hit) = light.intersect(&walk.ray).filter(|hit| hit.distance == f64::INFINITY) {
+                sum += self.emission(walk, index, &hit, counters);
+            }
+        }
+        sum
     }
 
     /// Light that the path carries back from a light that it has met.

@@ -43,7 +43,7 @@ use crate::{
     counters::Counters,
     film::{SampleStream, TrialStream},
     geometry::Rect,
-    optics::{Source, SourceSample},
+    optics::{LightKind, Source, SourceSample},
     scene::{
         Scene,
         description::{FneeSolver, PaneSelection},
@@ -179,7 +179,8 @@ impl SpecularMethod for Fnee {
             return;
         }
         let random = stream.next_2d();
-        let view = self.combines().then(|| View::new(scene, point, light, &Effort::at(point)));
+        let is_met = !matches!(scene.lights()[light as usize].kind, LightKind::Point { .. });
+        let view = (is_met && self.combines()).then(|| View::new(scene, point, light, &Effort::at(point)));
         if let Some(view) = &view {
             view.cast(random, counters, &mut |glimpse, opening| {
                 let share = glimpse.density / (glimpse.density + density_of_glimpse(scene, light, &glimpse, opening));
@@ -188,7 +189,11 @@ impl SpecularMethod for Fnee {
         }
         let choice = self.selection.choose(scene, point, sample.source, panes.len(), stream, counters);
         let (chosen, inverse_selection) = match choice {
-            Choice::All => (scene.pane_tree().candidates(point.position, &Sight::of_source(sample.source)), 1.0),
+            Choice::All => match &view {
+                // A pane that shows a point of the light shows the light.
+                Some(view) => (view.panes().collect(), 1.0),
+                None => (scene.pane_tree().candidates(point.position, &Sight::of_source(sample.source)), 1.0),
+            },
             Choice::One(Caster::Pane(pane)) => (vec![pane], 1.0),
             Choice::AtRandom(index) => (vec![index as u32], panes.len() as f64),
             Choice::One(Caster::Mesh(_)) | Choice::None => return,

@@ -151,6 +151,11 @@ impl<'a> View<'a> {
         }
     }
 
+    /// The panes through which light may come.
+    pub(super) fn panes(&self) -> impl Iterator<Item = u32> {
+        self.openings.iter().map(|opening| opening.pane)
+    }
+
     /// Expected number of rays for each unit of solid angle towards a place of a pane's near plane.
     pub(super) fn density(&self, pane: u32, place: DVec2) -> f64 {
         let holds = |patch: &&Patch| self.openings[patch.opening].pane == pane && patch.rect.contains(place);
