@@ -133,17 +133,19 @@ impl fmt::Display for Agreement {
     }
 }
 
-/// Checks that estimates agree, and that they would not if ours were `1 + fault` times as large.
+/// Checks that estimates agree, and that they would not if ours were `1 + fault` times as large, or as small.
 ///
 /// # Panics
 ///
-/// When they do not agree, or agree with the fault as well.
+/// When they do not agree, or agree with one of the faults as well.
 #[track_caller]
 pub fn check_agreement(name: &str, ours: &[Estimate], theirs: &[Estimate], fault: f64) {
     let agreement = Agreement::of(ours, theirs);
     println!("{name}: {agreement}");
     assert!(agreement.holds(), "{name}: {agreement}");
-    let faulty: Vec<Estimate> = ours.iter().map(|estimate| estimate.scaled(1.0 + fault)).collect();
-    let agreement = Agreement::of(&faulty, theirs);
-    assert!(!agreement.holds(), "{name}: a fault of {fault} is not noticed: {agreement}");
+    for factor in [1.0 + fault, 1.0 / (1.0 + fault)] {
+        let faulty: Vec<Estimate> = ours.iter().map(|estimate| estimate.scaled(factor)).collect();
+        let agreement = Agreement::of(&faulty, theirs);
+        assert!(!agreement.holds(), "{name}: a factor of {factor} is not noticed: {agreement}");
+    }
 }
