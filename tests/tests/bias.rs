@@ -150,8 +150,9 @@ fn path_and_cone_are_unbiased_for_a_large_light() {
 #[test]
 fn sms_is_unbiased() {
     check_with_power("flat", "point", "sms", 2);
-    // Near folds and at the borders of panes it finds some paths very seldom: behind relief, small and far lights take
-    // the samples of the long test.
+    check_without_power("bump", "sun", "sms", 2);
+    // Near folds and at the borders of panes it finds some paths very seldom: behind other relief, small and far lights
+    // take the samples of the long test.
     for case in ["crown", "bump", "cathedral"] {
         check_without_power(case, "near", "sms", 4);
     }
