@@ -12,6 +12,7 @@
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`connections`]: fixed problems, to compare the paths that methods find and the time that they take;
+//! - [`single_connections`]: the light that a method finds between two points, against what is there;
 //! - [`rendering`]: scenes rendered in this process, and [`estimate`]: whether two ways to render one agree;
 //! - [`pane_scene`]: small scenes for tests of laws;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
@@ -41,6 +42,7 @@ pub mod pool;
 pub mod random;
 pub mod reference;
 pub mod rendering;
+pub mod single_connections;
 pub mod slab;
 pub mod solution_lists;
 pub mod spline;

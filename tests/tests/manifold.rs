@@ -12,6 +12,7 @@ use clerestory_render_core::specular::{
     ShadingPoint, SpecularMethod, THROUGH_PANE, fnee::Fnee, mnee::Mnee, scope::Scope, sms::Sms,
 };
 use clerestory_tests::estimate::Estimate;
+use clerestory_tests::single_connections::Connections;
 use clerestory_tests::solution_lists::{load_case, load_list};
 use glam::DVec3;
 
@@ -184,6 +185,24 @@ fn estimates_that_are_cut_off_lack_the_light_that_theory_says() {
         let published = |trials| Box::new(fnee(FneeSolver::Published, trials)) as Box<dyn SpecularMethod>;
         // The search of the paper finds some paths so rarely that no affordable number of runs has all of the light.
         check_missing_light("fnee, published", case, &published, &fnee(FneeSolver::Complete, 1_000_000));
+    }
+}
+
+/// Part of the light that a missing Fresnel factor takes away.
+const FRESNEL: f64 = 0.042;
+
+#[test]
+fn walks_find_the_light_of_each_connection_without_bias() {
+    let lights = [("point", "sms"), ("sphere", "sms, half vector"), ("sun", "sms")];
+    for case in ["flat", "bump", "crown", "cathedral"] {
+        // Behind cathedral glass the larger lights take the samples of the long test, the binary `bias`.
+        let most = if case == "cathedral" { 1 } else { lights.len() };
+        for (light, method) in lights.into_iter().take(most) {
+            let connections = Connections::new(case, light, method);
+            let light = connections.relative_light(400_000, 3);
+            println!("{}: {light}", connections.name);
+            assert!(light.agrees() && light.would_notice(FRESNEL), "{}: {light}", connections.name);
+        }
     }
 }
 

@@ -5,10 +5,11 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use clerestory_tests::allocation::passes;
-use clerestory_tests::bias::{BLOCK, BLOCK_POWER, BiasReport, REGION, compare};
+use clerestory_tests::bias::{BLOCK, BLOCK_POWER, BiasReport, MEAN_POWER, REGION, compare};
 use clerestory_tests::comparisons::{Comparison, REPLICATES, comparison};
 use clerestory_tests::forward_tracer::Fault;
 use clerestory_tests::reference::{Image, ReferenceError};
+use clerestory_tests::single_connections::{Connections, connections_name};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// Renders every reference scene with every method that can, until a bias of the stated size would be noticed; then
@@ -63,6 +64,11 @@ const UNBIASED_IN_THE_ROOM: [(&str, &str); 6] = [
     ("path", "sun-5"),
 ];
 
+/// Methods whose weights by random estimates have tails beside those of folds, which are held to what is there connection by
+/// connection as well; and the lights.
+const OF_SINGLE_CONNECTIONS: [(&str, [&str; 3]); 2] =
+    [("sms", ["point", "sphere", "sun"]), ("sms, half vector", ["point", "sphere", "sun"])];
+
 /// Methods that lack light where there are several paths.
 const DARK: [(&str, &str); 5] = [
     ("fnee, cut off", "point"),
@@ -74,6 +80,15 @@ const DARK: [(&str, &str); 5] = [
 
 /// Largest deviation of the mean, in standard errors that are aimed at.
 const MEAN_LIMIT: f64 = 2.5;
+
+/// A fault that every test with power notices, relative.
+const FAULT: f64 = 0.005;
+
+/// Most connections.
+const MOST_CONNECTIONS: u32 = 1_000_000_000;
+
+/// Connections from which the necessary number is estimated.
+const PILOT_CONNECTIONS: u32 = 200_000;
 
 /// Samples for each pixel in each replicate from which the necessary number is estimated.
 const PILOT: u32 = 8;
@@ -92,9 +107,16 @@ fn main() -> ExitCode {
         .filter(|(case, light, method, _)| format!("{method} {case}-{light}").contains(&arguments.filter))
         .map(|(case, light, method, dark)| (comparison(case, light, method), dark))
         .collect();
+    let connections: Vec<Connections> = ["flat", "bump", "crown", "cathedral"]
+        .into_iter()
+        .flat_map(|case| OF_SINGLE_CONNECTIONS.map(|(method, lights)| lights.map(|light| (case, light, method))))
+        .flatten()
+        .filter(|(case, light, method)| connections_name(case, light, method).contains(&arguments.filter))
+        .map(|(case, light, method)| Connections::new(case, light, method))
+        .collect();
     let style = ProgressStyle::with_template("{spinner} {pos}/{len} {msg} {elapsed} (about {eta} left)")
         .expect("the template is valid");
-    let progress = ProgressBar::new(chosen.len() as u64).with_style(style);
+    let progress = ProgressBar::new((chosen.len() + connections.len()) as u64).with_style(style);
     progress.enable_steady_tick(Duration::from_millis(200));
     let mut failures = 0;
     for (comparison, dark) in &chosen {
@@ -114,9 +136,37 @@ fn main() -> ExitCode {
         }
         progress.inc(1);
     }
+    for connections in &connections {
+        progress.set_message(connections.name.clone());
+        failures += usize::from(!examine_connections(connections, &arguments, &progress));
+        progress.inc(1);
+    }
+    let count = chosen.len() + connections.len();
     progress.finish_and_clear();
-    println!("{} comparisons, {failures} without the right verdict", chosen.len());
+    println!("{} comparisons, {failures} without the right verdict", count);
     if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Whether a method finds the light of single connections, with power.
+fn examine_connections(connections: &Connections, arguments: &Arguments, progress: &ProgressBar) -> bool {
+    let (_, error) = connections.relative_light(PILOT_CONNECTIONS, 1).ratio();
+    let necessary = f64::from(PILOT_CONNECTIONS) * 1.2 * (error / arguments.mean_error).powi(2);
+    let count = necessary.clamp(f64::from(PILOT_CONNECTIONS), f64::from(MOST_CONNECTIONS)) as u32;
+    let start = Instant::now();
+    // Other connections: what chose their number must not be part of the result.
+    let light = connections.relative_light(count, 2);
+    let (ratio, error) = light.ratio();
+    let near = (ratio - 1.0).abs() <= MEAN_LIMIT * arguments.mean_error;
+    let good = light.agrees() && near && error <= MEAN_POWER && light.would_notice(FAULT);
+    let seconds = start.elapsed().as_secs_f64();
+    progress.suspend(|| {
+        println!(
+            "{} {}: {light}; {count} connections, {seconds:.0} s",
+            if good { "ok  " } else { "FAIL" },
+            connections.name
+        );
+    });
+    good
 }
 
 fn edge(words: &str) -> Result<usize, String> {

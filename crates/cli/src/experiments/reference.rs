@@ -169,7 +169,7 @@ mod tests {
 
     #[test]
     fn references_are_made_by_methods_that_find_all_light_of_the_scene() {
-        for (file, expected) in [(FOUR_PANES, "cone"), (FOUR_PANES_POINT, "fnee"), (POOL, "sms unbiased")] {
+        for (file, expected) in [(FOUR_PANES, "cone"), (FOUR_PANES_POINT, "fnee"), (POOL, "conic")] {
             assert_eq!(method(file.bundle([8, 8]).unwrap().description()).name, expected);
         }
     }
