@@ -2,8 +2,8 @@
 //! cost in each part of the picture.
 
 use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::decomposition::{Decomposition, decompose, mean};
-use clerestory_render_core::film::{FrameImage, compare, relative_noise};
+use clerestory_render_core::film::decomposition::{Decomposition, decompose, mean, standard_error};
+use clerestory_render_core::film::{FrameImage, RelativeNoise, compare, relative_noise};
 use clerestory_render_core::scene::SceneBundle;
 use serde::Serialize;
 
@@ -61,6 +61,7 @@ pub(super) struct Summary {
     pub(super) mse: f64,
     pub(super) mse_standard_error: Option<f64>,
     pub(super) rel_mse: Option<f64>,
+    rel_mse_standard_error: Option<f64>,
     pub(super) variance: Option<f64>,
     pub(super) bias_squared: Option<f64>,
     pub(super) bias_squared_standard_error: Option<f64>,
@@ -76,6 +77,7 @@ pub(super) struct Summary {
 
 /// The picture of a variant: the first seed at the longest time.
 pub(super) struct VariantPicture {
+    pub(super) scene: String,
     pub(super) variant: Variant,
     pub(super) image: FrameImage,
 }
@@ -118,7 +120,7 @@ const MEASUREMENT_COLUMNS: [Column; 21] = [
     column("samples", "camera samples; whole picture"),
 ];
 
-const SUMMARY_COLUMNS: [Column; 22] = [
+const SUMMARY_COLUMNS: [Column; 23] = [
     column("scene", "the scene"),
     column("variant", "the integrator and its settings, listed under variants"),
     column("region", "the part of the picture"),
@@ -135,6 +137,10 @@ const SUMMARY_COLUMNS: [Column; 22] = [
     column(
         "rel_mse",
         "1/N sum (x - r)^2 / (r^2 + 0.01 m^2), m being the mean of |r| over the region, less the noise of the reference; mean over the seeds",
+    ),
+    column(
+        "rel_mse_standard_error",
+        "standard error of rel_mse by the spread of the seeds and the noise of the reference",
     ),
     column("variance", "variance of one render, by the spread of the seeds"),
     column("bias_squared", "mse less variance: the squared bias, below zero as often as above where there is none"),
@@ -158,13 +164,21 @@ impl Comparison {
         variants.len() * session.settings.seeds as usize
     }
 
-    /// Renders every variant with every seed until the longest time, and measures at each.
-    pub(super) fn run(&mut self, session: &mut Session, case: &Case<'_>, variants: &[Variant]) -> Result<(), Failure> {
+    /// Renders every variant of every case with every seed until the longest time, and measures at each.
+    ///
+    /// With one seed after the other, so that a machine that becomes slower meanwhile does so for all cases and variants.
+    pub(super) fn run(
+        &mut self,
+        session: &mut Session,
+        cases: &[Case<'_>],
+        variants: &[Variant],
+    ) -> Result<(), Failure> {
         let times = session.settings.times.clone();
-        let parts = Parts::new(case)?;
-        for variant in variants {
-            let mut renders: Vec<Vec<Snapshot>> = Vec::new();
-            for seed in 1..=u64::from(session.settings.seeds) {
+        let parts = cases.iter().map(Parts::new).collect::<Result<Vec<_>, Failure>>()?;
+        let pairs = || cases.iter().zip(&parts).flat_map(|pair| variants.iter().map(move |variant| (pair, variant)));
+        let mut renders: Vec<Vec<Vec<Snapshot>>> = pairs().map(|_| Vec::new()).collect();
+        for seed in 1..=u64::from(session.settings.seeds) {
+            for (((case, parts), variant), renders) in pairs().zip(&mut renders) {
                 session.begin(format!("{}, {}, seed {seed}", case.scene, variant.name));
                 let description = case.bundle.description();
                 let integrator = variant.integrator(&description.integrator);
@@ -177,12 +191,18 @@ impl Comparison {
                 session.end(&line(case, variant, seed, snapshots.last()));
                 renders.push(snapshots);
             }
+        }
+        for (((case, parts), variant), renders) in pairs().zip(renders) {
             for (index, &time) in times.iter().enumerate() {
                 let at_time: Vec<&Snapshot> = renders.iter().map(|snapshots| &snapshots[index]).collect();
                 self.summaries.extend(parts.summarise(case, variant, time, &at_time)?);
             }
             let last = renders.into_iter().next().and_then(|mut snapshots| snapshots.pop());
-            self.pictures.extend(last.map(|Snapshot { image, .. }| VariantPicture { variant: variant.clone(), image }));
+            self.pictures.extend(last.map(|Snapshot { image, .. }| VariantPicture {
+                scene: case.scene.to_owned(),
+                variant: variant.clone(),
+                image,
+            }));
         }
         Ok(())
     }
@@ -228,9 +248,10 @@ impl Comparison {
     pub(super) fn efficiency(&self, scene: &str, region: &str, variant: &Variant) -> Option<String> {
         let row = self.last(scene, region, &variant.name)?;
         let mut text = format!(
-            "{scene}, {}: relMSE {} after {} core seconds, relMSE times core seconds {}",
+            "{scene}, {}: relMSE {}{} after {} core seconds, relMSE times core seconds {}",
             variant.name,
             rounded_number(row.rel_mse?),
+            row.rel_mse_standard_error.map_or_else(String::new, |error| format!(" ± {}", rounded_number(error))),
             rounded_number(row.core_seconds),
             rounded_number(row.rel_mse? * row.core_seconds),
         );
@@ -339,7 +360,14 @@ impl<'a> Parts<'a> {
                 snapshots.iter().map(|snapshot| part.region.of(&snapshot.image)).collect::<Result<_, _>>()?;
             let rel_mses: Option<Vec<f64>> =
                 images.iter().map(|image| compare(image, &part.reference).ok()?.rel_mse).collect();
-            let relative_noise = relative_noise(&part.reference).unwrap_or(0.0);
+            let noise = relative_noise(&part.reference).unwrap_or(RelativeNoise { mean: 0.0, deviation: 0.0 });
+            let rel_mse = rel_mses.as_deref().map(|values| mean(values) - noise.mean);
+            let rel_mse_standard_error =
+                rel_mses.as_deref().and_then(standard_error).zip(rel_mse).map(|(spread, error)| {
+                    // Errors of the reference also count times those of the renders, twice, and the same in three channels.
+                    let product = 2.0 * (3.0 * error.max(0.0) * noise.mean / part.numbers.len() as f64).sqrt();
+                    spread.hypot(noise.deviation).hypot(product)
+                });
             let renders: Vec<Vec<f64>> = images.iter().map(numbers).collect();
             let renders: Vec<&[f64]> = renders.iter().map(Vec::as_slice).collect();
             let Some(error) = decompose(&renders, &part.numbers, part.noise) else { continue };
@@ -356,7 +384,8 @@ impl<'a> Parts<'a> {
                 core_seconds,
                 mse,
                 mse_standard_error,
-                rel_mse: rel_mses.map(|values| mean(&values) - relative_noise),
+                rel_mse,
+                rel_mse_standard_error,
                 variance,
                 bias_squared,
                 bias_squared_standard_error: error.bias_squared_standard_error,

@@ -59,7 +59,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
         let reference = reference(session, name, &bundle)?;
         let regions = [Region::whole(&reference.image)];
         let case = Case { scene: name, bundle: &bundle, reference: &reference, regions: &regions };
-        comparison.run(session, &case, &variants)?;
+        comparison.run(session, &[case], &variants)?;
         report.add_scene(name, &bundle, &reference);
         report.add_pictures(name, &reference, &mut comparison);
         report.add_figure(&figure(&comparison, name, &regions[0].name))?;

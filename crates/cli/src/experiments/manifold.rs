@@ -77,7 +77,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
         let regions = [Region::whole(&reference.image)];
         let region = &regions[0].name;
         let case = Case { scene: name, bundle: &bundle, reference: &reference, regions: &regions };
-        comparison.run(session, &case, &setting.variants())?;
+        comparison.run(session, &[case], &setting.variants())?;
         report.add_scene(name, &bundle, &reference);
         report.add_pictures(name, &reference, &mut comparison);
         // Out of all variants, so that each has the same colour in both figures.

@@ -45,13 +45,14 @@ struct Row {
     reference_mean: f64,
     variance_times_time: Option<f64>,
     growth: Option<f64>,
+    relative_growth: Option<f64>,
     bias_squared: Option<f64>,
     bias_squared_standard_error: Option<f64>,
     mean_ratio: Option<f64>,
     mean_ratio_standard_error: Option<f64>,
 }
 
-const COLUMNS: [Column; 12] = [
+const COLUMNS: [Column; 13] = [
     column("panes", "panes in the windows of the nave"),
     column("variant", "the integrator and its settings, listed under variants"),
     column("seconds_per_sample", "core seconds for each camera sample; whole picture"),
@@ -60,6 +61,7 @@ const COLUMNS: [Column; 12] = [
     column("reference_mean", "mean of the reference, W/(m2 sr): lead cames take some of the light"),
     column("variance_times_time", "variance of one render times core seconds: what the method costs whatever the time"),
     column("growth", "variance_times_time over that with the fewest panes"),
+    column("relative_growth", "the same, of variance_times_time over the square of reference_mean"),
     column("bias_squared", "mse less variance: the squared bias, below zero as often as above where there is none"),
     column("bias_squared_standard_error", "standard error of bias_squared by the jackknife over the seeds"),
     column("mean_ratio", "mean energy of the picture over that of the reference"),
@@ -76,19 +78,24 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
     let mut report = Report::default();
     let mut comparison = Comparison::default();
     let mut rows: Vec<Row> = Vec::new();
+    let mut scenes = Vec::new();
     for (file, panes) in SCENES {
         let name = format!("nave of {panes} panes");
         let bundle = file.bundle(session.settings.size)?;
         let reference = reference(session, &name, &bundle)?;
         let regions = [Region::whole(&reference.image)];
-        let case = Case { scene: &name, bundle: &bundle, reference: &reference, regions: &regions };
-        comparison.run(session, &case, &variants)?;
-        report.add_scene(&name, &bundle, &reference);
-        report.add_pictures(&name, &reference, &mut comparison);
+        scenes.push((panes, name, bundle, reference, regions));
+    }
+    let cases =
+        scenes.iter().map(|(_, name, bundle, reference, regions)| Case { scene: name, bundle, reference, regions });
+    comparison.run(session, &cases.collect::<Vec<_>>(), &variants)?;
+    for (panes, name, bundle, reference, regions) in &scenes {
+        report.add_scene(name, bundle, reference);
+        report.add_pictures(name, reference, &mut comparison);
         for variant in &variants {
             let fewest = rows.iter().find(|row| row.variant == variant.name);
-            let fewest = fewest.and_then(|row| row.variance_times_time);
-            rows.extend(row(&comparison, &name, &regions[0].name, panes, variant, &reference, fewest));
+            let new = row(&comparison, name, &regions[0].name, *panes, variant, reference, fewest);
+            rows.extend(new);
         }
     }
     type Value = fn(&Row) -> Option<f64>;
@@ -116,10 +123,12 @@ fn row(
     panes: u32,
     variant: &Variant,
     reference: &Reference,
-    fewest: Option<f64>,
+    fewest: Option<&Row>,
 ) -> Option<Row> {
     let last = comparison.last(scene, region, &variant.name)?;
-    let growth = last.variance_times_time.map(|cost| cost / fewest.unwrap_or(cost));
+    let growth =
+        last.variance_times_time.map(|cost| cost / fewest.and_then(|row| row.variance_times_time).unwrap_or(cost));
+    let dimmed = fewest.map_or(1.0, |row| row.reference_mean / reference.record.mean);
     Some(Row {
         panes,
         variant: variant.name.clone(),
@@ -129,6 +138,7 @@ fn row(
         reference_mean: reference.record.mean,
         variance_times_time: last.variance_times_time,
         growth,
+        relative_growth: growth.map(|growth| growth * dimmed * dimmed),
         bias_squared: last.bias_squared,
         bias_squared_standard_error: last.bias_squared_standard_error,
         mean_ratio: last.mean_ratio,
@@ -152,12 +162,13 @@ fn growth(rows: &[Row], variant: &Variant) -> Option<String> {
     let fewest = of_variant.next()?;
     let most = of_variant.next_back()?;
     Some(format!(
-        "{}: from {} to {} panes, variance times time grows by a factor of {}, core seconds for each sample by {}, \
-         height evaluations for each sample by {}.",
+        "{}: from {} to {} panes, variance times time grows by a factor of {} (relative to the square of the light, {}), \
+         core seconds for each sample by {}, height evaluations for each sample by {}.",
         variant.name,
         fewest.panes,
         most.panes,
         rounded_number(most.growth?),
+        rounded_number(most.relative_growth?),
         rounded_number(most.seconds_per_sample / fewest.seconds_per_sample),
         rounded_number(most.height_evaluations_per_sample / fewest.height_evaluations_per_sample.max(1.0)),
     ))

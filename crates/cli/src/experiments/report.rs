@@ -71,7 +71,7 @@ impl Report {
     /// Adds the pictures of a comparison on a scene, as bright as its reference, and takes them from the comparison.
     pub(super) fn add_pictures(&mut self, scene: &str, reference: &Reference, comparison: &mut Comparison) {
         let stops = preview::automatic_stops(&reference.image);
-        for picture in comparison.pictures.drain(..) {
+        for picture in comparison.pictures.extract_if(.., |picture| picture.scene == scene) {
             self.add_picture(format!("{scene}: {}", picture.variant.name), picture.image, stops);
         }
     }

@@ -54,7 +54,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
         let mut regions = Region::by_straight_line(&scene);
         regions.push(Region::whole(&reference.image));
         let case = Case { scene: name, bundle: &bundle, reference: &reference, regions: &regions };
-        comparison.run(session, &case, &variants)?;
+        comparison.run(session, &[case], &variants)?;
         report.add_scene(name, &bundle, &reference);
         report.add_pictures(name, &reference, &mut comparison);
         let words = |region: &Region| comparison.energies(name, &region.name, &variants);

@@ -52,7 +52,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
     regions.push(Region::whole(&reference.image));
     let mut comparison = Comparison::default();
     let case = Case { scene: SCENE, bundle: &bundle, reference: &reference, regions: &regions };
-    comparison.run(session, &case, &variants)?;
+    comparison.run(session, &[case], &variants)?;
 
     let mut report = Report::default();
     report.statements = statements(&comparison, &regions);

@@ -97,19 +97,32 @@ pub fn compare(image: &FrameImage, reference: &FrameImage) -> Result<Metrics, Co
     })
 }
 
-/// What a reference's standard error `e` adds to [`Metrics::rel_mse`]: `1/N sum e^2 / (r^2 + 0.01 m^2)`. `None` when it has no
-/// standard error or is black.
-pub fn relative_noise(reference: &FrameImage) -> Option<f64> {
-    let errors = reference.layers().standard_error.as_ref()?.as_flattened();
-    let reference = reference.layers().mean.as_flattened();
-    let count = reference.len() as f64;
-    let mean_magnitude = reference.iter().map(|r| f64::from(r.abs())).sum::<f64>() / count;
+/// What the error of a reference adds to [`Metrics::rel_mse`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RelativeNoise {
+    /// Its expectation, by the standard error `e`: `1/N sum e^2 / (r^2 + 0.01 m^2)`.
+    pub mean: f64,
+    /// Its standard deviation. Errors are taken to be normal, independent between pixels, and the same in all channels of one.
+    pub deviation: f64,
+}
+
+/// What a reference's error adds to [`Metrics::rel_mse`]. `None` when it has no standard error or is black.
+pub fn relative_noise(reference: &FrameImage) -> Option<RelativeNoise> {
+    let errors = reference.layers().standard_error.as_ref()?;
+    let values = &reference.layers().mean;
+    let count = values.as_flattened().len() as f64;
+    let mean_magnitude = values.as_flattened().iter().map(|r| f64::from(r.abs())).sum::<f64>() / count;
     let epsilon = RELATIVE_EPSILON * mean_magnitude * mean_magnitude;
-    let squares = errors.iter().zip(reference).map(|(&error, &r)| {
-        let (error, r) = (f64::from(error), f64::from(r));
-        error * error / (r * r + epsilon)
-    });
-    (epsilon > 0.0).then(|| squares.sum::<f64>() / count)
+    let of_pixel = |(errors, values): (&[f32; 3], &[f32; 3])| {
+        let channels = errors.iter().zip(values).map(|(&error, &r)| (f64::from(error), f64::from(r)));
+        channels.map(|(error, r)| error * error / (r * r + epsilon)).sum::<f64>()
+    };
+    let pixels: Vec<f64> = errors.iter().zip(values).map(of_pixel).collect();
+    let fourth_powers: f64 = pixels.iter().map(|square| square * square).sum();
+    (epsilon > 0.0).then(|| RelativeNoise {
+        mean: pixels.iter().sum::<f64>() / count,
+        deviation: (2.0 * fourth_powers).sqrt() / count,
+    })
 }
 
 #[cfg(test)]
@@ -133,8 +146,10 @@ mod tests {
         // m = 2, so epsilon is 0.04.
         let rel_mse = (1.0 / 9.04 + 9.0 / 36.04) / 6.0;
         assert!((metrics.rel_mse.unwrap() - rel_mse).abs() < 1e-15);
-        let noise = 0.25 * (1.0 / 1.04 + 1.0 / 4.04 + 1.0 / 9.04 + 2.0 / 0.04 + 1.0 / 36.04) / 6.0;
-        assert!((relative_noise(&reference).unwrap() - noise).abs() < 1e-12);
+        let pixels = [1.0 / 1.04 + 1.0 / 4.04 + 1.0 / 9.04, 2.0 / 0.04 + 1.0 / 36.04].map(|sum: f64| 0.25 * sum);
+        let noise = relative_noise(&reference).unwrap();
+        assert!((noise.mean - (pixels[0] + pixels[1]) / 6.0).abs() < 1e-12);
+        assert!((noise.deviation - std::f64::consts::SQRT_2 * pixels[0].hypot(pixels[1]) / 6.0).abs() < 1e-12);
         assert_eq!(relative_noise(&other), None);
         // 10 log10(36 / (10/6)) = 10 log10(21.6).
         assert!((metrics.psnr.unwrap() - 13.344537511509307).abs() < 1e-12);
