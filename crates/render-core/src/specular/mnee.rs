@@ -47,9 +47,7 @@ impl SpecularMethod for Mnee {
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     ) {
-        let (centre, radius) = scene.specular_ball();
-        let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
-        if self.scope.receives(scene, point)
+        if let Some(sample) = self.scope.light_sample(scene, point, light, stream)
             && let Some(path) = self.path(scene, point, sample.source, events, counters)
             && let Some(arrival) = path.arrival(scene, point, light, &sample, counters)
         {

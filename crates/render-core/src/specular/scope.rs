@@ -2,7 +2,7 @@
 //! receivers. What is not named is marked by what it is: panes and smooth meshes cast, everything else receives.
 
 use super::{ShadingPoint, SpecularEvent, SpecularPath, caster::Caster, caster::casters};
-use crate::{geometry::Leaving, scene::Scene};
+use crate::{film::SampleStream, geometry::Leaving, optics::light_sampling::SourceSample, scene::Scene};
 
 /// The paths that a manifold method looks for.
 #[derive(Clone, Debug)]
@@ -43,8 +43,22 @@ impl Scope {
         self
     }
 
+    /// The point of `light` (an index into the scene) to which paths from `point` are looked for; `None` where no light is
+    /// gathered.
+    pub(super) fn light_sample(
+        &self,
+        scene: &Scene,
+        point: &ShadingPoint,
+        light: u32,
+        stream: &mut SampleStream,
+    ) -> Option<SourceSample> {
+        let (centre, radius) = scene.specular_ball();
+        let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
+        self.receives(scene, point).then_some(sample)
+    }
+
     /// Whether light is gathered at a point.
-    pub(super) fn receives(&self, scene: &Scene, point: &ShadingPoint) -> bool {
+    fn receives(&self, scene: &Scene, point: &ShadingPoint) -> bool {
         match point.leaving {
             Leaving::Triangle(triangle) => self.receivers[scene.mesh_of(triangle) as usize],
             _ => true,

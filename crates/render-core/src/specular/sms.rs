@@ -91,11 +91,7 @@ impl SpecularMethod for Sms {
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     ) {
-        let (centre, radius) = scene.specular_ball();
-        let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
-        if !self.scope.receives(scene, point) {
-            return;
-        }
+        let Some(sample) = self.scope.light_sample(scene, point, light, stream) else { return };
         let casters = &self.scope.casters;
         let choice = self.selection.choose(scene, point, sample.source, casters.len(), stream, counters);
         let (chosen, inverse_selection) = match &choice {

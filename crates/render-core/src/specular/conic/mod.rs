@@ -60,11 +60,7 @@ impl SpecularMethod for Conic {
         counters: &mut Counters,
         arrive: &mut dyn FnMut(Arrival),
     ) {
-        let (centre, radius) = scene.specular_ball();
-        let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
-        if !self.scope.receives(scene, point) {
-            return;
-        }
+        let Some(sample) = self.scope.light_sample(scene, point, light, stream) else { return };
         for &caster in &self.scope.casters {
             for path in self.paths_over(scene, point, sample.source, caster, events, counters) {
                 if let Some(arrival) = path.arrival(scene, point, light, &sample, counters) {
