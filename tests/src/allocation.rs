@@ -20,8 +20,8 @@ const NEIGHBOURS: usize = 2;
 /// shown in the pilot.
 const LEAST_VARIANCE: f64 = 0.1;
 
-/// More than the pilot says, since it is itself uncertain.
-const MARGIN: f64 = 1.2;
+/// How many more samples are taken than a pilot asks for, since it is itself uncertain.
+pub const MARGIN: f64 = 1.2;
 
 /// The passes for each tile, row by row, after which the mean over `pilot.len()` pictures has the relative standard error
 /// `mean_error` in each channel, going by the pilot pictures of one pass. `least` to `most` passes for each.

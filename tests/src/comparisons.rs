@@ -59,9 +59,9 @@ pub fn comparison(case: &str, light: &str, integrator: &str) -> Comparison {
     description.integrator = methods::integrator(integrator, description.integrator.max_depth());
     let bundle = bundle.with_description(description).expect("the changed scene is valid");
     let traced = TracedScene::build(&bundle, &folder).expect("the scenes can be traced");
-    // Those that draw one point of a light. A light so large has folds everywhere, and they weigh little.
+    // Of those that draw one point of a light. A light so large has folds everywhere, and they weigh little.
     let is_large = light == "near" || light.starts_with("sun-");
-    let draws_points = !["path", "cone", "fnee"].contains(&integrator) && !is_large;
+    let draws_points = !methods::looks_at_whole_lights(integrator) && !is_large;
     let folds = if draws_points { Folds::OfAllLights } else { Folds::OfPoints };
     Comparison { name: format!("{integrator} {case}-{light}"), bundle, traced, stored, folds, has_saddles }
 }
@@ -197,20 +197,35 @@ impl Comparison {
         first_seed: u64,
         passes: &(dyn Fn(usize) -> u32 + Sync),
     ) -> (Vec<Image>, Counters) {
-        let mut counters = Counters::default();
-        let images = (first_seed..first_seed + REPLICATES)
-            .map(|seed| {
-                let mut description = self.bundle.description().clone().with_seed(seed);
-                description.sampling = SamplingDescription { samples_per_pass: samples, samples_per_block: samples };
-                let bundle = self.bundle.clone().with_description(description).expect("another seed is valid");
-                let scene = Scene::build(&bundle).expect("the reference scenes can be built");
-                let (image, work) = picture(&scene, passes);
-                counters += work;
-                image
-            })
-            .collect();
-        (images, counters)
+        pictures(&self.bundle, samples, first_seed, passes)
     }
+}
+
+/// [`REPLICATES`] pictures of a scene with `passes` passes of `samples` samples for each pixel of a tile with that number, with
+/// different seeds from `first_seed` on.
+///
+/// # Panics
+///
+/// When the scene cannot be built or rendered.
+pub fn pictures(
+    bundle: &SceneBundle,
+    samples: u32,
+    first_seed: u64,
+    passes: &(dyn Fn(usize) -> u32 + Sync),
+) -> (Vec<Image>, Counters) {
+    let mut counters = Counters::default();
+    let images = (first_seed..first_seed + REPLICATES)
+        .map(|seed| {
+            let mut description = bundle.description().clone().with_seed(seed);
+            description.sampling = SamplingDescription { samples_per_pass: samples, samples_per_block: samples };
+            let bundle = bundle.clone().with_description(description).expect("another seed is valid");
+            let scene = Scene::build(&bundle).expect("the scene can be built");
+            let (image, work) = picture(&scene, passes);
+            counters += work;
+            image
+        })
+        .collect();
+    (images, counters)
 }
 
 /// The mean of `passes` passes in each tile.

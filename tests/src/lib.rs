@@ -36,6 +36,7 @@ pub mod hand_worker;
 pub mod malformed_calls;
 pub mod malformed_partials;
 pub mod malformed_scenes;
+pub mod mesh_tracer;
 pub mod methods;
 pub mod pane_scene;
 pub mod pool;

@@ -6,8 +6,9 @@ use serde_json::{Value, json};
 /// The integrators that find all light that comes through panes without bias.
 pub const UNBIASED: [&str; 7] = ["path", "cone", "fnee", "fnee, published", "sms", "sms, half vector", "mnee"];
 
-/// The settings of an integrator, as in a scene file. Beside [`UNBIASED`] there are those that lack light: `fnee, cut off`
-/// (the published search with 4 trials), `sms, M walks` for any number M, and `mnee, dropped`.
+/// The settings of an integrator, as in a scene file. Beside [`UNBIASED`] there are `fnee` and `sms` with a selection of panes
+/// (`fnee, sharp`), and those that lack light: `fnee, cut off` (the published search with 4 trials), `sms, M walks` for any
+/// number M, and `mnee, dropped`.
 ///
 /// # Panics
 ///
@@ -20,9 +21,15 @@ pub fn settings(name: &str) -> Value {
         "fnee, cut off" => json!({"fnee": {"solver": "published", "max_trials": 4}}),
         "sms, half vector" => json!({"sms": {"constraint": "half_vector"}}),
         "mnee, dropped" => json!({"mnee": {"missed": "dropped"}}),
-        _ => match name.strip_prefix("sms, ").and_then(|rest| rest.strip_suffix(" walks")?.parse().ok()) {
-            Some(walks) => biased_sms("angle_difference", walks),
-            None => panic!("no integrator is called {name}"),
+        _ => match name.split_once(", ") {
+            Some((method @ ("fnee" | "sms"), selection @ ("sharp" | "bleed" | "random"))) => {
+                json!({method: {"selection": selection}})
+            }
+            Some(("sms", walks)) => match walks.strip_suffix(" walks").and_then(|number| number.parse().ok()) {
+                Some(walks) => biased_sms("angle_difference", walks),
+                None => panic!("no integrator is called {name}"),
+            },
+            _ => panic!("no integrator is called {name}"),
         },
     }
 }
@@ -30,6 +37,12 @@ pub fn settings(name: &str) -> Value {
 /// All of [`UNBIASED`] with their settings.
 pub fn unbiased_integrators() -> Vec<(&'static str, Value)> {
     UNBIASED.into_iter().map(|name| (name, settings(name))).collect()
+}
+
+/// Whether an integrator sees lights as they are, and not as one point of each that it draws.
+pub fn looks_at_whole_lights(name: &str) -> bool {
+    let searches = ["fnee, published", "fnee, cut off"].contains(&name);
+    ["path", "cone", "fnee"].iter().any(|method| name.starts_with(method)) && !searches
 }
 
 /// Specular manifold sampling of all distinct paths that `walks` walks find.

@@ -29,6 +29,9 @@ use crate::random::Random;
 /// Independent sets of connections, from whose spread the standard errors come.
 const REPLICATES: u32 = 32;
 
+/// Searches for a path that one search found, at the most.
+const MOST_TRIALS: u32 = 10_000_000;
+
 /// Light relative to that of the known paths of its connection, means over connections.
 #[derive(Clone, Debug)]
 pub struct RelativeLight {
@@ -121,7 +124,7 @@ impl Connections {
     ///
     /// # Panics
     ///
-    /// When the method is path tracing alone.
+    /// When the method is path tracing alone, or a path is found once and never again.
     pub fn relative_light(&self, count: u32, seed: u64) -> RelativeLight {
         let method = specular_method(&self.scene).expect("a specular method");
         let each = count.div_ceil(REPLICATES);
@@ -179,11 +182,12 @@ impl Connections {
             && !known.iter().any(|known| search.same(known, &root))
         {
             let found = light(&root, counters);
-            let mut trials = 1.0;
-            while found > 0.0 && !solve(counters).is_some_and(|other| search.same(&root, &other)) {
-                trials += 1.0;
+            if found > 0.0 {
+                let mut again =
+                    |counters: &mut Counters| solve(counters).is_some_and(|other| search.same(&root, &other));
+                let trials = (1..=MOST_TRIALS).find(|_| again(counters));
+                others = found * f64::from(trials.expect("a path that was found once is found again"));
             }
-            others = found * trials;
         }
         let mut ours = 0.0;
         method.gather(&self.scene, &point, 0, &THROUGH_PANE, &mut stream(), counters, &mut |arrival| {

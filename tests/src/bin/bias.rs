@@ -4,7 +4,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use clerestory_tests::allocation::passes;
+use clerestory_tests::allocation::{MARGIN, passes};
 use clerestory_tests::bias::{BLOCK, BLOCK_POWER, BiasReport, MEAN_POWER, REGION, compare};
 use clerestory_tests::comparisons::{Comparison, REPLICATES, comparison};
 use clerestory_tests::forward_tracer::Fault;
@@ -55,13 +55,19 @@ const UNBIASED: [(&str, &str); 15] = [
 ];
 
 /// Methods without bias, and the suns under which they find the light in the room.
-const UNBIASED_IN_THE_ROOM: [(&str, &str); 6] = [
+const UNBIASED_IN_THE_ROOM: [(&str, &str); 11] = [
     ("fnee", "sun"),
     ("cone", "sun"),
     ("sms", "sun"),
     ("sms, half vector", "sun"),
     ("mnee", "sun-5"),
     ("path", "sun-5"),
+    // What these do not look for is left to chance.
+    ("fnee, sharp", "sun-5"),
+    ("fnee, bleed", "sun-5"),
+    ("fnee, random", "sun"),
+    ("sms, sharp", "sun-5"),
+    ("sms, random", "sun"),
 ];
 
 /// Methods whose weights by random estimates have tails beside those of folds, which are held to what is there connection by
@@ -150,7 +156,7 @@ fn main() -> ExitCode {
 /// Whether a method finds the light of single connections, with power.
 fn examine_connections(connections: &Connections, arguments: &Arguments, progress: &ProgressBar) -> bool {
     let (_, error) = connections.relative_light(PILOT_CONNECTIONS, 1).ratio();
-    let necessary = f64::from(PILOT_CONNECTIONS) * 1.2 * (error / arguments.mean_error).powi(2);
+    let necessary = f64::from(PILOT_CONNECTIONS) * MARGIN * (error / arguments.mean_error).powi(2);
     let count = necessary.clamp(f64::from(PILOT_CONNECTIONS), f64::from(MOST_CONNECTIONS)) as u32;
     let start = Instant::now();
     // Other connections: what chose their number must not be part of the result.
@@ -244,7 +250,6 @@ fn examine(comparison: &Comparison, arguments: &Arguments, progress: &ProgressBa
 /// The passes of [`PILOT`] samples for each tile.
 fn necessary_passes(pilot: &[Image], report: &BiasReport, arguments: &Arguments) -> Vec<u32> {
     let most = (arguments.max_samples / PILOT).max(1);
-    // A fifth more than the pilot says, since it is itself uncertain.
-    let of_blocks = (1.2 * (report.block_error / BLOCK_POWER).powi(2)).ceil().clamp(1.0, f64::from(most)) as u32;
+    let of_blocks = (MARGIN * (report.block_error / BLOCK_POWER).powi(2)).ceil().clamp(1.0, f64::from(most)) as u32;
     passes(pilot, arguments.mean_error, of_blocks, most)
 }

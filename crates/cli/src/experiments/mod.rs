@@ -17,6 +17,7 @@ mod manifold;
 mod measure;
 mod page;
 mod panes;
+mod pool;
 mod reference;
 mod region;
 mod report;
@@ -64,7 +65,7 @@ pub(crate) struct Defaults {
 }
 
 /// All experiments, in the order of the list.
-pub(crate) const ALL: [&Experiment; 7] = [
+pub(crate) const ALL: [&Experiment; 8] = [
     &solvers::EXPERIMENT,
     &table1::EXPERIMENT,
     &panes::EXPERIMENT,
@@ -72,6 +73,7 @@ pub(crate) const ALL: [&Experiment; 7] = [
     &fine_detail::EXPERIMENT,
     &basins::EXPERIMENT,
     &manifold::EXPERIMENT,
+    &pool::EXPERIMENT,
 ];
 
 /// Finds an experiment by its name; the error lists the names that there are.

@@ -118,16 +118,17 @@ impl Variant {
 
     /// All light over one interface of a smooth mesh.
     pub(super) fn conic() -> Self {
-        Self::new(
-            "conic",
-            IntegratorDescription::Conic {
-                max_depth: DEPTH,
-                search: ConicSearch::Complete,
-                chains: vec!["T".to_owned()],
-                casters: None,
-                receivers: None,
-            },
-        )
+        Self::conic_with("conic", ConicSearch::Complete)
+    }
+
+    /// The published walk to the first path over one interface of a smooth mesh.
+    pub(super) fn conic_published() -> Self {
+        Self::conic_with("conic published", ConicSearch::Published)
+    }
+
+    fn conic_with(name: &str, search: ConicSearch) -> Self {
+        let (chains, casters, receivers) = (vec!["T".to_owned()], None, None);
+        Self::new(name, IntegratorDescription::Conic { max_depth: DEPTH, search, chains, casters, receivers })
     }
 
     /// The integrator for a scene, whose own integrator is `scenes`.

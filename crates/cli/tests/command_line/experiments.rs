@@ -36,7 +36,7 @@ fn page(folder: &Folder, experiment: &str) -> String {
 fn experiments_are_listed_and_others_refused_with_the_list() {
     let folder = Folder::new();
     let list = folder.succeeds(&["bench", "experiment", "--list"]);
-    for name in ["solvers", "table1", "panes", "selection", "fine-detail", "basins", "manifold"] {
+    for name in ["solvers", "table1", "panes", "selection", "fine-detail", "basins", "manifold", "pool"] {
         assert!(list.lines().any(|line| line.starts_with(name)), "{name}: {list}");
         folder.fails(&["bench", "experiment", "nonsense"], 2, &["'nonsense'", "expected one of", name]);
     }

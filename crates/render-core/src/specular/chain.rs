@@ -323,3 +323,99 @@ fn turned(gradients: &[DVec3; 2], direction: DVec3, length: f64, tangents: &[DVe
     let column = |tangent: DVec3| DVec2::new(across[0].dot(tangent), across[1].dot(tangent));
     DMat2::from_cols(column(tangents[0]), column(tangents[1]))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use serde_json::json;
+
+    use super::*;
+    use crate::{
+        scene::{SceneBundle, description::SceneDescription},
+        specular::{
+            caster::Caster,
+            testing::{pair, random},
+        },
+    };
+
+    /// Two panes over the origin and a curved mirror above them, of one triangle.
+    fn panes_and_mirror() -> Scene {
+        let pane = |name: &str, height: f64, profile: serde_json::Value| {
+            json!({
+                "name": name, "centre": [0, 0, height], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0.1], "width": 0.4, "height": 0.4,
+                "thickness": 0.003, "index_of_refraction": 1.52, "front": profile, "back": profile})
+        };
+        let normals = [[-0.2, 0.1, -1.0], [0.3, 0.1, -1.0], [0.05, -0.4, -1.0]];
+        let description = json!({
+            "version": 1, "name": "panes and a mirror", "film": {"width": 4, "height": 4},
+            "camera": {"orthographic": {"position": [0, 0, -1], "look_at": [0, 0, 0], "up": [0, 1, 0], "height": 1}},
+            "integrator": {"path": {}},
+            "materials": {"mirror": {"mirror": {"reflectance": [0.9, 0.9, 0.9]}}},
+            "meshes": [{"name": "mirror", "material": "mirror", "source": {"inline": {
+                "positions": [[-2, -2, 1.2], [2, -2, 1.2], [0, 3, 1.5]], "normals": normals, "triangles": [[0, 1, 2]]}}}],
+            "panes": [
+                pane("near", 0.5, json!({"hammered": {"wavelength": 0.03, "amplitude": 3e-5, "seed": 3}})),
+                pane("far", 0.8, json!({"crown": {"centre": [0.1, 0.15], "wavelength": 0.02, "amplitude": 1e-5}}))],
+            "lights": [{"point": {"name": "lamp", "position": [0, 0, 3], "intensity": [1, 1, 1]}}],
+        });
+        let description = SceneDescription::parse(description.to_string().as_bytes()).unwrap();
+        Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn the_geometry_factor_is_that_of_rays_beside_the_chain() {
+        let scene = panes_and_mirror();
+        let point = ShadingPoint { position: DVec3::ZERO, normal: DVec3::Z, leaving: Leaving::Nothing, bounces: 0 };
+        let caster = Caster::Pane(0).seen_from(&scene, &point).unwrap();
+        let counters = &mut Counters::default();
+        let mut random = random(12);
+        for letters in ["R", "TT", "TRT", "TRRT", "TTTT", "TTTTR"] {
+            let events: Vec<SpecularEvent> = letters
+                .chars()
+                .map(|letter| if letter == 'R' { SpecularEvent::Reflection } else { SpecularEvent::Transmission })
+                .collect();
+            let mut checked = 0;
+            for _ in 0..40 {
+                let target = (0.2 * (pair(&mut random) - 0.5)).extend(0.5);
+                let mut trace =
+                    |towards: DVec3| Chain::trace(&scene, &point, towards.normalize(), &caster, &events, counters);
+                let Some(chain) = trace(target) else { continue };
+                let first = target.normalize();
+                let (u, v) = first.any_orthonormal_pair();
+                let across = chain.exit;
+                let (a, b) = across.any_orthonormal_pair();
+                let step = 1e-6;
+                let mut beside = |axis: DVec3| Some([trace(first + axis * step)?, trace(first - axis * step)?]);
+                let [Some(along_u), Some(along_v)] = [u, v].map(&mut beside) else { continue };
+                let last = chain.vertices.last().unwrap().at.position;
+                let light = last + chain.exit * 1.5;
+                let landing = |chain: &Chain| {
+                    let from = chain.vertices.last().unwrap().at.position;
+                    let offset = from + chain.exit * ((light - from).dot(across) / chain.exit.dot(across)) - light;
+                    DVec2::new(offset.dot(a), offset.dot(b))
+                };
+                let direction = |chain: &Chain| DVec2::new(chain.exit.dot(a), chain.exit.dot(b));
+                let spread = |place: &dyn Fn(&Chain) -> DVec2| {
+                    let column = |[ahead, behind]: &[Chain; 2]| (place(ahead) - place(behind)) / (2.0 * step);
+                    DMat2::from_cols(column(&along_u), column(&along_v)).determinant()
+                };
+                for (source, spread) in
+                    [(Source::Point(light), spread(&landing)), (Source::Direction(chain.exit), spread(&direction))]
+                {
+                    for constraint in [ManifoldConstraint::AngleDifference, ManifoldConstraint::HalfVector] {
+                        let segments = chain.segments(point.position, source);
+                        let residuals = chain.residuals(&segments, constraint).unwrap();
+                        let factor = chain.geometry_factor(&segments, &residuals).unwrap();
+                        assert!(
+                            (factor * spread - 1.0).abs() < 1e-5,
+                            "{letters}, {constraint:?}, {source:?}: {factor} is not one over {spread}"
+                        );
+                    }
+                }
+                checked += 1;
+            }
+            assert!(checked > 20, "{letters}: {checked} chains only");
+        }
+    }
+}

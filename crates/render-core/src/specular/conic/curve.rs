@@ -40,7 +40,7 @@ pub(super) fn all_paths(facet: &Facet, ends: &Ends, found: &mut impl FnMut(DVec2
 }
 
 /// Where the line through both ends crosses the triangle.
-fn on_straight_line(facet: &Facet, ends: &Ends) -> Option<DVec2> {
+pub(super) fn on_straight_line(facet: &Facet, ends: &Ends) -> Option<DVec2> {
     let [a, b, c] = facet.corners;
     let weights = DMat3::from_cols(b - a, c - a, ends.across()).inverse() * (ends.point - a);
     let weights = weights.truncate();

@@ -5,11 +5,17 @@
 //! a path are opened (`facet_tree`), and all paths on each are found (`curve`): no derivative of a path is needed, no start,
 //! and no random number, so that light over one interface is without noise, and reflections are found as refractions are.
 
+#[cfg(test)]
+mod certified;
 mod curve;
+#[cfg(test)]
+mod degenerate;
 mod ends;
 mod facet;
 mod facet_tree;
 mod neighbours;
+#[cfg(test)]
+mod testing;
 mod walk;
 
 use arrayvec::ArrayVec;
@@ -178,72 +184,18 @@ fn on_straight_line(
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::TAU;
-
     use glam::{DVec2, DVec3};
 
-    use super::{ends::Ends, facet::Facet, facet_tree::FacetTree};
+    use super::{
+        ends::Ends,
+        facet::Facet,
+        facet_tree::FacetTree,
+        testing::{WATER, distinct, found, problem, water},
+    };
     use crate::{
-        film::TrialStream,
         optics::Source,
         specular::testing::{between, random},
     };
-
-    const WATER: f64 = 1.33;
-
-    /// Water two metres wide, in `cells` by `cells` squares of two triangles.
-    fn water(cells: u32, amplitude: f64) -> Vec<Facet> {
-        let waves = [(DVec2::new(2.0, 1.0), 0.3), (DVec2::new(-1.0, 3.0), 1.1), (DVec2::new(4.0, -2.0), 2.0)];
-        let corner = |i: u32, j: u32| {
-            let place = DVec2::new(f64::from(i), f64::from(j)) / f64::from(cells) * 2.0 - 1.0;
-            let (mut height, mut slope) = (0.0, DVec2::ZERO);
-            for (wave, phase) in waves {
-                let angle = TAU * wave.dot(place) * 0.5 + phase;
-                height += amplitude / wave.length() * libm::sin(angle);
-                slope += wave * (0.5 * TAU * amplitude / wave.length() * libm::cos(angle));
-            }
-            (place.extend(height), DVec3::new(-slope.x, -slope.y, 1.0).normalize())
-        };
-        let mut facets = Vec::new();
-        for j in 0..cells {
-            for i in 0..cells {
-                let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
-                for [x, y, z] in [[a, b, c], [a, c, d]] {
-                    facets.push(Facet { corners: [x.0, y.0, z.0], normals: [x.1, y.1, z.1] });
-                }
-            }
-        }
-        facets
-    }
-
-    fn problem(random: &mut TrialStream, case: u32) -> Ends {
-        let mut side = |height: f64| {
-            DVec3::new(between(random, -1.0, 1.0), between(random, -1.0, 1.0), height * between(random, 0.5, 2.0))
-        };
-        let (below, above) = (side(-1.0), side(1.5));
-        let mirrored = side(1.2);
-        match case % 4 {
-            0 => Ends::refracted(below, Source::Point(above), WATER, false),
-            1 => Ends::refracted(below, Source::Direction(above.normalize()), WATER, false),
-            2 => Ends::refracted(above, Source::Point(below), WATER, true),
-            _ => Ends::mirrored(mirrored, Source::Point(above)),
-        }
-    }
-
-    fn distinct(places: &mut Vec<DVec3>, place: DVec3) {
-        if places.iter().all(|known| (*known - place).length() > 1e-8) {
-            places.push(place);
-        }
-    }
-
-    fn found(facets: &[Facet], tree: &FacetTree, ends: &Ends) -> Vec<DVec3> {
-        let mut places = Vec::new();
-        tree.visit(ends, |triangle| {
-            let facet = &facets[triangle as usize];
-            facet.paths(ends).into_iter().for_each(|weights| distinct(&mut places, facet.place(weights)));
-        });
-        places
-    }
 
     /// Newton's method from many places of each triangle.
     fn sought_everywhere(facets: &[Facet], ends: &Ends) -> Vec<DVec3> {

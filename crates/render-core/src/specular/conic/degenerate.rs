@@ -1,0 +1,247 @@
+//! Tests of the shapes that the curve takes when it is not one arc through a triangle, and of whatever else chance comes up with.
+
+use glam::{DMat3, DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::{
+    certified::Problem,
+    curve::quadratic_form,
+    ends::Ends,
+    facet::Facet,
+    neighbours::Neighbours,
+    testing::{WATER, problem},
+    walk::first_path,
+};
+use crate::{
+    film::TrialStream,
+    geometry::bernstein::roots,
+    optics::Source,
+    specular::testing::{between, pair, random},
+};
+
+/// A triangle of some extent whose normals are tilted by up to `tilt`, as tangents.
+fn any_facet(random: &mut TrialStream, tilt: f64) -> Facet {
+    let mut corner = |x: f64, y: f64| {
+        DVec3::new(x + between(random, -0.3, 0.3), y + between(random, -0.3, 0.3), between(random, -0.1, 0.1))
+    };
+    let corners = [corner(-0.5, -0.5), corner(0.5, -0.5), corner(0.0, 0.5)];
+    let normals = [0, 1, 2].map(|_| ((pair(random) - 0.5) * (2.0 * tilt)).extend(1.0).normalize());
+    Facet { corners, normals }
+}
+
+/// Whether the paths over a facet are those that are certain. False where none can be certain.
+#[track_caller]
+fn check(facet: &Facet, ends: &Ends) -> bool {
+    let Some(certain) = Problem::new(facet, ends).paths() else { return false };
+    let mut places: Vec<DVec2> = Vec::new();
+    for weights in certain {
+        if places.iter().all(|known| (*known - weights).abs().max_element() > 1e-8) {
+            places.push(weights);
+        }
+    }
+    let ours = facet.paths(ends);
+    let known = |weights: &DVec2| places.iter().any(|other| (*other - *weights).abs().max_element() < 1e-6);
+    assert!(
+        ours.len() == places.len() && ours.iter().all(known),
+        "{ours:?} are not {places:?} for {facet:?}, {ends:?}"
+    );
+    true
+}
+
+/// How often the curve crosses each edge.
+fn crossings(facet: &Facet, ends: &Ends) -> Option<[usize; 3]> {
+    let columns = |corners: &[DVec3; 3]| DMat3::from_cols(corners[0], corners[1], corners[2]);
+    let form = quadratic_form(&columns(&facet.corners), &columns(&facet.normals), ends)?;
+    Some([(0, 1), (1, 2), (2, 0)].map(|(a, b)| {
+        let (a, b) = (DVec3::AXES[a], DVec3::AXES[b]);
+        let mut count = 0;
+        roots(&[a.dot(form * a), a.dot(form * b), b.dot(form * b)], &mut |_| count += 1);
+        count
+    }))
+}
+
+/// Checks facets on which the curve crosses the edges as wanted, until so many had a path.
+#[track_caller]
+fn check_where(wanted: impl Fn([usize; 3]) -> bool, facets: usize) {
+    let mut random = random(21);
+    let (mut checked, mut with_paths) = (0, 0);
+    for case in 0..2_000_000 {
+        let facet = any_facet(&mut random, 0.8);
+        let ends = problem(&mut random, case);
+        if crossings(&facet, &ends).is_some_and(&wanted) && check(&facet, &ends) {
+            checked += 1;
+            with_paths += usize::from(!facet.paths(&ends).is_empty());
+            if with_paths == facets {
+                println!("{checked} facets, {with_paths} with paths, of {case}");
+                return;
+            }
+        }
+    }
+    panic!("only {with_paths} of {checked} facets have paths");
+}
+
+#[test]
+fn paths_on_an_ellipse_within_the_triangle_are_found() {
+    check_where(|counts| counts == [0; 3], 40);
+}
+
+#[test]
+fn paths_are_found_where_the_curve_crosses_the_edges_four_times_and_more() {
+    check_where(|counts| counts.iter().sum::<usize>() >= 4, 200);
+}
+
+#[test]
+fn paths_are_found_where_the_curve_crosses_one_edge_twice_and_no_other() {
+    check_where(
+        |mut counts| {
+            counts.sort_unstable();
+            counts == [0, 0, 2]
+        },
+        100,
+    );
+}
+
+#[test]
+fn the_path_over_a_flat_triangle_is_found() {
+    let mut random = random(22);
+    let mut found = 0;
+    for case in 0..2000 {
+        let normal = ((pair(&mut random) - 0.5) * 0.4).extend(1.0).normalize();
+        let facet = Facet { normals: [normal; 3], ..any_facet(&mut random, 0.0) };
+        let ends = problem(&mut random, case);
+        assert!(check(&facet, &ends));
+        found += facet.paths(&ends).len();
+    }
+    assert!(found > 300, "{found}");
+}
+
+#[test]
+fn the_path_that_is_straight_is_found_wherever_the_normal_is_along_it() {
+    let mut random = random(23);
+    for case in 0..2000 {
+        let bent = case % 2 == 0;
+        let facet = any_facet(&mut random, 0.3);
+        let facet = if bent { facet } else { Facet { normals: [DVec3::Z; 3], ..facet } };
+        // The curve crosses itself there, or everything on the triangle is coplanar.
+        let at = DVec2::new(0.2, 0.3) + pair(&mut random) * 0.2;
+        let (place, normal) = (facet.place(at), facet.normal(at).normalize());
+        let (below, above) = (place - normal * between(&mut random, 0.5, 2.0), place + normal);
+        for ends in [
+            Ends::refracted(below, Source::Point(above), WATER, false),
+            Ends::refracted(above, Source::Direction(-normal), WATER, true),
+            Ends::mirrored(above, Source::Point(place + normal * 3.0)),
+        ] {
+            let near = |weights: &DVec2| (*weights - at).abs().max_element() < 1e-7;
+            assert!(facet.paths(&ends).iter().any(near), "{case}: {facet:?} {ends:?}");
+            check(&facet, &ends);
+        }
+    }
+}
+
+#[test]
+fn a_curve_that_total_reflection_interrupts_is_followed_on_both_sides() {
+    let mut random = random(24);
+    let (mut interrupted, mut found) = (0, 0);
+    for _ in 0..4000 {
+        let facet = any_facet(&mut random, 0.6);
+        // From under water at grazing angles.
+        let point = DVec3::new(between(&mut random, 1.0, 1.6), between(&mut random, -0.5, 0.5), -1.0);
+        let light = DVec3::new(between(&mut random, -3.0, 0.0), between(&mut random, -1.0, 1.0), 0.7);
+        let ends = Ends::refracted(point, Source::Point(light), WATER, false);
+        let reflects = |weights: DVec2| {
+            let direction = (facet.place(weights) - point).normalize();
+            crate::optics::dielectric::refract(direction, facet.normal(weights).normalize(), WATER, 1.0).is_none()
+        };
+        let corners = [DVec2::ZERO, DVec2::X, DVec2::Y].map(reflects);
+        if corners.contains(&true) && corners.contains(&false) {
+            interrupted += 1;
+            assert!(check(&facet, &ends));
+            found += facet.paths(&ends).len();
+        }
+    }
+    assert!(interrupted > 500 && found > 50, "{interrupted} {found}");
+}
+
+/// Something of a small lattice, or anything.
+fn coordinate(random: &mut TrialStream, on_lattice: bool) -> f64 {
+    let value = between(random, -1.0, 1.0);
+    if on_lattice { (value * 2.0).round() * 0.5 } else { value }
+}
+
+/// Ends and a triangle of which nothing can be said but that the triangle has an area and upright normals.
+fn anything(random: &mut TrialStream) -> (Facet, Ends) {
+    let on_lattice = random.next_f64() < 0.3;
+    let mut vector = |height: f64| {
+        let [x, y, z] = [(); 3].map(|()| coordinate(random, on_lattice));
+        DVec3::new(x, y, z + height)
+    };
+    let corners = loop {
+        let corners = [vector(0.0), vector(0.0), vector(0.0)];
+        if (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() > 1e-6 {
+            break corners;
+        }
+    };
+    let normals = [vector(1.5), vector(1.5), vector(1.5)].map(DVec3::normalize);
+    let (point, light) = (vector(0.0), vector(0.0));
+    let light = if light == DVec3::ZERO { DVec3::Z } else { light };
+    let kind = (random.next_f64() * 5.0) as u32;
+    let ends = match kind {
+        0 => Ends::refracted(point, Source::Point(light), WATER, false),
+        1 => Ends::refracted(point, Source::Point(light), WATER, true),
+        2 => Ends::refracted(point, Source::Direction(light.normalize()), 1.0, true),
+        3 => Ends::mirrored(point, Source::Point(light)),
+        _ => Ends::mirrored(point, Source::Direction(light.normalize())),
+    };
+    (Facet { corners, normals }, ends)
+}
+
+#[test]
+fn ten_million_queries_of_any_kind_end_with_paths_that_are_paths() {
+    const CHUNKS: u32 = 100;
+    const QUERIES: u32 = 100_000;
+    let paths: usize = (0..CHUNKS)
+        .into_par_iter()
+        .map(|chunk| {
+            let mut random = random(100 + chunk);
+            let mut count = 0;
+            for _ in 0..QUERIES {
+                let (facet, ends) = anything(&mut random);
+                for weights in facet.paths(&ends) {
+                    let (place, normal) = (facet.place(weights), facet.normal(weights).normalize());
+                    let half = (ends.point - place).normalize() * ends.indices[0]
+                        + ends.offset_to_light(place).normalize() * ends.indices[1];
+                    assert!(half.cross(normal).length() < 1e-6, "{weights} of {facet:?}, {ends:?}");
+                    assert!(weights.min_element() > -1e-6 && weights.element_sum() < 1.0 + 1e-6, "{weights}");
+                    count += 1;
+                }
+            }
+            count
+        })
+        .sum();
+    println!("{paths} paths");
+    assert!(paths > 500_000, "{paths}");
+}
+
+#[test]
+fn walks_from_anywhere_over_any_mesh_end() {
+    (0..20u32).into_par_iter().for_each(|chunk| {
+        let mut random = random(300 + chunk);
+        for _ in 0..5000 {
+            // Four triangles around a corner, with whatever normals.
+            let (facet, ends) = anything(&mut random);
+            let (other, _) = anything(&mut random);
+            let middle = facet.corners.iter().sum::<DVec3>() / 3.0;
+            let facets: Vec<Facet> = (0..3)
+                .map(|k| Facet {
+                    corners: [facet.corners[k], facet.corners[(k + 1) % 3], middle],
+                    normals: [facet.normals[k], facet.normals[(k + 1) % 3], other.normals[0]],
+                })
+                .collect();
+            let neighbours = Neighbours::of(0..3, |k| facets[k as usize]);
+            let start = pair(&mut random) * 0.5;
+            if let Some((triangle, weights)) = first_path((0, start), |k| facets[k as usize], &neighbours, &ends) {
+                assert!(triangle < 3 && weights.is_finite());
+            }
+        }
+    });
+}
