@@ -54,10 +54,11 @@ fn rendered(scene: &SheetScene, integrator: &Value, samples: u32) -> Vec<Image> 
 
 /// Compares a method with light traced forward, and requires that faults are noticed.
 #[track_caller]
-fn check(scene: &SheetScene, integrator: &Value, samples: u32, faults: &[Fault]) -> BiasReport {
+fn check(scene: &SheetScene, integrator: &Value, samples: u32, faults: &[Fault]) -> (BiasReport, f64) {
     let folds = scene.folds();
     let replicates = rendered(scene, integrator, samples);
-    let report = compare(&replicates, &reference(scene, 20_000_000, Fault::None), &folds, BLOCK);
+    let truth = reference(scene, 40_000_000, Fault::None);
+    let report = compare(&replicates, &truth, &folds, BLOCK);
     println!("{integrator}: {report}");
     assert!(report.agrees(), "{integrator}: {report}");
     for &fault in faults {
@@ -65,17 +66,30 @@ fn check(scene: &SheetScene, integrator: &Value, samples: u32, faults: &[Fault])
         println!("{integrator} against {fault:?}: {report}");
         assert!(!report.agrees(), "{integrator} against {fault:?}: {report}");
     }
-    report
+    let largest = largest_deviation(&Image::mean(&replicates), &truth.mean, &folds);
+    println!("{integrator}: no block without folds is off by more than {:.2} percent", 100.0 * largest);
+    (report, largest)
+}
+
+/// By how much the light of a block that no fold crosses differs, relative: the most of all such blocks.
+fn largest_deviation(ours: &Image, truth: &Image, folds: &[bool]) -> f64 {
+    let blocks = truth.width / BLOCK;
+    let deviations = (0..blocks * blocks).filter_map(|block| {
+        let corner = (block / blocks * truth.width + block % blocks) * BLOCK;
+        let pixels = (0..BLOCK * BLOCK).map(|k| corner + k / BLOCK * truth.width + k % BLOCK);
+        let sum = |image: &Image| pixels.clone().map(|pixel| image.pixels[pixel].y).sum::<f64>();
+        pixels.clone().all(|pixel| !folds[pixel]).then(|| (sum(ours) / sum(truth) - 1.0).abs())
+    });
+    deviations.fold(0.0, f64::max)
 }
 
 #[test]
 fn the_light_of_conic_is_that_of_light_traced_forward() {
     let conic = json!({"conic": {"chains": ["T"]}});
-    let report = check(&water(GENTLE), &conic, 24, &[Fault::MissingFresnelFactor, Fault::Scaled]);
-    // So that a percent of a block is noticed.
-    assert!(report.has_power() && report.fold_regions == [0, 0] && report.block_error < 0.003, "{report}");
-    let report = check(&water(FOLDING), &conic, 8, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
-    assert!(report.blocks > 10 && report.block_error < 0.01 && report.fold_error < 0.03, "{report}");
+    let (report, largest) = check(&water(GENTLE), &conic, 24, &[Fault::MissingFresnelFactor, Fault::Scaled]);
+    assert!(report.has_power() && report.fold_regions == [0, 0] && largest < 0.01, "{largest} {report}");
+    let (report, _) = check(&water(FOLDING), &conic, 16, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
+    assert!(report.blocks > 10 && report.block_error < 0.01 && report.fold_error < 0.02, "{report}");
 }
 
 #[test]
@@ -86,14 +100,15 @@ fn the_light_of_sms_is_that_of_light_traced_forward() {
 }
 
 #[test]
-fn the_published_walk_along_the_conic_lacks_light_where_it_folds() {
+fn the_published_walk_along_the_conic_lacks_light_and_more_where_it_folds() {
     let report = |steepness| {
         let scene = water(steepness);
         let published = json!({"conic": {"chains": ["T"], "search": "published"}});
         let report = compare(&rendered(&scene, &published, 1), &reference(&scene, 4_000_000, Fault::None), &[], BLOCK);
         println!("published, {steepness}: {report}");
+        assert!(!report.agrees(), "{report}");
         report.mean_ratio[0]
     };
     let (gentle, folding) = (report(GENTLE), report(FOLDING));
-    assert!(folding < 0.95 && folding < gentle && gentle < 1.0, "{gentle} {folding}");
+    assert!(folding < 0.95 && (0.95..0.99).contains(&gentle), "{gentle} {folding}");
 }

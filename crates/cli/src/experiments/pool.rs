@@ -90,62 +90,83 @@ fn rows(summaries: &[Summary], manifold: &[Variant]) -> Vec<Row> {
     let of = |variant: &Variant| -> Vec<&Summary> {
         summaries.iter().filter(|summary| summary.variant == variant.name).collect()
     };
-    let (conic, published) = (of(&Variant::conic()), of(&Variant::conic_published()));
+    let reached = |variant: &Variant| of(variant).into_iter().map(Reached::of).collect::<Vec<_>>();
+    let (conic, published) = (reached(&Variant::conic()), reached(&Variant::conic_published()));
     let mut rows = Vec::new();
-    for summary in manifold.iter().flat_map(of) {
-        let [conic, published] = [(&conic, true), (&published, false)]
-            .map(|(measured, unbiased)| core_seconds_to(measured, summary.mse, unbiased));
-        let ratio = |seconds: Option<f64>| seconds.map(|seconds| summary.core_seconds / seconds);
-        rows.push(Row {
-            variant: summary.variant.clone(),
-            time: summary.time,
-            core_seconds: summary.core_seconds,
-            mse: summary.mse,
-            mean_ratio: summary.mean_ratio,
-            conic_core_seconds: conic,
-            conic_ratio: ratio(conic),
-            published_core_seconds: published,
-            published_ratio: ratio(published),
-        });
+    for variant in manifold {
+        for summary in of(variant) {
+            let conic = core_seconds_to(&conic, summary.mse);
+            let published = core_seconds_to(&published, summary.mse);
+            let ratio = |seconds: Option<f64>| seconds.map(|seconds| summary.core_seconds / seconds);
+            rows.push(Row {
+                variant: summary.variant.clone(),
+                time: summary.time,
+                core_seconds: summary.core_seconds,
+                mse: summary.mse,
+                mean_ratio: summary.mean_ratio,
+                conic_core_seconds: conic,
+                conic_ratio: ratio(conic),
+                published_core_seconds: published,
+                published_ratio: ratio(published),
+            });
+        }
     }
     rows
 }
 
-/// Core seconds after which a method has an error, by what it had at some times; at least those of a sample for each pixel.
-/// The error of a method without bias goes on falling with the inverse of the time.
-fn core_seconds_to(measured: &[&Summary], mse: f64, unbiased: bool) -> Option<f64> {
-    let first = measured.first()?;
-    let one_sample = first.core_seconds / first.samples_per_pixel;
-    let last = measured.last()?;
-    let seconds = if unbiased {
-        last.variance_times_time? / mse
-    } else if first.mse <= mse {
-        // Before the first time, nothing but the noise of few samples was there.
-        first.core_seconds.min((first.variance_times_time? / (mse - first.bias_squared?)).max(one_sample))
-    } else {
-        let pair = measured.windows(2).find(|pair| pair[0].mse > mse && pair[1].mse <= mse)?;
-        let [before, after] = [pair[0], pair[1]];
-        let part = (before.mse / mse).ln() / (before.mse / after.mse).ln();
-        before.core_seconds * (after.core_seconds / before.core_seconds).powf(part)
-    };
-    (seconds > 0.0).then_some(seconds.max(one_sample))
+/// What a method had reached at some time.
+#[derive(Clone, Copy, Debug)]
+struct Reached {
+    core_seconds: f64,
+    samples_per_pixel: f64,
+    mse: f64,
+    variance: f64,
+}
+
+impl Reached {
+    fn of(summary: &Summary) -> Self {
+        let Summary { core_seconds, samples_per_pixel, mse, variance, .. } = *summary;
+        Self { core_seconds, samples_per_pixel, mse, variance: variance.unwrap_or(mse).clamp(0.0, mse) }
+    }
+}
+
+/// Core seconds after which a method has an error, by what it had at the last of some times: its variance falls with the
+/// inverse of the time, and the rest of its error does not. At least those of a sample for each pixel; `None` where the rest
+/// alone is more.
+fn core_seconds_to(measured: &[Reached], mse: f64) -> Option<f64> {
+    let Reached { core_seconds, samples_per_pixel, mse: last, variance } = *measured.last()?;
+    let rest = last - variance;
+    (mse > rest).then(|| (core_seconds * variance / (mse - rest)).max(core_seconds / samples_per_pixel))
 }
 
 fn statement(rows: &[Row], variant: &Variant) -> Option<String> {
-    let of_variant: Vec<&Row> = rows.iter().filter(|row| row.variant == variant.name).collect();
-    let last = of_variant.last()?;
-    let ratio = |ratio: Option<f64>, what: &str| {
-        ratio.map_or_else(
-            || format!("{what} does not reach it"),
-            |ratio| format!("{what} {} times as fast", rounded_number(ratio)),
-        )
+    let last = rows.iter().rfind(|row| row.variant == variant.name)?;
+    let faster = |name: &str, ratio: Option<f64>| match ratio {
+        Some(ratio) => format!("{name} is {} times as fast to the same error", rounded_number(ratio)),
+        None => format!("{name} does not reach that error"),
     };
     Some(format!(
-        "{}: MSE {} after {} core seconds; to the same error, {} and {}.",
+        "{}: MSE {} after {} core seconds; {}, {}.",
         variant.name,
         rounded_number(last.mse),
         rounded_number(last.core_seconds),
-        ratio(last.conic_ratio, "conic is"),
-        ratio(last.published_ratio, "the published walk is"),
+        faster("conic", last.conic_ratio),
+        faster("the published walk", last.published_ratio),
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variance_falls_with_time_and_what_a_method_misses_does_not() {
+        // 128 samples a pixel after 8 s, with a variance of 1/2 and what is missing 1/4.
+        let last = Reached { core_seconds: 8.0, samples_per_pixel: 128.0, mse: 0.75, variance: 0.5 };
+        let earlier = Reached { core_seconds: 4.0, samples_per_pixel: 64.0, mse: 1.25, variance: 1.0 };
+        let to = |mse| core_seconds_to(&[earlier, last], mse);
+        assert_eq!((to(1.25), to(0.5)), (Some(4.0), Some(16.0)));
+        assert_eq!(to(1e9), Some(8.0 / 128.0), "one sample");
+        assert_eq!((to(0.25), to(0.125), core_seconds_to(&[], 1.0)), (None, None, None));
+    }
 }

@@ -34,13 +34,13 @@ pub(super) fn all_paths(facet: &Facet, ends: &Ends, found: &mut impl FnMut(DVec2
     let grown = DMat3::IDENTITY * (1.0 + 3.0 * GROWTH) - DMat3::from_cols_array(&[GROWTH; 9]);
     paths_within(facet, ends, &grown, CUTS, found);
     // Where light goes straight on, the path is a double root, which rounding may take away.
-    if let Some(straight) = on_straight_line(facet, ends) {
+    if let Some(straight) = straight_through(facet, ends) {
         found(straight);
     }
 }
 
 /// Where the line through both ends crosses the triangle.
-pub(super) fn on_straight_line(facet: &Facet, ends: &Ends) -> Option<DVec2> {
+pub(super) fn straight_through(facet: &Facet, ends: &Ends) -> Option<DVec2> {
     let [a, b, c] = facet.corners;
     let weights = DMat3::from_cols(b - a, c - a, ends.across()).inverse() * (ends.point - a);
     let weights = weights.truncate();

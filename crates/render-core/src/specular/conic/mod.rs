@@ -193,7 +193,10 @@ mod tests {
         testing::{WATER, distinct, found, problem, water},
     };
     use crate::{
-        optics::Source,
+        optics::{
+            Source,
+            dielectric::{reflect, refract},
+        },
         specular::testing::{between, random},
     };
 
@@ -266,6 +269,33 @@ mod tests {
             costs.push(looks);
         }
         assert!(costs[2] * 2 < costs[0] * 3, "{costs:?}");
+    }
+
+    #[test]
+    fn paths_through_corners_and_edges_of_waves_are_found() {
+        let facets = water(12, 0.05);
+        let tree = FacetTree::over(0..facets.len() as u32, |k| facets[k as usize]).unwrap();
+        let mut random = random(6);
+        for case in 0..1000 {
+            let facet = facets[case * 7919 % facets.len()];
+            // Even cases through a corner, odd ones through an edge.
+            let along = if case % 2 == 0 { 0.0 } else { between(&mut random, 0.1, 0.9) };
+            let at = if case % 3 == 0 { DVec2::new(1.0 - along, along) } else { DVec2::new(along, 0.0) };
+            let (place, normal) = (facet.place(at), facet.normal(at).normalize());
+            let point = place + DVec3::new(between(&mut random, -0.5, 0.5), between(&mut random, -0.5, 0.5), -1.0);
+            let direction = (place - point).normalize();
+            let Some(refraction) = refract(direction, normal, WATER, 1.0) else { continue };
+            let light = place + refraction.direction * between(&mut random, 0.5, 3.0);
+            let below = place + reflect(direction, normal) * between(&mut random, 0.5, 3.0);
+            for ends in [
+                Ends::refracted(point, Source::Point(light), WATER, false),
+                Ends::refracted(light, Source::Point(point), WATER, true),
+                Ends::mirrored(point, Source::Point(below)),
+            ] {
+                let places = found(&facets, &tree, &ends);
+                assert!(places.iter().any(|known| (*known - place).length() < 1e-8), "{case}: {place} in {places:?}");
+            }
+        }
     }
 
     #[test]
