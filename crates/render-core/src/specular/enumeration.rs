@@ -123,7 +123,7 @@ fn all_paths<'a>(
     unseen.push(*window.rect());
     let mut looked_at = 0;
     loop {
-        // All looks, then all shots: each waits for little but itself, and none for another.
+        // One part after the other without a shot in between: each look waits for little but itself, and none for another.
         while let Some(rect) = unseen.pop() {
             looked_at += 1;
             if looked_at > MOST_PARTS {
@@ -150,18 +150,14 @@ fn all_paths<'a>(
                 seen.push(Seen { rect, part, shapes });
             }
         }
-        if seen.is_empty() {
-            break;
-        }
-        for Seen { rect, part, shapes } in seen.drain(..) {
-            let Finding::Open(rect) = search.shoot(&rect, &part, &shapes, counters) else { continue };
-            let size = rect.max - rect.min;
-            if size.max_element() > SMALLEST * cell || rect.area() < SMALLER * part.area() {
-                push_smaller(&mut unseen, &part, rect);
-            } else {
-                complete = false;
-                search.solve_from(rect.centre(), counters);
-            }
+        let Some(Seen { rect, part, shapes }) = seen.pop() else { break };
+        let Finding::Open(rect) = search.shoot(&rect, &part, &shapes, counters) else { continue };
+        let size = rect.max - rect.min;
+        if size.max_element() > SMALLEST * cell || rect.area() < SMALLER * part.area() {
+            push_smaller(&mut unseen, &part, rect);
+        } else {
+            complete = false;
+            search.solve_from(rect.centre(), counters);
         }
     }
     Enumeration { roots: search.roots, complete }
