@@ -72,7 +72,7 @@ fn what_a_pane_lets_through_arrives() {
         // So large a sun that chance finds it.
         check_power(&profile, 25.0, 0.6, |method| match method {
             "path" | "mnee" => Some((64, 0.03)),
-            "cone" | "fnee" => Some((4, 0.002)),
+            "cone" | "fnee" => Some((16, 0.001)),
             _ => None,
         });
     }
