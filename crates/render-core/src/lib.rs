@@ -19,6 +19,7 @@ pub mod counters;
 pub mod film;
 pub mod geometry;
 pub mod integrator;
+mod lanes;
 pub mod optics;
 pub mod scene;
 pub mod specular;

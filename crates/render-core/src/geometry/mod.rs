@@ -24,7 +24,7 @@ mod triangle;
 pub use accelerator::{Accelerator, AcceleratorError, Hit, Surface};
 pub use differential::SurfaceDifferential;
 pub use frame::Frame;
-pub(crate) use height_field::{FacePoint, ShapeBounds};
+pub(crate) use height_field::{FacePoints, ShapeBounds, Symmetric};
 pub use height_field::{HeightField, HeightFieldError, JetBounds, SurfaceJet};
 pub use interval::{Interval, Rect};
 pub use pane::{FaceCrossing, Pane, PaneBoundary, PaneError, PaneHit};

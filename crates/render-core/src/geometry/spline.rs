@@ -4,30 +4,53 @@
 //! ("taps") at -1, 0, 1 and 2 relative to its start control it. The curve is a convex combination of the taps and is C2
 //! across cells. (Farin, *Curves and Surfaces for CAGD*, chapters 4 to 8, has every formula of this page.)
 
+use std::ops::{Add, Mul, Sub};
+
 use wide::f64x2;
 
-/// Weights of the four taps for the value at `f`, in two lanes: one for each axis of a surface.
+use crate::lanes::{FourLanes, Lanes};
+
+/// Several numbers side by side.
+pub(crate) trait Numbers: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
+    /// As many times `value`.
+    fn all(self, value: f64) -> Self;
+}
+
+impl Numbers for f64x2 {
+    #[inline(always)]
+    fn all(self, value: f64) -> Self {
+        Self::splat(value)
+    }
+}
+
+impl<S: FourLanes> Numbers for Lanes<S> {
+    #[inline(always)]
+    fn all(self, value: f64) -> Self {
+        Self::splat(self.simd(), value)
+    }
+}
+
+/// Weights of the four taps for the value at `f`, lane by lane.
 #[inline(always)]
-pub(crate) fn weights(f: f64x2) -> [f64x2; 4] {
-    const SIXTH: f64x2 = f64x2::splat(1.0 / 6.0);
-    let (one, three, four) = (f64x2::splat(1.0), f64x2::splat(3.0), f64x2::splat(4.0));
+pub(crate) fn weights<T: Numbers>(f: T) -> [T; 4] {
+    let (sixth, one, three, four) = (f.all(1.0 / 6.0), f.all(1.0), f.all(3.0), f.all(4.0));
     let r = one - f;
     let (ff, rr) = (f * f, r * r);
-    [rr * r * SIXTH, (four - three * ff * (one + r)) * SIXTH, (four - three * rr * (one + f)) * SIXTH, ff * f * SIXTH]
+    [rr * r * sixth, (four - three * ff * (one + r)) * sixth, (four - three * rr * (one + f)) * sixth, ff * f * sixth]
 }
 
 /// Weights of the four taps for the first derivative by `f`.
 #[inline(always)]
-pub(crate) fn slope_weights(f: f64x2) -> [f64x2; 4] {
-    let (half, one, three, four) = (f64x2::splat(0.5), f64x2::splat(1.0), f64x2::splat(3.0), f64x2::splat(4.0));
+pub(crate) fn slope_weights<T: Numbers>(f: T) -> [T; 4] {
+    let (half, one, three, four) = (f.all(0.5), f.all(1.0), f.all(3.0), f.all(4.0));
     let r = one - f;
-    [f64x2::splat(-0.5) * r * r, half * f * (three * f - four), half * r * (one + three * f), half * f * f]
+    [f.all(-0.5) * r * r, half * f * (three * f - four), half * r * (one + three * f), half * f * f]
 }
 
 /// Weights of the four taps for the second derivative by `f`.
 #[inline(always)]
-pub(crate) fn curvature_weights(f: f64x2) -> [f64x2; 4] {
-    let (one, two, three) = (f64x2::splat(1.0), f64x2::splat(2.0), f64x2::splat(3.0));
+pub(crate) fn curvature_weights<T: Numbers>(f: T) -> [T; 4] {
+    let (one, two, three) = (f.all(1.0), f.all(2.0), f.all(3.0));
     [one - f, three * f - two, one - three * f, f]
 }
 

@@ -12,14 +12,15 @@
 use glam::DVec2;
 
 use super::{
-    fermat::Connection,
+    fermat::{Connection, Theta},
     newton::{Root, SearchRegion, solve_complete},
     widest::{self, Computation},
     window::Window,
 };
 use crate::{
     counters::Counters,
-    geometry::{Rect, ShapeBounds},
+    geometry::Rect,
+    lanes::{FourLanes, LANES, LaneRects, Lanes, Mask},
 };
 
 /// The paths that were found.
@@ -52,48 +53,32 @@ const SMALLER: f64 = 0.5;
 /// Room for the parts of most windows.
 const USUAL_PARTS: usize = 64;
 
-/// A part and the shapes of the faces there.
-struct Seen {
-    rect: Rect,
-    /// What can matter of the rectangle, by the slopes there.
-    part: Rect,
-    shapes: [ShapeBounds; 2],
-}
-
-/// What is known of a part after one shot.
-enum Finding {
-    /// It holds no path, or just the one that is now known.
-    Settled,
-    /// It may hold others, and only in this rectangle.
-    Open(Rect),
-}
-
-/// The search in one window.
+/// What is sought, and the search for it in one window.
 struct Search<'a, 'b> {
     window: &'b Window<'a>,
     connection: &'b Connection<'a>,
     region: &'b SearchRegion,
+    counters: &'b mut Counters,
     /// Rounding and the error of a shot.
     slack: f64,
-    large: f64,
-    roots: Vec<Root>,
+    /// The edge of a cell of the finer face.
+    cell: f64,
+    /// Parts that have to be looked at.
+    unseen: Vec<Rect>,
+    found: Enumeration,
 }
 
-/// What is sought.
-struct Problem<'a, 'b> {
-    window: &'b Window<'a>,
-    connection: &'b Connection<'a>,
-    region: &'b SearchRegion,
-    counters: &'b mut Counters,
-}
-
-impl Computation for Problem<'_, '_> {
-    type Output = Enumeration;
-
-    #[inline(always)]
-    fn run(self) -> Enumeration {
-        all_paths(self.window, self.connection, self.region, self.counters)
-    }
+/// What is known of four parts after a shot at each.
+struct Findings {
+    /// What can matter of them, by the slopes there.
+    parts: [Rect; LANES],
+    /// Where they may hold paths; empty where they hold none.
+    left: [Rect; LANES],
+    /// Whether `left` is so much smaller that it is worth another look.
+    again: [bool; LANES],
+    /// Whether there is at most one path, which is sought from the shot.
+    single: [bool; LANES],
+    shots: [Theta; LANES],
 }
 
 /// Finds all paths of a connection through a window.
@@ -103,138 +88,189 @@ pub fn enumerate<'a>(
     region: &SearchRegion,
     counters: &mut Counters,
 ) -> Enumeration {
-    widest::run(Problem { window, connection, region, counters })
+    widest::run(Search::new(window, connection, region, counters))
 }
 
-#[inline(always)]
-fn all_paths<'a>(
-    window: &Window<'a>,
-    connection: &Connection<'a>,
-    region: &SearchRegion,
-    counters: &mut Counters,
-) -> Enumeration {
-    let side = window.side();
-    let slack = SHOT_ERROR * side.pane.thickness;
-    let cell = side.near_surface().cell_size().min(side.far_surface().cell_size()).min_element();
-    let mut search = Search { window, connection, region, slack, large: LARGE * cell, roots: Vec::new() };
-    let mut complete = true;
-    let mut unseen = Vec::with_capacity(USUAL_PARTS);
-    let mut seen = Vec::with_capacity(USUAL_PARTS);
-    unseen.push(*window.rect());
-    let mut looked_at = 0;
-    loop {
-        // One part after the other without a shot in between: each look waits for little but itself, and none for another.
-        while let Some(rect) = unseen.pop() {
-            looked_at += 1;
-            if looked_at > MOST_PARTS {
-                // What has been seen may still hold paths.
-                complete = false;
-                unseen.clear();
-                break;
-            }
-            if looked_at > 1 && (rect.max - rect.min).max_element() > search.large {
-                if let Some(part) = window.part(&rect) {
-                    push_smaller(&mut unseen, &rect, part.rect);
-                }
-                continue;
-            }
-            let around = rect.grown(slack);
-            if !window.landing().meets_glass(&around) {
-                continue;
-            }
-            let shapes = window.landing().shapes(&around, counters);
-            let Some(part) = window.shaped_part(&rect, &shapes) else { continue };
-            if part.area() < SMALLER * rect.area() {
-                unseen.push(part);
-            } else {
-                seen.push(Seen { rect, part, shapes });
-            }
-        }
-        let Some(Seen { rect, part, shapes }) = seen.pop() else { break };
-        let Finding::Open(rect) = search.shoot(&rect, &part, &shapes, counters) else { continue };
-        let size = rect.max - rect.min;
-        if size.max_element() > SMALLEST * cell || rect.area() < SMALLER * part.area() {
-            push_smaller(&mut unseen, &part, rect);
-        } else {
-            complete = false;
-            search.solve_from(rect.centre(), counters);
-        }
-    }
-    Enumeration { roots: search.roots, complete }
-}
+impl Computation for Search<'_, '_> {
+    type Output = Enumeration;
 
-/// Keeps what is left of a part for another look, or its halves.
-fn push_smaller(stack: &mut Vec<Rect>, part: &Rect, left: Rect) {
-    if left.area() < SMALLER * part.area() {
-        stack.push(left);
-    } else {
-        stack.extend(left.halves());
-    }
-}
-
-impl Search<'_, '_> {
-    /// Shoots from the middle of a rectangle around which the faces have the given shapes. `part` is what matters of it.
     #[inline(always)]
-    fn shoot(&mut self, rect: &Rect, part: &Rect, shapes: &[ShapeBounds; 2], counters: &mut Counters) -> Finding {
-        let landing = self.window.landing();
-        let half_size = 0.5 * (part.max - part.min);
-        let Some(stretch) = landing.stretch(shapes) else { return Finding::Open(*part) };
-        let injective = stretch.is_injective(half_size + self.slack);
-        if !injective && half_size.max_element() > 0.5 * self.large {
-            return Finding::Open(*part);
+    fn run<S: FourLanes>(mut self, simd: S) -> Enumeration {
+        let mut looked_at = 0;
+        loop {
+            let mut parts = [Rect::new(DVec2::ZERO, DVec2::ZERO); LANES];
+            let mut count = 0;
+            while count < LANES
+                && let Some(rect) = self.unseen.pop()
+            {
+                looked_at += 1;
+                if looked_at > MOST_PARTS {
+                    self.found.complete = false;
+                    self.unseen.clear();
+                    break;
+                }
+                if looked_at > 1 && (rect.max - rect.min).max_element() > LARGE * self.cell {
+                    if let Some(part) = self.window.part(&rect) {
+                        self.push_smaller(&rect, part.rect);
+                    }
+                    continue;
+                }
+                parts[count] = rect;
+                count += 1;
+            }
+            if count == 0 {
+                return self.found;
+            }
+            let findings = self.look(simd, &parts, count);
+            for lane in 0..count {
+                self.follow(&findings, lane);
+            }
         }
-        let Some(shot) = self.connection.shoot(&shapes[0].middle, &shapes[1].middle, counters) else {
-            return Finding::Open(*part);
-        };
+    }
+}
+
+impl<'a, 'b> Search<'a, 'b> {
+    fn new(
+        window: &'b Window<'a>,
+        connection: &'b Connection<'a>,
+        region: &'b SearchRegion,
+        counters: &'b mut Counters,
+    ) -> Self {
+        let side = window.side();
+        let cell = side.near_surface().cell_size().min(side.far_surface().cell_size()).min_element();
+        let mut unseen = Vec::with_capacity(USUAL_PARTS);
+        unseen.push(*window.rect());
+        Self {
+            window,
+            connection,
+            region,
+            counters,
+            slack: SHOT_ERROR * side.pane.thickness,
+            cell,
+            unseen,
+            found: Enumeration { roots: Vec::new(), complete: true },
+        }
+    }
+
+    /// Looks at the first `count` of four parts, and shoots from their middles.
+    #[inline(always)]
+    fn look<S: FourLanes>(&mut self, simd: S, parts: &[Rect; LANES], count: usize) -> Findings {
+        let (window, slack) = (self.window, self.slack);
+        let landing = window.landing();
+        let rects = LaneRects::new(simd, parts);
+        let around = rects.grown(slack);
+        let live = Mask::new(simd, [count > 0, count > 1, count > 2, count > 3]).and(landing.meets_glass(around));
+        if !live.any() {
+            return Findings::without_shots(rects, live, live);
+        }
+        let shapes = landing.shapes(around, live, self.counters);
+        let (parts, reached) = window.shaped_parts(rects, &shapes);
+        let live = live.and(reached);
+        let again = parts.area().less_than(rects.area() * SMALLER);
+        let shot_at = live.and_not(again);
+        if !shot_at.any() {
+            return Findings::without_shots(parts, live, again);
+        }
+        let half_size = parts.half_size();
+        let (stretch, regular) = landing.stretch(&shapes);
+        let injective = stretch.is_injective(half_size + DVec2::splat(slack));
+        let small = half_size.max_element().less_than(Lanes::splat(simd, 0.5 * LARGE * self.cell));
+        let shot_at = shot_at.and(regular).and(injective.or(small));
+        if !shot_at.any() {
+            return Findings::without_shots(parts, live, again);
+        }
+        let (shots, arrived) = self.connection.shoot(&shapes[0].middle, &shapes[1].middle, shot_at, self.counters);
+        let mut shot_at = shot_at.and(arrived);
         // The way from there to any place of the part has to lie where the derivative is bounded.
-        let known = rect.grown(self.slack);
-        let stretch = if known.contains(shot.place) {
-            Some(stretch)
-        } else {
-            let hull = Rect::new(known.min.min(shot.place), known.max.max(shot.place));
-            landing.stretch(&landing.shapes(&hull, counters).map(ShapeBounds::everywhere))
-        };
-        let Some(stretch) = stretch else { return Finding::Open(*part) };
-        let around = part.grown(self.slack);
-        let part = &stretch.reaching(part, shot.place, shot.miss, self.slack);
-        if part.is_empty() {
-            return Finding::Settled;
+        let outside = shot_at.and_not(around.contains(shots.place));
+        let mut stretch = stretch;
+        if outside.any() {
+            let hull = LaneRects { min: around.min.min(shots.place), max: around.max.max(shots.place) };
+            let [near, far] = landing.shapes(hull, outside, self.counters);
+            let (wider, regular) = landing.stretch(&[near.everywhere(), far.everywhere()]);
+            stretch = stretch.replaced(outside, wider);
+            shot_at = shot_at.and_not(outside.and_not(regular));
         }
-        let away = (part.min - shot.place).abs().max((part.max - shot.place).abs());
-        let predicted = shot.place + stretch.inverse * shot.miss;
-        let reach = stretch.error_of_prediction(away, self.slack);
-        let possible = Rect::new(predicted - reach, predicted + reach).intersection(part);
-        if possible.is_empty() {
-            return Finding::Settled;
+        let reaching = stretch.reaching(parts, shots.place, shots.miss, slack);
+        let away = (reaching.min - shots.place).abs().max((reaching.max - shots.place).abs());
+        let (predicted, off) = stretch.prediction(shots.place, shots.miss, away, slack);
+        let possible = reaching.intersection(LaneRects { min: predicted - off, max: predicted + off });
+        let left = possible.where_or(shot_at, parts);
+        let single = shot_at.and(injective).and(parts.grown(slack).contains(predicted));
+        Findings {
+            parts: parts.to_array(),
+            left: left.where_or_empty(live).to_array(),
+            again: again.to_array(),
+            single: single.to_array(),
+            shots: shots.theta(),
         }
-        if !injective {
-            return Finding::Open(possible);
+    }
+
+    /// Solves what is left of a part, or keeps it for another look.
+    #[inline(always)]
+    fn follow(&mut self, findings: &Findings, lane: usize) {
+        let (part, left) = (&findings.parts[lane], findings.left[lane]);
+        if left.is_empty() {
+            return;
         }
-        if around.contains(predicted)
-            && let Some(root) = solve_complete(self.connection, shot.theta, self.region, counters)
+        if findings.again[lane] {
+            self.unseen.push(left);
+            return;
+        }
+        if findings.single[lane]
+            && let Some(root) = solve_complete(self.connection, findings.shots[lane], self.region, self.counters)
         {
             let place = self.window.place_of(root.path.vertices[0]);
             // A stationary path may be a reflection, of which the bounds say nothing.
             let refracted = root.path.crosses(self.window.side().sign);
             self.add(root);
-            if refracted && around.contains(place) {
-                return Finding::Settled;
+            if refracted && part.grown(self.slack).contains(place) {
+                return;
             }
         }
-        Finding::Open(possible)
+        let size = left.max - left.min;
+        if size.max_element() > SMALLEST * self.cell || left.area() < SMALLER * part.area() {
+            self.push_smaller(part, left);
+        } else {
+            self.found.complete = false;
+            self.solve_from(left.centre());
+        }
     }
 
-    fn solve_from(&mut self, place: DVec2, counters: &mut Counters) {
-        let seed = self.connection.thin_seed(place, counters);
-        let root = seed.and_then(|seed| solve_complete(self.connection, seed, self.region, counters));
+    /// Keeps what is left of a part for another look, or its halves.
+    fn push_smaller(&mut self, part: &Rect, left: Rect) {
+        if left.area() < SMALLER * part.area() {
+            self.unseen.push(left);
+        } else {
+            self.unseen.extend(left.halves());
+        }
+    }
+
+    fn solve_from(&mut self, place: DVec2) {
+        let seed = self.connection.thin_seed(place, self.counters);
+        let root = seed.and_then(|seed| solve_complete(self.connection, seed, self.region, self.counters));
         if let Some(root) = root {
             self.add(root);
         }
     }
 
     fn add(&mut self, root: Root) {
-        if !self.roots.iter().any(|known| self.region.same(known, &root)) {
-            self.roots.push(root);
+        if !self.found.roots.iter().any(|known| self.region.same(known, &root)) {
+            self.found.roots.push(root);
+        }
+    }
+}
+
+impl Findings {
+    /// Of the `live` ones of four parts at which no shot was worth its while.
+    #[inline(always)]
+    fn without_shots<S: FourLanes>(parts: LaneRects<S>, live: Mask<S>, again: Mask<S>) -> Self {
+        Self {
+            parts: parts.to_array(),
+            left: parts.where_or_empty(live).to_array(),
+            again: again.to_array(),
+            single: [false; LANES],
+            shots: [[DVec2::ZERO; 2]; LANES],
         }
     }
 }
@@ -358,11 +394,13 @@ mod tests {
                 let solved = [
                     (
                         solve_complete(&connection, seed, &region, &mut widest),
-                        Complete(Solve { connection: &connection, seed, region: &region, counters: &mut plain }).run(),
+                        Complete(Solve { connection: &connection, seed, region: &region, counters: &mut plain })
+                            .run(pulp::Scalar256b),
                     ),
                     (
                         solve_published(&connection, seed, &region, &mut widest),
-                        Published(Solve { connection: &connection, seed, region: &region, counters: &mut plain }).run(),
+                        Published(Solve { connection: &connection, seed, region: &region, counters: &mut plain })
+                            .run(pulp::Scalar256b),
                     ),
                 ];
                 for (widest, plain) in &solved {
@@ -373,8 +411,8 @@ mod tests {
                     continue;
                 };
                 let widest = enumerate(&window, &connection, &region, counters);
-                let problem = Problem { window: &window, connection: &connection, region: &region, counters };
-                let plain = problem.run();
+                let problem = Search::new(&window, &connection, &region, counters);
+                let plain = problem.run(pulp::Scalar256b);
                 assert_eq!(widest.complete, plain.complete);
                 assert!(widest.roots.iter().map(bits).eq(plain.roots.iter().map(bits)));
                 found += plain.roots.len();

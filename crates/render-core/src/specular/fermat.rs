@@ -18,7 +18,7 @@ use glam::{DMat2, DVec2, DVec3};
 use super::side::{PaneSide, unit_normal};
 use crate::{
     counters::Counters,
-    geometry::{FacePoint, HeightField, SurfaceJet},
+    geometry::{HeightField, SurfaceJet},
     optics::{Source, dielectric::refract},
 };
 
@@ -34,8 +34,8 @@ pub struct Connection<'a> {
     pub source: Source,
     /// Index of refraction of the glass relative to the air.
     pub index: f64,
-    surfaces: [&'a HeightField; 2],
-    bases: [f64; 2],
+    pub(super) surfaces: [&'a HeightField; 2],
+    pub(super) bases: [f64; 2],
 }
 
 /// A path that need not be physical, with the derivatives of its optical length.
@@ -52,24 +52,6 @@ pub struct FermatPath {
     pub(super) jets: [SurfaceJet; 2],
     index: f64,
 }
-
-/// A path that obeys Snell's law at both faces but need not meet the source.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Shot {
-    /// Its vertices.
-    pub(super) theta: Theta,
-    /// Where the line of its first segment crosses the plane of the undisplaced near face.
-    pub(super) place: DVec2,
-    /// By how far it misses the source, on the scale of that plane: without relief, moving `place` by as much would mend
-    /// it.
-    pub(super) miss: DVec2,
-}
-
-/// A shot has found its second vertex when its way in the glass ends less than this part of the pane's thickness beside it.
-const LANDED: f64 = 1e-5;
-
-/// Most rounds until then. Where slopes are so steep that these are too few, Newton's method decides.
-const LANDING_ROUNDS: usize = 8;
 
 /// The symmetric 4x4 Hessian of the optical length in 2x2 blocks.
 #[derive(Clone, Copy, Debug)]
@@ -139,53 +121,6 @@ impl<'a> Connection<'a> {
         let [a, b, w] = directions;
         let gradient = [pulled_back(&jets[0], a - b * self.index), pulled_back(&jets[1], b * self.index - w)];
         FermatPath { vertices, directions, lengths, gradient, jets, index: self.index }
-    }
-
-    /// The path from the shading point through a point of the near face and on by Snell's law; `None` when it is totally
-    /// reflected or leaves away from the source.
-    #[inline(always)]
-    pub(super) fn shoot(&self, near: &FacePoint, far: &FacePoint, counters: &mut Counters) -> Option<Shot> {
-        let FacePoint { place: near, height, gradient } = *near;
-        let x1 = near.extend(self.bases[0] + height);
-        let first = x1 - self.origin;
-        let inner = refract(first.normalize(), unit_normal(gradient), 1.0, self.index)?.direction;
-        let tangent = inner.truncate() * (1.0 / inner.z);
-        let flat = near + tangent * (self.bases[1] - x1.z);
-        let landed = LANDED * (self.bases[1] - self.bases[0]).abs();
-        // Where the ray meets the plane through a point of the far face along its slope.
-        let met = |point: &FacePoint| {
-            let height = point.height + point.gradient.dot(flat - point.place);
-            flat + tangent * (height / (1.0 - point.gradient.dot(tangent)))
-        };
-        let mut far = met(far);
-        let mut rounds = 0;
-        let (height, gradient) = loop {
-            counters.height_evaluations += 1;
-            let (height, gradient) = self.surfaces[1].slope(far);
-            rounds += 1;
-            let off = (flat + tangent * height - far).abs().max_element();
-            if off < landed || rounds == LANDING_ROUNDS {
-                break (height, gradient);
-            }
-            far = met(&FacePoint { place: far, height, gradient });
-        };
-        let exit_z = self.bases[1] + height;
-        let last = refract(inner, unit_normal(gradient), self.index, 1.0)?.direction;
-        let last_tangent = last.truncate() * (1.0 / last.z);
-        let to_plane = (self.bases[0] - self.origin.z) / first.z;
-        let scale = (self.bases[0] - self.origin.z).abs();
-        let miss = match self.source {
-            Source::Point(point) => {
-                let above = point.z - exit_z;
-                let landing = far + last_tangent * above;
-                (point.truncate() - landing) * (scale / (first.z + above).abs())
-            }
-            Source::Direction(direction) => {
-                (direction.truncate() / direction.z - last_tangent) * (direction.z.signum() * scale)
-            }
-        };
-        let place = self.origin.truncate() + first.truncate() * to_plane;
-        (last.z * first.z > 0.0 && miss.is_finite()).then_some(Shot { theta: [near, far], place, miss })
     }
 
     /// A point of the near face refracted towards the light's side: the seed that obeys Snell's law at X1.

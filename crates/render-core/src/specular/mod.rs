@@ -25,6 +25,7 @@ mod passage;
 mod reflection;
 pub mod scope;
 mod selection;
+mod shot;
 pub mod side;
 pub mod sms;
 #[cfg(test)]

@@ -2,28 +2,35 @@
 //!
 //! Wider instructions compute the same bits: sums keep their order, and products and sums are rounded each for itself.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Scalar256b, Simd, WithSimd};
+
+use crate::lanes::FourLanes;
 
 /// A computation whose code, with all that it calls, is inlined into each of the versions.
 pub(super) trait Computation {
     type Output;
 
-    /// Runs it; always inlined.
-    fn run(self) -> Self::Output;
+    /// Runs it with the given instructions; always inlined.
+    fn run<S: FourLanes>(self, simd: S) -> Self::Output;
 }
 
-struct Compiled<C>(C);
+/// A computation with the instructions to run it with.
+struct Compiled<C, S>(C, S);
 
-impl<C: Computation> WithSimd for Compiled<C> {
+impl<C: Computation, S: FourLanes> WithSimd for Compiled<C, S> {
     type Output = C::Output;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
-        self.0.run()
+    fn with_simd<T: Simd>(self, _: T) -> Self::Output {
+        self.0.run(self.1)
     }
 }
 
 /// Runs a computation in the version for this processor.
 pub(super) fn run<C: Computation>(computation: C) -> C::Output {
-    Arch::new().dispatch(Compiled(computation))
+    #[cfg(target_arch = "x86_64")]
+    if let Some(avx2) = pulp::x86::V3::try_new() {
+        return Simd::vectorize(avx2, Compiled(computation, avx2));
+    }
+    Simd::vectorize(Scalar256b, Compiled(computation, Scalar256b))
 }

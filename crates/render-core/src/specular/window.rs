@@ -22,6 +22,7 @@ use super::{
     side::{GRAZING_COSINE, PaneSide},
 };
 use crate::geometry::{Interval, Rect, ShapeBounds};
+use crate::lanes::{FourLanes, LaneRects, Mask};
 
 /// The places from which light may come, in the pane's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,19 +96,19 @@ impl<'a> Window<'a> {
     /// What of a part of the window can matter; `None` when nothing can.
     #[inline(always)]
     pub(super) fn part(&self, part: &Rect) -> Option<Part> {
-        self.with_margin(part, self.landing.part(part)?)
+        let Part { rect, spread } = self.landing.part(part)?;
+        Some(Part { rect: rect.grown(self.margin).intersection(part), spread })
     }
 
-    /// As [`Self::part`], with the shapes of both faces there.
+    /// As [`Self::part`], for four parts with the shapes of both faces there; and for which of them anything can.
     #[inline(always)]
-    pub(super) fn shaped_part(&self, part: &Rect, shapes: &[ShapeBounds; 2]) -> Option<Rect> {
-        self.with_margin(part, self.landing.shaped_part(part, shapes)?).map(|part| part.rect)
-    }
-
-    #[inline(always)]
-    fn with_margin(&self, whole: &Rect, Part { rect, spread }: Part) -> Option<Part> {
-        let rect = rect.grown(self.margin).intersection(whole);
-        (!rect.is_empty()).then_some(Part { rect, spread })
+    pub(super) fn shaped_parts<S: FourLanes>(
+        &self,
+        parts: LaneRects<S>,
+        shapes: &[ShapeBounds<S>; 2],
+    ) -> (LaneRects<S>, Mask<S>) {
+        let left = self.landing.shaped_parts(parts, shapes);
+        (left.grown(self.margin).intersection(parts), left.is_empty().not())
     }
 
     /// Where light from the window goes through the near face.

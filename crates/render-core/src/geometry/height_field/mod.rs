@@ -9,11 +9,12 @@
 //! between which values the surface lies over a rectangle.
 
 mod bounds;
+mod shape;
 
 pub use bounds::JetBounds;
-pub(crate) use bounds::ShapeBounds;
-use bounds::ThirdDerivatives;
 use glam::{DVec2, dvec2};
+use shape::ThirdDerivatives;
+pub(crate) use shape::{FacePoints, ShapeBounds, Symmetric};
 use thiserror::Error;
 use wide::f64x2;
 
@@ -33,17 +34,6 @@ pub struct SurfaceJet {
     pub gradient: DVec2,
     /// The second derivatives by xx, xy and yy, in 1/metre.
     pub hessian: [f64; 3],
-}
-
-/// A point of a height field.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct FacePoint {
-    /// Its tangential coordinates.
-    pub(crate) place: DVec2,
-    /// h, in metres.
-    pub(crate) height: f64,
-    /// dh/dx and dh/dy.
-    pub(crate) gradient: DVec2,
 }
 
 /// Why a grid is no height field.
@@ -203,14 +193,6 @@ impl HeightField {
     /// The height and its first and second derivatives at `p`.
     #[inline(always)]
     pub fn jet(&self, p: DVec2) -> SurfaceJet {
-        let (_, SurfaceJet { height, gradient, hessian: [xx, xy, yy] }) = self.cell_jet(p);
-        let [by_xx, by_xy, by_yy] = self.squared_density;
-        SurfaceJet { height, gradient: gradient * self.density, hessian: [xx * by_xx, xy * by_xy, yy * by_yy] }
-    }
-
-    /// As [`Self::jet`], but with derivatives by the cell coordinates. The cell comes first.
-    #[inline(always)]
-    fn cell_jet(&self, p: DVec2) -> ([u32; 2], SurfaceJet) {
         let (cell, f) = self.locate(p);
         let patch = pairs(self.patch(cell));
         let (w, d) = (ByAxis::new(weights(f)), ByAxis::new(slope_weights(f)));
@@ -221,7 +203,8 @@ impl HeightField {
         let [height, x] = dots([&w.x, &d.x], [&value, &value]);
         let [y, xy] = dots([&w.x, &d.x], [&along_y, &along_y]);
         let [xx, yy] = dots([&c.x, &w.x], [&value, &curved_y]);
-        (cell, SurfaceJet { height, gradient: dvec2(x, y), hessian: [xx, xy, yy] })
+        let [by_xx, by_xy, by_yy] = self.squared_density;
+        SurfaceJet { height, gradient: dvec2(x, y) * self.density, hessian: [xx * by_xx, xy * by_xy, yy * by_yy] }
     }
 
     /// The padded cell coordinates of `p`: cell (i, j) of the padded grid covers `[i, i + 1] x [j, j + 1]`, and the

@@ -17,6 +17,7 @@ use glam::{DMat3, DVec3};
 use wide::f32x8;
 
 use super::{ends::Ends, facet::Facet};
+use crate::lanes::FourLanes;
 use crate::specular::widest::{self, Computation};
 
 /// Boxes in a node.
@@ -160,7 +161,7 @@ impl<F: FnMut(u32)> Computation for Visit<'_, F> {
     type Output = usize;
 
     #[inline(always)]
-    fn run(self) -> usize {
+    fn run<S: FourLanes>(self, _: S) -> usize {
         self.tree.visit_nodes(self.ends, self.open)
     }
 }

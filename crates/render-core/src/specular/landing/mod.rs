@@ -18,6 +18,8 @@
 //! with a vector x0 and matrices L that hardly vary. They are bounded once over the whole window; slopes and curvatures,
 //! which decide, are read for each part.
 
+mod stretch;
+
 use glam::{DMat2, DVec2};
 
 use super::{
@@ -27,25 +29,22 @@ use super::{
     },
     side::PaneSide,
 };
-use crate::{
-    counters::Counters,
-    geometry::{Interval, JetBounds, Rect, ShapeBounds},
-};
+use crate::geometry::{Interval, JetBounds, Rect};
 
 /// A shading point and a source as seen from a pane, mirrored so that light travels towards +z.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Ends {
+pub(in crate::specular) struct Ends {
     /// The shading point's x and y.
-    pub(super) origin: DVec2,
+    pub(in crate::specular) origin: DVec2,
     /// Height of the undisplaced near face above the shading point.
-    pub(super) near: f64,
+    pub(in crate::specular) near: f64,
     /// Where the light comes from.
-    pub(super) source: MirroredSource,
+    pub(in crate::specular) source: MirroredSource,
 }
 
 /// A source, mirrored with its pane.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum MirroredSource {
+pub(in crate::specular) enum MirroredSource {
     /// Bounds on a point relative to the shading point.
     Offset([Interval; 3]),
     /// Bounds on the tangential part of a direction.
@@ -54,7 +53,7 @@ pub(super) enum MirroredSource {
 
 /// For what part of a face bounds are read.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Detail {
+pub(in crate::specular) enum Detail {
     /// For all of it, without looking.
     WholeFace,
     /// For the part where light from the window goes through.
@@ -63,7 +62,7 @@ pub(super) enum Detail {
 
 /// The map from the near plane to the source, bounded over a window.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Landing<'a> {
+pub(in crate::specular) struct Landing<'a> {
     side: PaneSide<'a>,
     outline: Rect,
     /// What leads from a place of the near plane to X1 and to X2.
@@ -102,39 +101,21 @@ struct Lever {
 
 /// A part of a window, without what cannot matter of it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Part {
+pub(in crate::specular) struct Part {
     /// The places from which light can reach the source.
-    pub(super) rect: Rect,
+    pub(in crate::specular) rect: Rect,
     /// How far a landing may be off, on the near plane's scale, because the slopes vary over the part.
-    pub(super) spread: DVec2,
+    pub(in crate::specular) spread: DVec2,
 }
-
-/// How the map stretches a part of the window: the derivative of the landing by the place, on the near plane's scale.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Stretch {
-    /// Middle of the derivative's bounds.
-    derivative: DMat2,
-    /// How far each entry, as a mean over a straight line from a shot to any place of the part, may be from its middle.
-    mean_error: DMat2,
-    /// Inverse of the middle of the derivative's bounds.
-    pub(super) inverse: DMat2,
-    /// Bounds, entry by entry, on how far `inverse` times the derivative is from the identity anywhere in the part.
-    defect: DMat2,
-}
-
-/// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part: terms of
-/// the size of a slope times the sine of an angle of incidence times what is kept. This multiple of it is an estimate and
-/// no bound, so that what rests on it has to be checked at random. It also stands for using x0, the matrices L and the levers
-/// a little outside the window that they are bounded for: by the slack of a shot, and by the height of the relief where the
-/// shot goes through it.
-const LEFT_OUT: f64 = 1.5;
-
-/// A part is injective when its defect is below 1; this much below, so that rounding cannot matter.
-const MOST_DEFECT: f64 = 0.99;
 
 impl<'a> Landing<'a> {
     /// The map over a window, and what of the window can matter; `None` when no light from there reaches the source.
-    pub(super) fn new(side: &PaneSide<'a>, ends: &Ends, window: &Rect, detail: Detail) -> Option<(Self, Part)> {
+    pub(in crate::specular) fn new(
+        side: &PaneSide<'a>,
+        ends: &Ends,
+        window: &Rect,
+        detail: Detail,
+    ) -> Option<(Self, Part)> {
         let (pane, sign) = (side.pane, side.sign);
         let index = pane.index_of_refraction;
         let outline = pane.outline();
@@ -252,92 +233,32 @@ impl<'a> Landing<'a> {
 
     /// What of a part of the window can matter; `None` when no light from there reaches the source.
     #[inline(always)]
-    pub(super) fn part(&self, rect: &Rect) -> Option<Part> {
+    pub(in crate::specular) fn part(&self, rect: &Rect) -> Option<Part> {
         let [entry, exit] = self.regions(rect)?;
         let slopes = [self.side.near_surface().slope_bounds(&entry), self.side.far_surface().slope_bounds(&exit)];
         self.reached(rect, slopes.iter().map(|slopes| (middle(slopes), radius(slopes))))
     }
 
-    /// Whether light from a rectangle of the near plane goes through the outline of both faces.
-    #[inline(always)]
-    pub(super) fn meets_glass(&self, rect: &Rect) -> bool {
-        self.regions(rect).is_some()
-    }
-
-    /// The shapes of both faces where light from a rectangle of the near plane goes through, also beyond the outline.
-    #[inline(always)]
-    pub(super) fn shapes(&self, rect: &Rect, counters: &mut Counters) -> [ShapeBounds; 2] {
-        counters.height_evaluations += 2;
-        let [entry, exit] = [shifted(rect, &self.to_entry), shifted(rect, &self.to_exit)];
-        // On the way from where the shot starts, at most a radius of `to_entry` from the middle, to any place of the
-        // rectangle, the places are on average half as far from the middle as these ends.
-        let nearer = 0.25 * (rect.max - rect.min) - 0.5 * radius(&self.to_entry);
-        let reach = |face: &Rect| 0.5 * (face.max - face.min) - nearer;
-        [
-            self.side.near_surface().shape_bounds(&entry, reach(&entry)),
-            self.side.far_surface().shape_bounds(&exit, reach(&exit)),
-        ]
-    }
-
-    /// As [`Self::part`], with the shapes of the faces there.
-    #[inline(always)]
-    pub(super) fn shaped_part(&self, rect: &Rect, shapes: &[ShapeBounds; 2]) -> Option<Part> {
-        self.reached(rect, shapes.iter().map(|face| (face.slope, face.slope_radius)))
-    }
-
     /// The pane from the side of the shading point.
-    pub(super) fn side(&self) -> &PaneSide<'a> {
+    pub(in crate::specular) fn side(&self) -> &PaneSide<'a> {
         &self.side
     }
 
     /// By how much rounding errors of a direction grow when its tangent is taken: `d/dx x / sqrt(1 - x^2)`.
-    pub(super) fn tangent_rounding(&self) -> f64 {
+    pub(in crate::specular) fn tangent_rounding(&self) -> f64 {
         let secant_squared = 1.0 + 2.0 * self.tilt * self.tilt;
         secant_squared * secant_squared.sqrt()
     }
 
     /// Where light from a rectangle of the near plane goes through the near face.
-    pub(super) fn entry(&self, rect: &Rect) -> Rect {
+    pub(in crate::specular) fn entry(&self, rect: &Rect) -> Rect {
         shifted(rect, &self.to_entry)
     }
 
     /// How far x0 may be off: the source's extent, on the near plane's scale.
     #[inline]
-    pub(super) fn extent(&self) -> DVec2 {
+    pub(in crate::specular) fn extent(&self) -> DVec2 {
         self.flat_radius
-    }
-
-    /// The derivative of the landing where the faces have the given shapes; `None` where its middle is singular.
-    #[inline(always)]
-    pub(super) fn stretch(&self, faces: &[ShapeBounds; 2]) -> Option<Stretch> {
-        let (mut derivative, mut error, mut mean_error) = (DMat2::IDENTITY, DMat2::ZERO, DMat2::ZERO);
-        let (mut steepest, mut largest, mut bent) = (0.0, 1.0, 0.0);
-        for ((face, weight), lever) in faces.iter().zip(&self.weights).zip(&self.levers) {
-            let size = magnitude(&face.curvature);
-            derivative -= weight.middle * (face.curvature * lever.middle);
-            let unsure = weight.magnitude * (size * lever.radius) + weight.radius * (size * lever.middle);
-            let varying = weight.magnitude * (face.curvature_radius * lever.max);
-            let sizes = weight.magnitude * (size * lever.max) + varying;
-            // The near face's curvature turns the ray in the glass, which moves X2.
-            let unsure = unsure + sizes * (self.gap * bent);
-            error += unsure + varying;
-            mean_error += unsure + weight.magnitude * (face.mean_radius * lever.max);
-            largest += larger(sizes.x_axis.max_element(), sizes.y_axis.max_element());
-            let most = size + face.curvature_radius;
-            bent = larger(larger(most.x_axis.x, most.x_axis.y), most.y_axis.y);
-            steepest = larger(steepest, (face.slope.abs() + face.slope_radius).max_element());
-        }
-        let obliquity = (self.tilt + steepest) * (1.0 + self.tilt * self.tilt);
-        let left_out = (LEFT_OUT * steepest * obliquity + self.glass) * largest;
-        let left_out = DMat2::from_cols(DVec2::splat(left_out), DVec2::splat(left_out));
-        let (error, mean_error) = (error + left_out, mean_error + left_out);
-        let scale = 1.0 / derivative.determinant();
-        let inverse = DMat2::from_cols(
-            DVec2::new(derivative.y_axis.y, -derivative.x_axis.y) * scale,
-            DVec2::new(-derivative.y_axis.x, derivative.x_axis.x) * scale,
-        );
-        let defect = magnitude(&inverse) * error;
-        inverse.is_finite().then_some(Stretch { derivative, mean_error, inverse, defect })
     }
 
     /// Where light from a part of the window enters and leaves the glass; `None` when that is beside the outline.
@@ -378,53 +299,6 @@ impl SlopeWeight {
     }
 }
 
-impl Stretch {
-    /// By how much the place of a path predicted from a shot may be off, if it is within `away` of the shot, coordinate by
-    /// coordinate, and the shot is off by `error` in each component.
-    #[inline(always)]
-    pub(super) fn error_of_prediction(&self, away: DVec2, error: f64) -> DVec2 {
-        magnitude(&self.inverse) * (self.mean_error * away + error)
-    }
-
-    /// The places of a part that can land nearer than `slack` to the source, when a shot from `start` misses it by `miss`.
-    ///
-    /// Near a fold the landing moves hardly at all in one direction, however the place moves: that direction tells most.
-    /// Across it, the landing moves like nowhere else, which bounds the places to a strip.
-    #[inline(always)]
-    pub(super) fn reaching(&self, part: &Rect, start: DVec2, miss: DVec2, slack: f64) -> Rect {
-        let squares = self.derivative * self.derivative.transpose();
-        // Near a fold, all columns are along the direction in which the landing moves most.
-        let stiff = if squares.x_axis.x > squares.y_axis.y { squares.x_axis } else { squares.y_axis };
-        let mut left = Rect::new(part.min - start, part.max - start);
-        for along in [stiff, DVec2::new(-stiff.y, stiff.x)] {
-            let away = left.min.abs().max(left.max.abs());
-            let by = self.derivative.transpose() * along;
-            let unsure = (self.mean_error * away + slack).dot(along.abs());
-            let moved = along.dot(miss);
-            let (low, high) = (by * left.min, by * left.max);
-            let (low, high) = (low.min(high), low.max(high));
-            // What each coordinate has to make up for, whatever the other one does.
-            let needed = DVec2::splat(moved) - DVec2::new(high.y, high.x) - unsure;
-            let allowed = DVec2::splat(moved) - DVec2::new(low.y, low.x) + unsure;
-            if needed.cmpgt(high).any() || allowed.cmplt(low).any() {
-                return Rect::new(part.max, part.min);
-            }
-            let scale = by.recip();
-            let (a, b) = (needed * scale, allowed * scale);
-            // Where a coordinate has no influence, this is infinite or not a number, which bounds nothing.
-            left = left.intersection(&Rect::new(a.min(b), a.max(b)));
-        }
-        Rect::new(start + left.min, start + left.max).intersection(part)
-    }
-
-    /// Whether no two places of a part with these half sides land at the same point: the derivative, brought near the
-    /// identity, stays nearer to it than 1 in the norm in which the part is a unit square.
-    #[inline(always)]
-    pub(super) fn is_injective(&self, half_size: DVec2) -> bool {
-        (self.defect * half_size).cmple(half_size * MOST_DEFECT).all()
-    }
-}
-
 /// Bounds on the thickness of the glass along z.
 fn gap(thickness: f64, near_heights: Interval, far_heights: Interval) -> Interval {
     let gap = Interval::point(thickness) + far_heights - near_heights;
@@ -432,7 +306,7 @@ fn gap(thickness: f64, near_heights: Interval, far_heights: Interval) -> Interva
 }
 
 /// Bounds of a face as seen when z is mirrored for a negative sign.
-pub(super) fn mirrored(bounds: &JetBounds, sign: f64) -> JetBounds {
+pub(in crate::specular) fn mirrored(bounds: &JetBounds, sign: f64) -> JetBounds {
     if sign > 0.0 {
         return *bounds;
     }
@@ -486,12 +360,6 @@ fn symmetric([xx, xy, yy]: [f64; 3]) -> DMat2 {
 #[inline(always)]
 fn magnitude(matrix: &DMat2) -> DMat2 {
     DMat2::from_cols(matrix.x_axis.abs(), matrix.y_axis.abs())
-}
-
-/// The larger of two numbers.
-#[inline(always)]
-fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
 }
 
 /// One over an interval that is never negative.
