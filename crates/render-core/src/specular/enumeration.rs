@@ -76,9 +76,9 @@ struct Findings {
     left: [Rect; LANES],
     /// Whether `left` is so much smaller that it is worth another look.
     again: [bool; LANES],
-    /// Whether there is at most one path, which is sought from the shot.
+    /// Whether there is at most one path, which is sought from the seed.
     single: [bool; LANES],
-    shots: [Theta; LANES],
+    seeds: [Theta; LANES],
 }
 
 /// Finds all paths of a connection through a window.
@@ -202,7 +202,7 @@ impl<'a, 'b> Search<'a, 'b> {
             left: left.where_or_empty(live).to_array(),
             again: again.to_array(),
             single: single.to_array(),
-            shots: shots.theta(),
+            seeds: shots.moved(predicted),
         }
     }
 
@@ -218,7 +218,7 @@ impl<'a, 'b> Search<'a, 'b> {
             return;
         }
         if findings.single[lane]
-            && let Some(root) = solve_complete(self.connection, findings.shots[lane], self.region, self.counters)
+            && let Some(root) = solve_complete(self.connection, findings.seeds[lane], self.region, self.counters)
         {
             let place = self.window.place_of(root.path.vertices[0]);
             // A stationary path may be a reflection, of which the bounds say nothing.
@@ -270,7 +270,7 @@ impl Findings {
             left: parts.where_or_empty(live).to_array(),
             again: again.to_array(),
             single: [false; LANES],
-            shots: [[DVec2::ZERO; 2]; LANES],
+            seeds: [[DVec2::ZERO; 2]; LANES],
         }
     }
 }

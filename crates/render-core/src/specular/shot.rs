@@ -27,10 +27,11 @@ const LANDED: f64 = 1e-5;
 const LANDING_ROUNDS: usize = 8;
 
 impl<S: FourLanes> Shots<S> {
-    /// Their vertices, shot by shot.
+    /// About the vertices of the shots that cross the near plane at these places.
     #[inline(always)]
-    pub(super) fn theta(&self) -> [Theta; LANES] {
-        let ([a, b, c, d], [e, f, g, h]) = (self.vertices[0].to_array(), self.vertices[1].to_array());
+    pub(super) fn moved(&self, place: Lanes2<S>) -> [Theta; LANES] {
+        let by = place - self.place;
+        let ([a, b, c, d], [e, f, g, h]) = ((self.vertices[0] + by).to_array(), (self.vertices[1] + by).to_array());
         [[a, e], [b, f], [c, g], [d, h]]
     }
 }
