@@ -6,7 +6,7 @@
 use std::ops::{Add, Mul, Neg, Sub};
 
 use glam::DVec2;
-use pulp::{Simd, f64x4, m64, m64x4};
+use pulp::{Scalar256b, Simd, f64x4, m64, m64x4};
 
 use crate::geometry::Rect;
 
@@ -14,9 +14,53 @@ use crate::geometry::Rect;
 pub(crate) const LANES: usize = 4;
 
 /// Instructions for four numbers.
-pub(crate) trait FourLanes: Simd<f64s = f64x4, m64s = m64x4> {}
+pub(crate) trait FourLanes: Simd<f64s = f64x4, m64s = m64x4> {
+    /// `a` where it is less than `b`, else `b`.
+    fn lesser(self, a: f64x4, b: f64x4) -> f64x4;
 
-impl<S: Simd<f64s = f64x4, m64s = m64x4>> FourLanes for S {}
+    /// `a` where it is greater than `b`, else `b`.
+    fn greater(self, a: f64x4, b: f64x4) -> f64x4;
+
+    /// A bit for each lane, that of the first one lowest.
+    fn bits(self, mask: m64x4) -> u32;
+}
+
+#[cfg(target_arch = "x86_64")]
+impl FourLanes for pulp::x86::V3 {
+    #[inline(always)]
+    fn lesser(self, a: f64x4, b: f64x4) -> f64x4 {
+        self.min_f64s(a, b)
+    }
+
+    #[inline(always)]
+    fn greater(self, a: f64x4, b: f64x4) -> f64x4 {
+        self.max_f64s(a, b)
+    }
+
+    #[inline(always)]
+    fn bits(self, mask: m64x4) -> u32 {
+        self.avx._mm256_movemask_pd(pulp::cast(mask)) as u32
+    }
+}
+
+impl FourLanes for Scalar256b {
+    #[inline(always)]
+    fn lesser(self, a: f64x4, b: f64x4) -> f64x4 {
+        let lesser = |a: f64, b: f64| if a < b { a } else { b };
+        f64x4(lesser(a.0, b.0), lesser(a.1, b.1), lesser(a.2, b.2), lesser(a.3, b.3))
+    }
+
+    #[inline(always)]
+    fn greater(self, a: f64x4, b: f64x4) -> f64x4 {
+        let greater = |a: f64, b: f64| if a > b { a } else { b };
+        f64x4(greater(a.0, b.0), greater(a.1, b.1), greater(a.2, b.2), greater(a.3, b.3))
+    }
+
+    #[inline(always)]
+    fn bits(self, m64x4(a, b, c, d): m64x4) -> u32 {
+        [a, b, c, d].iter().rev().fold(0, |bits, lane| bits << 1 | u32::from(lane.is_set()))
+    }
+}
 
 /// Four numbers.
 #[derive(Clone, Copy, Debug)]
@@ -100,13 +144,13 @@ impl<S: FourLanes> Lanes<S> {
     /// The smaller one; `other` where either is not a number.
     #[inline(always)]
     pub(crate) fn min(self, other: Self) -> Self {
-        self.less_than(other).select(self, other)
+        Self { values: self.simd.lesser(self.values, other.values), ..self }
     }
 
     /// The larger one; `other` where either is not a number.
     #[inline(always)]
     pub(crate) fn max(self, other: Self) -> Self {
-        other.less_than(self).select(self, other)
+        Self { values: self.simd.greater(self.values, other.values), ..self }
     }
 
     /// Whether each is neither infinite nor not a number.
@@ -178,8 +222,8 @@ impl<S: FourLanes> Mask<S> {
 
     #[inline(always)]
     pub(crate) fn to_array(self) -> [bool; LANES] {
-        let m64x4(a, b, c, d) = self.values;
-        [a.is_set(), b.is_set(), c.is_set(), d.is_set()]
+        let bits = self.simd.bits(self.values);
+        [bits & 1 != 0, bits & 2 != 0, bits & 4 != 0, bits & 8 != 0]
     }
 
     #[inline(always)]
@@ -215,14 +259,13 @@ impl<S: FourLanes> Mask<S> {
     /// Whether it holds anywhere.
     #[inline(always)]
     pub(crate) fn any(self) -> bool {
-        self.simd.first_true_m64s(self.values) < LANES
+        self.simd.bits(self.values) != 0
     }
 
     /// In how many lanes it holds.
     #[inline(always)]
     pub(crate) fn count(self) -> u64 {
-        let [a, b, c, d] = self.to_array();
-        u64::from(a) + u64::from(b) + u64::from(c) + u64::from(d)
+        self.simd.bits(self.values).count_ones().into()
     }
 }
 
@@ -384,5 +427,56 @@ impl<S: FourLanes> LaneRects<S> {
     pub(crate) fn area(self) -> Lanes<S> {
         let size = self.max - self.min;
         size.x * size.y
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SPECIAL: [f64; 8] = [0.0, -0.0, 1.5, -2.25, 1e-310, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
+
+    /// What all operations make of two numbers in one lane, beside others: bits, with one pattern for all that is no number.
+    fn results<S: FourLanes>(simd: S, [a, b]: [f64; 2], lane: usize) -> Vec<u64> {
+        let beside = |value: f64| std::array::from_fn(|at| if at == lane { value } else { 0.5 });
+        let (x, y) = (Lanes::new(simd, beside(a)), Lanes::new(simd, beside(b)));
+        let values = [x + y, x - y, x * y, -x, x.abs(), x.sqrt(), x.recip(), x.min(y), x.max(y), x * 3.0];
+        let (less, finite) = (x.less_than(y), x.is_finite());
+        let masks = [less, finite, less.not(), less.and(finite), less.or(finite), finite.and_not(less)];
+        let chosen = less.select(x, y);
+        let bits = |values: Lanes<S>| {
+            let value = values.to_array()[lane];
+            if value.is_nan() { u64::MAX } else { value.to_bits() }
+        };
+        let held = |mask: &Mask<S>| u64::from(mask.to_array()[lane]);
+        let counts = masks.iter().flat_map(|mask| [mask.count(), u64::from(mask.any())]);
+        values.into_iter().chain([chosen]).map(bits).chain(masks.iter().map(held)).chain(counts).collect()
+    }
+
+    #[test]
+    fn all_instructions_compute_the_same_bits_in_every_lane() {
+        for a in SPECIAL {
+            for b in SPECIAL {
+                let plain = results(Scalar256b, [a, b], 0);
+                for lane in 0..LANES {
+                    assert_eq!(results(Scalar256b, [a, b], lane), plain, "{a} {b}, lane {lane}");
+                    #[cfg(target_arch = "x86_64")]
+                    if let Some(avx2) = pulp::x86::V3::try_new() {
+                        assert_eq!(results(avx2, [a, b], lane), plain, "{a} {b}, lane {lane}, AVX2");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_number_bounds_nothing() {
+        let rect = |min: f64, max: f64| {
+            let both = |value: f64| Lanes2::splat(Scalar256b, DVec2::splat(value));
+            LaneRects { min: both(min), max: both(max) }
+        };
+        let left = rect(1.0, 2.0).intersection(rect(f64::NAN, f64::NAN)).to_array()[0];
+        assert_eq!(left, Rect::new(DVec2::ONE, DVec2::splat(2.0)));
+        assert!(rect(1.0, 2.0).where_or_empty(Mask::new(Scalar256b, [false; LANES])).is_empty().to_array()[3]);
     }
 }
