@@ -433,7 +433,7 @@ mod tests {
             light.intersect(&ray).map(|hit| hit.distance)
         };
         for turn in 0..16 {
-            let direction = DVec2::from_angle(f64::from(turn));
+            let direction = DVec2::new(libm::cos(f64::from(turn)), libm::sin(f64::from(turn)));
             assert!((from_below(direction * (0.999 * radius)).unwrap() - 0.7).abs() < 1e-12);
             assert_eq!(from_below(direction * (1.001 * radius)), None);
         }

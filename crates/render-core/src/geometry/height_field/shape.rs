@@ -62,7 +62,7 @@ struct Located<S> {
     along: Lanes2<S>,
 }
 
-/// Four coefficients that control a row of four cells each.
+/// The coefficients that control four cells.
 struct Patches<'a>([Patch<'a>; LANES]);
 
 impl<S: FourLanes> Symmetric<S> {
