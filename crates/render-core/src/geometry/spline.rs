@@ -8,7 +8,7 @@ use std::ops::{Add, Mul, Sub};
 
 use wide::f64x2;
 
-use crate::lanes::{FourLanes, Lanes};
+use crate::lanes::{Instructions, Lanes};
 
 /// Several numbers side by side.
 pub(crate) trait Numbers: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
@@ -23,7 +23,7 @@ impl Numbers for f64x2 {
     }
 }
 
-impl<S: FourLanes> Numbers for Lanes<S> {
+impl<S: Instructions> Numbers for Lanes<S> {
     #[inline(always)]
     fn all(self, value: f64) -> Self {
         Self::splat(self.simd(), value)

@@ -4,8 +4,8 @@
 //! beforehand. The last vertex is to be joined to a point of a light, which it need not obey Snell's law to reach: how far it
 //! is from that, and how that changes with the first vertex, is what a walk over a specular manifold (`manifold`) needs.
 
-use arrayvec::ArrayVec;
 use glam::{DMat2, DVec2, DVec3};
+use smallvec::SmallVec;
 
 use super::{
     ShadingPoint, SpecularEvent,
@@ -21,8 +21,15 @@ use crate::{
         Source,
         dielectric::{absorption, reflect, refract},
     },
-    scene::{Scene, description::MOST_SPECULAR_VERTICES, description::ManifoldConstraint, visibility::straight},
+    scene::{Scene, description::ManifoldConstraint, visibility::straight},
 };
+
+/// A value for each vertex of a chain. The two of a pane fit inline, so that a search through panes allocates nothing, and moving a
+/// chain, which walks do in every step, moves little. More go to the heap.
+type ByVertex<T> = SmallVec<[T; 2]>;
+
+/// A value for each segment, of which there is one more.
+type BySegment<T> = SmallVec<[T; 3]>;
 
 /// A specular vertex.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +48,7 @@ pub(super) struct ChainVertex {
 #[derive(Clone, Debug)]
 pub(super) struct Chain {
     /// From the shading point on; at least one.
-    pub(super) vertices: ArrayVec<ChainVertex, MOST_SPECULAR_VERTICES>,
+    pub(super) vertices: ByVertex<ChainVertex>,
     /// What radiance from the light is multiplied by at all vertices and in the glass between them.
     pub(super) throughput: DVec3,
     /// Unit direction into which the last vertex sends light.
@@ -59,9 +66,9 @@ struct Step {
 #[derive(Clone, Debug)]
 pub(super) struct Segments {
     /// Unit directions.
-    pub(super) directions: ArrayVec<DVec3, { MOST_SPECULAR_VERTICES + 1 }>,
+    pub(super) directions: BySegment<DVec3>,
     /// Lengths, metres; the last is infinite for a light at infinity.
-    pub(super) lengths: ArrayVec<f64, { MOST_SPECULAR_VERTICES + 1 }>,
+    pub(super) lengths: BySegment<f64>,
 }
 
 impl Segments {
@@ -87,7 +94,7 @@ impl Chain {
         events: &[SpecularEvent],
         counters: &mut Counters,
     ) -> Option<Self> {
-        let mut chain = Self { vertices: ArrayVec::new(), throughput: DVec3::ONE, exit: direction };
+        let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: direction };
         let mut ray = Ray::new(point.position, direction);
         for event in events {
             let (inside, leaving) =
@@ -98,7 +105,7 @@ impl Chain {
             }
             let step = chain.meet(scene, &ray, &hit, *event, counters)?;
             chain.throughput *= step.factor;
-            chain.vertices.try_push(step.vertex).ok()?;
+            chain.vertices.push(step.vertex);
             chain.exit = step.next;
             ray = Ray::new(step.vertex.at.position, step.next);
         }
@@ -115,7 +122,7 @@ impl Chain {
         counters: &mut Counters,
     ) -> Option<Self> {
         let (mut ray, mut distance) = straight(point.position, source);
-        let mut chain = Self { vertices: ArrayVec::new(), throughput: DVec3::ONE, exit: ray.direction };
+        let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: ray.direction };
         loop {
             let (inside, leaving) =
                 chain.vertices.last().map_or((None, point.leaving), |last| (last.inside, last.surface));
@@ -124,7 +131,7 @@ impl Chain {
             if chain.vertices.len() == count {
                 return None;
             }
-            chain.vertices.try_push(vertex).ok()?;
+            chain.vertices.push(vertex);
             (ray, distance) = straight(vertex.at.position, source);
         }
         (chain.vertices.len() == count && chain.vertices.last()?.inside.is_none()).then_some(chain)
@@ -201,7 +208,7 @@ impl Chain {
 
     /// Directions and lengths of the segments when the last vertex is joined to the source.
     pub(super) fn segments(&self, origin: DVec3, source: Source) -> Segments {
-        let mut segments = Segments { directions: ArrayVec::new(), lengths: ArrayVec::new() };
+        let mut segments = Segments { directions: BySegment::new(), lengths: BySegment::new() };
         let mut from = origin;
         for vertex in &self.vertices {
             let offset = vertex.at.position - from;
@@ -217,12 +224,8 @@ impl Chain {
     }
 
     /// The constraints at all vertices; `None` where light is totally reflected both ways.
-    pub(super) fn residuals(
-        &self,
-        segments: &Segments,
-        constraint: ManifoldConstraint,
-    ) -> Option<ArrayVec<Residual, MOST_SPECULAR_VERTICES>> {
-        let mut residuals = ArrayVec::new();
+    pub(super) fn residuals(&self, segments: &Segments, constraint: ManifoldConstraint) -> Option<ByVertex<Residual>> {
+        let mut residuals = ByVertex::new();
         for (k, vertex) in self.vertices.iter().enumerate() {
             let to_previous = -segments.directions[k];
             let to_next = segments.directions[k + 1];
@@ -233,7 +236,7 @@ impl Chain {
     }
 
     /// The linearised constraints, each vertex moving along its surface.
-    pub(super) fn rows(&self, segments: &Segments, residuals: &[Residual]) -> ArrayVec<Row, MOST_SPECULAR_VERTICES> {
+    pub(super) fn rows(&self, segments: &Segments, residuals: &[Residual]) -> ByVertex<Row> {
         let by_segment = |gradients: &[DVec3; 2], segment: usize, vertex: usize| {
             let tangents = &self.vertices[vertex].at.tangents;
             turned(gradients, segments.directions[segment], segments.lengths[segment], tangents)

@@ -20,7 +20,7 @@ use super::{
 use crate::{
     counters::Counters,
     geometry::Rect,
-    lanes::{FourLanes, LANES, LaneRects, Lanes, Mask},
+    lanes::{Instructions, LANES, LaneRects, Lanes, Mask},
 };
 
 /// The paths that were found.
@@ -95,7 +95,7 @@ impl Computation for Search<'_, '_> {
     type Output = Enumeration;
 
     #[inline(always)]
-    fn run<S: FourLanes>(mut self, simd: S) -> Enumeration {
+    fn run<S: Instructions>(mut self, simd: S) -> Enumeration {
         let mut looked_at = 0;
         loop {
             let mut parts = [Rect::new(DVec2::ZERO, DVec2::ZERO); LANES];
@@ -154,7 +154,7 @@ impl<'a, 'b> Search<'a, 'b> {
 
     /// Looks at the first `count` of four parts, and shoots from their middles.
     #[inline(always)]
-    fn look<S: FourLanes>(&mut self, simd: S, parts: &[Rect; LANES], count: usize) -> Findings {
+    fn look<S: Instructions>(&mut self, simd: S, parts: &[Rect; LANES], count: usize) -> Findings {
         let (window, slack) = (self.window, self.slack);
         let landing = window.landing();
         let rects = LaneRects::new(simd, parts);
@@ -264,7 +264,7 @@ impl<'a, 'b> Search<'a, 'b> {
 impl Findings {
     /// Of the `live` ones of four parts at which no shot was worth its while.
     #[inline(always)]
-    fn without_shots<S: FourLanes>(parts: LaneRects<S>, live: Mask<S>, again: Mask<S>) -> Self {
+    fn without_shots<S: Instructions>(parts: LaneRects<S>, live: Mask<S>, again: Mask<S>) -> Self {
         Self {
             parts: parts.to_array(),
             left: parts.where_or_empty(live).to_array(),

@@ -6,7 +6,7 @@ use super::{
     fermat::{Connection, FermatPath, Theta},
     widest::{self, Computation},
 };
-use crate::{counters::Counters, geometry::Rect, lanes::FourLanes};
+use crate::{counters::Counters, geometry::Rect, lanes::Instructions};
 
 /// A stationary path: minimum, saddle or maximum of the optical length.
 #[derive(Clone, Copy, Debug)]
@@ -75,7 +75,7 @@ impl Computation for Complete<'_, '_> {
     type Output = Option<Root>;
 
     #[inline(always)]
-    fn run<S: FourLanes>(self, _: S) -> Self::Output {
+    fn run<S: Instructions>(self, _: S) -> Self::Output {
         complete(self.0)
     }
 }
@@ -86,7 +86,7 @@ impl Computation for Published<'_, '_> {
     type Output = Option<Root>;
 
     #[inline(always)]
-    fn run<S: FourLanes>(self, _: S) -> Self::Output {
+    fn run<S: Instructions>(self, _: S) -> Self::Output {
         published(self.0)
     }
 }

@@ -4,7 +4,7 @@ use super::fermat::{Connection, Theta};
 use crate::{
     counters::Counters,
     geometry::FacePoints,
-    lanes::{FourLanes, LANES, Lanes, Lanes2, Lanes3, Mask},
+    lanes::{Instructions, LANES, Lanes, Lanes2, Lanes3, Mask},
     optics::Source,
 };
 
@@ -26,7 +26,7 @@ const LANDED: f64 = 1e-5;
 /// Most rounds until then. Where slopes are so steep that these are too few, Newton's method decides.
 const LANDING_ROUNDS: usize = 8;
 
-impl<S: FourLanes> Shots<S> {
+impl<S: Instructions> Shots<S> {
     /// About the vertices of the shots that cross the near plane at these places.
     #[inline(always)]
     pub(super) fn moved(&self, place: Lanes2<S>) -> [Theta; LANES] {
@@ -40,7 +40,7 @@ impl Connection<'_> {
     /// The `live` ones of four paths from the shading point through points of the near face and on by Snell's law, with points
     /// near which they may meet the far face; and which were neither totally reflected nor left away from the source.
     #[inline(always)]
-    pub(super) fn shoot<S: FourLanes>(
+    pub(super) fn shoot<S: Instructions>(
         &self,
         near: &FacePoints<S>,
         far: &FacePoints<S>,
@@ -96,7 +96,7 @@ impl Connection<'_> {
 /// Where rays that cross the undisplaced plane at `flat`, with such tangents, meet the planes through points of a face along its
 /// slopes.
 #[inline(always)]
-fn met<S: FourLanes>(flat: Lanes2<S>, tangent: Lanes2<S>, point: &FacePoints<S>) -> Lanes2<S> {
+fn met<S: Instructions>(flat: Lanes2<S>, tangent: Lanes2<S>, point: &FacePoints<S>) -> Lanes2<S> {
     let height = point.height + point.gradient.dot(flat - point.place);
     let rise = -point.gradient.dot(tangent) + 1.0;
     flat + tangent.scaled(height * rise.recip())
@@ -105,7 +105,7 @@ fn met<S: FourLanes>(flat: Lanes2<S>, tangent: Lanes2<S>, point: &FacePoints<S>)
 /// Unit directions refracted where a surface `z = h(x, y)` has the given gradients, from a medium of index `index_in` into one
 /// of index `index_out`, as [`refract`](crate::optics::dielectric::refract) does; and which are not totally reflected.
 #[inline(always)]
-fn refracted<S: FourLanes>(
+fn refracted<S: Instructions>(
     direction: Lanes3<S>,
     gradient: Lanes2<S>,
     index_in: f64,

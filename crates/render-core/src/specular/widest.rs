@@ -4,20 +4,20 @@
 
 use pulp::{Scalar256b, Simd, WithSimd};
 
-use crate::lanes::FourLanes;
+use crate::lanes::Instructions;
 
 /// A computation whose code, with all that it calls, is inlined into each of the versions.
 pub(super) trait Computation {
     type Output;
 
     /// Runs it with the given instructions; always inlined.
-    fn run<S: FourLanes>(self, simd: S) -> Self::Output;
+    fn run<S: Instructions>(self, simd: S) -> Self::Output;
 }
 
 /// A computation with the instructions to run it with.
 struct Compiled<C, S>(C, S);
 
-impl<C: Computation, S: FourLanes> WithSimd for Compiled<C, S> {
+impl<C: Computation, S: Instructions> WithSimd for Compiled<C, S> {
     type Output = C::Output;
 
     #[inline(always)]

@@ -22,7 +22,7 @@ use super::{
     side::{GRAZING_COSINE, PaneSide},
 };
 use crate::geometry::{Interval, Rect, ShapeBounds};
-use crate::lanes::{FourLanes, LaneRects, Mask};
+use crate::lanes::{Instructions, LaneRects, Mask};
 
 /// The places from which light may come, in the pane's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,7 +102,7 @@ impl<'a> Window<'a> {
 
     /// As [`Self::part`], for four parts with the shapes of both faces there; and for which of them anything can.
     #[inline(always)]
-    pub(super) fn shaped_parts<S: FourLanes>(
+    pub(super) fn shaped_parts<S: Instructions>(
         &self,
         parts: LaneRects<S>,
         shapes: &[ShapeBounds<S>; 2],

@@ -12,7 +12,7 @@ use crate::geometry::{
         curvature_weights, slope_weights, weights,
     },
 };
-use crate::lanes::{FourLanes, LANES, LaneRects, Lanes, Lanes2, Mask};
+use crate::lanes::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask};
 
 /// Over rectangles with larger half sides, in cells, the Taylor polynomial's remainder is wider than the hull of the cells.
 /// Smaller ones touch no cell more than two columns and rows from that of their middle.
@@ -65,7 +65,7 @@ struct Located<S> {
 /// The coefficients that control four cells.
 struct Patches<'a>([Patch<'a>; LANES]);
 
-impl<S: FourLanes> Symmetric<S> {
+impl<S: Instructions> Symmetric<S> {
     #[inline(always)]
     pub(crate) fn abs(self) -> Self {
         Self { xx: self.xx.abs(), xy: self.xy.abs(), yy: self.yy.abs() }
@@ -108,7 +108,7 @@ impl<S: FourLanes> Symmetric<S> {
     }
 }
 
-impl<S: FourLanes> ShapeBounds<S> {
+impl<S: Instructions> ShapeBounds<S> {
     /// The same for the means over any curve in the region.
     #[inline(always)]
     pub(crate) fn everywhere(self) -> Self {
@@ -135,7 +135,7 @@ impl HeightField {
     /// rectangle that is on average within `reach` of its middle, coordinate by coordinate, the means of the second
     /// derivatives are bounded by `mean_radius`.
     #[inline(always)]
-    pub(crate) fn shape_bounds<S: FourLanes>(
+    pub(crate) fn shape_bounds<S: Instructions>(
         &self,
         rects: LaneRects<S>,
         reach: Lanes2<S>,
@@ -192,7 +192,7 @@ impl HeightField {
     }
 
     /// Bounds over the cells that rectangles touch, where `mask` asks for them.
-    fn shapes_of_cells<S: FourLanes>(
+    fn shapes_of_cells<S: Instructions>(
         &self,
         rects: LaneRects<S>,
         mask: Mask<S>,
@@ -226,7 +226,7 @@ impl HeightField {
 
     /// Heights and gradients at four points.
     #[inline(always)]
-    pub(crate) fn points<S: FourLanes>(&self, place: Lanes2<S>) -> FacePoints<S> {
+    pub(crate) fn points<S: Instructions>(&self, place: Lanes2<S>) -> FacePoints<S> {
         let simd = place.x.simd();
         let located = self.locate_all(place);
         let patches = self.patches_at(&located);
@@ -239,7 +239,7 @@ impl HeightField {
     }
 
     #[inline(always)]
-    fn locate_all<S: FourLanes>(&self, place: Lanes2<S>) -> Located<S> {
+    fn locate_all<S: Instructions>(&self, place: Lanes2<S>) -> Located<S> {
         let simd = place.x.simd();
         let coordinates = place * self.density + self.origin;
         let coordinates = Lanes2::splat(simd, DVec2::ZERO).max(coordinates).min(Lanes2::splat(simd, self.end));
@@ -259,7 +259,7 @@ impl HeightField {
 impl Patches<'_> {
     /// For each column, the weighted sum along it.
     #[inline(always)]
-    fn weighted<S: FourLanes>(&self, simd: S, weights: &[Lanes<S>; 4]) -> [Lanes<S>; 4] {
+    fn weighted<S: Instructions>(&self, simd: S, weights: &[Lanes<S>; 4]) -> [Lanes<S>; 4] {
         [
             dot(&self.column(simd, 0), weights),
             dot(&self.column(simd, 1), weights),
@@ -269,12 +269,12 @@ impl Patches<'_> {
     }
 
     #[inline(always)]
-    fn column<S: FourLanes>(&self, simd: S, column: usize) -> [Lanes<S>; 4] {
+    fn column<S: Instructions>(&self, simd: S, column: usize) -> [Lanes<S>; 4] {
         [self.taps(simd, 0, column), self.taps(simd, 1, column), self.taps(simd, 2, column), self.taps(simd, 3, column)]
     }
 
     #[inline(always)]
-    fn taps<S: FourLanes>(&self, simd: S, row: usize, column: usize) -> Lanes<S> {
+    fn taps<S: Instructions>(&self, simd: S, row: usize, column: usize) -> Lanes<S> {
         let [a, b, c, d] = &self.0;
         Lanes::new(simd, [a[row][column], b[row][column], c[row][column], d[row][column]])
     }
@@ -286,7 +286,7 @@ fn corner([column, row]: [u32; 2]) -> DVec2 {
 }
 
 #[inline(always)]
-fn dot<S: FourLanes>(taps: &[Lanes<S>; 4], weights: &[Lanes<S>; 4]) -> Lanes<S> {
+fn dot<S: Instructions>(taps: &[Lanes<S>; 4], weights: &[Lanes<S>; 4]) -> Lanes<S> {
     (taps[0] * weights[0] + taps[1] * weights[1]) + (taps[2] * weights[2] + taps[3] * weights[3])
 }
 
@@ -324,7 +324,7 @@ impl ThirdDerivatives {
 
     /// Of the cells at most 1, or where `wide` at most 2, columns and rows away.
     #[inline(always)]
-    fn around<S: FourLanes>(&self, simd: S, cells: &[[u32; 2]; LANES], wide: Mask<S>) -> Thirds<S> {
+    fn around<S: Instructions>(&self, simd: S, cells: &[[u32; 2]; LANES], wide: Mask<S>) -> Thirds<S> {
         let wide = wide.to_array();
         let all = [
             self.at(cells[0], wide[0]),
@@ -348,7 +348,7 @@ impl ThirdDerivatives {
 }
 
 #[inline(always)]
-fn entry<S: FourLanes>(simd: S, [a, b, c, d]: &[&[f32; 4]; LANES], entry: usize) -> Lanes<S> {
+fn entry<S: Instructions>(simd: S, [a, b, c, d]: &[&[f32; 4]; LANES], entry: usize) -> Lanes<S> {
     let [a, b, c, d] = [a[entry], b[entry], c[entry], d[entry]];
     Lanes::new(simd, [f64::from(a), f64::from(b), f64::from(c), f64::from(d)])
 }
@@ -361,7 +361,7 @@ struct Thirds<S> {
     yyy: Lanes<S>,
 }
 
-impl<S: FourLanes> Thirds<S> {
+impl<S: Instructions> Thirds<S> {
     /// By how much second derivatives change, at most, over such distances.
     #[inline(always)]
     fn times(&self, Lanes2 { x, y }: Lanes2<S>) -> Symmetric<S> {

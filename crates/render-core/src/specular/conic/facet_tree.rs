@@ -11,17 +11,19 @@
 //! alike. The first term is known, the next two are linear in d, and the rest is small and bounded. So about as many boxes
 //! are opened as touch the places where the linear terms say that a path is, whatever their size.
 
-use std::ops::{Add, Mul, Range, Sub};
+use std::ops::Range;
 
 use glam::{DMat3, DVec3};
-use wide::f32x8;
 
 use super::{ends::Ends, facet::Facet};
-use crate::lanes::FourLanes;
+use crate::lanes::{
+    Instructions,
+    singles::{SINGLES, Singles, Singles3},
+};
 use crate::specular::widest::{self, Computation};
 
 /// Boxes in a node.
-const WIDTH: usize = 8;
+const WIDTH: usize = SINGLES;
 
 /// Marks the number of a child that is a triangle.
 const IS_TRIANGLE: u32 = 1 << 31;
@@ -29,16 +31,11 @@ const IS_TRIANGLE: u32 = 1 << 31;
 /// No child.
 const EMPTY: u32 = u32::MAX;
 
-/// A value for each box of a node.
-type Lanes = f32x8;
+/// A number for each box of a node.
+type Numbers = [f32; WIDTH];
 
-/// A vector for each box of a node.
-#[derive(Clone, Copy, Debug)]
-struct Vectors {
-    x: Lanes,
-    y: Lanes,
-    z: Lanes,
-}
+/// A vector for each box of a node: the three coordinates.
+type Vectors = [Numbers; 3];
 
 /// A node: the boxes of its children, in single precision relative to the middle of the mesh.
 #[derive(Clone, Debug)]
@@ -52,7 +49,7 @@ struct Node {
     /// How normals vary with places: the columns of J.
     turning: [Vectors; 3],
     /// Bounds of what remains of normals, |v|.
-    remainder: Lanes,
+    remainder: Numbers,
     /// Numbers of nodes, or of triangles with [`IS_TRIANGLE`].
     children: [u32; WIDTH],
 }
@@ -68,14 +65,16 @@ struct FacetBox {
 }
 
 /// The ends, as boxes see them.
-struct SeenEnds {
-    point: Vectors,
-    light: Vectors,
-    near: Lanes,
-    indices: [Lanes; 2],
-    side: Lanes,
+struct SeenEnds<S> {
+    point: Singles3<S>,
+    light: Singles3<S>,
+    near: Singles<S>,
+    indices: [Singles<S>; 2],
+    side: Singles<S>,
+    /// Whether the side matters.
+    has_side: bool,
     /// How far places in single precision can be from where they are.
-    grain: Lanes,
+    grain: Singles<S>,
 }
 
 /// The triangles of a mesh by place and normal.
@@ -111,16 +110,18 @@ impl FacetTree {
     }
 
     #[inline(always)]
-    fn visit_nodes(&self, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
+    fn visit_nodes<S: Instructions>(&self, simd: S, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
         let light = ends.light - self.middle * ends.near;
-        let splat = |value: f64| Lanes::splat(value as f32);
+        let grain = f64::from(f32::EPSILON) * ((ends.point - self.middle).length() + self.radius);
+        let [inside, behind] = ends.indices;
         let ends = SeenEnds {
-            point: Vectors::splat(ends.point - self.middle),
-            light: Vectors::splat(light),
-            near: splat(ends.near),
-            indices: ends.indices.map(splat),
-            side: splat(ends.side),
-            grain: splat(f64::from(f32::EPSILON) * ((ends.point - self.middle).length() + self.radius)),
+            point: Singles3::splat(simd, ends.point - self.middle),
+            light: Singles3::splat(simd, light),
+            near: Singles::splat(simd, ends.near as f32),
+            indices: [Singles::splat(simd, inside as f32), Singles::splat(simd, behind as f32)],
+            side: Singles::splat(simd, ends.side as f32),
+            has_side: ends.side != 0.0,
+            grain: Singles::splat(simd, grain as f32),
         };
         let mut looks = 0;
         let (mut level, mut below) = (Vec::with_capacity(256), Vec::with_capacity(256));
@@ -130,7 +131,9 @@ impl FacetTree {
             looks += level.len();
             // All nodes of a level before any of the next: no look waits for another.
             masks.clear();
-            masks.extend(level.iter().map(|&number| self.nodes[number as usize].may_hold(&ends)));
+            for &number in &level {
+                masks.push(self.nodes[number as usize].may_hold(simd, &ends));
+            }
             for (&number, &mask) in level.iter().zip(&masks) {
                 let mut may = mask;
                 while may != 0 {
@@ -161,8 +164,8 @@ impl<F: FnMut(u32)> Computation for Visit<'_, F> {
     type Output = usize;
 
     #[inline(always)]
-    fn run<S: FourLanes>(self, _: S) -> usize {
-        self.tree.visit_nodes(self.ends, self.open)
+    fn run<S: Instructions>(self, simd: S) -> usize {
+        self.tree.visit_nodes(simd, self.ends, self.open)
     }
 }
 
@@ -247,137 +250,109 @@ impl FacetBox {
 impl Node {
     /// A node over children that are yet to be numbered.
     fn over(boxes: &[FacetBox]) -> Self {
-        let lanes = |value: &dyn Fn(&FacetBox) -> f64| {
-            Lanes::from(std::array::from_fn::<f32, WIDTH, _>(|lane| boxes.get(lane).map_or(0.0, value) as f32))
+        let numbers = |value: &dyn Fn(&FacetBox) -> f64| -> Numbers {
+            std::array::from_fn(|lane| boxes.get(lane).map_or(0.0, value) as f32)
         };
-        let vectors = |vector: &dyn Fn(&FacetBox) -> DVec3| Vectors {
-            x: lanes(&|bounds| vector(bounds).x),
-            y: lanes(&|bounds| vector(bounds).y),
-            z: lanes(&|bounds| vector(bounds).z),
+        let vectors = |vector: &dyn Fn(&FacetBox) -> DVec3| -> Vectors {
+            [
+                numbers(&|bounds| vector(bounds).x),
+                numbers(&|bounds| vector(bounds).y),
+                numbers(&|bounds| vector(bounds).z),
+            ]
         };
         Self {
             centre: vectors(&|bounds| bounds.centre),
             half: vectors(&|bounds| bounds.half),
             normal: vectors(&|bounds| bounds.normal),
             turning: [0, 1, 2].map(|axis| vectors(&|bounds| bounds.turning.col(axis))),
-            remainder: lanes(&|bounds| bounds.remainder),
+            remainder: numbers(&|bounds| bounds.remainder),
             children: [EMPTY; WIDTH],
         }
     }
 
     /// Which boxes may hold a path, as the bits of a number.
     #[inline(always)]
-    fn may_hold(&self, ends: &SeenEnds) -> u32 {
-        let grown = Vectors { x: self.half.x + ends.grain, y: self.half.y + ends.grain, z: self.half.z + ends.grain };
-        let reach = grown.dot(grown).sqrt();
-        let to_point = ends.point - self.centre;
-        let to_light = ends.light - self.centre * ends.near;
+    fn may_hold<S: Instructions>(&self, simd: S, ends: &SeenEnds<S>) -> u32 {
+        let (centre, normal) = (Singles3::new(simd, &self.centre), Singles3::new(simd, &self.normal));
+        let (edges, remainder) = (Singles3::new(simd, &self.half), Singles::new(simd, &self.remainder));
+        let grown = Singles3 { x: edges.x + ends.grain, y: edges.y + ends.grain, z: edges.z + ends.grain };
+        let reach = grown.length();
+        let one = Singles::splat(simd, 1.0);
+        let to_point = ends.point - centre;
         // At an infinite distance nothing turns.
-        let seen = [(to_point, Lanes::splat(1.0), ends.indices[0]), (to_light, ends.near, ends.indices[1])];
-        let mut half = Vectors::splat(DVec3::ZERO);
-        let mut speeds = [Lanes::splat(0.0); 2];
-        let mut directions = [half; 2];
-        let (mut fastest, mut bent) = (Lanes::splat(0.0), Lanes::splat(0.0));
-        for (end, (offset, near, index)) in seen.into_iter().enumerate() {
-            let distance = offset.dot(offset).sqrt();
-            let inverse = Lanes::splat(1.0) / distance;
-            directions[end] = offset * inverse;
-            half = half + directions[end] * index;
-            speeds[end] = index * near * inverse;
-            fastest += speeds[end];
-            let moved = near * reach;
-            let least = (distance - moved).max(Lanes::splat(0.0));
-            // Infinite in a box around an end, which has no half vector at its middle and no bound.
-            let turn = moved / least;
-            bent += index * Lanes::splat(BENDING as f32) * turn * turn;
-        }
-        let (normal, normal_length) = (self.normal, self.normal.dot(self.normal).sqrt());
-        let size = half.dot(half).sqrt();
+        let [near_end, far_end] = [
+            SeenEnd::new(to_point, one, ends.indices[0], reach),
+            SeenEnd::new(ends.light - centre * ends.near, ends.near, ends.indices[1], reach),
+        ];
+        let half = near_end.direction * ends.indices[0] + far_end.direction * ends.indices[1];
+        let fastest = near_end.speed + far_end.speed;
+        let bent = near_end.bent + far_end.bent;
+        let (normal_length, size) = (normal.length(), half.length());
         let defect = half.cross(normal);
-        let mut by_place = Vectors::splat(DVec3::ZERO);
-        let mut turned = Vectors::splat(DVec3::ZERO);
-        for (axis, edge) in [grown.x, grown.y, grown.z].into_iter().enumerate() {
+        let zero = Singles::splat(simd, 0.0);
+        let mut by_place = Singles3 { x: zero, y: zero, z: zero };
+        let mut turned = by_place;
+        let axes = [
+            (near_end.direction.x, far_end.direction.x, grown.x, DVec3::X),
+            (near_end.direction.y, far_end.direction.y, grown.y, DVec3::Y),
+            (near_end.direction.z, far_end.direction.z, grown.z, DVec3::Z),
+        ];
+        for ((near_component, far_component, edge, axis), turning) in axes.into_iter().zip(&self.turning) {
             // A column of H: what the half vector does when the place moves along the axis.
-            let column = directions[0] * (directions[0].component(axis) * speeds[0])
-                + directions[1] * (directions[1].component(axis) * speeds[1])
-                - Vectors::splat(DVec3::AXES[axis]) * fastest;
-            let linear = column.cross(normal) + half.cross(self.turning[axis]);
+            let column = near_end.direction * (near_component * near_end.speed)
+                + far_end.direction * (far_component * far_end.speed)
+                - Singles3::splat(simd, axis) * fastest;
+            let turning = Singles3::new(simd, turning);
+            let linear = column.cross(normal) + half.cross(turning);
             by_place = by_place + linear.abs() * edge;
-            turned = turned + self.turning[axis].abs() * edge;
+            turned = turned + turning.abs() * edge;
         }
-        let away = turned.dot(turned).sqrt() + self.remainder;
+        let away = turned.length() + remainder;
         let longest = normal_length + away;
         let rest = fastest * reach * away
             + bent * longest
-            + size * self.remainder
-            + Lanes::splat(ROUNDING) * (size + Lanes::splat(1.0)) * longest;
+            + size * remainder
+            + Singles::splat(simd, ROUNDING) * (size + one) * longest;
+        let exceeds = (by_place.x + rest).less_than(defect.x.abs())
+            | (by_place.y + rest).less_than(defect.y.abs())
+            | (by_place.z + rest).less_than(defect.z.abs());
         // The shading point is on the right side of some place.
-        let above = normal.dot(to_point) * ends.side;
-        let slack = longest * reach + away * to_point.dot(to_point).sqrt();
-        let hidden = (above + slack).simd_lt(Lanes::splat(0.0)) & ends.side.simd_ne(Lanes::splat(0.0));
-        let exceeds = |defect: Lanes, bound: Lanes| defect.abs().simd_gt(bound + rest);
-        let none =
-            exceeds(defect.x, by_place.x) | exceeds(defect.y, by_place.y) | exceeds(defect.z, by_place.z) | hidden;
-        !none.to_bitmask() & ((1 << WIDTH) - 1)
+        let hidden = if ends.has_side {
+            let above = normal.dot(to_point) * ends.side;
+            let slack = longest * reach + away * to_point.length();
+            (above + slack).less_than(zero)
+        } else {
+            0
+        };
+        !(exceeds | hidden) & ((1 << WIDTH) - 1)
     }
 }
 
-impl Vectors {
-    #[inline(always)]
-    fn splat(vector: DVec3) -> Self {
-        let lanes = |value: f64| Lanes::splat(value as f32);
-        Self { x: lanes(vector.x), y: lanes(vector.y), z: lanes(vector.z) }
-    }
+/// An end of a path as seen from the boxes of a node.
+struct SeenEnd<S> {
+    /// The direction to it from their middles.
+    direction: Singles3<S>,
+    /// How fast its part of the half vector turns with the place.
+    speed: Singles<S>,
+    /// What else that part may change by within the box.
+    bent: Singles<S>,
+}
 
+impl<S: Instructions> SeenEnd<S> {
     #[inline(always)]
-    fn component(&self, axis: usize) -> Lanes {
-        [self.x, self.y, self.z][axis]
-    }
-
-    #[inline(always)]
-    fn dot(self, other: Self) -> Lanes {
-        self.x * other.x + self.y * other.y + self.z * other.z
-    }
-
-    #[inline(always)]
-    fn cross(self, other: Self) -> Self {
+    fn new(offset: Singles3<S>, near: Singles<S>, index: Singles<S>, reach: Singles<S>) -> Self {
+        let simd = index.simd();
+        let distance = offset.length();
+        let inverse = Singles::splat(simd, 1.0).over(distance);
+        let moved = near * reach;
+        let least = (distance - moved).positive_part();
+        // Infinite in a box around an end, which has no half vector at its middle and no bound.
+        let turn = moved.over(least);
         Self {
-            x: self.y * other.z - self.z * other.y,
-            y: self.z * other.x - self.x * other.z,
-            z: self.x * other.y - self.y * other.x,
+            direction: offset * inverse,
+            speed: index * near * inverse,
+            bent: index * Singles::splat(simd, BENDING as f32) * turn * turn,
         }
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        Self { x: self.x.abs(), y: self.y.abs(), z: self.z.abs() }
-    }
-}
-
-impl Add for Vectors {
-    type Output = Self;
-
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        Self { x: self.x + other.x, y: self.y + other.y, z: self.z + other.z }
-    }
-}
-
-impl Sub for Vectors {
-    type Output = Self;
-
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        Self { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
-    }
-}
-
-impl Mul<Lanes> for Vectors {
-    type Output = Self;
-
-    #[inline(always)]
-    fn mul(self, factor: Lanes) -> Self {
-        Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
     }
 }
 

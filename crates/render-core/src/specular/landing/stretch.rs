@@ -7,7 +7,7 @@ use super::{Landing, Lever, SlopeWeight, radius};
 use crate::{
     counters::Counters,
     geometry::{Rect, ShapeBounds, Symmetric},
-    lanes::{FourLanes, LANES, LaneRects, Lanes, Lanes2, Mask},
+    lanes::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask},
     specular::direction_bounds::Box2,
 };
 
@@ -45,7 +45,7 @@ pub(in crate::specular) struct Stretch<S> {
 impl<'a> Landing<'a> {
     /// Which of four rectangles of the near plane send light through the outline of both faces.
     #[inline(always)]
-    pub(in crate::specular) fn meets_glass<S: FourLanes>(&self, rects: LaneRects<S>) -> Mask<S> {
+    pub(in crate::specular) fn meets_glass<S: Instructions>(&self, rects: LaneRects<S>) -> Mask<S> {
         let outline = LaneRects::new(rects.min.x.simd(), &[self.outline; LANES]);
         let entry = rects.shifted(&rect(&self.to_entry));
         let exit = rects.shifted(&rect(&self.to_exit));
@@ -54,7 +54,7 @@ impl<'a> Landing<'a> {
 
     /// The shapes of both faces where light from four rectangles of the near plane goes through, also beyond the outline.
     #[inline(always)]
-    pub(in crate::specular) fn shapes<S: FourLanes>(
+    pub(in crate::specular) fn shapes<S: Instructions>(
         &self,
         rects: LaneRects<S>,
         live: Mask<S>,
@@ -75,7 +75,7 @@ impl<'a> Landing<'a> {
     /// The places of four parts from which light can reach the source, where the faces have the given shapes; empty where
     /// there are none.
     #[inline(always)]
-    pub(in crate::specular) fn shaped_parts<S: FourLanes>(
+    pub(in crate::specular) fn shaped_parts<S: Instructions>(
         &self,
         parts: LaneRects<S>,
         shapes: &[ShapeBounds<S>; 2],
@@ -92,7 +92,7 @@ impl<'a> Landing<'a> {
 
     /// The derivatives of the landing where the faces have the given shapes, and where their middles are not singular.
     #[inline(always)]
-    pub(in crate::specular) fn stretch<S: FourLanes>(&self, faces: &[ShapeBounds<S>; 2]) -> (Stretch<S>, Mask<S>) {
+    pub(in crate::specular) fn stretch<S: Instructions>(&self, faces: &[ShapeBounds<S>; 2]) -> (Stretch<S>, Mask<S>) {
         let simd = faces[0].slope.x.simd();
         let zero = Lanes::splat(simd, 0.0);
         let one = Lanes::splat(simd, 1.0);
@@ -136,7 +136,7 @@ impl<'a> Landing<'a> {
     }
 }
 
-impl<S: FourLanes> Stretch<S> {
+impl<S: Instructions> Stretch<S> {
     /// Where a path is, predicted from a shot that misses by so much, and by how much that may be off if it is within `away`
     /// of the shot, coordinate by coordinate, and the shot is off by `error` in each component.
     #[inline(always)]
@@ -223,7 +223,7 @@ impl<S: FourLanes> Stretch<S> {
     }
 }
 
-impl<S: FourLanes> Matrices<S> {
+impl<S: Instructions> Matrices<S> {
     #[inline(always)]
     fn filled(value: Lanes<S>) -> Self {
         let both = Lanes2 { x: value, y: value };
@@ -270,7 +270,7 @@ impl<S: FourLanes> Matrices<S> {
 
 /// A matrix times four vectors.
 #[inline(always)]
-fn product<S: FourLanes>(matrix: &DMat2, vectors: Lanes2<S>) -> Lanes2<S> {
+fn product<S: Instructions>(matrix: &DMat2, vectors: Lanes2<S>) -> Lanes2<S> {
     let (x, y) = (matrix.x_axis, matrix.y_axis);
     Lanes2 { x: vectors.x * x.x + vectors.y * y.x, y: vectors.x * x.y + vectors.y * y.y }
 }

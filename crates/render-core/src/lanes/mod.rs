@@ -1,20 +1,22 @@
-//! Four numbers side by side, computed with one instruction where the processor can.
+//! Four numbers side by side, or eight in single precision ([`singles`]), computed with one instruction where the processor can.
 //!
 //! A value carries the token of the instructions that it is computed with (`pulp`): AVX2, or plain code for other processors.
 //! Both compute the same bits. Nothing is fused, and the smaller or larger of two numbers is chosen by comparing them.
 
+pub(crate) mod singles;
+
 use std::ops::{Add, Mul, Neg, Sub};
 
 use glam::DVec2;
-use pulp::{Scalar256b, Simd, f64x4, m64, m64x4};
+use pulp::{Scalar256b, Simd, f32x8, f64x4, m32x8, m64, m64x4};
 
 use crate::geometry::Rect;
 
 /// How many numbers there are.
 pub(crate) const LANES: usize = 4;
 
-/// Instructions for four numbers.
-pub(crate) trait FourLanes: Simd<f64s = f64x4, m64s = m64x4> {
+/// Instructions for four numbers, or eight in single precision.
+pub(crate) trait Instructions: Simd<f64s = f64x4, m64s = m64x4, f32s = f32x8, m32s = m32x8> {
     /// `a` where it is less than `b`, else `b`.
     fn lesser(self, a: f64x4, b: f64x4) -> f64x4;
 
@@ -23,10 +25,13 @@ pub(crate) trait FourLanes: Simd<f64s = f64x4, m64s = m64x4> {
 
     /// A bit for each lane, that of the first one lowest.
     fn bits(self, mask: m64x4) -> u32;
+
+    /// As [`Self::bits`], for eight lanes.
+    fn bits_of_singles(self, mask: m32x8) -> u32;
 }
 
 #[cfg(target_arch = "x86_64")]
-impl FourLanes for pulp::x86::V3 {
+impl Instructions for pulp::x86::V3 {
     #[inline(always)]
     fn lesser(self, a: f64x4, b: f64x4) -> f64x4 {
         self.min_f64s(a, b)
@@ -41,9 +46,14 @@ impl FourLanes for pulp::x86::V3 {
     fn bits(self, mask: m64x4) -> u32 {
         self.avx._mm256_movemask_pd(pulp::cast(mask)) as u32
     }
+
+    #[inline(always)]
+    fn bits_of_singles(self, mask: m32x8) -> u32 {
+        self.avx._mm256_movemask_ps(pulp::cast(mask)) as u32
+    }
 }
 
-impl FourLanes for Scalar256b {
+impl Instructions for Scalar256b {
     #[inline(always)]
     fn lesser(self, a: f64x4, b: f64x4) -> f64x4 {
         let lesser = |a: f64, b: f64| if a < b { a } else { b };
@@ -59,6 +69,11 @@ impl FourLanes for Scalar256b {
     #[inline(always)]
     fn bits(self, m64x4(a, b, c, d): m64x4) -> u32 {
         [a, b, c, d].iter().rev().fold(0, |bits, lane| bits << 1 | u32::from(lane.is_set()))
+    }
+
+    #[inline(always)]
+    fn bits_of_singles(self, m32x8(a, b, c, d, e, f, g, h): m32x8) -> u32 {
+        [a, b, c, d, e, f, g, h].iter().rev().fold(0, |bits, lane| bits << 1 | u32::from(lane.is_set()))
     }
 }
 
@@ -98,7 +113,7 @@ pub(crate) struct LaneRects<S> {
     pub(crate) max: Lanes2<S>,
 }
 
-impl<S: FourLanes> Lanes<S> {
+impl<S: Instructions> Lanes<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, [a, b, c, d]: [f64; LANES]) -> Self {
         Self { simd, values: f64x4(a, b, c, d) }
@@ -163,7 +178,7 @@ impl<S: FourLanes> Lanes<S> {
 /// An operator between two, and between one and the same number in each lane.
 macro_rules! operator {
     ($trait:ident, $name:ident, $function:ident) => {
-        impl<S: FourLanes> $trait for Lanes<S> {
+        impl<S: Instructions> $trait for Lanes<S> {
             type Output = Self;
 
             #[inline(always)]
@@ -172,7 +187,7 @@ macro_rules! operator {
             }
         }
 
-        impl<S: FourLanes> $trait<f64> for Lanes<S> {
+        impl<S: Instructions> $trait<f64> for Lanes<S> {
             type Output = Self;
 
             #[inline(always)]
@@ -181,7 +196,7 @@ macro_rules! operator {
             }
         }
 
-        impl<S: FourLanes> $trait for Lanes2<S> {
+        impl<S: Instructions> $trait for Lanes2<S> {
             type Output = Self;
 
             #[inline(always)]
@@ -190,7 +205,7 @@ macro_rules! operator {
             }
         }
 
-        impl<S: FourLanes> $trait<DVec2> for Lanes2<S> {
+        impl<S: Instructions> $trait<DVec2> for Lanes2<S> {
             type Output = Self;
 
             #[inline(always)]
@@ -205,7 +220,7 @@ operator!(Add, add, add_f64s);
 operator!(Sub, sub, sub_f64s);
 operator!(Mul, mul, mul_f64s);
 
-impl<S: FourLanes> Neg for Lanes<S> {
+impl<S: Instructions> Neg for Lanes<S> {
     type Output = Self;
 
     #[inline(always)]
@@ -214,7 +229,7 @@ impl<S: FourLanes> Neg for Lanes<S> {
     }
 }
 
-impl<S: FourLanes> Mask<S> {
+impl<S: Instructions> Mask<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, [a, b, c, d]: [bool; LANES]) -> Self {
         Self { simd, values: m64x4(m64::new(a), m64::new(b), m64::new(c), m64::new(d)) }
@@ -269,7 +284,7 @@ impl<S: FourLanes> Mask<S> {
     }
 }
 
-impl<S: FourLanes> Lanes2<S> {
+impl<S: Instructions> Lanes2<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, [a, b, c, d]: [DVec2; LANES]) -> Self {
         Self { x: Lanes::new(simd, [a.x, b.x, c.x, d.x]), y: Lanes::new(simd, [a.y, b.y, c.y, d.y]) }
@@ -322,7 +337,7 @@ impl<S: FourLanes> Lanes2<S> {
     }
 }
 
-impl<S: FourLanes> Lanes3<S> {
+impl<S: Instructions> Lanes3<S> {
     #[inline(always)]
     pub(crate) fn dot(self, other: Self) -> Lanes<S> {
         self.x * other.x + self.y * other.y + self.z * other.z
@@ -349,7 +364,7 @@ impl<S: FourLanes> Lanes3<S> {
     }
 }
 
-impl<S: FourLanes> LaneRects<S> {
+impl<S: Instructions> LaneRects<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, [a, b, c, d]: &[Rect; LANES]) -> Self {
         let (min, max) = ([a.min, b.min, c.min, d.min], [a.max, b.max, c.max, d.max]);
@@ -437,7 +452,7 @@ mod tests {
     const SPECIAL: [f64; 8] = [0.0, -0.0, 1.5, -2.25, 1e-310, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
 
     /// What all operations make of two numbers in one lane, beside others: bits, with one pattern for all that is no number.
-    fn results<S: FourLanes>(simd: S, [a, b]: [f64; 2], lane: usize) -> Vec<u64> {
+    fn results<S: Instructions>(simd: S, [a, b]: [f64; 2], lane: usize) -> Vec<u64> {
         let beside = |value: f64| std::array::from_fn(|at| if at == lane { value } else { 0.5 });
         let (x, y) = (Lanes::new(simd, beside(a)), Lanes::new(simd, beside(b)));
         let values = [x + y, x - y, x * y, -x, x.abs(), x.sqrt(), x.recip(), x.min(y), x.max(y), x * 3.0];
