@@ -402,11 +402,12 @@ impl<S: Instructions> LaneRects<S> {
         self.where_or(mask, Self { min: self.max + DVec2::ONE, max: self.max })
     }
 
+    /// Which hold a point; none holds what is no number.
     #[inline(always)]
     pub(crate) fn contains(self, point: Lanes2<S>) -> Mask<S> {
         let before = point.x.less_than(self.min.x).or(point.y.less_than(self.min.y));
         let behind = self.max.x.less_than(point.x).or(self.max.y.less_than(point.y));
-        before.or(behind).not()
+        before.or(behind).not().and(point.is_finite())
     }
 
     /// What both have in common; where a bound of `other` is not a number, it bounds nothing.

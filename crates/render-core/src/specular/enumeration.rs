@@ -40,7 +40,7 @@ const MOST_PARTS: usize = 1000;
 const SMALLEST: f64 = 0.25;
 
 /// A shot lands with less than this error, in thicknesses of the pane: its second vertex is off by less than its last
-/// step (`fermat::Connection::shoot`).
+/// step (`Connection::shoot`).
 const SHOT_ERROR: f64 = 1e-4;
 
 /// Larger parts, in cells of the finer face, are halved without a shot, and all but the whole window without a look at the
@@ -68,7 +68,7 @@ struct Search<'a, 'b> {
     found: Enumeration,
 }
 
-/// What is known of four parts after a shot at each.
+/// What is known of four parts after a look, and a shot at those that are worth it.
 struct Findings {
     /// What can matter of them, by the slopes there.
     parts: [Rect; LANES],
@@ -105,6 +105,7 @@ impl Computation for Search<'_, '_> {
             {
                 looked_at += 1;
                 if looked_at > MOST_PARTS {
+                    // What is left may still hold paths.
                     self.found.complete = false;
                     self.unseen.clear();
                     break;
@@ -161,7 +162,8 @@ impl<'a, 'b> Search<'a, 'b> {
         let around = rects.grown(slack);
         let live = Mask::new(simd, [count > 0, count > 1, count > 2, count > 3]).and(landing.meets_glass(around));
         if !live.any() {
-            return Findings::without_shots(rects, live, live);
+            let none = live;
+            return Findings::without_shots(rects, none, none);
         }
         let shapes = landing.shapes(around, live, self.counters);
         let (parts, reached) = window.shaped_parts(rects, &shapes);
@@ -172,10 +174,10 @@ impl<'a, 'b> Search<'a, 'b> {
             return Findings::without_shots(parts, live, again);
         }
         let half_size = parts.half_size();
-        let (stretch, regular) = landing.stretch(&shapes);
+        let (mut stretch, regular) = landing.stretch(&shapes);
         let injective = stretch.is_injective(half_size + DVec2::splat(slack));
-        let small = half_size.max_element().less_than(Lanes::splat(simd, 0.5 * LARGE * self.cell));
-        let shot_at = shot_at.and(regular).and(injective.or(small));
+        let large = Lanes::splat(simd, 0.5 * LARGE * self.cell).less_than(half_size.max_element());
+        let shot_at = shot_at.and(regular).and(injective.or(large.not()));
         if !shot_at.any() {
             return Findings::without_shots(parts, live, again);
         }
@@ -183,12 +185,11 @@ impl<'a, 'b> Search<'a, 'b> {
         let mut shot_at = shot_at.and(arrived);
         // The way from there to any place of the part has to lie where the derivative is bounded.
         let outside = shot_at.and_not(around.contains(shots.place));
-        let mut stretch = stretch;
         if outside.any() {
             let hull = LaneRects { min: around.min.min(shots.place), max: around.max.max(shots.place) };
             let [near, far] = landing.shapes(hull, outside, self.counters);
             let (wider, regular) = landing.stretch(&[near.everywhere(), far.everywhere()]);
-            stretch = stretch.replaced(outside, wider);
+            stretch = wider.where_or(outside, stretch);
             shot_at = shot_at.and_not(outside.and_not(regular));
         }
         let reaching = stretch.reaching(parts, shots.place, shots.miss, slack);
@@ -383,11 +384,17 @@ mod tests {
             let mut random = random(8);
             let counters = &mut Counters::default();
             let mut found = 0;
-            for _ in 0..100 {
+            for case in 0..100 {
                 let origin = ((pair(&mut random) - 0.5) * 0.6).extend(-0.9);
                 let centre = ((pair(&mut random) - 0.5) * 0.6).extend(1.5);
                 let side = PaneSide::facing(&pane, origin).unwrap();
-                let connection = Connection::new(&side, origin, Source::Point(centre));
+                let direction = (centre - origin).normalize();
+                let (source, bounds) = if case % 2 == 0 {
+                    (Source::Point(centre), SourceBounds::Ball { centre, radius: 0.0 })
+                } else {
+                    (Source::Direction(direction), SourceBounds::Cap { direction, sin_radius: 0.0 })
+                };
+                let connection = Connection::new(&side, origin, source);
                 let region = SearchRegion::around(&pane.outline(), pane.thickness);
                 let seed = [0, 1].map(|_| (pair(&mut random) - 0.5) * pane.size);
                 let [mut widest, mut plain] = [Counters::default(); 2];
@@ -407,9 +414,7 @@ mod tests {
                     assert_eq!(widest.as_ref().map(bits), plain.as_ref().map(bits));
                 }
                 assert_eq!(widest, plain);
-                let Some(window) = Window::new(&side, origin, &SourceBounds::Ball { centre, radius: 0.0 }) else {
-                    continue;
-                };
+                let Some(window) = Window::new(&side, origin, &bounds) else { continue };
                 let widest = enumerate(&window, &connection, &region, counters);
                 let problem = Search::new(&window, &connection, &region, counters);
                 let plain = problem.run(pulp::Scalar256b);

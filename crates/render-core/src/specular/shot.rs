@@ -122,3 +122,42 @@ fn refracted<S: Instructions>(
     let added = zero.less_than(along).select(-added, added);
     (direction.scaled(Lanes::splat(simd, ratio)).plus(normal.scaled(added)), zero.less_than(cos_out_squared))
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec2, DVec3};
+    use pulp::Scalar256b;
+
+    use super::*;
+    use crate::{
+        optics::dielectric::refract,
+        specular::{
+            side::unit_normal,
+            testing::{pair, random},
+        },
+    };
+
+    #[test]
+    fn four_directions_are_refracted_as_one_is() {
+        let mut random = random(4);
+        let mut reflected = 0;
+        for case in 0..500 {
+            let (indices, towards) = ([[1.0, 1.52], [1.52, 1.0]][case % 2], [1.0, -1.0][case / 2 % 2]);
+            let direction = ((pair(&mut random) - 0.5) * 3.0).extend(towards).normalize();
+            let gradients: [DVec2; LANES] = std::array::from_fn(|_| pair(&mut random) - 0.5);
+            let same = |value: f64| Lanes::splat(Scalar256b, value);
+            let directions = Lanes3 { x: same(direction.x), y: same(direction.y), z: same(direction.z) };
+            let (found, goes_on) = refracted(directions, Lanes2::new(Scalar256b, gradients), indices[0], indices[1]);
+            for (lane, gradient) in gradients.into_iter().enumerate() {
+                let expected = refract(direction, unit_normal(gradient), indices[0], indices[1]);
+                assert_eq!(goes_on.to_array()[lane], expected.is_some(), "{direction} {gradient}");
+                let found = [found.x, found.y, found.z].map(|component| component.to_array()[lane]);
+                match expected {
+                    Some(expected) => assert!((DVec3::from(found) - expected.direction).length() < 1e-14),
+                    None => reflected += 1,
+                }
+            }
+        }
+        assert!(reflected > 100, "{reflected}");
+    }
+}

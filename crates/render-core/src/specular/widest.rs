@@ -20,6 +20,7 @@ struct Compiled<C, S>(C, S);
 impl<C: Computation, S: Instructions> WithSimd for Compiled<C, S> {
     type Output = C::Output;
 
+    /// The token is the one that the computation has already, of a type that says how many lanes there are.
     #[inline(always)]
     fn with_simd<T: Simd>(self, _: T) -> Self::Output {
         self.0.run(self.1)

@@ -108,7 +108,7 @@ impl<'a> Window<'a> {
         shapes: &[ShapeBounds<S>; 2],
     ) -> (LaneRects<S>, Mask<S>) {
         let left = self.landing.shaped_parts(parts, shapes);
-        (left.grown(self.margin).intersection(parts), left.is_empty().not())
+        (parts.intersection(left.grown(self.margin)), left.is_empty().not())
     }
 
     /// Where light from the window goes through the near face.

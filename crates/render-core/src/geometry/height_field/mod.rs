@@ -6,7 +6,7 @@
 //! smoothly past the outline and becomes constant two values further out.
 //!
 //! A *cell* is the square between four neighbouring values, on which the surface is one bicubic polynomial. `bounds` says
-//! between which values the surface lies over a rectangle.
+//! between which values the surface lies over a rectangle, and `shape` does so for four rectangles that may be small.
 
 mod bounds;
 mod shape;

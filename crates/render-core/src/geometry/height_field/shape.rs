@@ -115,15 +115,15 @@ impl<S: Instructions> ShapeBounds<S> {
         Self { mean_radius: self.curvature_radius, ..self }
     }
 
-    /// Those of `other` where `mask` says so.
+    /// These where `mask` holds, and `others` elsewhere; the middles stay.
     #[inline(always)]
-    fn replaced(self, mask: Mask<S>, other: Self) -> Self {
+    fn where_or(self, mask: Mask<S>, others: Self) -> Self {
         Self {
-            slope: mask.select2(other.slope, self.slope),
-            slope_radius: mask.select2(other.slope_radius, self.slope_radius),
-            curvature: other.curvature.where_or(mask, self.curvature),
-            curvature_radius: other.curvature_radius.where_or(mask, self.curvature_radius),
-            mean_radius: other.mean_radius.where_or(mask, self.mean_radius),
+            slope: mask.select2(self.slope, others.slope),
+            slope_radius: mask.select2(self.slope_radius, others.slope_radius),
+            curvature: self.curvature.where_or(mask, others.curvature),
+            curvature_radius: self.curvature_radius.where_or(mask, others.curvature_radius),
+            mean_radius: self.mean_radius.where_or(mask, others.mean_radius),
             middle: self.middle,
         }
     }
@@ -188,7 +188,7 @@ impl HeightField {
             middle: FacePoints { place, height, gradient },
         };
         let too_large = Lanes::splat(simd, MOST_CELLS).less_than(larger_side).and(live);
-        if too_large.any() { shape.replaced(too_large, self.shapes_of_cells(rects, too_large, shape)) } else { shape }
+        if too_large.any() { self.shapes_of_cells(rects, too_large, shape).where_or(too_large, shape) } else { shape }
     }
 
     /// Bounds over the cells that rectangles touch, where `mask` asks for them.

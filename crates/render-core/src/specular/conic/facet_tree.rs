@@ -32,10 +32,10 @@ const IS_TRIANGLE: u32 = 1 << 31;
 const EMPTY: u32 = u32::MAX;
 
 /// A number for each box of a node.
-type Numbers = [f32; WIDTH];
+type ByBox = [f32; WIDTH];
 
 /// A vector for each box of a node: the three coordinates.
-type Vectors = [Numbers; 3];
+type Vectors = [ByBox; 3];
 
 /// A node: the boxes of its children, in single precision relative to the middle of the mesh.
 #[derive(Clone, Debug)]
@@ -49,7 +49,7 @@ struct Node {
     /// How normals vary with places: the columns of J.
     turning: [Vectors; 3],
     /// Bounds of what remains of normals, |v|.
-    remainder: Numbers,
+    remainder: ByBox,
     /// Numbers of nodes, or of triangles with [`IS_TRIANGLE`].
     children: [u32; WIDTH],
 }
@@ -110,7 +110,7 @@ impl FacetTree {
     }
 
     #[inline(always)]
-    fn visit_nodes<S: Instructions>(&self, simd: S, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
+    pub(super) fn visit_nodes<S: Instructions>(&self, simd: S, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
         let light = ends.light - self.middle * ends.near;
         let grain = f64::from(f32::EPSILON) * ((ends.point - self.middle).length() + self.radius);
         let [inside, behind] = ends.indices;
@@ -250,7 +250,7 @@ impl FacetBox {
 impl Node {
     /// A node over children that are yet to be numbered.
     fn over(boxes: &[FacetBox]) -> Self {
-        let numbers = |value: &dyn Fn(&FacetBox) -> f64| -> Numbers {
+        let numbers = |value: &dyn Fn(&FacetBox) -> f64| -> ByBox {
             std::array::from_fn(|lane| boxes.get(lane).map_or(0.0, value) as f32)
         };
         let vectors = |vector: &dyn Fn(&FacetBox) -> DVec3| -> Vectors {

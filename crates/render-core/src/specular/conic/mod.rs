@@ -248,6 +248,23 @@ mod tests {
     }
 
     #[test]
+    fn every_processor_opens_the_same_triangles() {
+        let facets = water(40, 0.1);
+        let tree = FacetTree::over(0..facets.len() as u32, |k| facets[k as usize]).unwrap();
+        let mut random = random(6);
+        let mut opened = 0;
+        for case in 0..300 {
+            let ends = problem(&mut random, case);
+            let (mut widest, mut plain) = (Vec::new(), Vec::new());
+            let looks = tree.visit(&ends, |triangle| widest.push(triangle));
+            assert_eq!(looks, tree.visit_nodes(pulp::Scalar256b, &ends, |triangle| plain.push(triangle)));
+            assert_eq!(widest, plain);
+            opened += plain.len();
+        }
+        assert!(opened > 100, "{opened}");
+    }
+
+    #[test]
     fn finer_meshes_of_the_same_water_cost_hardly_more() {
         let problems = 500;
         let mut costs = Vec::new();

@@ -87,7 +87,7 @@ impl<'a> Landing<'a> {
             centre = centre + product(&weight.middle, face.slope);
             reach = reach + product(&weight.radius, face.slope.abs()) + product(&weight.magnitude, face.slope_radius);
         }
-        LaneRects { min: centre - reach, max: centre + reach }.intersection(parts)
+        parts.intersection(LaneRects { min: centre - reach, max: centre + reach })
     }
 
     /// The derivatives of the landing where the faces have the given shapes, and where their middles are not singular.
@@ -198,7 +198,7 @@ impl<S: Instructions> Stretch<S> {
                 max: Lanes2 { x: x.select(bounded.max.x, left.max.x), y: y.select(bounded.max.y, left.max.y) },
             };
         }
-        let left = LaneRects { min: start + left.min, max: start + left.max }.intersection(parts);
+        let left = parts.intersection(LaneRects { min: start + left.min, max: start + left.max });
         left.where_or_empty(beside.not())
     }
 
@@ -211,14 +211,14 @@ impl<S: Instructions> Stretch<S> {
         most.x.less_than(off.x).or(most.y.less_than(off.y)).not().and(off.is_finite())
     }
 
-    /// These, or others where `mask` says so.
+    /// These where `mask` holds, and `others` elsewhere.
     #[inline(always)]
-    pub(in crate::specular) fn replaced(self, mask: Mask<S>, other: Self) -> Self {
+    pub(in crate::specular) fn where_or(self, mask: Mask<S>, others: Self) -> Self {
         Self {
-            derivative: other.derivative.where_or(mask, self.derivative),
-            mean_error: other.mean_error.where_or(mask, self.mean_error),
-            inverse: other.inverse.where_or(mask, self.inverse),
-            defect: other.defect.where_or(mask, self.defect),
+            derivative: self.derivative.where_or(mask, others.derivative),
+            mean_error: self.mean_error.where_or(mask, others.mean_error),
+            inverse: self.inverse.where_or(mask, others.inverse),
+            defect: self.defect.where_or(mask, others.defect),
         }
     }
 }
