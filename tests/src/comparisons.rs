@@ -53,8 +53,7 @@ pub fn reference_folder() -> PathBuf {
 ///
 /// When the repository's own scenes cannot be read, or there is no such integrator.
 pub fn comparison(case: &str, light: &str, integrator: &str) -> Comparison {
-    let Setting { bundle, folder, stored, has_saddles } =
-        if case == "room" { in_the_room(light) } else { through_one_pane(case, light) };
+    let Setting { bundle, folder, stored, has_saddles } = setting(case, light);
     let mut description = bundle.description().clone();
     description.integrator = methods::integrator(integrator, description.integrator.max_depth());
     let bundle = bundle.with_description(description).expect("the changed scene is valid");
@@ -66,9 +65,19 @@ pub fn comparison(case: &str, light: &str, integrator: &str) -> Comparison {
     Comparison { name: format!("{integrator} {case}-{light}"), bundle, traced, stored, folds, has_saddles }
 }
 
+/// The scene of a case with a light, both as in [`comparison`].
+///
+/// # Panics
+///
+/// When the repository's own scenes cannot be read.
+pub(crate) fn setting(case: &str, light: &str) -> Setting {
+    if case == "room" { in_the_room(light) } else { through_one_pane(case, light) }
+}
+
 /// A scene with its light.
-struct Setting {
-    bundle: SceneBundle,
+pub(crate) struct Setting {
+    /// The scene.
+    pub(crate) bundle: SceneBundle,
     folder: PathBuf,
     /// The reference, where one is stored.
     stored: Option<PathBuf>,

@@ -10,18 +10,18 @@ use std::fmt;
 
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{SampleStream, SamplerSettings};
-use clerestory_render_core::geometry::Leaving;
+use clerestory_render_core::geometry::{Face, Leaving, Ray, Surface};
 use clerestory_render_core::integrator::specular_method;
-use clerestory_render_core::optics::{Source, light_sampling::SourceSample};
-use clerestory_render_core::scene::description::{CameraDescription, FneeSolver};
-use clerestory_render_core::scene::{Scene, load};
+use clerestory_render_core::optics::{LightKind, Source, light_sampling::SourceSample};
+use clerestory_render_core::scene::{Scene, description::FneeSolver};
 use clerestory_render_core::specular::{
-    ShadingPoint, SpecularMethod, THROUGH_PANE, fnee::PathSearch, newton::Root, side::PaneSide,
+    Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, fnee::PathSearch, newton::Root,
+    side::PaneSide,
 };
-use glam::{DVec2, DVec3};
+use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::comparisons::reference_folder;
+use crate::comparisons::setting;
 use crate::estimate::{Agreement, Estimate};
 use crate::methods;
 use crate::random::Random;
@@ -76,15 +76,17 @@ impl fmt::Display for RelativeLight {
     }
 }
 
-/// A pane, a receiver and a light of the reference scenes, and a method.
+/// A scene with one light that matters, and a method.
 pub struct Connections {
     /// Name of the method, of the case and of the light.
     pub name: String,
     scene: Scene,
-    /// Middle and half the edge of the part of the receiver that the picture shows.
-    middle: DVec3,
-    half: f64,
+    /// Index of the light.
+    light: u32,
 }
+
+/// Places are drawn from a rectangle so much wider than the pane, since glass deflects light.
+const WIDER: f64 = 1.1;
 
 /// Sums over connections.
 #[derive(Clone, Copy, Default)]
@@ -101,26 +103,24 @@ pub fn connections_name(case: &str, light: &str, method: &str) -> String {
 }
 
 impl Connections {
-    /// Those of a case (`crown`, `bump`, `flat`, `cathedral`) under a light (`point`, `sphere`, `sun`), for a method (a name of
-    /// [`methods::settings`]) that draws a point of the light first.
+    /// Those of a case under a light, as in [`crate::comparisons::comparison`], for a method (a name of [`methods::settings`])
+    /// that draws a point of the light first.
     ///
     /// # Panics
     ///
     /// When there is no such scene or method.
     pub fn new(case: &str, light: &str, method: &str) -> Self {
-        let bundle = load(&reference_folder().join(format!("{case}-{light}.json"))).expect("the scene ships");
-        let CameraDescription::Orthographic { look_at, height, .. } = &bundle.description().camera else {
-            panic!("the reference scenes have orthographic cameras")
-        };
-        let (middle, half) = (DVec3::from(*look_at), 0.5 * height);
+        let bundle = setting(case, light).bundle;
         let mut description = bundle.description().clone();
         description.integrator = methods::integrator(method, description.integrator.max_depth());
         let bundle = bundle.with_description(description).expect("the changed scene is valid");
         let scene = Scene::build(&bundle).expect("the scene can be built");
-        Self { name: connections_name(case, light, method), scene, middle, half }
+        // The room's lamp shines from inside.
+        let sun = scene.lights().iter().position(|light| matches!(light.kind, LightKind::Sun { .. }));
+        Self { name: connections_name(case, light, method), light: sun.unwrap_or(0) as u32, scene }
     }
 
-    /// The light that the method finds over about `count` connections, and what is there.
+    /// The light that the method finds over about `count` connections, and what is there of what the method looks for.
     ///
     /// # Panics
     ///
@@ -149,51 +149,59 @@ impl Connections {
         }
     }
 
+    /// Where the straight line from a source through a random place of a random pane, or somewhat beside it, ends.
+    fn random_point(&self, source: Source, random: &mut Random, counters: &mut Counters) -> Option<ShadingPoint> {
+        let panes = self.scene.panes();
+        let index = (random.uniform() * panes.len() as f64) as usize;
+        let pane = &panes[index];
+        let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size * WIDER;
+        let through = pane.frame.point_to_world(place.extend(0.0));
+        let direction = match source {
+            Source::Point(position) => (through - position).normalize(),
+            Source::Direction(direction) => -direction,
+        };
+        let ray = Ray::new(through, direction);
+        let leaving = Leaving::Pane { index: index as u32, face: Face::Front };
+        let hit = self.scene.accelerator().closest_hit(&ray, f64::INFINITY, leaving, counters)?;
+        let Surface::Triangle { index, .. } = hit.surface else { return None };
+        let normal = self.scene.triangle_normal(index);
+        let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
+        Some(ShadingPoint { position: ray.at(hit.distance), normal, leaving: Leaving::Triangle(index), bounces: 0 })
+    }
+
     fn connect(&self, method: &dyn SpecularMethod, number: [u32; 2], seed: u64, random: &mut Random, sums: &mut Sums) {
         let counters = &mut Counters::default();
-        let offset = DVec2::new(random.uniform(), random.uniform()) * 2.0 - 1.0;
-        let position = self.middle + offset.extend(0.0) * self.half;
-        let point = ShadingPoint { position, normal: DVec3::Z, leaving: Leaving::Triangle(0), bounces: 0 };
         let settings = SamplerSettings { seed, samples_per_block: 1 };
         let stream = || SampleStream::new(&settings, 0, number, 0);
         let (centre, radius) = self.scene.specular_ball();
         // The first thing that a method draws is the point of the light.
-        let sample = self.scene.lights()[0].sample_source(centre, radius, stream().next_2d());
-        let pane = &self.scene.panes()[0];
-        let origin = pane.frame.point_to_local(position);
-        let source = match sample.source {
-            Source::Point(place) => Source::Point(pane.frame.point_to_local(place)),
-            Source::Direction(direction) => Source::Direction(pane.frame.vector_to_local(direction)),
-        };
-        let Some(side) = PaneSide::facing(pane, origin) else { return };
-        let Some(search) = PathSearch::new(side, origin, source, FneeSolver::Complete) else { return };
-        let known = search.enumerate(counters).roots;
-        let light = |root: &Root, counters: &mut Counters| light_of(&search, root, &sample, counters);
-        let lights: Vec<f64> = known.iter().map(|root| light(root, counters)).collect();
-        let whole: f64 = lights.iter().sum();
+        let light = &self.scene.lights()[self.light as usize];
+        let sample = light.sample_source(centre, radius, stream().next_2d());
+        let Some(point) = self.random_point(sample.source, random, counters) else { return };
+        let panes: Vec<ThroughPane<'_>> = (0..self.scene.panes().len() as u32)
+            .filter_map(|pane| ThroughPane::new(&self.scene, method, &point, self.light, &sample, pane))
+            .collect();
+        let listed: Vec<(usize, Root, f64)> = (0..)
+            .zip(&panes)
+            .flat_map(|(index, pane)| pane.listed(counters).into_iter().map(move |(root, light)| (index, root, light)))
+            .collect();
+        let whole: f64 = listed.iter().map(|(_, _, light)| light).sum();
         // Which connections are looked at is a function of the connection alone.
         if whole <= 0.0 {
             return;
         }
-        let mut solve =
-            |counters: &mut Counters| search.solve(|| DVec2::new(random.uniform(), random.uniform()), counters);
-        let mut others = 0.0;
-        if let Some(root) = solve(counters)
-            && !known.iter().any(|known| search.same(known, &root))
-        {
-            let found = light(&root, counters);
-            if found > 0.0 {
-                let mut again =
-                    |counters: &mut Counters| solve(counters).is_some_and(|other| search.same(&root, &other));
-                let trials = (1..=MOST_TRIALS).find(|_| again(counters));
-                others = found * f64::from(trials.expect("a path that was found once is found again"));
-            }
-        }
+        let others: f64 = (0..)
+            .zip(&panes)
+            .map(|(index, pane)| {
+                let known = listed.iter().filter(|(other, ..)| *other == index).map(|(_, root, _)| root);
+                pane.others(known, random, counters)
+            })
+            .sum();
         let mut ours = 0.0;
-        method.gather(&self.scene, &point, 0, &THROUGH_PANE, &mut stream(), counters, &mut |arrival| {
-            ours += arrival.weight.x * arrival.direction.z;
+        method.gather(&self.scene, &point, self.light, &THROUGH_PANE, &mut stream(), counters, &mut |arrival| {
+            ours += arrival.weight.x * arrival.direction.dot(point.normal);
         });
-        let saddles = known.iter().zip(&lights).filter(|(root, _)| root.determinant < 0.0).map(|(_, light)| light);
+        let saddles = listed.iter().filter(|(_, root, _)| root.determinant < 0.0).map(|(.., light)| light);
         sums.ours += ours / whole;
         sums.theirs += 1.0 + others / whole;
         sums.saddles += saddles.sum::<f64>() / whole;
@@ -201,12 +209,86 @@ impl Connections {
     }
 }
 
-/// Irradiance of the red channel by a path, over the density of its point on the light; zero when it is no path of light.
-fn light_of(search: &PathSearch<'_>, root: &Root, sample: &SourceSample, counters: &mut Counters) -> f64 {
-    let Some(through) = search.transmission(root, counters) else { return 0.0 };
-    let frame = &search.side().pane.frame;
-    let [first, last] = [0, 2].map(|segment| frame.vector_to_world(root.path.directions[segment]));
-    let light_cosine = sample.normal.map_or(1.0, |normal| -normal.dot(last)).max(0.0);
-    let factor = root.path.geometry_factor(root.determinant) * light_cosine;
-    sample.weight.x * through.transmittance.x * factor * first.z
+/// The complete search from a point to a point of a light through one pane.
+struct ThroughPane<'a> {
+    scene: &'a Scene,
+    method: &'a dyn SpecularMethod,
+    point: &'a ShadingPoint,
+    light: u32,
+    sample: &'a SourceSample,
+    pane: u32,
+    search: PathSearch<'a>,
+}
+
+impl<'a> ThroughPane<'a> {
+    /// `None` when no path leads through the pane.
+    fn new(
+        scene: &'a Scene,
+        method: &'a dyn SpecularMethod,
+        point: &'a ShadingPoint,
+        light: u32,
+        sample: &'a SourceSample,
+        pane: u32,
+    ) -> Option<Self> {
+        let geometry = &scene.panes()[pane as usize];
+        let origin = geometry.frame.point_to_local(point.position);
+        let source = match sample.source {
+            Source::Point(place) => Source::Point(geometry.frame.point_to_local(place)),
+            Source::Direction(direction) => Source::Direction(geometry.frame.vector_to_local(direction)),
+        };
+        let side = PaneSide::facing(geometry, origin)?;
+        let search = PathSearch::new(side, origin, source, FneeSolver::Complete)?;
+        Some(Self { scene, method, point, light, sample, pane, search })
+    }
+
+    /// The paths that the search lists, with their light.
+    fn listed(&self, counters: &mut Counters) -> Vec<(Root, f64)> {
+        let roots = self.search.enumerate(counters).roots;
+        roots.into_iter().map(|root| (root, self.light_of(&root, counters))).collect()
+    }
+
+    /// An estimate without bias of the light of the paths that are not listed.
+    fn others<'r>(&self, listed: impl Iterator<Item = &'r Root>, random: &mut Random, counters: &mut Counters) -> f64 {
+        let mut solve =
+            |counters: &mut Counters| self.search.solve(|| DVec2::new(random.uniform(), random.uniform()), counters);
+        let Some(root) = solve(counters) else { return 0.0 };
+        let is_listed = { listed }.any(|known| self.search.same(known, &root));
+        let light = if is_listed { 0.0 } else { self.light_of(&root, counters) };
+        if light <= 0.0 {
+            return 0.0;
+        }
+        let mut again = || solve(counters).is_some_and(|other| self.search.same(&root, &other));
+        let trials = (1..=MOST_TRIALS).find(|_| again());
+        light * f64::from(trials.expect("a path that was found once is found again"))
+    }
+
+    /// Irradiance of the red channel by a path, over the density of its point on the light; zero when it is no path of light, is
+    /// blocked, or the method does not look for it.
+    fn light_of(&self, root: &Root, counters: &mut Counters) -> f64 {
+        let Self { scene, point, light, sample, pane, .. } = *self;
+        let Some(through) = self.search.transmission(root, counters) else { return 0.0 };
+        let PaneSide { near, far, pane: geometry, .. } = *self.search.side();
+        let directions = root.path.directions.map(|direction| geometry.frame.vector_to_world(direction));
+        let [entry, exit] = root.path.vertices.map(|vertex| geometry.frame.point_to_world(vertex));
+        let [first, _, last] = directions;
+        let leaving = Leaving::Pane { index: pane, face: far };
+        let link = |face, position, direction| Link {
+            event: SpecularEvent::Transmission,
+            surface: Leaving::Pane { index: pane, face },
+            position,
+            direction,
+        };
+        let links = [link(near, entry, first), link(far, exit, directions[1])];
+        let source = sample.source;
+        let path = SpecularPath { light, source, last_direction: last, links: &links };
+        if scene.blocked_through_pane(point, entry, pane, near, &exit, counters)
+            || scene.blocked(&Ray::new(exit, last), root.path.lengths[2], leaving, None, Some(light), counters)
+            || !self.method.owns(scene, point, &path, counters)
+        {
+            return 0.0;
+        }
+        let light_cosine = sample.normal.map_or(1.0, |normal| -normal.dot(last)).max(0.0);
+        let factor = root.path.geometry_factor(root.determinant) * light_cosine;
+        sample.weight.x * through.transmittance.x * factor * first.dot(point.normal).max(0.0)
+    }
 }
