@@ -307,6 +307,7 @@ fn mesh_triangles(mesh: &MeshDescription, folder: &Path) -> Result<Vec<TracedTri
         }
         MeshSource::Obj { file } => obj_triangles(&folder.join(file))?,
         MeshSource::Ply { .. } => return Err(unsupported("from a PLY file", "use OBJ")),
+        MeshSource::Waves(_) => return Err(unsupported("of waves", "use OBJ")),
     };
     let place = |point: DVec3| point * mesh.scale + DVec3::from(mesh.translate);
     Ok(corners

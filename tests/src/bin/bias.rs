@@ -60,10 +60,10 @@ const UNBIASED_IN_THE_ROOM: [(&str, &str); 7] = [
     ("fnee", "sun"),
     ("cone", "sun"),
     ("fnee, random", "sun"),
-    ("fnee, sharp", "sun-25"),
-    ("fnee, bleed", "sun-25"),
-    ("mnee", "sun-25"),
-    ("path", "sun-25"),
+    ("fnee, sharp", "sun-40"),
+    ("fnee, bleed", "sun-40"),
+    ("mnee", "sun-40"),
+    ("path", "sun-40"),
 ];
 
 /// Methods whose weights by random estimates have tails beside those of folds, which are held to what is there connection by

@@ -25,7 +25,7 @@ pub(super) fn asset_uses(description: &SceneDescription) -> Vec<(String, &str)> 
     let meshes = description.meshes.iter().enumerate().filter_map(|(index, mesh)| match &mesh.source {
         MeshSource::Ply { file } => Some((format!("meshes[{index}].source.ply.file"), file.as_str())),
         MeshSource::Obj { file } => Some((format!("meshes[{index}].source.obj.file"), file.as_str())),
-        MeshSource::Inline { .. } => None,
+        MeshSource::Inline { .. } | MeshSource::Waves(_) => None,
     });
     let profiles = description.panes.iter().enumerate().flat_map(|(index, pane)| {
         [("front", &pane.front), ("back", &pane.back)].into_iter().filter_map(move |(face, profile)| match profile {

@@ -69,6 +69,10 @@ impl<'a> Meshes<'a> {
 
     /// Adds mesh `index` of the scene file.
     pub(super) fn add(&mut self, index: usize, description: &'a MeshDescription) -> Result<(), SceneError> {
+        // Before memory is taken for what is computed.
+        if let MeshSource::Waves(waves) = &description.source {
+            check_budget(self.triangles.len() + waves.triangles(), MAX_TRIANGLES, "triangles", "meshes")?;
+        }
         let mesh = self.decode(index, description)?;
         check_budget(self.triangles.len() + mesh.triangles.len(), MAX_TRIANGLES, "triangles", "meshes")?;
         check_budget(self.positions.len() + mesh.positions.len(), 3 * MAX_TRIANGLES, "vertices", "meshes")?;
@@ -99,6 +103,7 @@ impl<'a> Meshes<'a> {
                     normals: normals.iter().copied().map(DVec3::from).collect(),
                 }));
             }
+            MeshSource::Waves(waves) => return Ok(Arc::new(waves.mesh())),
             MeshSource::Ply { file } => ("ply", file, decode_ply),
             MeshSource::Obj { file } => ("obj", file, decode_obj),
         };

@@ -441,6 +441,32 @@ pub enum MeshSource {
         /// The file.
         file: String,
     },
+    /// Waves on water, or ripples of sand.
+    Waves(WaveDescription),
+}
+
+/// A rectangle about the origin with waves in z: 16 plane waves of equal height in random directions, moving as on deep water.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WaveDescription {
+    /// Extent along x and y, metres; 0.001 to 100000.
+    #[schemars(inner(range(min = 0.001, max = 100_000.0)))]
+    pub size: [f64; 2],
+    /// Cells of two triangles along x and y, 1 to 4096.
+    #[schemars(inner(range(min = 1, max = 4096)))]
+    pub cells: [u32; 2],
+    /// Shortest and longest wavelength, metres.
+    #[schemars(inner(range(min = 0.0)))]
+    pub wavelengths: [f64; 2],
+    /// Root of the mean square of z, metres; 0 to 1000.
+    #[schemars(range(min = 0.0, max = 1000.0))]
+    pub height: f64,
+    /// Seed of directions, lengths and phases.
+    #[serde(default)]
+    pub seed: u64,
+    /// Time at which the waves are seen, seconds.
+    #[serde(default)]
+    pub time: f64,
 }
 
 /// A window pane: a slab of glass with two displaced faces in an opaque, black edge.

@@ -220,6 +220,24 @@ fn values_out_of_range_are_named_with_what_would_be_right() {
             &["1 normals", "one for each position"],
         ),
         (
+            "/meshes/0/source",
+            json!({"waves": {"size": [2, 0], "cells": [8, 8], "wavelengths": [0.3, 0.7], "height": 0.01}}),
+            "meshes[0].source.waves.size[1]",
+            &["found 0.0", "0.001 to 100000"],
+        ),
+        (
+            "/meshes/0/source",
+            json!({"waves": {"size": [2, 2], "cells": [8, 5000], "wavelengths": [0.3, 0.7], "height": 0.01}}),
+            "meshes[0].source.waves.cells[1]",
+            &["found 5000", "1 to 4096"],
+        ),
+        (
+            "/meshes/0/source",
+            json!({"waves": {"size": [2, 2], "cells": [8, 8], "wavelengths": [0.7, 0.3], "height": 0.01}}),
+            "meshes[0].source.waves.wavelengths[1]",
+            &["found 0.3", "0.7 to"],
+        ),
+        (
             "/sampling",
             json!({"samples_per_pass": 16, "samples_per_block": 48}),
             "sampling.samples_per_block",

@@ -29,6 +29,7 @@ mod picture;
 mod picture_samples;
 mod ply;
 mod profile;
+mod random;
 pub mod schema;
 #[cfg(test)]
 mod shipped_scenes;
@@ -37,6 +38,7 @@ mod texture;
 mod validate;
 mod validate_integrator;
 pub(crate) mod visibility;
+mod waves;
 
 pub use assets::asset_names;
 pub use build::Scene;

@@ -10,6 +10,7 @@ use glam::DVec2;
 
 use super::description::ProfileDescription;
 use super::height_map::CoefficientGrid;
+use super::random::Random;
 use crate::geometry::Face;
 
 /// Most coefficients along an edge of a pane.
@@ -58,7 +59,11 @@ pub(super) fn procedural_coefficients(
     size: DVec2,
 ) -> Option<CoefficientGrid> {
     let grid = Grid::new(size, procedural_grid(description, size)?);
-    let random = |seed: u64| Random::new(seed, face);
+    let stream = match face {
+        Face::Front => 0,
+        Face::Back => 1,
+    };
+    let random = |seed: u64| Random::new(seed, stream);
     match *description {
         ProfileDescription::Flat | ProfileDescription::HeightMap { .. } => None,
         ProfileDescription::Crown { centre, wavelength, amplitude, seed } => {
@@ -193,39 +198,6 @@ impl Grid {
         }
         sum
     }
-}
-
-/// Random numbers from a counter: SplitMix64 (Steele et al. 2014).
-struct Random {
-    state: u64,
-}
-
-impl Random {
-    fn new(seed: u64, face: Face) -> Self {
-        let face = match face {
-            Face::Front => 0,
-            Face::Back => 1,
-        };
-        Self { state: mix(mix(seed) ^ face) }
-    }
-
-    /// Uniform between `from` and `to`.
-    fn between(&mut self, from: f64, to: f64) -> f64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let unit = (mix(self.state) >> 11) as f64 / (1_u64 << 53) as f64;
-        from + (to - from) * unit
-    }
-
-    /// A random angle.
-    fn phase(&mut self) -> f64 {
-        self.between(0.0, TAU)
-    }
-}
-
-fn mix(value: u64) -> u64 {
-    let value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let value = (value ^ (value >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    value ^ (value >> 31)
 }
 
 #[cfg(test)]

@@ -11,6 +11,7 @@ use super::assets::check_asset_name;
 use super::description::{
     CameraDescription, LightDescription, MaterialDescription, MeshDescription, MeshSource, PaneDescription,
     ProfileDescription, ReflectanceDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple,
+    WaveDescription,
 };
 use super::error::SceneError;
 use super::json_path::JsonPath;
@@ -19,6 +20,7 @@ use super::limits::{
 };
 use super::mesh::is_degenerate;
 use super::profile;
+use super::waves::MAX_CELLS;
 use crate::integrator::PathFilter;
 
 pub(super) type Check = Result<(), SceneError>;
@@ -121,6 +123,7 @@ impl SceneDescription {
             }
             MeshSource::Ply { file } => check_asset_name(file, &source.member("ply").member("file")),
             MeshSource::Obj { file } => check_asset_name(file, &source.member("obj").member("file")),
+            MeshSource::Waves(waves) => check_waves(waves, &source.member("waves")),
         }
     }
 }
@@ -190,6 +193,20 @@ fn check_sampling(sampling: SamplingDescription, path: &JsonPath<'_>) -> Check {
         return Err(SceneError::value(&path.member("samples_per_block"), samples_per_block, expected));
     }
     Ok(())
+}
+
+fn check_waves(waves: &WaveDescription, path: &JsonPath<'_>) -> Check {
+    let WaveDescription { size, cells, wavelengths: [shortest, longest], height, time, .. } = waves;
+    let each = |name: &'static str| path.member(name);
+    for axis in 0..2 {
+        check_range(size[axis], 1e-3, 1e5, &each("size").element(axis))?;
+        check_range(cells[axis], 1, MAX_CELLS, &each("cells").element(axis))?;
+    }
+    let wavelengths = path.member("wavelengths");
+    check_above(*shortest, 0.0, MAX_COORDINATE, &wavelengths.element(0))?;
+    check_range(*longest, *shortest, MAX_COORDINATE, &wavelengths.element(1))?;
+    check_range(*height, 0.0, 1e3, &path.member("height"))?;
+    check_range(*time, -1e9, 1e9, &path.member("time"))
 }
 
 fn check_inline_triangles(positions: &[Triple], triangles: &[[u32; 3]], path: &JsonPath<'_>) -> Check {
