@@ -3,9 +3,10 @@
 use std::io::{self, Write};
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand};
+use clap::{Args, Subcommand, ValueEnum};
 use clerestory_render_core::scene::SceneDescription;
 use clerestory_render_core::scene::nave::{PaneCount, nave};
+use clerestory_render_core::scene::water::{TriangleCount, WaterSettings, WaterView, lagoon, pool};
 use serde::Serialize;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter};
 
@@ -26,6 +27,10 @@ enum GeneratedScene {
     /// A stone nave with panes of old glass in its clerestory, through which the sun shines. The same windows are cut into
     /// more or fewer panes: for measuring what a pane costs.
     Nave(NaveArguments),
+    /// A swimming pool in the sun, with balls afloat: for measuring what a triangle of the water costs, and for animations.
+    Pool(WaterArguments),
+    /// A lagoon with sand and stones in the sun.
+    Lagoon(WaterArguments),
 }
 
 /// Options of `clerestory scene nave`.
@@ -39,9 +44,63 @@ struct NaveArguments {
     output: Option<PathBuf>,
 }
 
+/// Options of `clerestory scene pool` and `clerestory scene lagoon`.
+#[derive(Debug, Args)]
+struct WaterArguments {
+    /// About so many triangles of the water's surface, 8 to 20000000.
+    #[arg(long, value_name = "N", default_value = "100000")]
+    triangles: TriangleCount,
+    /// The moment at which the waves are seen, seconds. For the frames of an animation, one scene each.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = seconds, allow_negative_numbers = true)]
+    time: f64,
+    /// From where it is seen.
+    #[arg(long, value_enum, default_value_t = View::Above)]
+    view: View,
+    /// The scene file to write [default: standard output].
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+/// From where water is seen.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum View {
+    /// From above the surface.
+    Above,
+    /// From below the surface.
+    Below,
+    /// The floor alone, with the light that comes to it through the surface: for comparing methods.
+    Floor,
+}
+
+impl WaterArguments {
+    fn settings(&self) -> WaterSettings {
+        let view = match self.view {
+            View::Above => WaterView::Above,
+            View::Below => WaterView::Below,
+            View::Floor => WaterView::Floor,
+        };
+        WaterSettings { triangles: self.triangles, time: self.time, view }
+    }
+}
+
+fn seconds(words: &str) -> Result<f64, String> {
+    words
+        .parse()
+        .ok()
+        .filter(|time: &f64| time.abs() <= LATEST)
+        .ok_or_else(|| format!("found {words}, expected a number of seconds from -{LATEST} to {LATEST}"))
+}
+
+/// The farthest time from zero, seconds.
+const LATEST: f64 = 1e9;
+
 pub(crate) fn run(arguments: &SceneArguments) -> Result<(), Failure> {
-    let GeneratedScene::Nave(NaveArguments { panes, output }) = &arguments.scene;
-    let text = scene_text(&nave(*panes));
+    let (scene, output) = match &arguments.scene {
+        GeneratedScene::Nave(NaveArguments { panes, output }) => (nave(*panes), output),
+        GeneratedScene::Pool(water) => (pool(&water.settings()), &water.output),
+        GeneratedScene::Lagoon(water) => (lagoon(&water.settings()), &water.output),
+    };
+    let text = scene_text(&scene);
     match output {
         Some(file) => write(file, format!("{text}\n").as_bytes()),
         None => print_line(&text),

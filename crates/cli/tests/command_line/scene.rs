@@ -34,3 +34,40 @@ fn a_nave_has_one_of_four_numbers_of_panes() {
     folder.fails(&["scene", "nave"], 2, &["--panes"]);
     folder.fails(&["scene", "nave", "--panes", "4", "-o", "no/such/nave.json"], 1, &["cannot write no/such/nave.json"]);
 }
+
+#[test]
+fn water_is_written_as_asked_for_and_can_be_rendered() {
+    let folder = Folder::new();
+    for scene in ["pool", "lagoon"] {
+        folder.succeeds(&[
+            "scene",
+            scene,
+            "--triangles",
+            "200",
+            "--time",
+            "-1.5",
+            "--view",
+            "floor",
+            "-o",
+            "water.json",
+        ]);
+        let written = fs::read_to_string(folder.path("water.json")).unwrap();
+        assert!(written.contains("\"time\": -1.5") && written.contains("\"D T L\""), "{written}");
+        let size = ["--size", "16x16", "--spp", "16"];
+        folder.succeeds(&[&["render", "water.json", "-o", "water.exr"][..], &size].concat());
+        assert!(folder.path("water.exr").exists());
+    }
+}
+
+#[test]
+fn water_that_cannot_be_is_refused() {
+    let folder = Folder::new();
+    for triangles in ["7", "20000001", "many"] {
+        folder.fails(
+            &["scene", "pool", "--triangles", triangles],
+            2,
+            &["--triangles", triangles, "expected a whole number from 8 to 20000000"],
+        );
+    }
+    folder.fails(&["scene", "lagoon", "--time", "inf"], 2, &["--time", "found inf, expected a number of seconds"]);
+}

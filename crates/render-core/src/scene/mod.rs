@@ -35,9 +35,11 @@ pub mod schema;
 mod shipped_scenes;
 mod surface;
 mod texture;
+mod triangles;
 mod validate;
 mod validate_integrator;
 pub(crate) mod visibility;
+pub mod water;
 mod waves;
 
 pub use assets::asset_names;

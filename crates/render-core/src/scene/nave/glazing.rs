@@ -6,9 +6,10 @@
 
 use super::leading::GAP;
 use super::stonework::{GLASS_DEPTH, OPENING};
-use super::{WINDOWS, rounded, window_centre};
+use super::{WINDOWS, window_centre};
 use crate::geometry::FaceCrossing;
 use crate::scene::description::{PaneDescription, ProfileDescription, Triple};
+use crate::scene::triangles::rounded;
 
 /// How a pane was made.
 #[derive(Clone, Copy)]

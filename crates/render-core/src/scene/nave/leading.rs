@@ -2,9 +2,9 @@
 //! neighbours.
 
 use super::stonework::{GLASS_DEPTH, OPENING};
-use super::triangles::Triangles;
 use super::{WINDOWS, window_centre};
 use crate::scene::description::MeshDescription;
+use crate::scene::triangles::Triangles;
 
 /// Distance between neighbouring panes, metres: the heart of the came, and a little air.
 pub(super) const GAP: f64 = 0.002;

@@ -8,7 +8,6 @@
 mod glazing;
 mod leading;
 mod stonework;
-mod triangles;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -115,11 +114,6 @@ fn materials() -> BTreeMap<String, MaterialDescription> {
 /// The centre line of an opening along the nave, metres.
 fn window_centre(window: u32) -> f64 {
     2.5 + 2.0 * f64::from(window)
-}
-
-/// A number as it is written in the scene: micrometres are enough, and sums of decimals come out as decimals.
-fn rounded(number: f64) -> f64 {
-    (number * 1e6).round() / 1e6
 }
 
 #[cfg(test)]

@@ -1,9 +1,9 @@
 //! Walls, floor and ceiling, all 0.8 m thick: a closed shell inside and one outside, joined only by the reveals of the
 //! windows.
 
-use super::triangles::Triangles;
 use super::{WINDOWS, window_centre};
 use crate::scene::description::{MeshDescription, Triple};
+use crate::scene::triangles::Triangles;
 
 /// Extent of the inside, metres: across, along, up.
 const INSIDE: Triple = [8.0, 14.0, 13.0];

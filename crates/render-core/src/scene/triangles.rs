@@ -1,7 +1,8 @@
-//! A mesh in the making: rectangles and boxes.
+//! A mesh in the making: rectangles, boxes and balls.
 
-use super::rounded;
-use crate::scene::description::{MeshDescription, MeshSource, Triple};
+use std::f64::consts::PI;
+
+use super::description::{MeshDescription, MeshSource, Triple};
 
 /// Positions and triangles.
 #[derive(Default)]
@@ -45,6 +46,36 @@ impl Triangles {
         }
     }
 
+    /// Adds an ellipsoid with the half axes `radii`, of triangles between `rings` circles of latitude from pole to pole, with
+    /// twice as many corners on each.
+    pub(super) fn add_ellipsoid(&mut self, centre: Triple, radii: Triple, rings: u32) {
+        let first = self.positions.len() as u32;
+        let around = 2 * rings;
+        let place = |unit: Triple| [0, 1, 2].map(|axis| centre[axis] + radii[axis] * unit[axis]);
+        self.positions.extend([place([0.0, 0.0, -1.0]), place([0.0, 0.0, 1.0])]);
+        for ring in 0..rings {
+            let (sin_latitude, cos_latitude) = libm::sincos(PI * (f64::from(ring + 1) / f64::from(rings + 1) - 0.5));
+            for step in 0..around {
+                let (sin, cos) = libm::sincos(2.0 * PI * f64::from(step) / f64::from(around));
+                self.positions.push(place([cos * cos_latitude, sin * cos_latitude, sin_latitude]));
+            }
+        }
+        let corner = |ring: u32, step: u32| first + 2 + ring * around + step % around;
+        for step in 0..around {
+            self.triangles.push([first, corner(0, step + 1), corner(0, step)]);
+            self.triangles.push([first + 1, corner(rings - 1, step), corner(rings - 1, step + 1)]);
+            for ring in 1..rings {
+                let [below, above] = [ring - 1, ring];
+                self.add_face([
+                    corner(below, step),
+                    corner(below, step + 1),
+                    corner(above, step + 1),
+                    corner(above, step),
+                ]);
+            }
+        }
+    }
+
     /// The mesh.
     pub(super) fn into_mesh(self, name: &str, material: &str) -> MeshDescription {
         MeshDescription {
@@ -65,4 +96,9 @@ impl Triangles {
     fn add_face(&mut self, [a, b, c, d]: [u32; 4]) {
         self.triangles.extend([[a, b, c], [a, c, d]]);
     }
+}
+
+/// A number as it is written in the scene: micrometres are enough, and sums of decimals come out as decimals.
+pub(super) fn rounded(number: f64) -> f64 {
+    (number * 1e6).round() / 1e6
 }
