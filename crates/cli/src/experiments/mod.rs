@@ -27,6 +27,7 @@ pub(crate) mod session;
 mod solvers;
 mod table;
 mod table1;
+mod triangles;
 mod variant;
 
 use crate::failure::Failure;
@@ -65,7 +66,7 @@ pub(crate) struct Defaults {
 }
 
 /// All experiments, in the order of the list.
-pub(crate) const ALL: [&Experiment; 8] = [
+pub(crate) const ALL: [&Experiment; 9] = [
     &solvers::EXPERIMENT,
     &table1::EXPERIMENT,
     &panes::EXPERIMENT,
@@ -74,6 +75,7 @@ pub(crate) const ALL: [&Experiment; 8] = [
     &basins::EXPERIMENT,
     &manifold::EXPERIMENT,
     &pool::EXPERIMENT,
+    &triangles::EXPERIMENT,
 ];
 
 /// Finds an experiment by its name; the error lists the names that there are.

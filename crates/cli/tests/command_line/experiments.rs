@@ -36,7 +36,7 @@ fn page(folder: &Folder, experiment: &str) -> String {
 fn experiments_are_listed_and_others_refused_with_the_list() {
     let folder = Folder::new();
     let list = folder.succeeds(&["bench", "experiment", "--list"]);
-    for name in ["solvers", "table1", "panes", "selection", "fine-detail", "basins", "manifold", "pool"] {
+    for name in ["solvers", "table1", "panes", "selection", "fine-detail", "basins", "manifold", "pool", "triangles"] {
         assert!(list.lines().any(|line| line.starts_with(name)), "{name}: {list}");
         folder.fails(&["bench", "experiment", "nonsense"], 2, &["'nonsense'", "expected one of", name]);
     }
@@ -149,4 +149,19 @@ fn a_farm_renders_the_variants_as_ordinary_jobs() {
     assert!(rows.iter().all(|row| row["samples_per_pixel"].as_u64() > Some(0) && row["rays"].as_u64() > Some(0)));
     let listed = folder.succeeds(&["jobs", "--coordinator", farm.address()]);
     assert!(listed.contains("slab, cone") && listed.contains("pool, path"), "{listed}");
+}
+
+#[test]
+fn more_triangles_are_measured_against_path_tracing_alone() {
+    let folder = Folder::new();
+    folder.succeeds(&["bench", "experiment", "triangles", "--size", "16x12", "--seeds", "1"]);
+    let rows = rows(&folder, "triangles", "triangles");
+    assert_eq!(rows.len(), 8 * 3, "six floors and two frames, three variants");
+    for row in &rows {
+        let is_path = row["variant"] == "path";
+        assert_eq!(row["growth"].is_null(), is_path, "{row}");
+        assert!(row["seconds_per_sample"].as_f64().unwrap() > 0.0, "{row}");
+        assert!(is_path || row["paths_per_sample"].as_f64().unwrap() > 0.3, "{row}");
+    }
+    assert!(page(&folder, "triangles").contains("what the caustic costs"));
 }

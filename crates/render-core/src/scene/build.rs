@@ -8,7 +8,7 @@ use super::build_meshes::{Meshes, decode_textures};
 use super::build_panes::build_panes;
 use super::bundle::SceneBundle;
 use super::camera::Camera;
-use super::description::{SamplingDescription, SceneDescription};
+use super::description::{ConicSearch, IntegratorDescription, SamplingDescription, SceneDescription};
 use super::error::{AssetProblem, SceneError};
 use super::hash::SceneHash;
 use super::json_path::JsonPath;
@@ -57,7 +57,7 @@ impl Scene {
             surfaces.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
         let accelerator = Accelerator::build(&positions, &triangles, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
-        Ok(Self {
+        let scene = Self {
             hash: bundle.scene_hash(),
             camera: Camera::new(&description.camera, description.film),
             lights: description.lights.iter().map(Light::new).collect(),
@@ -72,7 +72,20 @@ impl Scene {
             path_filter: description.compiled_path_filter()?,
             sampling: sampling(description)?,
             description: description.clone(),
-        })
+        };
+        scene.prepare();
+        Ok(scene)
+    }
+
+    /// Makes what the integrator looks things up in, so that no sample waits for it.
+    fn prepare(&self) {
+        let IntegratorDescription::Conic { search, .. } = self.description.integrator else { return };
+        for (mesh, _) in (0u32..).zip(&self.meshes).filter(|(_, mesh)| mesh.is_smooth()) {
+            match search {
+                ConicSearch::Complete => _ = self.facets(mesh),
+                ConicSearch::Published => _ = self.neighbours(mesh),
+            }
+        }
     }
 
     /// The identity of the scene.

@@ -8,8 +8,9 @@
 //! ```
 //!
 //! vanishes in each component: those that say how far P, L and the normal are from one plane, and how far from Snell's law,
-//! alike. The first term is known, the next two are linear in d, and the rest is small and bounded. So about as many boxes
-//! are opened as touch the places where the linear terms say that a path is, whatever their size.
+//! alike. The first term is known, the next two are linear in d, and the rest is small and bounded. It vanishes as well along each
+//! direction in which the linear terms do not depend on one coordinate of d: waves that run askew to the axes are told apart
+//! there. So about as many boxes are opened as touch the places where the linear terms say that a path is, whatever their size.
 
 use std::ops::Range;
 
@@ -291,13 +292,16 @@ impl Node {
         let defect = half.cross(normal);
         let zero = Singles::splat(simd, 0.0);
         let mut by_place = Singles3 { x: zero, y: zero, z: zero };
+        let mut columns = [by_place; 3];
         let mut turned = by_place;
         let axes = [
             (near_end.direction.x, far_end.direction.x, grown.x, DVec3::X),
             (near_end.direction.y, far_end.direction.y, grown.y, DVec3::Y),
             (near_end.direction.z, far_end.direction.z, grown.z, DVec3::Z),
         ];
-        for ((near_component, far_component, edge, axis), turning) in axes.into_iter().zip(&self.turning) {
+        for (((near_component, far_component, edge, axis), turning), kept) in
+            axes.into_iter().zip(&self.turning).zip(&mut columns)
+        {
             // A column of H: what the half vector does when the place moves along the axis.
             let column = near_end.direction * (near_component * near_end.speed)
                 + far_end.direction * (far_component * far_end.speed)
@@ -305,6 +309,7 @@ impl Node {
             let turning = Singles3::new(simd, turning);
             let linear = column.cross(normal) + half.cross(turning);
             by_place = by_place + linear.abs() * edge;
+            *kept = linear;
             turned = turned + turning.abs() * edge;
         }
         let away = turned.length() + remainder;
@@ -316,6 +321,17 @@ impl Node {
         let exceeds = (by_place.x + rest).less_than(defect.x.abs())
             | (by_place.y + rest).less_than(defect.y.abs())
             | (by_place.z + rest).less_than(defect.z.abs());
+        // The same in directions in which the place does not matter along one axis.
+        let [x, y, z] = columns;
+        let mut exceeds = exceeds;
+        for (without, [(first, first_edge), (second, second_edge)]) in
+            [(x, [(y, grown.y), (z, grown.z)]), (y, [(z, grown.z), (x, grown.x)]), (z, [(x, grown.x), (y, grown.y)])]
+        {
+            let along = normal.cross(without);
+            let most =
+                along.dot(first).abs() * first_edge + along.dot(second).abs() * second_edge + along.length() * rest;
+            exceeds |= most.less_than(along.dot(defect).abs());
+        }
         // The shading point is on the right side of some place.
         let hidden = if ends.has_side {
             let above = normal.dot(to_point) * ends.side;
