@@ -117,6 +117,12 @@ impl<S: Instructions> Singles3<S> {
         Self { x: self.x.abs(), y: self.y.abs(), z: self.z.abs() }
     }
 
+    /// Zero where negative.
+    #[inline(always)]
+    pub(crate) fn positive_part(self) -> Self {
+        Self { x: self.x.positive_part(), y: self.y.positive_part(), z: self.z.positive_part() }
+    }
+
     #[inline(always)]
     pub(crate) fn length(self) -> Singles<S> {
         self.dot(self).sqrt()

@@ -279,11 +279,11 @@ impl Node {
         let grown = Singles3 { x: edges.x + ends.grain, y: edges.y + ends.grain, z: edges.z + ends.grain };
         let reach = grown.length();
         let one = Singles::splat(simd, 1.0);
-        let to_point = ends.point - centre;
+        let (to_point, to_light) = (ends.point - centre, ends.light - centre * ends.near);
         // At an infinite distance nothing turns.
         let [near_end, far_end] = [
-            SeenEnd::new(to_point, one, ends.indices[0], reach),
-            SeenEnd::new(ends.light - centre * ends.near, ends.near, ends.indices[1], reach),
+            SeenEnd::new(to_point, one, ends.indices[0], grown, reach),
+            SeenEnd::new(to_light, ends.near, ends.indices[1], grown, reach),
         ];
         let half = near_end.direction * ends.indices[0] + far_end.direction * ends.indices[1];
         let fastest = near_end.speed + far_end.speed;
@@ -332,11 +332,14 @@ impl Node {
                 along.dot(first).abs() * first_edge + along.dot(second).abs() * second_edge + along.length() * rest;
             exceeds |= most.less_than(along.dot(defect).abs());
         }
-        // The shading point is on the right side of some place.
+        // The ends are on the right sides of the surface at some place.
         let hidden = if ends.has_side {
-            let above = normal.dot(to_point) * ends.side;
-            let slack = longest * reach + away * to_point.length();
-            (above + slack).less_than(zero)
+            let height = |offset: Singles3<S>| normal.dot(offset) * ends.side;
+            let slack = normal.abs().dot(grown);
+            let loose = away + Singles::splat(simd, ROUNDING) * longest;
+            let point_slack = slack + loose * (to_point.length() + reach);
+            let light_slack = slack * ends.near + loose * (to_light.length() + reach * ends.near);
+            (height(to_point) + point_slack).less_than(zero) | light_slack.less_than(height(to_light))
         } else {
             0
         };
@@ -356,14 +359,14 @@ struct SeenEnd<S> {
 
 impl<S: Instructions> SeenEnd<S> {
     #[inline(always)]
-    fn new(offset: Singles3<S>, near: Singles<S>, index: Singles<S>, reach: Singles<S>) -> Self {
+    fn new(offset: Singles3<S>, near: Singles<S>, index: Singles<S>, half: Singles3<S>, reach: Singles<S>) -> Self {
         let simd = index.simd();
         let distance = offset.length();
         let inverse = Singles::splat(simd, 1.0).over(distance);
-        let moved = near * reach;
-        let least = (distance - moved).positive_part();
+        // From the nearest place of the box.
+        let least = (offset.abs() - half * near).positive_part().length();
         // Infinite in a box around an end, which has no half vector at its middle and no bound.
-        let turn = moved.over(least);
+        let turn = (near * reach).over(least);
         Self {
             direction: offset * inverse,
             speed: index * near * inverse,
