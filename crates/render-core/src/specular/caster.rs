@@ -6,7 +6,7 @@ use super::{Link, ShadingPoint, coverage, side::PaneSide};
 use crate::{
     counters::Counters,
     film::TrialStream,
-    geometry::{Face, Leaving, Surface},
+    geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface},
     scene::Scene,
 };
 
@@ -116,14 +116,18 @@ impl SeenCaster {
         (within != local.truncate()).then(|| pane.frame.point_to_world(within.extend(local.z)))
     }
 
-    /// Whether a surface that a ray has met belongs to it.
-    pub(super) fn holds(&self, scene: &Scene, surface: &Surface) -> bool {
-        match (self, surface) {
-            (Self::Face { pane, face }, Surface::Pane { index, hit }) => {
-                pane == index && hit.boundary == crate::geometry::PaneBoundary::Face(*face)
-            }
+    /// What a ray from the shading point meets first, if that belongs to it.
+    pub(super) fn first_hit(&self, scene: &Scene, ray: &Ray, leaving: Leaving, counters: &mut Counters) -> Option<Hit> {
+        let accelerator = scene.accelerator();
+        let holds = |surface: &Surface| match (self, surface) {
+            (Self::Face { face, .. }, Surface::Pane { hit, .. }) => hit.boundary == PaneBoundary::Face(*face),
             (Self::Mesh(mesh), Surface::Triangle { index, .. }) => scene.mesh_of(*index) == *mesh,
             _ => false,
-        }
+        };
+        let hit = match *self {
+            Self::Face { pane, .. } => accelerator.closest_hit_on_pane(pane, ray, f64::INFINITY, leaving, counters),
+            Self::Mesh(_) => accelerator.closest_hit(ray, f64::INFINITY, leaving, counters),
+        };
+        hit.filter(|hit| holds(&hit.surface))
     }
 }

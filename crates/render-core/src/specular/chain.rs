@@ -97,12 +97,10 @@ impl Chain {
         let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: direction };
         let mut ray = Ray::new(point.position, direction);
         for event in events {
-            let (inside, leaving) =
-                chain.vertices.last().map_or((None, point.leaving), |last| (last.inside, last.surface));
-            let hit = next_hit(scene, &ray, inside, leaving, f64::INFINITY, counters)?;
-            if chain.vertices.is_empty() && !caster.holds(scene, &hit.surface) {
-                return None;
-            }
+            let hit = match chain.vertices.last() {
+                None => caster.first_hit(scene, &ray, point.leaving, counters),
+                Some(last) => next_hit(scene, &ray, last.inside, last.surface, f64::INFINITY, counters),
+            }?;
             let step = chain.meet(scene, &ray, &hit, *event, counters)?;
             chain.throughput *= step.factor;
             chain.vertices.push(step.vertex);
