@@ -18,6 +18,7 @@
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
 //! - [`slab`]: the faces of a slab whose caustic has no folds;
 //! - [`pool`]: water whose caustic folds;
+//! - [`two_interfaces`]: all paths through two interfaces, by curves; [`pane_mesh`]: a pane as a mesh;
 //! - [`folds`]: where the caustic of a point light is singular;
 //! - [`sun_scene`]: scenes whose sun is made larger or smaller, and references of them.
 
@@ -38,6 +39,7 @@ pub mod malformed_partials;
 pub mod malformed_scenes;
 pub mod mesh_tracer;
 pub mod methods;
+pub mod pane_mesh;
 pub mod pane_scene;
 pub mod pool;
 pub mod random;
@@ -49,3 +51,4 @@ pub mod solution_lists;
 pub mod spline;
 pub mod sun_scene;
 pub mod traced_scene;
+pub mod two_interfaces;

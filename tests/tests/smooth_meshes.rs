@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{SampleStream, SamplerSettings};
-use clerestory_render_core::geometry::{Face, Leaving, Pane};
+use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::LightKind;
 use clerestory_render_core::scene::description::{
     ConicSearch, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
@@ -15,6 +15,7 @@ use clerestory_render_core::specular::{
     ShadingPoint, SpecularEvent, SpecularMethod, conic::Conic, mnee::Mnee, scope::Scope, sms::Sms,
 };
 use clerestory_tests::estimate::check_agreement;
+use clerestory_tests::pane_mesh::as_mesh;
 use clerestory_tests::rendering::block_means;
 use clerestory_tests::solution_lists::{load_case, load_list};
 use glam::{DVec2, DVec3};
@@ -248,60 +249,13 @@ fn flat_water_and_flat_mirrors_throw_the_light_of_closed_forms() {
     }
 }
 
-/// A PLY file of a pane as a mesh of both faces with the normals of their height fields.
-fn tessellated(pane: &Pane, cells: u32) -> Vec<u8> {
-    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
-    for face in [Face::Front, Face::Back] {
-        let first = (vertices.len() / 48) as u32;
-        let sign = if face == Face::Back { 1.0 } else { -1.0 };
-        for row in 0..=cells {
-            for column in 0..=cells {
-                let place = (DVec2::new(f64::from(column), f64::from(row)) / f64::from(cells) - 0.5) * pane.size;
-                let jet = pane.surface(face).jet(place);
-                let local = place.extend(pane.base_height(face) + jet.height);
-                let normal = DVec3::new(-jet.gradient.x, -jet.gradient.y, 1.0) * sign;
-                for vector in [pane.frame.point_to_world(local), pane.frame.vector_to_world(normal)] {
-                    vertices.extend(vector.to_array().into_iter().flat_map(f64::to_le_bytes));
-                }
-            }
-        }
-        let vertex = |row: u32, column: u32| first + row * (cells + 1) + column;
-        for row in 0..cells {
-            for column in 0..cells {
-                let [a, b] = [vertex(row, column), vertex(row, column + 1)];
-                let [c, d] = [vertex(row + 1, column + 1), vertex(row + 1, column)];
-                let pair = if face == Face::Back { [[a, b, c], [a, c, d]] } else { [[a, c, b], [a, d, c]] };
-                for triangle in pair {
-                    triangles.push(3u8);
-                    triangles.extend(triangle.into_iter().flat_map(u32::to_le_bytes));
-                }
-            }
-        }
-    }
-    let properties: String = ["x", "y", "z", "nx", "ny", "nz"].map(|name| format!("property double {name}\n")).concat();
-    let header = format!(
-        "ply\nformat binary_little_endian 1.0\nelement vertex {}\n{properties}element face {}\n\
-         property list uchar uint vertex_indices\nend_header\n",
-        vertices.len() / 48,
-        triangles.len() / 13
-    );
-    [header.into_bytes(), vertices, triangles].concat()
-}
-
 #[test]
 fn finer_meshes_of_a_pane_throw_the_light_of_its_height_field() {
     for case in ["crown", "bump"] {
         let original = load_case(case);
         let mut errors = Vec::new();
         for cells in [128, 256, 512] {
-            let mut description = serde_json::to_value(original.description()).unwrap();
-            description["panes"] = json!([]);
-            description["materials"]["glass"] =
-                json!({"dielectric": {"index_of_refraction": original.panes()[0].index_of_refraction}});
-            let mesh = json!({"name": "pane", "material": "glass", "source": {"ply": {"file": "pane.ply"}}});
-            description["meshes"].as_array_mut().unwrap().push(mesh);
-            let assets = [("pane.ply".to_owned(), Asset::new(tessellated(&original.panes()[0], cells)))];
-            let meshed = build(&description, assets.into());
+            let meshed = as_mesh(&original, cells);
             let method = |scene: &Scene| Sms {
                 constraint: ManifoldConstraint::AngleDifference,
                 estimator: ManifoldEstimator::Biased { trials: 400 },

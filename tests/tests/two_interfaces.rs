@@ -1,0 +1,124 @@
+//! The paths through both faces of old glass that curves lead to, against lists found by brute force, and against those that
+//! random walks find through the same glass as a mesh.
+
+use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_render_core::geometry::Leaving;
+use clerestory_render_core::optics::LightKind;
+use clerestory_render_core::scene::Scene;
+use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, PaneSelection};
+use clerestory_render_core::specular::{ShadingPoint, SpecularMethod, THROUGH_PANE, scope::Scope, sms::Sms};
+use clerestory_tests::comparisons::reference_folder;
+use clerestory_tests::forward_tracer::LightSample;
+use clerestory_tests::pane_mesh::as_mesh;
+use clerestory_tests::solution_lists::{load_case, load_list};
+use clerestory_tests::traced_scene::TracedScene;
+use clerestory_tests::two_interfaces::TwoInterfaces;
+use glam::{DVec2, DVec3};
+
+/// Cells along each edge of the pane.
+const CELLS: usize = 384;
+
+/// Places nearer than this, metres, are the same.
+const SAME: f64 = 1e-7;
+
+/// Whether the grid need not tell a path apart: it is at the border, or next to another one.
+fn is_hidden(path: DVec2, others: &[DVec2], size: DVec2) -> bool {
+    let cell = size / CELLS as f64;
+    let at_border = (path.abs() + 2.0 * cell).cmpgt(0.5 * size).any();
+    at_border || others.iter().any(|other| *other != path && ((*other - path) / cell).abs().max_element() < 2.0)
+}
+
+fn holds(paths: &[DVec2], path: DVec2) -> bool {
+    paths.iter().any(|other| other.distance(path) < SAME)
+}
+
+/// Counts of paths.
+#[derive(Default)]
+struct Tally {
+    known: usize,
+    hidden: usize,
+}
+
+impl Tally {
+    /// Checks that all paths that were found are known, and that all that are known are found, but for those that the grid
+    /// need not tell apart.
+    #[track_caller]
+    fn check(&mut self, found: &[DVec2], known: &[DVec2], size: DVec2) {
+        for path in found {
+            // What is at the border may be cut off by rounding.
+            let at_border = is_hidden(*path, &[], size);
+            assert!(at_border || holds(known, *path), "a path through {path} that is not known");
+        }
+        for path in known {
+            let hidden = is_hidden(*path, known, size);
+            assert!(hidden || holds(found, *path), "the path through {path} was not found");
+            self.known += 1;
+            self.hidden += usize::from(hidden);
+        }
+    }
+}
+
+#[track_caller]
+fn check_height_fields(case: &str, list: &str, step: usize) {
+    let scene = TracedScene::load(&reference_folder().join(format!("{case}-point.json"))).expect("the scene ships");
+    let pane = &scene.panes[0];
+    let light = LightSample::Point(lamp(&load_case(case)));
+    let mut tally = Tally::default();
+    for point in load_list(list).iter().step_by(step) {
+        let known: Vec<DVec2> =
+            point.solutions.iter().map(|path| (DVec2::from(path.front_uv) - 0.5) * pane.size).collect();
+        let found = TwoInterfaces::of_pane(pane, point.origin.into(), light).paths(CELLS);
+        tally.check(&found, &known, pane.size);
+    }
+    println!("{list}: {} paths, of which {} need not be told apart", tally.known, tally.hidden);
+    assert!(10 * tally.hidden < 3 * tally.known, "{list}: the grid is too coarse");
+}
+
+fn lamp(scene: &Scene) -> DVec3 {
+    let LightKind::Point { position, .. } = scene.lights()[0].kind else { panic!("a point light") };
+    position
+}
+
+#[test]
+fn curves_lead_to_all_paths_through_height_fields() {
+    check_height_fields("flat", "flat.json", 1);
+    check_height_fields("crown", "crown.json", 1);
+    check_height_fields("bump", "bump.json", 1);
+    check_height_fields("cathedral", "cathedral.json", 1);
+    check_height_fields("bump", "bump-folds.json", 8);
+    check_height_fields("cathedral", "cathedral-folds.json", 8);
+}
+
+#[test]
+fn curves_lead_to_the_paths_through_meshes_that_random_walks_find() {
+    for case in ["crown", "bump"] {
+        let original = load_case(case);
+        let pane = &original.panes()[0];
+        let scene = as_mesh(&original, 128);
+        let sms = Sms {
+            constraint: ManifoldConstraint::AngleDifference,
+            estimator: ManifoldEstimator::Biased { trials: 3000 },
+            selection: PaneSelection::All,
+            scope: Scope::new(&scene, &["TT".to_owned()], None, None),
+        };
+        let mut tally = Tally::default();
+        for listed in load_list(&format!("{case}-folds.json")).iter().step_by(10) {
+            let position = DVec3::from(listed.origin);
+            let normal = scene.triangle_normal(0);
+            let normal = if normal.dot(pane.frame.origin - position) > 0.0 { normal } else { -normal };
+            let point = ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 };
+            let mut stream = SampleStream::new(&SamplerSettings { seed: 5, samples_per_block: 1 }, 0, [0, 0], 0);
+            let mut known = Vec::new();
+            let origin = pane.frame.point_to_local(position);
+            sms.gather(&scene, &point, 0, &THROUGH_PANE, &mut stream, &mut Counters::default(), &mut |arrival| {
+                let direction = pane.frame.vector_to_local(arrival.direction);
+                known.push((origin - direction * (origin.z / direction.z)).truncate());
+            });
+            let light = LightSample::Point(lamp(&scene));
+            let found = TwoInterfaces::of_meshes(&scene, &point, light, &pane.frame, pane.size).paths(CELLS);
+            tally.check(&found, &known, pane.size);
+        }
+        println!("{case} as a mesh: {} paths, of which {} need not be told apart", tally.known, tally.hidden);
+    }
+}
