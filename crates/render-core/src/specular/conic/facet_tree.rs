@@ -15,6 +15,7 @@
 use std::ops::Range;
 
 use glam::{DMat3, DVec3};
+use smallvec::{SmallVec, smallvec};
 
 use super::{ends::Ends, facet::Facet};
 use crate::lanes::{
@@ -31,6 +32,9 @@ const IS_TRIANGLE: u32 = 1 << 31;
 
 /// No child.
 const EMPTY: u32 = u32::MAX;
+
+/// Nodes of a level that are looked at without allocating memory.
+const USUAL: usize = 64;
 
 /// A number for each box of a node.
 type ByBox = [f32; WIDTH];
@@ -51,6 +55,12 @@ struct Node {
     turning: [Vectors; 3],
     /// Bounds of what remains of normals, |v|.
     remainder: ByBox,
+    /// Bounds of how far places are from the middle, |d|.
+    reach: ByBox,
+    /// |m|.
+    normal_length: ByBox,
+    /// Bounds of how far normals are from m, |J d + v|.
+    away: ByBox,
     /// Numbers of nodes, or of triangles with [`IS_TRIANGLE`].
     children: [u32; WIDTH],
 }
@@ -74,8 +84,10 @@ struct SeenEnds<S> {
     side: Singles<S>,
     /// Whether the side matters.
     has_side: bool,
-    /// How far places in single precision can be from where they are.
-    grain: Singles<S>,
+    /// Whether the light is at a point.
+    is_near: bool,
+    /// How far the ends in single precision can be from where they are.
+    grains: [Singles<S>; 2],
 }
 
 /// The triangles of a mesh by place and normal.
@@ -100,9 +112,9 @@ impl FacetTree {
         let middle = 0.5 * (low + high);
         let farthest = |&(triangle, _): &(u32, DVec3)| facet(triangle).corners.map(|corner| (corner - middle).length());
         let radius = order.iter().flat_map(farthest).fold(0.0, f64::max);
-        let mut nodes = Vec::new();
-        build(&mut nodes, &mut order, middle, &facet);
-        Some(Self { nodes, middle, radius })
+        let mut tree = Self { nodes: Vec::new(), middle, radius };
+        tree.build(&mut order, &facet);
+        Some(tree)
     }
 
     /// Hands the numbers of all triangles that may hold a path to `open`, and returns how many nodes it looked at.
@@ -113,7 +125,7 @@ impl FacetTree {
     #[inline(always)]
     pub(super) fn visit_nodes<S: Instructions>(&self, simd: S, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
         let light = ends.light - self.middle * ends.near;
-        let grain = f64::from(f32::EPSILON) * ((ends.point - self.middle).length() + self.radius);
+        let grain = |end: DVec3| Singles::splat(simd, (GRAIN * (end.length() + self.radius)) as f32);
         let [inside, behind] = ends.indices;
         let ends = SeenEnds {
             point: Singles3::splat(simd, ends.point - self.middle),
@@ -122,12 +134,12 @@ impl FacetTree {
             indices: [Singles::splat(simd, inside as f32), Singles::splat(simd, behind as f32)],
             side: Singles::splat(simd, ends.side as f32),
             has_side: ends.side != 0.0,
-            grain: Singles::splat(simd, grain as f32),
+            is_near: ends.near != 0.0,
+            grains: [grain(ends.point - self.middle), grain(light)],
         };
         let mut looks = 0;
-        let (mut level, mut below) = (Vec::with_capacity(256), Vec::with_capacity(256));
-        let mut masks = Vec::with_capacity(256);
-        level.push(0u32);
+        let (mut level, mut below): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![0], smallvec![]);
+        let mut masks: SmallVec<[u32; USUAL]> = smallvec![];
         while !level.is_empty() {
             looks += level.len();
             // All nodes of a level before any of the next: no look waits for another.
@@ -152,6 +164,37 @@ impl FacetTree {
         }
         looks
     }
+
+    /// Appends the node over `order` and all below it.
+    fn build(&mut self, order: &mut [(u32, DVec3)], facet: &impl Fn(u32) -> Facet) {
+        let number = self.nodes.len();
+        // As few children as can hold the triangles at this height: all nodes are about full.
+        let mut most_in_child = 1;
+        while most_in_child * WIDTH < order.len() {
+            most_in_child *= WIDTH;
+        }
+        let mut parts = Vec::with_capacity(WIDTH);
+        let count = order.len().div_ceil(most_in_child);
+        cut(order, count, &mut parts);
+        let boxes: Vec<FacetBox> = parts
+            .iter()
+            .map(|part| {
+                let facets: Vec<Facet> = part.iter().map(|&(triangle, _)| facet(triangle)).collect();
+                FacetBox::around(&facets, self.middle, GRAIN * self.radius)
+            })
+            .collect();
+        self.nodes.push(Node::over(&boxes));
+        for (lane, part) in parts.into_iter().enumerate() {
+            self.nodes[number].children[lane] = match part {
+                [(triangle, _)] => *triangle | IS_TRIANGLE,
+                _ => {
+                    let child = self.nodes.len() as u32;
+                    self.build(part, facet);
+                    child
+                }
+            };
+        }
+    }
 }
 
 /// The visit of a tree.
@@ -170,65 +213,32 @@ impl<F: FnMut(u32)> Computation for Visit<'_, F> {
     }
 }
 
-/// Appends the node over `order` and all below it.
-fn build(nodes: &mut Vec<Node>, order: &mut [(u32, DVec3)], middle: DVec3, facet: &impl Fn(u32) -> Facet) {
-    let number = nodes.len();
-    let mut parts = vec![order];
-    while parts.len() < WIDTH {
-        parts = parts.into_iter().flat_map(halves).collect();
+/// Cuts some triangles into `count` parts of about equal numbers, each time along the longest extent.
+fn cut<'a>(order: &'a mut [(u32, DVec3)], count: usize, parts: &mut Vec<&'a mut [(u32, DVec3)]>) {
+    if count <= 1 {
+        parts.push(order);
+        return;
     }
-    let boxes: Vec<FacetBox> = parts
-        .iter()
-        .map(|part| {
-            let facets: Vec<Facet> = part.iter().map(|&(triangle, _)| facet(triangle)).collect();
-            FacetBox::around(&facets, middle)
-        })
-        .collect();
-    nodes.push(Node::over(&boxes));
-    for (lane, part) in parts.into_iter().enumerate() {
-        nodes[number].children[lane] = match part {
-            [] => EMPTY,
-            [(triangle, _)] => *triangle | IS_TRIANGLE,
-            _ => nodes.len() as u32,
-        };
-        if part.len() > 1 {
-            build(nodes, part, middle, facet);
-        }
-    }
-}
-
-/// Both halves of some triangles, along the longest extent.
-fn halves(order: &mut [(u32, DVec3)]) -> [&mut [(u32, DVec3)]; 2] {
-    let half = split(order);
-    let (low, high) = order.split_at_mut(half);
-    [low, high]
-}
-
-/// Puts the half of the triangles that lie low along the longest extent first, and returns its number.
-fn split(order: &mut [(u32, DVec3)]) -> usize {
-    if order.len() <= 1 {
-        return order.len();
-    }
-    let [low, high] = order
-        .iter()
-        .fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], (_, middle)| [low.min(*middle), high.max(*middle)]);
+    let [low, high] = bounds(order);
     let extent = high - low;
     let axis = (0..3).fold(0, |longest, axis| if extent[axis] > extent[longest] { axis } else { longest });
-    let half = order.len() / 2;
-    order.select_nth_unstable_by(half, |a, b| a.1[axis].total_cmp(&b.1[axis]).then(a.0.cmp(&b.0)));
-    half
+    let first = order.len() * (count / 2) / count;
+    order.select_nth_unstable_by(first, |a, b| a.1[axis].total_cmp(&b.1[axis]).then(a.0.cmp(&b.0)));
+    let (low, high) = order.split_at_mut(first);
+    cut(low, count / 2, parts);
+    cut(high, count - count / 2, parts);
 }
 
 impl FacetBox {
-    /// The box around some triangles, relative to `middle`.
-    fn around(facets: &[Facet], middle: DVec3) -> Self {
+    /// The box around some triangles, relative to `middle`, where places may be off by `grain`.
+    fn around(facets: &[Facet], middle: DVec3, grain: f64) -> Self {
         let corners = || {
             facets.iter().flat_map(|facet| facet.corners.map(|corner| corner - middle).into_iter().zip(facet.normals))
         };
         let grown = |[low, high]: [DVec3; 2], point: DVec3| [low.min(point), high.max(point)];
         let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         let [low, high] = corners().fold(nothing, |bounds, (place, _)| grown(bounds, place));
-        let (centre, half) = (0.5 * (low + high), 0.5 * (high - low));
+        let (centre, half) = (0.5 * (low + high), 0.5 * (high - low) + grain);
         let count = 3.0 * facets.len() as f64;
         let mean = |pick: fn((DVec3, DVec3)) -> DVec3| corners().map(pick).sum::<DVec3>() / count;
         let (mean_place, mean_normal) = (mean(|(place, _)| place), mean(|(_, normal)| normal));
@@ -245,6 +255,14 @@ impl FacetBox {
         let remains = |place: DVec3, normal: DVec3| normal - turning * (place - centre);
         let [low, high] = corners().fold(nothing, |bounds, (place, normal)| grown(bounds, remains(place, normal)));
         Self { centre, half, normal: 0.5 * (low + high), turning, remainder: 0.5 * (high - low).length() }
+    }
+}
+
+impl FacetBox {
+    /// A bound of how far normals are from that in the middle.
+    fn away(&self) -> f64 {
+        let by_place = [0, 1, 2].map(|axis| self.turning.col(axis).abs() * self.half[axis]);
+        by_place.iter().sum::<DVec3>().length() + self.remainder
     }
 }
 
@@ -267,6 +285,9 @@ impl Node {
             normal: vectors(&|bounds| bounds.normal),
             turning: [0, 1, 2].map(|axis| vectors(&|bounds| bounds.turning.col(axis))),
             remainder: numbers(&|bounds| bounds.remainder),
+            reach: numbers(&|bounds| bounds.half.length()),
+            normal_length: numbers(&|bounds| bounds.normal.length()),
+            away: numbers(&|bounds| bounds.away()),
             children: [EMPTY; WIDTH],
         }
     }
@@ -275,29 +296,28 @@ impl Node {
     #[inline(always)]
     fn may_hold<S: Instructions>(&self, simd: S, ends: &SeenEnds<S>) -> u32 {
         let (centre, normal) = (Singles3::new(simd, &self.centre), Singles3::new(simd, &self.normal));
-        let (edges, remainder) = (Singles3::new(simd, &self.half), Singles::new(simd, &self.remainder));
-        let grown = Singles3 { x: edges.x + ends.grain, y: edges.y + ends.grain, z: edges.z + ends.grain };
-        let reach = grown.length();
+        let (edges, reach) = (Singles3::new(simd, &self.half), Singles::new(simd, &self.reach));
+        let (remainder, away) = (Singles::new(simd, &self.remainder), Singles::new(simd, &self.away));
         let one = Singles::splat(simd, 1.0);
+        let zero = Singles::splat(simd, 0.0);
         let (to_point, to_light) = (ends.point - centre, ends.light - centre * ends.near);
-        // At an infinite distance nothing turns.
-        let [near_end, far_end] = [
-            SeenEnd::new(to_point, one, ends.indices[0], grown, reach),
-            SeenEnd::new(to_light, ends.near, ends.indices[1], grown, reach),
-        ];
+        let near_end = SeenEnd::new(to_point, ends.indices[0], edges, reach, ends.grains[0]);
+        let far_end = if ends.is_near {
+            SeenEnd::new(to_light, ends.indices[1], edges, reach, ends.grains[1])
+        } else {
+            SeenEnd { direction: to_light, speed: zero, bent: zero }
+        };
         let half = near_end.direction * ends.indices[0] + far_end.direction * ends.indices[1];
         let fastest = near_end.speed + far_end.speed;
         let bent = near_end.bent + far_end.bent;
-        let (normal_length, size) = (normal.length(), half.length());
+        let (normal_length, size) = (Singles::new(simd, &self.normal_length), half.length());
         let defect = half.cross(normal);
-        let zero = Singles::splat(simd, 0.0);
         let mut by_place = Singles3 { x: zero, y: zero, z: zero };
         let mut columns = [by_place; 3];
-        let mut turned = by_place;
         let axes = [
-            (near_end.direction.x, far_end.direction.x, grown.x, DVec3::X),
-            (near_end.direction.y, far_end.direction.y, grown.y, DVec3::Y),
-            (near_end.direction.z, far_end.direction.z, grown.z, DVec3::Z),
+            (near_end.direction.x, far_end.direction.x, edges.x, DVec3::X),
+            (near_end.direction.y, far_end.direction.y, edges.y, DVec3::Y),
+            (near_end.direction.z, far_end.direction.z, edges.z, DVec3::Z),
         ];
         for (((near_component, far_component, edge, axis), turning), kept) in
             axes.into_iter().zip(&self.turning).zip(&mut columns)
@@ -306,26 +326,22 @@ impl Node {
             let column = near_end.direction * (near_component * near_end.speed)
                 + far_end.direction * (far_component * far_end.speed)
                 - Singles3::splat(simd, axis) * fastest;
-            let turning = Singles3::new(simd, turning);
-            let linear = column.cross(normal) + half.cross(turning);
+            let linear = column.cross(normal) + half.cross(Singles3::new(simd, turning));
             by_place = by_place + linear.abs() * edge;
             *kept = linear;
-            turned = turned + turning.abs() * edge;
         }
-        let away = turned.length() + remainder;
         let longest = normal_length + away;
         let rest = fastest * reach * away
             + bent * longest
             + size * remainder
             + Singles::splat(simd, ROUNDING) * (size + one) * longest;
-        let exceeds = (by_place.x + rest).less_than(defect.x.abs())
+        let mut exceeds = (by_place.x + rest).less_than(defect.x.abs())
             | (by_place.y + rest).less_than(defect.y.abs())
             | (by_place.z + rest).less_than(defect.z.abs());
         // The same in directions in which the place does not matter along one axis.
         let [x, y, z] = columns;
-        let mut exceeds = exceeds;
         for (without, [(first, first_edge), (second, second_edge)]) in
-            [(x, [(y, grown.y), (z, grown.z)]), (y, [(z, grown.z), (x, grown.x)]), (z, [(x, grown.x), (y, grown.y)])]
+            [(x, [(y, edges.y), (z, edges.z)]), (y, [(z, edges.z), (x, edges.x)]), (z, [(x, edges.x), (y, edges.y)])]
         {
             let along = normal.cross(without);
             let most =
@@ -335,10 +351,14 @@ impl Node {
         // The ends are on the right sides of the surface at some place.
         let hidden = if ends.has_side {
             let height = |offset: Singles3<S>| normal.dot(offset) * ends.side;
-            let slack = normal.abs().dot(grown);
+            let slack = normal.abs().dot(edges);
             let loose = away + Singles::splat(simd, ROUNDING) * longest;
-            let point_slack = slack + loose * (to_point.length() + reach);
-            let light_slack = slack * ends.near + loose * (to_light.length() + reach * ends.near);
+            let point_slack = slack + ends.grains[0] * longest + loose * (to_point.length() + reach);
+            let light_slack = if ends.is_near {
+                slack + ends.grains[1] * longest + loose * (to_light.length() + reach)
+            } else {
+                loose
+            };
             (height(to_point) + point_slack).less_than(zero) | light_slack.less_than(height(to_light))
         } else {
             0
@@ -358,19 +378,19 @@ struct SeenEnd<S> {
 }
 
 impl<S: Instructions> SeenEnd<S> {
+    /// The end at `offset` from the middles of boxes of half edges `half`, which may be off by `grain`.
     #[inline(always)]
-    fn new(offset: Singles3<S>, near: Singles<S>, index: Singles<S>, half: Singles3<S>, reach: Singles<S>) -> Self {
+    fn new(offset: Singles3<S>, index: Singles<S>, half: Singles3<S>, reach: Singles<S>, grain: Singles<S>) -> Self {
         let simd = index.simd();
-        let distance = offset.length();
-        let inverse = Singles::splat(simd, 1.0).over(distance);
-        // From the nearest place of the box.
-        let least = (offset.abs() - half * near).positive_part().length();
-        // Infinite in a box around an end, which has no half vector at its middle and no bound.
-        let turn = (near * reach).over(least);
+        let one = Singles::splat(simd, 1.0);
+        let inverse = one.over(offset.length());
+        // From the nearest place of the box. Infinite in a box around an end, which has no half vector at its middle and no bound.
+        let closest = one.over((offset.abs() - half).positive_part().length());
+        let turn = reach * closest;
         Self {
             direction: offset * inverse,
-            speed: index * near * inverse,
-            bent: index * Singles::splat(simd, BENDING as f32) * turn * turn,
+            speed: index * inverse,
+            bent: index * (Singles::splat(simd, BENDING as f32) * turn * turn + grain * closest),
         }
     }
 }
@@ -381,6 +401,10 @@ const REGULARISATION: f64 = 1e-9;
 /// Largest second derivative of a unit vector, times the squared length of the vector, halved: |s (4 - 3 s^2)^(1/2)| / 2 at
 /// the worst sine s^2 = 2/3 between vector and motion.
 pub(super) const BENDING: f64 = 0.578;
+
+/// How far a place in single precision can be from where it is, relative to the largest distance that it was computed from: twice the
+/// rounding of each of three coordinates.
+const GRAIN: f64 = 4.0 * f32::EPSILON as f64;
 
 /// Slack for rounding, relative: some units in the last place of single precision.
 const ROUNDING: f32 = 4e-6;
