@@ -131,9 +131,9 @@ impl Scene {
 
     /// A triangle with the normals at its corners.
     pub(crate) fn facet(&self, triangle: u32) -> Facet {
-        let flat = [self.triangle_normal(triangle); 3];
-        let normals = self.smooth(triangle).and_then(|(mesh, index)| mesh.normals(index)).unwrap_or(&flat);
-        Facet { corners: *self.accelerator().corners(triangle), normals: *normals }
+        let interpolated = self.smooth(triangle).and_then(|(mesh, index)| mesh.normals(index)).copied();
+        let normals = interpolated.unwrap_or_else(|| [self.triangle_normal(triangle); 3]);
+        Facet { corners: *self.accelerator().corners(triangle), normals }
     }
 
     /// The triangles of a smooth mesh by place and normal, sorted when they are asked for first; `None` when it has none.

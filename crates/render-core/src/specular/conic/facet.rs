@@ -76,24 +76,31 @@ impl Facet {
         paths
     }
 
-    /// The path on a triangle so small that it holds one at the most. With G the misfit and K its derivative in the middle, two
-    /// paths at x and y would make `|K (x - y)|` at most what the derivative changes between them times `|x - y|`.
+    /// The path on a triangle so small that it holds one at the most. With G the misfit and K its derivative in the middle, a path at
+    /// x has `|G + K (x - middle)|` at most half of what the second derivatives of G can be, times `|x - middle|^2`; and two, at x and
+    /// y, would make `|K (x - y)|` at most what the derivative changes between them times `|x - y|`.
     fn only_path(&self, ends: &Ends) -> Only {
         const MIDDLE: DVec2 = DVec2::splat(1.0 / 3.0);
-        let (_, derivative) = self.misfit(ends, MIDDLE);
+        let (misfit, derivative) = self.misfit(ends, MIDDLE);
         // The smaller singular value is at least this.
         let squares = derivative.x_axis.length_squared() + derivative.y_axis.length_squared();
         let least = derivative.determinant().abs() / squares.sqrt();
         // What weights change, as the sum over both, moves a place by that much of the longest edge.
-        let alone = |extent: f64| least > SQRT_2 * extent * self.bending(ends, MIDDLE, extent);
-        if !alone(1.0) {
+        let bending = self.bending(ends, MIDDLE, 1.0);
+        let linear = MIDDLE - derivative.inverse() * misfit;
+        let beside = f64::max(-linear.min_element(), (linear.element_sum() - 1.0) / SQRT_2);
+        if beside > 0.5 * bending / least + ON_EDGE {
+            return Only::Nowhere;
+        }
+        let alone = |extent: f64, bending: f64| least > SQRT_2 * extent * bending;
+        if !alone(1.0, bending) {
             return Only::Unknown;
         }
-        let Some(path) = self.stationary(ends, MIDDLE) else { return Only::Unknown };
-        let distance = (path - MIDDLE).abs().element_sum();
+        let Some(path) = self.stationary(ends, linear) else { return Only::Unknown };
+        let distance = (path - MIDDLE).abs().element_sum().max(1.0);
         if is_within(path) {
             if self.takes_sides(ends, path) { Only::Here(path) } else { Only::Nowhere }
-        } else if alone(distance.max(1.0)) {
+        } else if alone(distance, self.bending(ends, MIDDLE, distance)) {
             Only::Nowhere
         } else {
             Only::Unknown

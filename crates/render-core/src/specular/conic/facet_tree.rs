@@ -10,7 +10,7 @@
 //! vanishes in each component: those that say how far P, L and the normal are from one plane, and how far from Snell's law,
 //! alike. The first term is known, the next two are linear in d, and the rest is small and bounded. It vanishes as well along each
 //! direction in which the linear terms do not depend on one coordinate of d: waves that run askew to the axes are told apart
-//! there. So about as many boxes are opened as touch the places where the linear terms say that a path is, whatever their size.
+//! there, by the two coordinates along which the mesh is longer. So about as many boxes are opened as touch the places where the linear terms say that a path is, whatever their size.
 
 use std::ops::Range;
 
@@ -86,6 +86,8 @@ struct SeenEnds<S> {
     has_side: bool,
     /// Whether the light is at a point.
     is_near: bool,
+    /// The axis along which the mesh is shortest.
+    short: usize,
     /// How far the ends in single precision can be from where they are.
     grains: [Singles<S>; 2],
 }
@@ -98,6 +100,8 @@ pub(crate) struct FacetTree {
     middle: DVec3,
     /// How far corners can be from there.
     radius: f64,
+    /// The axis along which the mesh is shortest.
+    short: usize,
 }
 
 impl FacetTree {
@@ -112,7 +116,9 @@ impl FacetTree {
         let middle = 0.5 * (low + high);
         let farthest = |&(triangle, _): &(u32, DVec3)| facet(triangle).corners.map(|corner| (corner - middle).length());
         let radius = order.iter().flat_map(farthest).fold(0.0, f64::max);
-        let mut tree = Self { nodes: Vec::new(), middle, radius };
+        let extent = high - low;
+        let short = (0..3).fold(0, |short, axis| if extent[axis] < extent[short] { axis } else { short });
+        let mut tree = Self { nodes: Vec::new(), middle, radius, short };
         tree.build(&mut order, &facet);
         Some(tree)
     }
@@ -135,6 +141,7 @@ impl FacetTree {
             side: Singles::splat(simd, ends.side as f32),
             has_side: ends.side != 0.0,
             is_near: ends.near != 0.0,
+            short: self.short,
             grains: [grain(ends.point - self.middle), grain(light)],
         };
         let mut looks = 0;
@@ -339,11 +346,14 @@ impl Node {
             | (by_place.y + rest).less_than(defect.y.abs())
             | (by_place.z + rest).less_than(defect.z.abs());
         // The same in directions in which the place does not matter along one axis.
-        let [x, y, z] = columns;
-        for (without, [(first, first_edge), (second, second_edge)]) in
-            [(x, [(y, edges.y), (z, edges.z)]), (y, [(z, edges.z), (x, edges.x)]), (z, [(x, edges.x), (y, edges.y)])]
-        {
-            let along = normal.cross(without);
+        let by_axis = [(columns[0], edges.x), (columns[1], edges.y), (columns[2], edges.z)];
+        for left_out in 0..3 {
+            if left_out == ends.short {
+                continue;
+            }
+            let along = normal.cross(by_axis[left_out].0);
+            let [(first, first_edge), (second, second_edge)] =
+                [by_axis[(left_out + 1) % 3], by_axis[(left_out + 2) % 3]];
             let most =
                 along.dot(first).abs() * first_edge + along.dot(second).abs() * second_edge + along.length() * rest;
             exceeds |= most.less_than(along.dot(defect).abs());
