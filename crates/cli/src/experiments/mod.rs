@@ -12,6 +12,7 @@ mod comparison;
 pub(crate) mod farm;
 mod figure;
 mod fine_detail;
+mod flicker;
 mod machine;
 mod manifold;
 mod measure;
@@ -66,7 +67,7 @@ pub(crate) struct Defaults {
 }
 
 /// All experiments, in the order of the list.
-pub(crate) const ALL: [&Experiment; 9] = [
+pub(crate) const ALL: [&Experiment; 10] = [
     &solvers::EXPERIMENT,
     &table1::EXPERIMENT,
     &panes::EXPERIMENT,
@@ -76,6 +77,7 @@ pub(crate) const ALL: [&Experiment; 9] = [
     &manifold::EXPERIMENT,
     &pool::EXPERIMENT,
     &triangles::EXPERIMENT,
+    &flicker::EXPERIMENT,
 ];
 
 /// Finds an experiment by its name; the error lists the names that there are.

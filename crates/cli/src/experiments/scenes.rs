@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use clerestory_render_core::scene::description::{IntegratorDescription, SamplingDescription};
+use clerestory_render_core::scene::description::{FilmDescription, IntegratorDescription, SamplingDescription};
+use clerestory_render_core::scene::water::{WaterSettings, pool};
 use clerestory_render_core::scene::{Asset, SceneBundle, SceneDescription, SceneError};
 
 use crate::failure::Failure;
@@ -53,7 +54,7 @@ pub(super) const NAVE_64: EmbeddedScene = embedded!("nave/nave-64");
 pub(super) const NAVE_256: EmbeddedScene = embedded!("nave/nave-256");
 
 /// Samples of one pass, so that a render ends soon after its time, and with a scramble of their own.
-const SAMPLING: SamplingDescription = SamplingDescription { samples_per_pass: 1, samples_per_block: 256 };
+pub(super) const SAMPLING: SamplingDescription = SamplingDescription { samples_per_pass: 1, samples_per_block: 256 };
 
 impl EmbeddedScene {
     /// The scene in a size, with passes of one sample.
@@ -72,6 +73,12 @@ impl EmbeddedScene {
             self.assets.iter().map(|(name, bytes)| ((*name).to_owned(), Asset::new(*bytes))).collect();
         SceneBundle::from_parts(SceneDescription { sampling: SAMPLING, ..description }, assets)
     }
+}
+
+/// A pool of computed water in a size, with passes of one sample.
+pub(super) fn computed_pool(settings: &WaterSettings, [width, height]: [u32; 2]) -> Result<SceneBundle, SceneError> {
+    let film = FilmDescription { width, height };
+    SceneBundle::from_parts(SceneDescription { film, sampling: SAMPLING, ..pool(settings) }, BTreeMap::new())
 }
 
 /// A scene with another integrator, seed and sampling.

@@ -1,16 +1,14 @@
 //! `triangles`: conic paper, section 5. What more triangles of water cost.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
-use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};
-use clerestory_render_core::scene::water::{TriangleCount, WaterSettings, WaterView, pool};
-use clerestory_render_core::scene::{SceneBundle, SceneDescription, SceneError};
+use clerestory_render_core::scene::SceneBundle;
+use clerestory_render_core::scene::water::{WaterSettings, WaterView};
 use serde::Serialize;
 
 use super::figure::{Curve, Figure, Point};
 use super::measure::{self, Snapshot};
-use super::scenes::changed;
+use super::scenes::{SAMPLING, changed, computed_pool};
 use super::session::Session;
 use super::table::{Column, Table, column, rounded_number};
 use super::variant::Variant;
@@ -42,9 +40,6 @@ const FLOOR_PART: u32 = 4;
 
 /// Samples for each pixel of the floor.
 const FLOOR_SAMPLES: u32 = 16;
-
-/// Passes of one sample.
-const SAMPLING: SamplingDescription = SamplingDescription { samples_per_pass: 1, samples_per_block: 256 };
 
 /// What a method costs on a surface.
 #[derive(Clone, Debug, Serialize)]
@@ -116,16 +111,12 @@ fn cases([width, height]: [u32; 2]) -> Result<Vec<Case>, Failure> {
         .map(|(triangles, view, from, size, samples)| {
             let name = format!("pool of {triangles} triangles, {view}");
             let failure = |source| Failure::scene(Path::new(&name), source);
-            let bundle = bundle(triangles.parse().expect("a number of triangles"), from, size).map_err(failure)?;
+            let settings =
+                WaterSettings { triangles: triangles.parse().expect("a number of triangles"), time: 0.0, view: from };
+            let bundle = computed_pool(&settings, size).map_err(failure)?;
             Ok(Case { triangles: triangles.parse().expect("a number"), name: name.clone(), view, samples, bundle })
         })
         .collect()
-}
-
-fn bundle(triangles: TriangleCount, view: WaterView, [width, height]: [u32; 2]) -> Result<SceneBundle, SceneError> {
-    let description = pool(&WaterSettings { triangles, time: 0.0, view });
-    let film = FilmDescription { width, height };
-    SceneBundle::from_parts(SceneDescription { film, sampling: SAMPLING, ..description }, BTreeMap::new())
 }
 
 /// What each variant costs, by the shortest of renders that take turns.

@@ -138,7 +138,9 @@ impl Variant {
             IntegratorDescription::Sms { chains, .. }
             | IntegratorDescription::Mnee { chains, .. }
             | IntegratorDescription::Conic { chains, .. },
-            IntegratorDescription::Sms { chains: named, .. } | IntegratorDescription::Mnee { chains: named, .. },
+            IntegratorDescription::Sms { chains: named, .. }
+            | IntegratorDescription::Mnee { chains: named, .. }
+            | IntegratorDescription::Conic { chains: named, .. },
         ) = (&mut integrator, scenes)
         {
             chains.clone_from(named);

@@ -36,7 +36,9 @@ fn page(folder: &Folder, experiment: &str) -> String {
 fn experiments_are_listed_and_others_refused_with_the_list() {
     let folder = Folder::new();
     let list = folder.succeeds(&["bench", "experiment", "--list"]);
-    for name in ["solvers", "table1", "panes", "selection", "fine-detail", "basins", "manifold", "pool", "triangles"] {
+    for name in
+        ["solvers", "table1", "panes", "selection", "fine-detail", "basins", "manifold", "pool", "triangles", "flicker"]
+    {
         assert!(list.lines().any(|line| line.starts_with(name)), "{name}: {list}");
         folder.fails(&["bench", "experiment", "nonsense"], 2, &["'nonsense'", "expected one of", name]);
     }
@@ -164,4 +166,18 @@ fn more_triangles_are_measured_against_path_tracing_alone() {
         assert!(is_path || row["paths_per_sample"].as_f64().unwrap() > 0.3, "{row}");
     }
     assert!(page(&folder, "triangles").contains("what the caustic costs"));
+}
+
+#[test]
+fn an_animation_along_the_conic_flickers_less_than_one_by_manifold_sampling() {
+    let folder = Folder::new();
+    folder.succeeds(&["bench", "experiment", "flicker", "--size", "24x24", "--reference-spp", "16"]);
+    let rows = rows(&folder, "flicker", "flicker");
+    assert_eq!(rows.len(), 6 * 2, "six variants, with the same random numbers and with others");
+    let noise = |row: &Value| row["noise"].as_f64().unwrap();
+    for (row, conic) in rows.iter().skip(4).zip(rows[..2].iter().cycle()) {
+        assert_eq!(row["random_numbers"], conic["random_numbers"]);
+        assert!(noise(row) > 3.0 * noise(conic), "{row} {conic}");
+    }
+    assert!(page(&folder, "flicker").contains("one pixel of the floor"));
 }
