@@ -2,13 +2,22 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_render_core::scene::{SceneBundle, SceneDescription};
+use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_render_core::geometry::{Leaving, Ray, Surface};
+use clerestory_render_core::integrator::specular_method;
+use clerestory_render_core::scene::water::{WaterSettings, WaterView, pool};
+use clerestory_render_core::scene::{Scene, SceneBundle, SceneDescription};
+use clerestory_render_core::specular::{ShadingPoint, SpecularEvent};
 use clerestory_tests::bias::{BiasReport, compare};
 use clerestory_tests::comparisons::pictures;
+use clerestory_tests::estimate::Estimate;
 use clerestory_tests::forward_tracer::{Fault, Tracing};
 use clerestory_tests::mesh_tracer::{Sheet, SheetScene};
+use clerestory_tests::random::Random;
 use clerestory_tests::reference::{Image, Reference};
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 /// Edge of the parts of the picture that are compared, pixels.
@@ -111,4 +120,65 @@ fn the_published_walk_along_the_conic_lacks_light_and_more_where_it_folds() {
     };
     let (gentle, folding) = (report(GENTLE), report(FOLDING));
     assert!(folding < 0.95 && (0.95..0.99).contains(&gentle), "{gentle} {folding}");
+}
+
+/// Points of the floor of a pool in each replicate.
+const POINTS: u32 = 30_000;
+
+#[test]
+fn rays_to_where_waves_focus_the_sun_neither_add_nor_take_light() {
+    let triangles = "20000".parse().expect("a number of triangles");
+    let description = pool(&WaterSettings { triangles, time: 0.0, view: WaterView::Floor });
+    let bundle = SceneBundle::from_parts(description, BTreeMap::new()).expect("nothing is missing");
+    let scene = Scene::build(&bundle).expect("the scene can be built");
+    let method = specular_method(&scene).expect("a specular method");
+    let replicate = |replicate: u32| {
+        let mut random = Random::new(3, u64::from(replicate));
+        let counters = &mut Counters::default();
+        let [mut combined, mut alone, mut rays] = [0.0; 3];
+        for index in 0..POINTS {
+            let above = DVec3::new(1.6 * random.uniform() - 0.8, 1.6 * random.uniform() - 0.8, 1.0);
+            let down = Ray::new(above, DVec3::NEG_Z);
+            let hit = scene.accelerator().closest_hit(&down, 2.0, Leaving::Nothing, counters).expect("a floor");
+            let Surface::Triangle { index: floor, .. } = hit.surface else { panic!("panes in a pool") };
+            let position = down.at(hit.distance);
+            let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
+            let mut gather = |bounces: u32| {
+                let point = ShadingPoint { position, normal: DVec3::Z, leaving: Leaving::Triangle(floor), bounces };
+                let mut stream = SampleStream::new(&settings, 0, [index, replicate], 0);
+                let mut arrivals = Vec::new();
+                method.gather(
+                    &scene,
+                    &point,
+                    0,
+                    &[SpecularEvent::Transmission],
+                    &mut stream,
+                    counters,
+                    &mut |arrival| {
+                        arrivals.push((arrival.direction, arrival.weight.x * arrival.direction.z));
+                    },
+                );
+                arrivals
+            };
+            // Rays are sent from what the camera sees, and from nothing else.
+            let (first, later) = (gather(0), gather(1));
+            combined += first.iter().map(|(_, light)| light).sum::<f64>();
+            alone += later.iter().map(|(_, light)| light).sum::<f64>();
+            let by_rays = first.iter().filter(|(direction, _)| later.iter().all(|(other, _)| other != direction));
+            rays += by_rays.map(|(_, light)| light).sum::<f64>();
+        }
+        [combined, alone, rays].map(|light| light / f64::from(POINTS))
+    };
+    let light: Vec<[f64; 3]> = (0..32u32).into_par_iter().map(replicate).collect();
+    let of = |value: fn(&[f64; 3]) -> f64| Estimate::of(&light.iter().map(value).collect::<Vec<f64>>());
+    let (combined, alone) = (of(|light| light[0]), of(|light| light[1]));
+    println!("combined {combined:?}, alone {alone:?}, by rays {:?}", of(|light| light[2]));
+    // The same points of the sun: what both find alike cancels.
+    let nothing = Estimate::exact(0.0);
+    let limit = 1e-3;
+    assert!(of(|light| light[0] - light[1]).probability(&nothing) > limit);
+    let lost = of(|light| light[0] - light[2] - light[1]).probability(&nothing);
+    let twice = of(|light| light[0] + light[2] - light[1]).probability(&nothing);
+    assert!(lost < limit && twice < limit, "rays that are lost or count twice would not be noticed: {lost} {twice}");
+    assert!(combined.relative_error() < alone.relative_error());
 }

@@ -12,6 +12,9 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// That of world coordinates.
+    pub const WORLD: Self = Self { origin: DVec3::ZERO, axes: DMat3::IDENTITY };
+
     /// A frame at `origin` with the given orthonormal x and y axes; z is their cross product.
     pub fn new(origin: DVec3, x: DVec3, y: DVec3) -> Self {
         Self { origin, axes: DMat3::from_cols(x, y, x.cross(y)) }

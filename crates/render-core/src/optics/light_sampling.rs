@@ -137,6 +137,19 @@ impl Light {
         }
     }
 
+    /// The sample that [`Light::sample_source`] would draw where a ray meets the light.
+    pub fn sample_met(&self, centre: DVec3, radius: f64, ray: &Ray, hit: &LightHit) -> SourceSample {
+        let (source, _) = self.met(ray, hit);
+        let normal = match (self.kind, source) {
+            (LightKind::Sphere { centre, radius, .. }, Source::Point(position)) => Some((position - centre) / radius),
+            (LightKind::Rectangle { frame, .. } | LightKind::Disk { frame, .. }, _) => Some(frame.axes.z_axis),
+            _ => None,
+        };
+        let density = self.source_density(centre, radius, source);
+        let weight = if density > 0.0 { hit.radiance / density } else { DVec3::ZERO };
+        SourceSample { source, normal, weight }
+    }
+
     /// Draws a direction in which the light is seen from `point` if nothing is in the way; `None` when it cannot be.
     pub fn sample_direct(&self, point: DVec3, random: DVec2) -> Option<DirectSample> {
         match self.kind {

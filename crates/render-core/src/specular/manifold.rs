@@ -20,6 +20,7 @@ use super::{
 };
 use crate::{
     counters::Counters,
+    geometry::{Leaving, Ray},
     optics::{Source, SourceSample},
     scene::{Scene, description::ManifoldConstraint},
 };
@@ -124,17 +125,34 @@ impl ManifoldWalk<'_> {
         for _ in 0..POLISHING_STEPS {
             if current.step.length() <= TOLERANCE * current.segments.shortest() {
                 let Iterate { chain, segments, .. } = current;
-                let residuals = chain.residuals(&segments, self.constraint)?;
-                let factor = chain.geometry_factor(&segments, &residuals)?;
-                let arrives = (chain.exit - segments.last()).length() < SAME_DIRECTION;
-                return arrives.then(|| {
-                    counters.converged += 1;
-                    SolvedChain { chain, segments, factor }
-                });
+                return self.solved(chain, segments, counters);
             }
             current = self.linearised(self.trace(current.target(1.0), counters)?)?;
         }
         None
+    }
+
+    /// The path that light takes through a target on a caster and on, if that leads to the source.
+    pub(super) fn through(&self, target: DVec3, counters: &mut Counters) -> Option<SolvedChain> {
+        let chain = self.trace(target, counters)?;
+        let segments = chain.segments(self.point.position, self.source);
+        self.solved(chain, segments, counters)
+    }
+
+    fn solved(&self, chain: Chain, segments: Segments, counters: &mut Counters) -> Option<SolvedChain> {
+        let residuals = chain.residuals(&segments, self.constraint)?;
+        let factor = chain.geometry_factor(&segments, &residuals)?;
+        let arrives = (chain.exit - segments.last()).length() < SAME_DIRECTION;
+        arrives.then(|| {
+            counters.converged += 1;
+            SolvedChain { chain, segments, factor }
+        })
+    }
+
+    /// The ray on which light leaves the last surface, if it goes through a target on a caster.
+    pub(super) fn beyond(&self, target: DVec3, counters: &mut Counters) -> Option<Ray> {
+        let chain = self.trace(target, counters)?;
+        Some(Ray::new(chain.vertices.last()?.at.position, chain.exit))
     }
 
     /// Where a step to a target beside a pane's outline ends at its border, if it is to.
@@ -190,6 +208,17 @@ impl SolvedChain {
         self.chain.vertices[0].at.position
     }
 
+    /// The surface of its first vertex.
+    pub(super) fn first_surface(&self) -> Leaving {
+        self.chain.vertices[0].surface
+    }
+
+    /// Solid angle at the shading point for each area of the light, or solid angle of one at infinity.
+    pub(super) fn magnification(&self, sample: &SourceSample) -> f64 {
+        let light_cosine = sample.normal.map_or(1.0, |normal| -normal.dot(self.segments.last()));
+        self.factor.abs() * light_cosine
+    }
+
     /// The light of a point of a light that arrives along it, if nothing is in the way. Counts it.
     pub(super) fn arrival(
         &self,
@@ -214,14 +243,14 @@ impl SolvedChain {
         let mut from = (point.position, point.leaving, None);
         for (vertex, length) in self.chain.vertices.iter().zip(&self.segments.lengths) {
             let (position, leaving, inside) = from;
-            let ray = crate::geometry::Ray::new(position, (vertex.at.position - position) / *length);
+            let ray = Ray::new(position, (vertex.at.position - position) / *length);
             if inside.is_none() && scene.blocked_by_light(&ray, *length, leaving, None) {
                 return true;
             }
             from = (vertex.at.position, vertex.surface, vertex.inside);
         }
         let (position, leaving, inside) = from;
-        let ray = crate::geometry::Ray::new(position, self.segments.last());
+        let ray = Ray::new(position, self.segments.last());
         let length = self.segments.lengths[self.chain.vertices.len()];
         inside.is_some() || scene.blocked(&ray, length, leaving, None, Some(light), counters)
     }

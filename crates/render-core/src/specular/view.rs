@@ -238,7 +238,7 @@ fn solid_angle(side: &PaneSide<'_>, origin: DVec3, place: DVec2) -> f64 {
 }
 
 /// Bounds on a whole light, in a pane's frame.
-fn light_bounds(light: &Light, frame: &Frame) -> SourceBounds {
+pub(super) fn light_bounds(light: &Light, frame: &Frame) -> SourceBounds {
     match light.kind {
         LightKind::Point { position, .. } => SourceBounds::Ball { centre: frame.point_to_local(position), radius: 0.0 },
         LightKind::Sphere { centre, radius, .. } => SourceBounds::Ball { centre: frame.point_to_local(centre), radius },

@@ -18,6 +18,8 @@ pub(super) struct Ends {
     /// One where normals point to the shading point's side of the interface, minus one where they point to the other, zero
     /// for a mirror, whose sides are alike.
     pub(super) side: f64,
+    /// How far points of the light are from L at the most, metres, or the sine of the angle.
+    pub(super) spread: f64,
 }
 
 impl Ends {
@@ -37,7 +39,12 @@ impl Ends {
             Source::Point(position) => (position, 1.0),
             Source::Direction(direction) => (direction, 0.0),
         };
-        Self { point, light, near, indices, side }
+        Self { point, light, near, indices, side, spread: 0.0 }
+    }
+
+    /// The same for all points of a light as far as `spread` from this one, metres, or the sine of the angle.
+    pub(super) fn spread(self, spread: f64) -> Self {
+        Self { spread, ..self }
     }
 
     /// Whether the interface is a mirror.

@@ -41,6 +41,23 @@ const MOST_PATHS: usize = 24;
 const ON_EDGE: f64 = 1e-9;
 
 impl Facet {
+    /// Its area, along its normal.
+    pub(super) fn area(&self) -> DVec3 {
+        let [a, b, c] = self.corners;
+        0.5 * (b - a).cross(c - a)
+    }
+
+    /// How many times as bright light of a small light may be behind it as behind a plane one.
+    pub(super) fn focus(&self, ends: &Ends) -> f64 {
+        const MIDDLE: DVec2 = DVec2::splat(1.0 / 3.0);
+        let (_, derivative) = self.misfit(ends, MIDDLE);
+        let plane = Self { normals: [self.normal(MIDDLE); 3], ..*self };
+        let (_, of_plane) = plane.misfit(ends, MIDDLE);
+        let squares = derivative.x_axis.length_squared() + derivative.y_axis.length_squared();
+        let least = derivative.determinant().abs() - squares.sqrt() * self.bending(ends, MIDDLE, 1.0);
+        if least > 0.0 { of_plane.determinant().abs() / least } else { f64::INFINITY }
+    }
+
     /// The place with these weights of the second and third corner.
     pub(super) fn place(&self, weights: DVec2) -> DVec3 {
         blend(&self.corners, weights)

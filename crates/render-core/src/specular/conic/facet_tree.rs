@@ -88,7 +88,7 @@ struct SeenEnds<S> {
     is_near: bool,
     /// The axis along which the mesh is shortest.
     short: usize,
-    /// How far the ends in single precision can be from where they are.
+    /// How far the ends can be from where they are, by their extent and by rounding.
     grains: [Singles<S>; 2],
 }
 
@@ -142,7 +142,7 @@ impl FacetTree {
             has_side: ends.side != 0.0,
             is_near: ends.near != 0.0,
             short: self.short,
-            grains: [grain(ends.point - self.middle), grain(light)],
+            grains: [grain(ends.point - self.middle), grain(light) + Singles::splat(simd, ends.spread as f32)],
         };
         let mut looks = 0;
         let (mut level, mut below): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![0], smallvec![]);
@@ -312,7 +312,7 @@ impl Node {
         let far_end = if ends.is_near {
             SeenEnd::new(to_light, ends.indices[1], edges, reach, ends.grains[1])
         } else {
-            SeenEnd { direction: to_light, speed: zero, bent: zero }
+            SeenEnd { direction: to_light, speed: zero, bent: ends.indices[1] * ends.grains[1] }
         };
         let half = near_end.direction * ends.indices[0] + far_end.direction * ends.indices[1];
         let fastest = near_end.speed + far_end.speed;
@@ -367,7 +367,7 @@ impl Node {
             let light_slack = if ends.is_near {
                 slack + ends.grains[1] * longest + loose * (to_light.length() + reach)
             } else {
-                loose
+                loose + ends.grains[1] * longest
             };
             (height(to_point) + point_slack).less_than(zero) | light_slack.less_than(height(to_light))
         } else {

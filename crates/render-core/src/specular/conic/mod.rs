@@ -13,26 +13,29 @@ mod degenerate;
 mod ends;
 mod facet;
 mod facet_tree;
+mod focus;
 mod neighbours;
 #[cfg(test)]
 mod testing;
 mod walk;
 
 use arrayvec::ArrayVec;
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
-use self::{ends::Ends, walk::first_path};
+use self::{ends::Ends, focus::Focus, walk::first_path};
 use super::{
     Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath,
     caster::Caster,
     manifold::{ManifoldWalk, SolvedChain},
     scope::Scope,
+    view::light_bounds,
+    window::SourceBounds,
 };
 use crate::{
     counters::Counters,
     film::SampleStream,
-    geometry::{Leaving, PaneBoundary, Surface},
-    optics::{Interface, Source},
+    geometry::{Frame, Leaving, PaneBoundary, Surface},
+    optics::{Interface, Light, Source, SourceSample},
     scene::{
         Scene,
         description::{ConicSearch, ManifoldConstraint},
@@ -68,10 +71,14 @@ impl SpecularMethod for Conic {
     ) {
         let Some(sample) = self.scope.light_sample(scene, point, light, stream) else { return };
         for &caster in &self.scope.casters {
-            for path in self.paths_over(scene, point, sample.source, caster, events, counters) {
-                if let Some(arrival) = path.arrival(scene, point, light, &sample, counters) {
-                    arrive(arrival);
-                }
+            let (Caster::Mesh(mesh), [event]) = (caster, events) else { continue };
+            let Some(seen) = caster.seen_from(scene, point) else { continue };
+            let constraint = ManifoldConstraint::AngleDifference;
+            let walk = ManifoldWalk { scene, point, source: sample.source, caster: seen, events, constraint };
+            let connection = Connection { mesh, event: *event, light, sample: &sample, walk };
+            match self.search {
+                ConicSearch::Complete => connection.all(stream, counters, arrive),
+                ConicSearch::Published => connection.first(counters, arrive),
             }
         }
     }
@@ -81,57 +88,131 @@ impl SpecularMethod for Conic {
     }
 }
 
-impl Conic {
-    /// The paths from `point` to `source` over one vertex on `caster` that the search finds.
-    fn paths_over(
-        &self,
-        scene: &Scene,
-        point: &ShadingPoint,
-        source: Source,
-        caster: Caster,
-        events: &[SpecularEvent],
-        counters: &mut Counters,
-    ) -> Vec<SolvedChain> {
+/// A shading point, a mesh and a point of a light.
+struct Connection<'a> {
+    mesh: u32,
+    event: SpecularEvent,
+    light: u32,
+    sample: &'a SourceSample,
+    walk: ManifoldWalk<'a>,
+}
+
+impl Connection<'_> {
+    /// The light over all places of the mesh.
+    fn all(&self, stream: &mut SampleStream, counters: &mut Counters, arrive: &mut dyn FnMut(Arrival)) {
+        let ManifoldWalk { scene, point, source, .. } = self.walk;
+        let Some(tree) = scene.facets(self.mesh) else { return };
+        let whole = (point.bounces == 0).then(|| whole(&scene.lights()[self.light as usize])).flatten();
         let mut paths: Vec<SolvedChain> = Vec::new();
-        let (Caster::Mesh(mesh), [event]) = (caster, events) else { return paths };
-        let Some(seen) = caster.seen_from(scene, point) else { return paths };
-        let constraint = ManifoldConstraint::AngleDifference;
-        let walk = ManifoldWalk { scene, point, source, caster: seen, events, constraint };
-        let mut add = |triangle: u32, weights: DVec2, counters: &mut Counters| {
-            // It sees that nothing else is met before, and what the interface does.
-            if let Some(path) = walk.walk_towards(scene.facet(triangle).place(weights), counters)
+        let mut focus = Focus::default();
+        for (index, ends) in ways(scene, point, source, self.mesh, self.event).iter().enumerate() {
+            let whole =
+                whole.map(|(source, spread)| ways(scene, point, source, self.mesh, self.event)[index].spread(spread));
+            tree.visit(whole.as_ref().unwrap_or(ends), |triangle| {
+                let facet = scene.facet(triangle);
+                if let Some(whole) = &whole {
+                    focus.consider(triangle, &facet, whole);
+                }
+                for weights in facet.paths(ends) {
+                    // It sees that nothing else is met before, and what the interface does.
+                    if let Some(path) = self.walk.walk_towards(facet.place(weights), counters)
+                        && !paths.iter().any(|known| known.same(&path))
+                    {
+                        paths.push(path);
+                    }
+                }
+            });
+        }
+        for path in &paths {
+            self.weighted(path, self.sample, &focus, counters, arrive);
+        }
+        if whole.is_some() {
+            let (choice, place) = (stream.next_1d(), stream.next_2d());
+            if let Some((triangle, weights)) = focus.draw(choice, place) {
+                self.ray(triangle, scene.facet(triangle).place(weights), &focus, counters, arrive);
+            }
+        }
+    }
+
+    /// The light that a ray through a place of the mesh meets.
+    fn ray(
+        &self,
+        triangle: u32,
+        place: DVec3,
+        focus: &Focus,
+        counters: &mut Counters,
+        arrive: &mut dyn FnMut(Arrival),
+    ) {
+        let ManifoldWalk { scene, .. } = self.walk;
+        let light = &scene.lights()[self.light as usize];
+        let Some(ray) = self.walk.beyond(place, counters) else { return };
+        let Some(hit) = light.intersect(&ray) else { return };
+        let (centre, radius) = scene.specular_ball();
+        let sample = light.sample_met(centre, radius, &ray, &hit);
+        let walk = ManifoldWalk { source: sample.source, ..self.walk };
+        let Some(path) = walk.through(place, counters) else { return };
+        if path.first_surface() == Leaving::Triangle(triangle) {
+            self.weighted(&path, &sample, focus, counters, arrive);
+        }
+    }
+
+    /// The light along a path that both the search and a ray may find.
+    fn weighted(
+        &self,
+        path: &SolvedChain,
+        sample: &SourceSample,
+        focus: &Focus,
+        counters: &mut Counters,
+        arrive: &mut dyn FnMut(Arrival),
+    ) {
+        let ManifoldWalk { scene, point, .. } = self.walk;
+        let Some(arrival) = path.arrival(scene, point, self.light, sample, counters) else { return };
+        let Leaving::Triangle(triangle) = path.first_surface() else { return };
+        let by_ray = focus.density(triangle, &scene.facet(triangle), point.position, path.first_vertex());
+        let share = if by_ray > 0.0 {
+            let (centre, radius) = scene.specular_ball();
+            let light = &scene.lights()[self.light as usize];
+            let by_search = light.source_density(centre, radius, sample.source) / path.magnification(sample);
+            by_search / (by_search + by_ray)
+        } else {
+            1.0
+        };
+        arrive(Arrival { weight: arrival.weight * share, ..arrival });
+    }
+
+    /// The light along the first path on the curve from the straight line to the light.
+    fn first(&self, counters: &mut Counters, arrive: &mut dyn FnMut(Arrival)) {
+        let ManifoldWalk { scene, point, source, .. } = self.walk;
+        let Some(start) = on_straight_line(scene, point, source, self.mesh, counters) else { return };
+        let facet = |triangle| scene.facet(triangle);
+        let (triangle, weights) = start;
+        let started = facet(triangle);
+        let mut paths: Vec<SolvedChain> = Vec::new();
+        for ends in ways(scene, point, source, self.mesh, self.event) {
+            if !ends.may_see(started.normal(weights).dot(point.position - started.place(weights)), 0.0) {
+                continue;
+            }
+            if let Some((triangle, weights)) = first_path(start, facet, scene.neighbours(self.mesh), &ends)
+                && let Some(path) = self.walk.walk_towards(facet(triangle).place(weights), counters)
                 && !paths.iter().any(|known| known.same(&path))
             {
                 paths.push(path);
             }
-        };
-        for ends in ways(scene, point, source, mesh, *event) {
-            match self.search {
-                ConicSearch::Complete => {
-                    let Some(tree) = scene.facets(mesh) else { continue };
-                    tree.visit(&ends, |triangle| {
-                        scene
-                            .facet(triangle)
-                            .paths(&ends)
-                            .into_iter()
-                            .for_each(|weights| add(triangle, weights, counters));
-                    });
-                }
-                ConicSearch::Published => {
-                    let Some(start) = on_straight_line(scene, point, source, mesh, counters) else { continue };
-                    let facet = |triangle| scene.facet(triangle);
-                    let (triangle, weights) = start;
-                    let started = facet(triangle);
-                    if !ends.may_see(started.normal(weights).dot(point.position - started.place(weights)), 0.0) {
-                        continue;
-                    }
-                    if let Some((triangle, weights)) = first_path(start, facet, scene.neighbours(mesh), &ends) {
-                        add(triangle, weights, counters);
-                    }
-                }
+        }
+        for path in paths {
+            if let Some(arrival) = path.arrival(scene, point, self.light, self.sample, counters) {
+                arrive(arrival);
             }
         }
-        paths
+    }
+}
+
+/// The middle of a light and how far its points are from there, metres or the sine of the angle; `None` for a point.
+fn whole(light: &Light) -> Option<(Source, f64)> {
+    match light_bounds(light, &Frame::WORLD) {
+        SourceBounds::Ball { radius: 0.0, .. } => None,
+        SourceBounds::Ball { centre, radius } => Some((Source::Point(centre), radius)),
+        SourceBounds::Cap { direction, sin_radius } => Some((Source::Direction(direction), sin_radius)),
     }
 }
 
