@@ -219,18 +219,27 @@ fn start_coordinator(listen: &str, data: &Path, token: Option<&str>, options: &[
     let mut command = clerestory();
     command.args(["coordinator", "--listen", listen, "--stop-with-stdin", "--data"]).arg(data).args(options);
     command.envs(token.map(|token| ("CLERESTORY_TOKEN", token)));
-    let mut coordinator = Process::spawn(command.stdout(Stdio::piped()));
-    let mut address = String::new();
-    let output = coordinator.0.stdout.take().expect("its output is piped");
-    BufReader::new(output).read_line(&mut address).expect("text");
-    assert!(address.starts_with("http://"), "the coordinator says its address first, not `{address}`");
-    (coordinator, address.trim().to_owned())
+    Process::serving(&mut command)
 }
 
 /// A process that is killed with the value; or, when this process is killed, ends because its standard input does.
-struct Process(Child);
+pub struct Process(Child);
 
 impl Process {
+    /// Starts a command that serves pages, and returns the address that it says first.
+    ///
+    /// # Panics
+    ///
+    /// When it says something else.
+    pub fn serving(command: &mut Command) -> (Self, String) {
+        let mut process = Self::spawn(command.stdout(Stdio::piped()));
+        let mut address = String::new();
+        let output = process.0.stdout.take().expect("its output is piped");
+        BufReader::new(output).read_line(&mut address).expect("text");
+        assert!(address.starts_with("http://"), "{command:?} says its address first, not `{address}`");
+        (process, address.trim().to_owned())
+    }
+
     fn spawn(command: &mut Command) -> Self {
         Self(command.stdin(Stdio::piped()).spawn().expect("the binary starts"))
     }

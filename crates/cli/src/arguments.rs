@@ -15,6 +15,7 @@ use crate::commands::jobs::JobsArguments;
 use crate::commands::render::RenderArguments;
 use crate::commands::scene::SceneArguments;
 use crate::commands::submit::SubmitArguments;
+use crate::commands::view::ViewArguments;
 use crate::commands::watch::WatchArguments;
 use crate::commands::worker::WorkerArguments;
 
@@ -69,6 +70,8 @@ pub(crate) enum Command {
     Bench(BenchArguments),
     /// Write a scene that is computed.
     Scene(SceneArguments),
+    /// Look at a scene in the browser: move the camera and the sun, and watch the picture become clear.
+    View(ViewArguments),
     /// Start a farm on this machine, render an old window on it, and show the error falling.
     Demo(DemoArguments),
 }

@@ -80,6 +80,9 @@ pub(crate) enum Failure {
     /// The coordinator of this process stopped.
     #[error("the coordinator cannot work")]
     CoordinatorStopped(#[from] RunError),
+    /// The socket of the viewer failed.
+    #[error("the viewer's socket failed")]
+    Viewer(#[source] io::Error),
     /// The worker cannot work.
     #[error("the worker cannot work")]
     Worker(#[from] WorkerError),

@@ -22,6 +22,7 @@ mod scene_overrides;
 mod settings;
 mod shutdown;
 mod terminal;
+mod viewer;
 
 use std::process::ExitCode;
 use std::time::Duration;

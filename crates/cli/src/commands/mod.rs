@@ -10,6 +10,7 @@ pub(crate) mod jobs;
 pub(crate) mod render;
 pub(crate) mod scene;
 pub(crate) mod submit;
+pub(crate) mod view;
 pub(crate) mod watch;
 pub(crate) mod worker;
 
@@ -30,6 +31,7 @@ pub(crate) async fn run(command: Command) -> Result<(), Failure> {
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Bench(arguments) => bench::run(arguments).await,
         Command::Scene(arguments) => scene::run(&arguments),
+        Command::View(arguments) => view::run(arguments).await,
         Command::Demo(arguments) => demo::run(arguments).await,
     }
 }

@@ -51,9 +51,10 @@ struct Row {
     brightness: f64,
     flicker: f64,
     noise: f64,
+    noise_at_equal_time: f64,
 }
 
-const COLUMNS: [Column; 7] = [
+const COLUMNS: [Column; 8] = [
     column("variant", "the integrator and its settings, listed under variants"),
     column("random_numbers", "whether frames share them"),
     column("samples_per_pixel", "samples of each pixel in each frame"),
@@ -67,6 +68,10 @@ const COLUMNS: [Column; 7] = [
     column(
         "noise",
         "the same without what the waves do: the root of the difference to the square for converged frames",
+    ),
+    column(
+        "noise_at_equal_time",
+        "the noise if a frame took as long as one along the conic: times the root of core_seconds over those of conic",
     ),
 ];
 
@@ -104,6 +109,8 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
                 curves.push(curve(&variant.name, &frames, colour));
             }
             let flicker = flicker(&frames);
+            let noise = (flicker * flicker - motion * motion).max(0.0).sqrt();
+            let conic_seconds = rows.first().map_or(core_seconds, |first: &Row| first.core_seconds);
             rows.push(Row {
                 variant: variant.name.clone(),
                 random_numbers,
@@ -111,7 +118,8 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
                 core_seconds,
                 brightness: brightness(&frames),
                 flicker,
-                noise: (flicker * flicker - motion * motion).max(0.0).sqrt(),
+                noise,
+                noise_at_equal_time: noise * (core_seconds / conic_seconds).sqrt(),
             });
         }
     }
@@ -191,9 +199,9 @@ fn statements(rows: &[Row], motion: f64) -> Vec<String> {
         vec![format!("The waves themselves make a pixel flicker by {} percent of the brightness.", percent(motion))];
     for row in rows {
         let first = rows.iter().find(|first| first.random_numbers == row.random_numbers);
-        let ratio = first.map_or(f64::NAN, |first| row.noise / first.noise);
+        let ratio = first.map_or(f64::NAN, |first| row.noise_at_equal_time / first.noise_at_equal_time);
         statements.push(format!(
-            "{}, random numbers {}: noise of {} percent with {} samples in {} core seconds, {} times that of conic.",
+            "{}, random numbers {}: noise of {} percent with {} samples in {} core seconds; at equal time {} times that of conic.",
             row.variant,
             row.random_numbers,
             percent(row.noise),

@@ -77,6 +77,35 @@ impl Scene {
         Ok(scene)
     }
 
+    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the seed and the sampling differ, what is there is
+    /// kept, so that it takes next to no time.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::build`].
+    pub fn changed(self, bundle: &SceneBundle) -> Result<Self, SceneError> {
+        let description = bundle.description();
+        let kept = SceneDescription {
+            camera: self.description.camera.clone(),
+            film: self.description.film,
+            lights: self.description.lights.clone(),
+            seed: self.description.seed,
+            sampling: self.description.sampling,
+            ..description.clone()
+        };
+        if kept != self.description {
+            return Self::build(bundle);
+        }
+        Ok(Self {
+            hash: bundle.scene_hash(),
+            camera: Camera::new(&description.camera, description.film),
+            lights: description.lights.iter().map(Light::new).collect(),
+            sampling: sampling(description)?,
+            description: description.clone(),
+            ..self
+        })
+    }
+
     /// Makes what the integrator looks things up in, so that no sample waits for it.
     fn prepare(&self) {
         let IntegratorDescription::Conic { search, .. } = self.description.integrator else { return };

@@ -1,0 +1,53 @@
+//! `clerestory view`: a scene in the browser, rendered anew whenever the camera or the sun moves.
+
+use std::net::SocketAddr;
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+
+use clap::Args;
+use clerestory_render_core::scene::Scene;
+use rayon::ThreadPoolBuilder;
+use tokio::net::TcpListener;
+
+use crate::arguments::positive;
+use crate::commands::worker::cores;
+use crate::failure::Failure;
+use crate::scene_overrides::SceneOverrides;
+use crate::shutdown::{self, Parent};
+use crate::terminal::print_line;
+use crate::viewer::Viewer;
+
+/// Options of `clerestory view`.
+#[derive(Debug, Args)]
+pub(crate) struct ViewArguments {
+    /// The scene file.
+    scene: PathBuf,
+    #[command(flatten)]
+    overrides: SceneOverrides,
+    /// Address on which the page is. Whoever reaches it can use this machine's processors: keep it to this machine.
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7272")]
+    listen: SocketAddr,
+    /// Threads that render [default: one for each core].
+    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS", value_parser = positive::<NonZeroUsize>)]
+    threads: Option<NonZeroUsize>,
+}
+
+pub(crate) async fn run(arguments: ViewArguments) -> Result<(), Failure> {
+    if !arguments.listen.ip().is_loopback() {
+        let found = arguments.listen;
+        return Err(Failure::Usage(format!(
+            "--listen: found {found}, expected an address of this machine alone, such as 127.0.0.1:7272"
+        )));
+    }
+    let bundle = arguments.overrides.load(&arguments.scene)?;
+    let scene = Scene::build(&bundle).map_err(|source| Failure::scene(&arguments.scene, source))?;
+    let threads = arguments.threads.unwrap_or_else(cores);
+    let pool = ThreadPoolBuilder::new().num_threads(threads.get()).build().map_err(Failure::Threads)?;
+    let failure = |source| Failure::Listen { address: arguments.listen.to_string(), source };
+    let listener = TcpListener::bind(arguments.listen).await.map_err(failure)?;
+    let address = listener.local_addr().map_err(failure)?;
+    let stop = shutdown::token(Parent::None);
+    let viewer = Viewer::start(bundle, scene, pool, arguments.overrides.samples_per_pixel())?;
+    print_line(&format!("http://{address}"))?;
+    viewer.serve(listener, stop).await
+}

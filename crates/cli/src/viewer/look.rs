@@ -1,0 +1,40 @@
+//! From where a scene is looked at, and where its sun stands.
+
+use clerestory_render_core::scene::description::{CameraDescription, LightDescription, SceneDescription, Triple};
+use clerestory_render_core::scene::{SceneBundle, SceneError};
+use serde::{Deserialize, Serialize};
+
+/// What the page can change.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Look {
+    /// As in a scene file.
+    pub(super) camera: CameraDescription,
+    /// Direction towards the first sun; nothing where the scene has none.
+    pub(super) sun: Option<Triple>,
+}
+
+impl Look {
+    /// That of a scene file.
+    pub(super) fn of(description: &SceneDescription) -> Self {
+        let sun = description.lights.iter().find_map(|light| match light {
+            LightDescription::Sun { direction, .. } => Some(*direction),
+            _ => None,
+        });
+        Self { camera: description.camera.clone(), sun }
+    }
+
+    /// A scene that is looked at in this way.
+    pub(super) fn applied(&self, bundle: &SceneBundle) -> Result<SceneBundle, SceneError> {
+        let mut description = bundle.description().clone();
+        description.camera = self.camera.clone();
+        let suns = description.lights.iter_mut().find_map(|light| match light {
+            LightDescription::Sun { direction, .. } => Some(direction),
+            _ => None,
+        });
+        if let (Some(direction), Some(sun)) = (suns, self.sun) {
+            *direction = sun;
+        }
+        bundle.clone().with_description(description)
+    }
+}

@@ -1,0 +1,48 @@
+//! A scene in the browser: a page, a camera that is moved there, and a thread that renders what it sees.
+//!
+//! The page sends where it looks from ([`look::Look`]); whatever is being rendered is given up, and frames follow, coarse ones first
+//! ([`engine`]). The page asks for the next frame after the one that it has, and waits for the answer.
+
+mod engine;
+mod look;
+mod server;
+
+use std::sync::Arc;
+
+use clerestory_render_core::scene::{Scene, SceneBundle};
+use rayon::ThreadPool;
+use tokio::net::TcpListener;
+use tokio_util::sync::CancellationToken;
+
+use self::engine::Engine;
+use crate::failure::Failure;
+
+/// A scene that is looked at.
+pub(crate) struct Viewer {
+    engine: Arc<Engine>,
+}
+
+impl Viewer {
+    /// Starts to render a scene with at most so many samples in each pixel.
+    pub(crate) fn start(
+        bundle: SceneBundle,
+        scene: Scene,
+        pool: ThreadPool,
+        most_samples: u32,
+    ) -> Result<Self, Failure> {
+        Ok(Self { engine: Engine::start(bundle, scene, pool, most_samples)? })
+    }
+
+    /// Serves the page and its frames until `stop`.
+    pub(crate) async fn serve(self, listener: TcpListener, stop: CancellationToken) -> Result<(), Failure> {
+        let engine = self.engine.clone();
+        let served = axum::serve(listener, server::routes(self.engine))
+            .with_graceful_shutdown(async move {
+                stop.cancelled().await;
+                // Pages that wait for a frame get none any more.
+                engine.end();
+            })
+            .await;
+        served.map_err(Failure::Viewer)
+    }
+}

@@ -1,0 +1,138 @@
+// Moves the camera and the sun, sends where they are, and shows the frames that come back.
+
+import { anglesOf, approached, directionOf, shifted, turned } from './camera.js';
+
+const picture = document.querySelector('#picture');
+const progress = document.querySelector('#progress');
+const problem = document.querySelector('#problem');
+const sun = document.querySelector('#sun');
+const sliders = { azimuth: document.querySelector('#azimuth'), elevation: document.querySelector('#elevation') };
+
+/** Radians of a turn for each pixel that is dragged, and for a key. */
+const TURN = 0.006;
+const KEY_TURN = 0.05;
+
+/** Pause before a question that failed is asked again, milliseconds. */
+const RETRY = 1000;
+
+let shown;
+let original;
+let look;
+/** The look that is to be sent next, while another is on its way. */
+let waiting = null;
+let isSending = false;
+
+async function send() {
+    if (isSending) {
+        waiting = look;
+        return;
+    }
+    isSending = true;
+    waiting = look;
+    while (waiting) {
+        const body = JSON.stringify(waiting);
+        waiting = null;
+        try {
+            const answer = await fetch('look', { method: 'POST', headers: { 'content-type': 'application/json' }, body });
+            problem.textContent = answer.ok ? '' : (await answer.json()).detail;
+        } catch {
+            problem.textContent = 'Clerestory does not answer.';
+        }
+    }
+    isSending = false;
+}
+
+function change(camera) {
+    look = { ...look, camera };
+    send();
+}
+
+function showSun() {
+    sun.hidden = !look.sun;
+    if (!look.sun) return;
+    const angles = anglesOf(look.sun, upOf(look.camera));
+    for (const [name, slider] of Object.entries(sliders)) {
+        slider.value = angles[name];
+        slider.parentElement.querySelector('output').value = `${Number(slider.value).toFixed(1)}\u00b0`;
+    }
+}
+
+const kindOf = (camera) => Object.keys(camera)[0];
+const upOf = (camera) => camera[kindOf(camera)].up;
+
+for (const slider of Object.values(sliders)) {
+    slider.addEventListener('input', () => {
+        const { azimuth, elevation } = sliders;
+        look = { ...look, sun: directionOf(Number(azimuth.value), Number(elevation.value), upOf(look.camera)) };
+        slider.parentElement.querySelector('output').value = `${Number(slider.value).toFixed(1)}\u00b0`;
+        send();
+    });
+}
+
+picture.addEventListener('pointerdown', (event) => picture.setPointerCapture(event.pointerId));
+picture.addEventListener('pointermove', (event) => {
+    if (!picture.hasPointerCapture(event.pointerId)) return;
+    const [x, y] = [event.movementX, event.movementY];
+    change(event.shiftKey ? shifted(look.camera, x / picture.clientHeight, y / picture.clientHeight)
+        : turned(look.camera, x * TURN, y * TURN));
+});
+picture.addEventListener('wheel', (event) => {
+    event.preventDefault();
+    change(approached(look.camera, Math.exp(Math.sign(event.deltaY) * 0.1)));
+}, { passive: false });
+const keys = {
+    ArrowLeft: (camera) => turned(camera, KEY_TURN, 0),
+    ArrowRight: (camera) => turned(camera, -KEY_TURN, 0),
+    ArrowUp: (camera) => turned(camera, 0, KEY_TURN),
+    ArrowDown: (camera) => turned(camera, 0, -KEY_TURN),
+    '+': (camera) => approached(camera, 0.9),
+    '-': (camera) => approached(camera, 1 / 0.9),
+};
+picture.addEventListener('keydown', (event) => {
+    const act = keys[event.key];
+    if (!act) return;
+    event.preventDefault();
+    change(act(look.camera));
+});
+
+document.querySelector('#reset').addEventListener('click', () => {
+    look = original;
+    showSun();
+    send();
+});
+document.querySelector('#copy').addEventListener('click', async () => {
+    await navigator.clipboard.writeText(JSON.stringify(look, null, 2));
+});
+
+async function follow() {
+    let number = { look: 0, frame: 0 };
+    for (;;) {
+        try {
+            const answer = await fetch(`frame?look=${number.look}&frame=${number.frame}`);
+            if (answer.status !== 200) continue;
+            number = { look: answer.headers.get('clerestory-look'), frame: answer.headers.get('clerestory-frame') };
+            const samples = Number(answer.headers.get('clerestory-samples'));
+            const before = picture.src;
+            picture.src = URL.createObjectURL(await answer.blob());
+            await picture.decode();
+            URL.revokeObjectURL(before);
+            picture.dataset.look = number.look;
+            picture.dataset.samples = samples;
+            progress.textContent = samples === 0 ? 'Coarse' : `${samples} of ${shown.most_samples} samples a pixel`;
+            problem.textContent = '';
+        } catch {
+            problem.textContent = 'Clerestory does not answer.';
+            await new Promise((resolve) => setTimeout(resolve, RETRY));
+        }
+    }
+}
+
+shown = await (await fetch('look')).json();
+look = shown.look;
+original = look;
+document.title = shown.name;
+document.querySelector('#name').textContent = shown.name;
+picture.width = shown.width;
+picture.height = shown.height;
+showSun();
+follow();

@@ -1,0 +1,75 @@
+//! A scene that is looked at, as a user sees it: the real program, watched with a real browser.
+//!
+//! Needs Debian's packages `chromium` and `chromium-driver`, and the built binary (`cargo build --release`).
+
+use std::path::Path;
+
+use clerestory_tests::browser::Browser;
+use clerestory_tests::farm::{Process, clerestory, succeeded};
+use serde_json::Value;
+
+/// Pixels of the picture as it is shown, as a list of numbers.
+const PIXELS: &str = "
+    const picture = document.querySelector('#picture');
+    const canvas = document.createElement('canvas');
+    [canvas.width, canvas.height] = [picture.naturalWidth, picture.naturalHeight];
+    const context = canvas.getContext('2d');
+    context.drawImage(picture, 0, 0);
+    return Array.from(context.getImageData(0, 0, canvas.width, canvas.height).data);";
+
+/// Waits until a look has all its samples, and returns its picture.
+async fn finished(browser: &Browser, look: u32) -> Value {
+    let is_there = format!(
+        "const {{ look, samples }} = document.querySelector('#picture').dataset;
+        return look === '{look}' && samples === '4' ? true : null;"
+    );
+    browser.script_gives(&is_there).await;
+    browser.script(PIXELS).await
+}
+
+#[tokio::test]
+async fn the_camera_and_the_sun_move_and_the_picture_becomes_clear() {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("scenes/room.json");
+    let options = ["--size", "96x72", "--spp", "4", "--listen", "127.0.0.1:0"];
+    let (_viewer, address) = Process::serving(clerestory().arg("view").arg(scene).args(options));
+    let browser = Browser::open(&address).await;
+    browser.shows("#progress", "4 of 4 samples a pixel").await;
+    let first = finished(&browser, 1).await;
+    assert_eq!(first.as_array().unwrap().len(), 96 * 72 * 4);
+
+    let key = "document.querySelector('#picture').dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowLeft' }))";
+    browser.script(key).await;
+    let turned = finished(&browser, 2).await;
+    assert_ne!(turned, first, "the camera has turned");
+
+    let slide = "const slider = document.querySelector('#azimuth');
+        slider.value = Number(slider.value) + 20;
+        slider.dispatchEvent(new Event('input'));";
+    browser.script(slide).await;
+    let lit = finished(&browser, 3).await;
+    assert_ne!(lit, turned, "the sun has moved");
+
+    browser.click("#reset", "As in the file").await;
+    assert_eq!(finished(&browser, 4).await, first, "the same look is the same picture, bit for bit");
+
+    let drag = "const picture = document.querySelector('#picture');
+        const { left, top } = picture.getBoundingClientRect();
+        picture.setPointerCapture = () => {};
+        picture.hasPointerCapture = () => true;
+        const at = (type, x) => picture.dispatchEvent(new PointerEvent(type,
+            { pointerId: 1, clientX: left + x, clientY: top + 30, movementX: type === 'pointermove' ? 12 : 0, bubbles: true }));
+        at('pointerdown', 20);
+        at('pointermove', 32);";
+    browser.script(drag).await;
+    assert_ne!(finished(&browser, 5).await, first, "dragging turns the camera, too");
+    assert_eq!(browser.complaints().await, [""; 0]);
+}
+
+#[test]
+fn a_page_for_the_whole_network_is_refused() {
+    let output = clerestory().args(["view", "scene.json", "--listen", "0.0.0.0:0"]).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("--listen: found 0.0.0.0:0, expected an address of this machine"), "{message}");
+    succeeded(clerestory().args(["view", "--help"]));
+}
