@@ -240,6 +240,17 @@ impl Process {
         (process, address.trim().to_owned())
     }
 
+    /// Asks the process to end, and waits until it does.
+    ///
+    /// # Panics
+    ///
+    /// When it does not run, or ends with a failure.
+    pub fn ends(&mut self) {
+        kill(Pid::from_raw(self.0.id().cast_signed()), Signal::SIGTERM).expect("the process runs");
+        let status = self.0.wait().expect("the process ends");
+        assert!(status.success(), "{status}");
+    }
+
     fn spawn(command: &mut Command) -> Self {
         Self(command.stdin(Stdio::piped()).spawn().expect("the binary starts"))
     }

@@ -3,6 +3,7 @@
 //! Needs Debian's packages `chromium` and `chromium-driver`, and the built binary (`cargo build --release`).
 
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use clerestory_tests::browser::Browser;
 use clerestory_tests::farm::{Process, clerestory, succeeded};
@@ -31,7 +32,7 @@ async fn finished(browser: &Browser, look: u32) -> Value {
 async fn the_camera_and_the_sun_move_and_the_picture_becomes_clear() {
     let scene = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("scenes/room.json");
     let options = ["--size", "96x72", "--spp", "4", "--listen", "127.0.0.1:0"];
-    let (_viewer, address) = Process::serving(clerestory().arg("view").arg(scene).args(options));
+    let (mut viewer, address) = Process::serving(clerestory().arg("view").arg(scene).args(options));
     let browser = Browser::open(&address).await;
     browser.shows("#progress", "4 of 4 samples a pixel").await;
     let first = finished(&browser, 1).await;
@@ -62,7 +63,26 @@ async fn the_camera_and_the_sun_move_and_the_picture_becomes_clear() {
         at('pointermove', 32);";
     browser.script(drag).await;
     assert_ne!(finished(&browser, 5).await, first, "dragging turns the camera, too");
+
+    // While keys are held down, there are pictures all the same.
+    let hold = "window.seen = [];
+        const picture = document.querySelector('#picture');
+        new MutationObserver(() => window.seen.push(picture.dataset.look)).observe(picture, { attributes: true });
+        let presses = 0;
+        const press = setInterval(() => {
+            picture.dispatchEvent(new KeyboardEvent('keydown', { key: presses++ % 2 ? 'ArrowLeft' : 'ArrowRight' }));
+            if (presses === 120) { clearInterval(press); window.pressed = true; }
+        }, 10);";
+    browser.script(hold).await;
+    browser.script_gives("return window.pressed ?? null").await;
+    let seen = browser.script("return new Set(window.seen).size").await;
+    assert!(seen.as_u64() > Some(5), "{seen} looks were shown while 120 keys were pressed");
     assert_eq!(browser.complaints().await, [""; 0]);
+
+    // An open page does not keep it from ending.
+    let start = Instant::now();
+    viewer.ends();
+    assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
 }
 
 #[test]

@@ -39,6 +39,9 @@ pub(crate) async fn run(arguments: ViewArguments) -> Result<(), Failure> {
             "--listen: found {found}, expected an address of this machine alone, such as 127.0.0.1:7272"
         )));
     }
+    if arguments.overrides.time.is_some() {
+        return Err(Failure::Usage("--time: a page is rendered until it has the samples of --spp".to_owned()));
+    }
     let bundle = arguments.overrides.load(&arguments.scene)?;
     let scene = Scene::build(&bundle).map_err(|source| Failure::scene(&arguments.scene, source))?;
     let threads = arguments.threads.unwrap_or_else(cores);

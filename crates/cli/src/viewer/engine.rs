@@ -1,5 +1,5 @@
 //! The thread that renders: whenever the look changes it gives up what it is doing, and begins with frames so coarse that they come
-//! at once.
+//! at once. The first frame of a look is always finished: there are pictures also while the look changes all the time.
 
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,7 +13,7 @@ use clerestory_render_core::scene::description::{FilmDescription, SamplingDescri
 use clerestory_render_core::scene::{Scene, SceneBundle, SceneError};
 use rayon::ThreadPool;
 use serde::Serialize;
-use tokio::sync::watch;
+use tokio::sync::{oneshot, watch};
 
 use super::look::Look;
 use crate::failure::Failure;
@@ -57,6 +57,8 @@ pub(super) struct Frame {
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Shown {
     pub(super) name: String,
+    /// That of the scene file.
+    pub(super) original: Look,
     pub(super) look: Look,
     pub(super) width: u32,
     pub(super) height: u32,
@@ -74,6 +76,9 @@ pub(super) struct Engine {
     frames: watch::Sender<Option<Frame>>,
 }
 
+/// Gets how the thread ended.
+pub(super) type Ended = oneshot::Receiver<Result<(), Failure>>;
+
 struct Wanted {
     number: u64,
     look: Look,
@@ -83,13 +88,13 @@ struct Wanted {
 }
 
 impl Engine {
-    /// Starts the thread.
+    /// Starts the thread. Nothing is said of its end if it panicked.
     pub(super) fn start(
         original: SceneBundle,
         scene: Scene,
         pool: ThreadPool,
         most_samples: u32,
-    ) -> Result<Arc<Self>, Failure> {
+    ) -> Result<(Arc<Self>, Ended), Failure> {
         let look = Look::of(original.description());
         let wanted = Wanted { number: 1, look, bundle: original.clone(), control: Arc::default(), is_over: false };
         let engine = Arc::new(Self {
@@ -100,13 +105,11 @@ impl Engine {
             frames: watch::channel(None).0,
         });
         let shared = engine.clone();
-        let render = move || {
-            if let Err(failure) = pool.install(|| shared.render(scene)) {
-                tracing::error!("the viewer stopped rendering: {failure}");
-            }
-        };
+        let (ended, end) = oneshot::channel();
+        // Whoever was to hear of it may be gone.
+        let render = move || _ = ended.send(pool.install(|| shared.render(scene)));
         thread::Builder::new().name("viewer".to_owned()).spawn(render).map_err(Failure::Runtime)?;
-        Ok(engine)
+        Ok((engine, end))
     }
 
     /// What is shown, or about to be.
@@ -114,6 +117,7 @@ impl Engine {
         let SceneDescription { name, film, .. } = self.original.description();
         Shown {
             name: name.clone(),
+            original: Look::of(self.original.description()),
             look: self.wanted().look.clone(),
             width: film.width,
             height: film.height,
@@ -143,6 +147,8 @@ impl Engine {
         wanted.number += 1;
         wanted.control.cancelled.store(true, Ordering::Relaxed);
         self.changed.send_replace(wanted.number);
+        // Pages that wait for a frame wait no longer.
+        self.frames.send_modify(|_| ());
     }
 
     /// Whether the thread has ended, or is about to.
@@ -171,13 +177,13 @@ impl Engine {
             let mut number = FrameNumber { look, frame: 0 };
             let mut coarseness = coarseness(bundle.description().film, seconds_per_sample);
             loop {
-                let start = Instant::now();
                 let most = if coarseness > 1 { 1 } else { self.most_samples };
-                let (next, samples) = self.render_at(scene, &bundle, coarseness, most, &mut number, &control)?;
+                let first = Control::default();
+                let first = if number.frame == 0 { &first } else { &control };
+                let stage = Stage { bundle: &bundle, coarseness, most, first, control: &control };
+                let (next, seconds) = self.render_stage(scene, &stage, &mut number)?;
                 scene = next;
-                if coarseness > 1 && samples > 0 {
-                    seconds_per_sample = Some(start.elapsed().as_secs_f64() / samples as f64);
-                }
+                seconds_per_sample = seconds.or(seconds_per_sample);
                 if coarseness == 1 || control.cancelled.load(Ordering::Relaxed) {
                     break;
                 }
@@ -190,16 +196,14 @@ impl Engine {
         }
     }
 
-    /// Renders with a pixel for `coarseness` by `coarseness` of the scene's; returns the scene, and how many samples there were.
-    fn render_at(
+    /// Renders frames; returns the scene, and how long a sample of the first pass took, if it was finished.
+    fn render_stage(
         &self,
         scene: Scene,
-        bundle: &SceneBundle,
-        coarseness: u32,
-        most: u32,
+        stage: &Stage<'_>,
         number: &mut FrameNumber,
-        control: &Control,
-    ) -> Result<(Scene, u64), Failure> {
+    ) -> Result<(Scene, Option<f64>), Failure> {
+        let Stage { bundle, coarseness, most, first, control } = *stage;
         let failure = |source| Failure::scene(bundle.description().name.as_ref(), source);
         let FilmDescription { width, height } = bundle.description().film;
         let film = FilmDescription { width: width.div_ceil(coarseness), height: height.div_ceil(coarseness) };
@@ -209,10 +213,15 @@ impl Engine {
         let grid = TileGrid { width: film.width, height: film.height, tile_size };
         let plan = PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![most; grid.len() as usize] };
         let mut rendered = LocalFilm::new(&scene, &plan);
+        let mut seconds_per_sample = None;
         let mut shown = Instant::now();
         for pass in 0..most {
+            let control = if pass == 0 { first } else { control };
             if !rendered.render_pass(pass, control).map_err(Failure::Render)? {
                 break;
+            }
+            if pass == 0 {
+                seconds_per_sample = Some(shown.elapsed().as_secs_f64() / rendered.counters.samples as f64);
             }
             if pass == 0 || pass + 1 == most || shown.elapsed() >= FRAME_PERIOD {
                 let sums = rendered.sums().map_err(Failure::Render)?;
@@ -225,9 +234,20 @@ impl Engine {
                 shown = Instant::now();
             }
         }
-        let samples = rendered.counters.samples;
-        Ok((scene, samples))
+        Ok((scene, seconds_per_sample))
     }
+}
+
+/// Frames of one size.
+struct Stage<'a> {
+    bundle: &'a SceneBundle,
+    /// A pixel stands for so many by so many of the scene's.
+    coarseness: u32,
+    /// Passes.
+    most: u32,
+    /// What stops the first pass, and the others.
+    first: &'a Control,
+    control: &'a Control,
 }
 
 /// Edge of the pixels of a first frame, by how long samples took; nothing is known before the first.

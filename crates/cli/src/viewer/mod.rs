@@ -14,12 +14,14 @@ use rayon::ThreadPool;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
 
-use self::engine::Engine;
+use self::engine::{Ended, Engine};
 use crate::failure::Failure;
 
 /// A scene that is looked at.
 pub(crate) struct Viewer {
     engine: Arc<Engine>,
+    /// How the thread that renders ended.
+    ended: Ended,
 }
 
 impl Viewer {
@@ -30,19 +32,24 @@ impl Viewer {
         pool: ThreadPool,
         most_samples: u32,
     ) -> Result<Self, Failure> {
-        Ok(Self { engine: Engine::start(bundle, scene, pool, most_samples)? })
+        let (engine, ended) = Engine::start(bundle, scene, pool, most_samples)?;
+        Ok(Self { engine, ended })
     }
 
-    /// Serves the page and its frames until `stop`.
+    /// Serves the page and its frames until `stop`, or until rendering fails.
     pub(crate) async fn serve(self, listener: TcpListener, stop: CancellationToken) -> Result<(), Failure> {
-        let engine = self.engine.clone();
-        let served = axum::serve(listener, server::routes(self.engine))
-            .with_graceful_shutdown(async move {
-                stop.cancelled().await;
-                // Pages that wait for a frame get none any more.
-                engine.end();
-            })
-            .await;
-        served.map_err(Failure::Viewer)
+        let Self { engine, ended } = self;
+        let rendering = engine.clone();
+        let stopped = async move {
+            stop.cancelled().await;
+            rendering.end();
+        };
+        let serving = axum::serve(listener, server::routes(engine)).with_graceful_shutdown(stopped);
+        tokio::select! {
+            served = serving => served.map_err(Failure::Viewer),
+            ended = ended => ended.unwrap_or_else(|_| {
+                Err(Failure::Job("rendering failed, which is a fault of Clerestory".to_owned()))
+            }),
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! From a description and its assets to a scene that can be rendered.
 
+use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use glam::DVec3;
@@ -10,7 +11,7 @@ use super::bundle::SceneBundle;
 use super::camera::Camera;
 use super::description::{ConicSearch, IntegratorDescription, SamplingDescription, SceneDescription};
 use super::error::{AssetProblem, SceneError};
-use super::hash::SceneHash;
+use super::hash::{ContentHash, SceneHash};
 use super::json_path::JsonPath;
 use super::surface::MeshSurface;
 use crate::film::Sampling;
@@ -24,6 +25,8 @@ use crate::specular::{conic::FacetTree, conic::Neighbours, pane_tree::PaneTree};
 pub struct Scene {
     hash: SceneHash,
     description: SceneDescription,
+    /// The contents that the description names.
+    assets: BTreeMap<String, ContentHash>,
     camera: Camera,
     accelerator: Accelerator,
     path_filter: Option<PathFilter>,
@@ -72,13 +75,14 @@ impl Scene {
             path_filter: description.compiled_path_filter()?,
             sampling: sampling(description)?,
             description: description.clone(),
+            assets: asset_hashes(bundle),
         };
         scene.prepare();
         Ok(scene)
     }
 
-    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the seed and the sampling differ, what is there is
-    /// kept, so that it takes next to no time.
+    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the seed and the sampling differ, all that takes time to
+    /// build is kept.
     ///
     /// # Errors
     ///
@@ -93,7 +97,7 @@ impl Scene {
             sampling: self.description.sampling,
             ..description.clone()
         };
-        if kept != self.description {
+        if kept != self.description || asset_hashes(bundle) != self.assets {
             return Self::build(bundle);
         }
         Ok(Self {
@@ -192,6 +196,10 @@ impl Scene {
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         self.accelerator.bounds()
     }
+}
+
+fn asset_hashes(bundle: &SceneBundle) -> BTreeMap<String, ContentHash> {
+    bundle.assets().iter().map(|(name, asset)| (name.clone(), asset.hash())).collect()
 }
 
 /// How samples are grouped.

@@ -124,35 +124,20 @@ impl ManifoldWalk<'_> {
     fn polished(&self, mut current: Iterate, counters: &mut Counters) -> Option<SolvedChain> {
         for _ in 0..POLISHING_STEPS {
             if current.step.length() <= TOLERANCE * current.segments.shortest() {
-                let Iterate { chain, segments, .. } = current;
-                return self.solved(chain, segments, counters);
+                return self.solved(current.chain).inspect(|_| counters.converged += 1);
             }
             current = self.linearised(self.trace(current.target(1.0), counters)?)?;
         }
         None
     }
 
-    /// The path that light takes through a target on a caster and on, if that leads to the source.
-    pub(super) fn through(&self, target: DVec3, counters: &mut Counters) -> Option<SolvedChain> {
-        let chain = self.trace(target, counters)?;
+    /// The path that a chain is, if it leads to the source.
+    pub(super) fn solved(&self, chain: Chain) -> Option<SolvedChain> {
         let segments = chain.segments(self.point.position, self.source);
-        self.solved(chain, segments, counters)
-    }
-
-    fn solved(&self, chain: Chain, segments: Segments, counters: &mut Counters) -> Option<SolvedChain> {
         let residuals = chain.residuals(&segments, self.constraint)?;
         let factor = chain.geometry_factor(&segments, &residuals)?;
         let arrives = (chain.exit - segments.last()).length() < SAME_DIRECTION;
-        arrives.then(|| {
-            counters.converged += 1;
-            SolvedChain { chain, segments, factor }
-        })
-    }
-
-    /// The ray on which light leaves the last surface, if it goes through a target on a caster.
-    pub(super) fn beyond(&self, target: DVec3, counters: &mut Counters) -> Option<Ray> {
-        let chain = self.trace(target, counters)?;
-        Some(Ray::new(chain.vertices.last()?.at.position, chain.exit))
+        arrives.then_some(SolvedChain { chain, segments, factor })
     }
 
     /// Where a step to a target beside a pane's outline ends at its border, if it is to.
@@ -167,7 +152,8 @@ impl ManifoldWalk<'_> {
         self.trace(self.caster.brought_within(self.scene, target)?, counters)
     }
 
-    fn trace(&self, target: DVec3, counters: &mut Counters) -> Option<Chain> {
+    /// The chain that light takes from the shading point through a target and on.
+    pub(super) fn trace(&self, target: DVec3, counters: &mut Counters) -> Option<Chain> {
         let direction = (target - self.point.position).normalize();
         Chain::trace(self.scene, self.point, direction, &self.caster, self.events, counters)
     }

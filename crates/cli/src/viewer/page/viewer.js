@@ -16,8 +16,9 @@ const KEY_TURN = 0.05;
 const RETRY = 1000;
 
 let shown;
-let original;
 let look;
+/** Number of the look that the page knows: its own last one, or one of another page. */
+let known = 0;
 /** The look that is to be sent next, while another is on its way. */
 let waiting = null;
 let isSending = false;
@@ -34,7 +35,9 @@ async function send() {
         waiting = null;
         try {
             const answer = await fetch('look', { method: 'POST', headers: { 'content-type': 'application/json' }, body });
-            problem.textContent = answer.ok ? '' : (await answer.json()).detail;
+            const content = await answer.json();
+            problem.textContent = answer.ok ? '' : content.detail;
+            if (answer.ok) known = content.look;
         } catch {
             problem.textContent = 'Clerestory does not answer.';
         }
@@ -96,7 +99,7 @@ picture.addEventListener('keydown', (event) => {
 });
 
 document.querySelector('#reset').addEventListener('click', () => {
-    look = original;
+    look = shown.original;
     showSun();
     send();
 });
@@ -111,6 +114,14 @@ async function follow() {
             const answer = await fetch(`frame?look=${number.look}&frame=${number.frame}`);
             if (answer.status !== 200) continue;
             number = { look: answer.headers.get('clerestory-look'), frame: answer.headers.get('clerestory-frame') };
+            if (problem.dataset.isSilence) problem.textContent = '';
+            delete problem.dataset.isSilence;
+            if (Number(number.look) > known && !isSending) {
+                // Another page has moved it.
+                known = Number(number.look);
+                look = (await (await fetch('look')).json()).look;
+                showSun();
+            }
             const samples = Number(answer.headers.get('clerestory-samples'));
             const before = picture.src;
             picture.src = URL.createObjectURL(await answer.blob());
@@ -119,9 +130,12 @@ async function follow() {
             picture.dataset.look = number.look;
             picture.dataset.samples = samples;
             progress.textContent = samples === 0 ? 'Coarse' : `${samples} of ${shown.most_samples} samples a pixel`;
-            problem.textContent = '';
         } catch {
             problem.textContent = 'Clerestory does not answer.';
+            problem.dataset.isSilence = 'yes';
+            // What answers next may count anew.
+            number = { look: 0, frame: 0 };
+            known = 0;
             await new Promise((resolve) => setTimeout(resolve, RETRY));
         }
     }
@@ -129,7 +143,6 @@ async function follow() {
 
 shown = await (await fetch('look')).json();
 look = shown.look;
-original = look;
 document.title = shown.name;
 document.querySelector('#name').textContent = shown.name;
 picture.width = shown.width;

@@ -18,7 +18,7 @@ pub(super) struct Ends {
     /// One where normals point to the shading point's side of the interface, minus one where they point to the other, zero
     /// for a mirror, whose sides are alike.
     pub(super) side: f64,
-    /// How far points of the light are from L at the most, metres, or the sine of the angle.
+    /// How far points of the light are from L at the most, metres, or the chord between unit directions.
     pub(super) spread: f64,
 }
 
@@ -42,7 +42,7 @@ impl Ends {
         Self { point, light, near, indices, side, spread: 0.0 }
     }
 
-    /// The same for all points of a light as far as `spread` from this one, metres, or the sine of the angle.
+    /// The same for all points of a light as far as `spread` from this one, metres, or the chord between unit directions.
     pub(super) fn spread(self, spread: f64) -> Self {
         Self { spread, ..self }
     }

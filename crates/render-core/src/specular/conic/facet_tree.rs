@@ -4,7 +4,7 @@
 //! vector at M is h = g + H d + r, with g that at the middle, H its derivative, and r of second order. At a path
 //!
 //! ```text
-//! h x n  =  g x m  +  (H d) x m + g x (J d)  +  (H d) x (J d) + r x n + h x v
+//! h x n  =  g x m  +  (H d) x m + g x (J d)  +  (H d) x (J d) + r x n + (g + H d) x v
 //! ```
 //!
 //! vanishes in each component: those that say how far P, L and the normal are from one plane, and how far from Snell's law,
@@ -131,7 +131,8 @@ impl FacetTree {
     #[inline(always)]
     pub(super) fn visit_nodes<S: Instructions>(&self, simd: S, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
         let light = ends.light - self.middle * ends.near;
-        let grain = |end: DVec3| Singles::splat(simd, (GRAIN * (end.length() + self.radius)) as f32);
+        let grain = |end: DVec3| GRAIN * (end.length() + self.radius);
+        let light_grain = if ends.near == 0.0 { GRAIN } else { grain(light) };
         let [inside, behind] = ends.indices;
         let ends = SeenEnds {
             point: Singles3::splat(simd, ends.point - self.middle),
@@ -142,7 +143,10 @@ impl FacetTree {
             has_side: ends.side != 0.0,
             is_near: ends.near != 0.0,
             short: self.short,
-            grains: [grain(ends.point - self.middle), grain(light) + Singles::splat(simd, ends.spread as f32)],
+            grains: [
+                Singles::splat(simd, grain(ends.point - self.middle) as f32),
+                Singles::splat(simd, (light_grain + ends.spread * (1.0 + GRAIN)) as f32),
+            ],
         };
         let mut looks = 0;
         let (mut level, mut below): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![0], smallvec![]);
@@ -397,10 +401,12 @@ impl<S: Instructions> SeenEnd<S> {
         // From the nearest place of the box. Infinite in a box around an end, which has no half vector at its middle and no bound.
         let closest = one.over((offset.abs() - half).positive_part().length());
         let turn = reach * closest;
+        let strayed = grain * closest;
         Self {
             direction: offset * inverse,
             speed: index * inverse,
-            bent: index * (Singles::splat(simd, BENDING as f32) * turn * turn + grain * closest),
+            // An end that strays by x of its distance turns by a chord of at most x (1 + x^2).
+            bent: index * (Singles::splat(simd, BENDING as f32) * turn * turn + strayed * (one + strayed * strayed)),
         }
     }
 }

@@ -42,10 +42,18 @@ impl Focus {
 
     /// Density per solid angle at `point` with which the direction to a place of a triangle is drawn; zero where none is.
     pub(super) fn density(&self, triangle: u32, facet: &Facet, point: DVec3, place: DVec3) -> f64 {
-        let Some(index) = self.triangles.iter().position(|(other, _)| *other == triangle) else { return 0.0 };
-        let before = if index > 0 { self.triangles[index - 1].1 } else { 0.0 };
-        let all = self.triangles.last().map_or(0.0, |(_, sum)| *sum);
+        // A triangle that may refract light both ways is drawn for either.
+        let (mut before, mut own) = (0.0, 0.0);
+        for &(other, sum) in &self.triangles {
+            if other == triangle {
+                own += sum - before;
+            }
+            before = sum;
+        }
+        if own == 0.0 {
+            return 0.0;
+        }
         let offset = place - point;
-        (self.triangles[index].1 - before) / all * offset.length().powi(3) / facet.area().dot(offset).abs()
+        own / before * offset.length().powi(3) / facet.area().dot(offset).abs()
     }
 }

@@ -3,7 +3,8 @@
 //!
 //! Published is a walk along one curve, from the straight line to the light to the first path. Here all triangles that may hold
 //! a path are opened (`facet_tree`), and all paths on each are found (`curve`): no derivative of a path is needed, no start,
-//! and no random number, so that light over one interface is without noise, and reflections are found as refractions are.
+//! and no random number, so that the light of a point over one interface is without noise, and reflections are found as refractions
+//! are. Where waves focus a light that has an extent, a ray is sent as well (`focus`).
 
 #[cfg(test)]
 mod certified;
@@ -34,7 +35,7 @@ use super::{
 use crate::{
     counters::Counters,
     film::SampleStream,
-    geometry::{Frame, Leaving, PaneBoundary, Surface},
+    geometry::{Frame, Leaving, PaneBoundary, Ray, Surface},
     optics::{Interface, Light, Source, SourceSample},
     scene::{
         Scene,
@@ -102,12 +103,14 @@ impl Connection<'_> {
     fn all(&self, stream: &mut SampleStream, counters: &mut Counters, arrive: &mut dyn FnMut(Arrival)) {
         let ManifoldWalk { scene, point, source, .. } = self.walk;
         let Some(tree) = scene.facets(self.mesh) else { return };
-        let whole = (point.bounces == 0).then(|| whole(&scene.lights()[self.light as usize])).flatten();
+        let ways = |source| ways(scene, point, source, self.mesh, self.event);
+        let whole = (point.bounces == 0).then(|| whole(&scene.lights()[self.light as usize], point.position)).flatten();
+        let mut wholes =
+            whole.iter().flat_map(|(source, spread)| ways(*source).into_iter().map(|ends| ends.spread(*spread)));
         let mut paths: Vec<SolvedChain> = Vec::new();
         let mut focus = Focus::default();
-        for (index, ends) in ways(scene, point, source, self.mesh, self.event).iter().enumerate() {
-            let whole =
-                whole.map(|(source, spread)| ways(scene, point, source, self.mesh, self.event)[index].spread(spread));
+        for ends in &ways(source) {
+            let whole = wholes.next();
             tree.visit(whole.as_ref().unwrap_or(ends), |triangle| {
                 let facet = scene.facet(triangle);
                 if let Some(whole) = &whole {
@@ -134,7 +137,7 @@ impl Connection<'_> {
         }
     }
 
-    /// The light that a ray through a place of the mesh meets.
+    /// The light that a ray through a place of a triangle meets.
     fn ray(
         &self,
         triangle: u32,
@@ -145,18 +148,22 @@ impl Connection<'_> {
     ) {
         let ManifoldWalk { scene, .. } = self.walk;
         let light = &scene.lights()[self.light as usize];
-        let Some(ray) = self.walk.beyond(place, counters) else { return };
+        let Some(chain) = self.walk.trace(place, counters) else { return };
+        let last = &chain.vertices[chain.vertices.len() - 1];
+        if last.surface != Leaving::Triangle(triangle) {
+            return;
+        }
+        let ray = Ray::new(last.at.position, chain.exit);
         let Some(hit) = light.intersect(&ray) else { return };
         let (centre, radius) = scene.specular_ball();
         let sample = light.sample_met(centre, radius, &ray, &hit);
         let walk = ManifoldWalk { source: sample.source, ..self.walk };
-        let Some(path) = walk.through(place, counters) else { return };
-        if path.first_surface() == Leaving::Triangle(triangle) {
+        if let Some(path) = walk.solved(chain) {
             self.weighted(&path, &sample, focus, counters, arrive);
         }
     }
 
-    /// The light along a path that both the search and a ray may find.
+    /// The light along a path that both the search and a ray may find, by the balance heuristic (Veach and Guibas 1995).
     fn weighted(
         &self,
         path: &SolvedChain,
@@ -171,9 +178,8 @@ impl Connection<'_> {
         let by_ray = focus.density(triangle, &scene.facet(triangle), point.position, path.first_vertex());
         let share = if by_ray > 0.0 {
             let (centre, radius) = scene.specular_ball();
-            let light = &scene.lights()[self.light as usize];
-            let by_search = light.source_density(centre, radius, sample.source) / path.magnification(sample);
-            by_search / (by_search + by_ray)
+            let of_light = scene.lights()[self.light as usize].source_density(centre, radius, sample.source);
+            of_light / (of_light + by_ray * path.magnification(sample))
         } else {
             1.0
         };
@@ -207,13 +213,22 @@ impl Connection<'_> {
     }
 }
 
-/// The middle of a light and how far its points are from there, metres or the sine of the angle; `None` for a point.
-fn whole(light: &Light) -> Option<(Source, f64)> {
-    match light_bounds(light, &Frame::WORLD) {
-        SourceBounds::Ball { radius: 0.0, .. } => None,
-        SourceBounds::Ball { centre, radius } => Some((Source::Point(centre), radius)),
-        SourceBounds::Cap { direction, sin_radius } => Some((Source::Direction(direction), sin_radius)),
-    }
+/// Lights that look larger than this from the shading point, radians about, get no rays: what they would be sent to is most of the mesh, and
+/// the folds of their caustics are blurred.
+const LARGE: f64 = 0.2;
+
+/// The middle of a light and how far its points are from there, metres or the chord between unit directions; `None` for points and large
+/// lights.
+fn whole(light: &Light, point: DVec3) -> Option<(Source, f64)> {
+    let (source, spread, size) = match light_bounds(light, &Frame::WORLD) {
+        SourceBounds::Ball { centre, radius } => (Source::Point(centre), radius, radius / (centre - point).length()),
+        SourceBounds::Cap { direction, sin_radius } => {
+            let cosine = (1.0 - sin_radius * sin_radius).max(0.0).sqrt();
+            let chord = sin_radius * (2.0 / (1.0 + cosine)).sqrt();
+            (Source::Direction(direction), chord, chord)
+        }
+    };
+    (spread > 0.0 && size < LARGE).then_some((source, spread))
 }
 
 /// The ends of paths over a mesh, for each side of it on which the shading point can be.
@@ -343,6 +358,44 @@ mod tests {
             opened += plain.len();
         }
         assert!(opened > 100, "{opened}");
+    }
+
+    #[test]
+    fn a_whole_light_opens_what_each_of_its_points_does() {
+        let facets = water(16, 0.15);
+        let tree = FacetTree::over(0..facets.len() as u32, |k| facets[k as usize]).unwrap();
+        let mut random = random(8);
+        let mut opened_by_points = 0;
+        for case in 0..300 {
+            let ends = problem(&mut random, case);
+            let mut aside = || {
+                DVec3::new(
+                    between(&mut random, -1.0, 1.0),
+                    between(&mut random, -1.0, 1.0),
+                    between(&mut random, -1.0, 1.0),
+                )
+            };
+            let (towards, part) = (aside().normalize(), aside().x.abs());
+            // A lamp of up to 0.4 m, within a metre or so, or the sun with a radius of 60 degrees.
+            let (whole, light) = if ends.near > 0.0 {
+                (ends.spread(0.4), ends.light + towards * (0.4 * part))
+            } else {
+                let across = ends.light.cross(towards).normalize();
+                let angle = part * std::f64::consts::FRAC_PI_3;
+                let turned = ends.light * libm::cos(angle) + across * libm::sin(angle);
+                (ends.spread(2.0 * libm::sin(std::f64::consts::FRAC_PI_6)), turned)
+            };
+            let mut opened = Vec::new();
+            tree.visit(&whole, |triangle| opened.push(triangle));
+            let drawn = Ends { light, ..ends };
+            for (triangle, facet) in (0u32..).zip(&facets) {
+                if !facet.paths(&drawn).is_empty() {
+                    opened_by_points += 1;
+                    assert!(opened.contains(&triangle), "{case}: {triangle}");
+                }
+            }
+        }
+        assert!(opened_by_points > 300, "{opened_by_points}");
     }
 
     #[test]
