@@ -5,6 +5,10 @@
 //! 1/p cannot be told from one that is a thousandth too dark by any number of samples that can be rendered. Divided by the
 //! light of its own connection, a path has such a tail no more: what is left is the noise of the estimate. So methods are held
 //! here, connection by connection, to the complete search of `fnee`, which the bias test holds to light traced forward.
+//!
+//! Where paths are found so rarely that their estimates of 1/p have tails again, walks of their own, the scouts, have to find
+//! all listed paths of a connection first; otherwise it is left out. A path of probability p is then kept at most N p times
+//! in N p + 1, while its estimate has a mean square of about 2/p, so that the noise of what is kept is bounded by about 2 N.
 
 use std::fmt;
 
@@ -13,10 +17,13 @@ use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving, Ray, Surface};
 use clerestory_render_core::integrator::specular_method;
 use clerestory_render_core::optics::{LightKind, Source, light_sampling::SourceSample};
-use clerestory_render_core::scene::{Scene, description::FneeSolver};
+use clerestory_render_core::scene::{
+    Scene,
+    description::{FneeSolver, IntegratorDescription, ManifoldConstraint},
+};
 use clerestory_render_core::specular::{
     Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, fnee::PathSearch, newton::Root,
-    side::PaneSide,
+    side::PaneSide, sms::ManifoldSearch,
 };
 use glam::DVec2;
 use rayon::prelude::*;
@@ -41,6 +48,8 @@ pub struct RelativeLight {
     pub theirs: Estimate,
     /// What is there but for the saddles of the optical length.
     pub without_saddles: Estimate,
+    /// Share of the connections that are left out, since scouts miss a path.
+    pub left_out: f64,
 }
 
 impl RelativeLight {
@@ -70,8 +79,9 @@ impl fmt::Display for RelativeLight {
         let agreement = Agreement::of(&[self.ours], &[self.theirs]);
         write!(
             formatter,
-            "{agreement}, {:.2} % in saddles",
-            100.0 * (1.0 - self.without_saddles.mean / self.theirs.mean)
+            "{agreement}, {:.2} % in saddles, {:.2} % left out",
+            100.0 * (1.0 - self.without_saddles.mean / self.theirs.mean),
+            100.0 * self.left_out,
         )
     }
 }
@@ -83,7 +93,17 @@ pub struct Connections {
     scene: Scene,
     /// Index of the light.
     light: u32,
+    /// What the scouts' vertices have to obey.
+    constraint: ManifoldConstraint,
+    /// Walks through each pane that have to find all listed paths of a connection before it is looked at.
+    scouts: u32,
 }
+
+/// Scouts in the room, whose hammered pane has paths that a walk finds once in 60 times and less.
+const SCOUTS: u32 = 16;
+
+/// Two walks that end as near to each other found the same path, relative to the shortest of its three parts.
+const SAME_PATH: f64 = 1e-6;
 
 /// Places are drawn from a rectangle so much wider than the pane, since glass deflects light.
 const WIDER: f64 = 1.1;
@@ -95,6 +115,7 @@ struct Sums {
     theirs: f64,
     saddles: f64,
     connections: f64,
+    left_out: f64,
 }
 
 /// Name of the connections of a case under a light, for a method.
@@ -104,7 +125,7 @@ pub fn connections_name(case: &str, light: &str, method: &str) -> String {
 
 impl Connections {
     /// Those of a case under a light, as in [`crate::comparisons::comparison`], for a method (a name of [`methods::settings`])
-    /// that draws a point of the light first.
+    /// that draws a point of the light first; in the room, which needs scouts, of `sms`.
     ///
     /// # Panics
     ///
@@ -113,11 +134,21 @@ impl Connections {
         let bundle = setting(case, light).bundle;
         let mut description = bundle.description().clone();
         description.integrator = methods::integrator(method, description.integrator.max_depth());
+        let constraint = match description.integrator {
+            IntegratorDescription::Sms { constraint, .. } => constraint,
+            _ => ManifoldConstraint::default(),
+        };
         let bundle = bundle.with_description(description).expect("the changed scene is valid");
         let scene = Scene::build(&bundle).expect("the scene can be built");
         // The room's lamp shines from inside.
         let sun = scene.lights().iter().position(|light| matches!(light.kind, LightKind::Sun { .. }));
-        Self { name: connections_name(case, light, method), light: sun.unwrap_or(0) as u32, scene }
+        Self {
+            name: connections_name(case, light, method),
+            light: sun.unwrap_or(0) as u32,
+            constraint,
+            scouts: if case == "room" { SCOUTS } else { 0 },
+            scene,
+        }
     }
 
     /// The light that the method finds over about `count` connections, and what is there of what the method looks for.
@@ -142,7 +173,10 @@ impl Connections {
         let mean = |value: fn(&Sums) -> f64| {
             Estimate::of(&sums.iter().map(|sums| value(sums) / sums.connections).collect::<Vec<_>>())
         };
+        let all = |value: fn(&Sums) -> f64| sums.iter().map(value).sum::<f64>();
+        let left_out = all(|sums| sums.left_out);
         RelativeLight {
+            left_out: left_out / (left_out + all(|sums| sums.connections)),
             ours: mean(|sums| sums.ours),
             theirs: mean(|sums| sums.theirs),
             without_saddles: mean(|sums| sums.theirs - sums.saddles),
@@ -190,12 +224,19 @@ impl Connections {
         if whole <= 0.0 {
             return;
         }
-        let others: f64 = (0..)
-            .zip(&panes)
-            .map(|(index, pane)| {
-                let known = listed.iter().filter(|(other, ..)| *other == index).map(|(_, root, _)| root);
-                pane.others(known, random, counters)
-            })
+        let of_pane = |index: usize| listed.iter().filter(move |(other, ..)| *other == index);
+        let lit = |(_, root, light): &'_ (usize, Root, f64)| (*light > 0.0).then_some(*root);
+        let known = |(index, pane): (usize, &ThroughPane<'_>)| {
+            pane.scouts_find(of_pane(index).filter_map(lit).collect(), self, random, counters)
+        };
+        if !panes.iter().enumerate().all(known) {
+            sums.left_out += 1.0;
+            return;
+        }
+        let others: f64 = panes
+            .iter()
+            .enumerate()
+            .map(|(index, pane)| pane.others(of_pane(index).map(|(_, root, _)| root), random, counters))
             .sum();
         let mut ours = 0.0;
         method.gather(&self.scene, &point, self.light, &THROUGH_PANE, &mut stream(), counters, &mut |arrival| {
@@ -245,6 +286,38 @@ impl<'a> ThroughPane<'a> {
     fn listed(&self, counters: &mut Counters) -> Vec<(Root, f64)> {
         let roots = self.search.enumerate(counters).roots;
         roots.into_iter().map(|root| (root, self.light_of(&root, counters))).collect()
+    }
+
+    /// Whether the scouts find all of some paths, each at least once.
+    fn scouts_find(
+        &self,
+        mut missing: Vec<Root>,
+        Connections { constraint, scouts, .. }: &Connections,
+        random: &mut Random,
+        counters: &mut Counters,
+    ) -> bool {
+        if *scouts == 0 || missing.is_empty() {
+            return true;
+        }
+        let Some(search) = ManifoldSearch::new(self.scene, self.point, self.sample.source, self.pane, *constraint) else {
+            return false;
+        };
+        let PaneSide { near, pane, .. } = *self.search.side();
+        for _ in 0..*scouts {
+            let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
+            let height = pane.base_height(near) + pane.surface(near).height(place);
+            let target = pane.frame.point_to_world(place.extend(height));
+            let Some(entry) = search.walk_towards(target, counters) else { continue };
+            let entry = pane.frame.point_to_local(entry);
+            missing.retain(|root| {
+                let nearest = root.path.lengths.into_iter().fold(f64::INFINITY, f64::min);
+                entry.distance(root.path.vertices[0]) > SAME_PATH * nearest
+            });
+            if missing.is_empty() {
+                return true;
+            }
+        }
+        false
     }
 
     /// An estimate without bias of the light of the paths that are not listed.
