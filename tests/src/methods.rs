@@ -41,8 +41,7 @@ pub fn unbiased_integrators() -> Vec<(&'static str, Value)> {
 
 /// Whether an integrator sees lights as they are, and not as one point of each that it draws.
 pub fn looks_at_whole_lights(name: &str) -> bool {
-    let searches = ["fnee, published", "fnee, cut off"].contains(&name);
-    ["path", "cone", "fnee"].iter().any(|method| name.starts_with(method)) && !searches
+    ["path", "cone", "fnee"].contains(&name)
 }
 
 /// Specular manifold sampling of all distinct paths that `walks` walks find.

@@ -7,8 +7,9 @@
 //! here, connection by connection, to the complete search of `fnee`, which the bias test holds to light traced forward.
 //!
 //! Where paths are found so rarely that their estimates of 1/p have tails again, walks of their own, the scouts, have to find
-//! all listed paths of a connection first; otherwise it is left out. A path of probability p is then kept at most N p times
-//! in N p + 1, while its estimate has a mean square of about 2/p, so that the noise of what is kept is bounded by about 2 N.
+//! each listed path of a connection twice; otherwise it is left out. N scouts keep a path of probability p at most (N p)^2 / 2
+//! times, while its estimate has a mean square of about 2/p and a third moment of 6/p^2, so that both are bounded in what is kept. Of what is
+//! left out some is searched with patience, so that light which walks never find would show.
 
 use std::fmt;
 
@@ -50,6 +51,8 @@ pub struct RelativeLight {
     pub without_saddles: Estimate,
     /// Share of the connections that are left out, since scouts miss a path.
     pub left_out: f64,
+    /// Share of the light of all connections that no walk finds, as far as patience goes.
+    pub unreached: f64,
 }
 
 impl RelativeLight {
@@ -79,9 +82,10 @@ impl fmt::Display for RelativeLight {
         let agreement = Agreement::of(&[self.ours], &[self.theirs]);
         write!(
             formatter,
-            "{agreement}, {:.2} % in saddles, {:.2} % left out",
+            "{agreement}, {:.2} % in saddles, {:.2} % left out, {:.3} % not reached",
             100.0 * (1.0 - self.without_saddles.mean / self.theirs.mean),
             100.0 * self.left_out,
+            100.0 * self.unreached,
         )
     }
 }
@@ -95,12 +99,18 @@ pub struct Connections {
     light: u32,
     /// What the scouts' vertices have to obey.
     constraint: ManifoldConstraint,
-    /// Walks through each pane that have to find all listed paths of a connection before it is looked at.
+    /// Walks through each pane that have to find each listed path of a connection twice before it is looked at.
     scouts: u32,
 }
 
 /// Scouts in the room, whose hammered pane has paths that a walk finds once in 60 times and less.
-const SCOUTS: u32 = 16;
+const SCOUTS: u32 = 32;
+
+/// One of so many connections that are left out is searched with patience.
+const PATIENTLY: f64 = 1024.0;
+
+/// Walks through each pane that find what there is to be found.
+const PATIENCE: u32 = 20_000;
 
 /// Two walks that end as near to each other found the same path, relative to the shortest of its three parts.
 const SAME_PATH: f64 = 1e-6;
@@ -116,6 +126,8 @@ struct Sums {
     saddles: f64,
     connections: f64,
     left_out: f64,
+    searched: f64,
+    unreached: f64,
 }
 
 /// Name of the connections of a case under a light, for a method.
@@ -177,6 +189,8 @@ impl Connections {
         let left_out = all(|sums| sums.left_out);
         RelativeLight {
             left_out: left_out / (left_out + all(|sums| sums.connections)),
+            unreached: all(|sums| sums.unreached) / all(|sums| sums.searched).max(1.0) * left_out
+                / (left_out + all(|sums| sums.connections)),
             ours: mean(|sums| sums.ours),
             theirs: mean(|sums| sums.theirs),
             without_saddles: mean(|sums| sums.theirs - sums.saddles),
@@ -220,18 +234,27 @@ impl Connections {
             .flat_map(|(index, pane)| pane.listed(counters).into_iter().map(move |(root, light)| (index, root, light)))
             .collect();
         let whole: f64 = listed.iter().map(|(_, _, light)| light).sum();
-        // Which connections are looked at is a function of the connection alone.
+        // Which connections are looked at is a function of the connection, and of scouts that nothing else depends on.
         if whole <= 0.0 {
             return;
         }
         let of_pane = |index: usize| listed.iter().filter(move |(other, ..)| *other == index);
-        let lit = |(_, root, light): &'_ (usize, Root, f64)| (*light > 0.0).then_some(*root);
-        let known = |(index, pane): (usize, &ThroughPane<'_>)| {
-            pane.scouts_find(of_pane(index).filter_map(lit).collect(), self, random, counters)
-        };
-        if !panes.iter().enumerate().all(known) {
-            sums.left_out += 1.0;
-            return;
+        if self.scouts > 0 {
+            let mut missed_by = |walks, times| -> f64 {
+                let unfound = |(index, pane): (usize, &ThroughPane<'_>)| {
+                    let lit = of_pane(index).filter(|(.., light)| *light > 0.0).map(|(_, root, light)| (root, *light));
+                    pane.unfound(lit.collect(), self.constraint, walks, times, random, counters)
+                };
+                panes.iter().enumerate().map(unfound).sum()
+            };
+            if missed_by(self.scouts, 2) > 0.0 {
+                if sums.left_out % PATIENTLY == 0.0 {
+                    sums.unreached += missed_by(PATIENCE, 1) / whole;
+                    sums.searched += 1.0;
+                }
+                sums.left_out += 1.0;
+                return;
+            }
         }
         let others: f64 = panes
             .iter()
@@ -288,36 +311,35 @@ impl<'a> ThroughPane<'a> {
         roots.into_iter().map(|root| (root, self.light_of(&root, counters))).collect()
     }
 
-    /// Whether the scouts find all of some paths, each at least once.
-    fn scouts_find(
+    /// The light of the paths, of some with their light, that `walks` walks do not find so many times.
+    fn unfound(
         &self,
-        mut missing: Vec<Root>,
-        Connections { constraint, scouts, .. }: &Connections,
+        paths: Vec<(&Root, f64)>,
+        constraint: ManifoldConstraint,
+        walks: u32,
+        times: u32,
         random: &mut Random,
         counters: &mut Counters,
-    ) -> bool {
-        if *scouts == 0 || missing.is_empty() {
-            return true;
-        }
-        let Some(search) = ManifoldSearch::new(self.scene, self.point, self.sample.source, self.pane, *constraint) else {
-            return false;
-        };
+    ) -> f64 {
+        let mut missing: Vec<(&Root, f64, u32)> = paths.into_iter().map(|(root, light)| (root, light, times)).collect();
+        let search = ManifoldSearch::new(self.scene, self.point, self.sample.source, self.pane, constraint);
         let PaneSide { near, pane, .. } = *self.search.side();
-        for _ in 0..*scouts {
+        for _ in 0..search.as_ref().map_or(0, |_| walks) {
+            if missing.is_empty() {
+                break;
+            }
             let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
             let height = pane.base_height(near) + pane.surface(near).height(place);
             let target = pane.frame.point_to_world(place.extend(height));
-            let Some(entry) = search.walk_towards(target, counters) else { continue };
-            let entry = pane.frame.point_to_local(entry);
-            missing.retain(|root| {
-                let nearest = root.path.lengths.into_iter().fold(f64::INFINITY, f64::min);
-                entry.distance(root.path.vertices[0]) > SAME_PATH * nearest
+            let entry = search.as_ref().and_then(|search| search.walk_towards(target, counters));
+            let Some(entry) = entry.map(|entry| pane.frame.point_to_local(entry)) else { continue };
+            missing.retain_mut(|(root, _, times)| {
+                let shortest = root.path.lengths.into_iter().fold(f64::INFINITY, f64::min);
+                *times -= u32::from(entry.distance(root.path.vertices[0]) <= SAME_PATH * shortest);
+                *times > 0
             });
-            if missing.is_empty() {
-                return true;
-            }
         }
-        false
+        missing.iter().map(|(_, light, _)| light).sum()
     }
 
     /// An estimate without bias of the light of the paths that are not listed.

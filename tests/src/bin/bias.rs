@@ -176,7 +176,8 @@ fn examine_connections(connections: &Connections, arguments: &Arguments, progres
     let light = connections.relative_light(count, 2);
     let (ratio, error) = light.ratio();
     let near = (ratio - 1.0).abs() <= MEAN_LIMIT * arguments.mean_error;
-    let good = light.agrees() && near && error <= MEAN_POWER && light.would_notice(FAULT);
+    let good =
+        light.agrees() && near && error <= MEAN_POWER && light.unreached <= MEAN_POWER && light.would_notice(FAULT);
     let seconds = start.elapsed().as_secs_f64();
     progress.suspend(|| {
         println!(
