@@ -111,7 +111,11 @@ impl Scene {
     }
 
     fn smooth(&self, triangle: u32) -> Option<(&SmoothMesh, u32)> {
-        let mesh = &self.meshes()[self.mesh_of(triangle) as usize];
+        self.smooth_of(self.mesh_of(triangle), triangle)
+    }
+
+    fn smooth_of(&self, mesh: u32, triangle: u32) -> Option<(&SmoothMesh, u32)> {
+        let mesh = &self.meshes()[mesh as usize];
         match &mesh.material {
             Material::Smooth(smooth) => Some((smooth, triangle - mesh.first_triangle)),
             Material::Diffuse(_) => None,
@@ -131,7 +135,12 @@ impl Scene {
 
     /// A triangle with the normals at its corners.
     pub(crate) fn facet(&self, triangle: u32) -> Facet {
-        let interpolated = self.smooth(triangle).and_then(|(mesh, index)| mesh.normals(index)).copied();
+        self.facet_of(self.mesh_of(triangle), triangle)
+    }
+
+    /// A triangle of a mesh with the normals at its corners.
+    pub(crate) fn facet_of(&self, mesh: u32, triangle: u32) -> Facet {
+        let interpolated = self.smooth_of(mesh, triangle).and_then(|(mesh, index)| mesh.normals(index)).copied();
         let normals = interpolated.unwrap_or_else(|| [self.triangle_normal(triangle); 3]);
         Facet { corners: *self.accelerator().corners(triangle), normals }
     }
@@ -139,13 +148,15 @@ impl Scene {
     /// The triangles of a smooth mesh by place and normal, sorted when they are asked for first; `None` when it has none.
     pub(crate) fn facets(&self, mesh: u32) -> Option<&FacetTree> {
         let range = self.meshes()[mesh as usize].triangle_range();
-        self.facet_trees[mesh as usize].get_or_init(|| FacetTree::over(range, |triangle| self.facet(triangle))).as_ref()
+        self.facet_trees[mesh as usize]
+            .get_or_init(|| FacetTree::over(range, |triangle| self.facet_of(mesh, triangle)))
+            .as_ref()
     }
 
     /// Which triangles of a mesh share edges, found when it is asked for first.
     pub(crate) fn neighbours(&self, mesh: u32) -> &Neighbours {
         let range = self.meshes()[mesh as usize].triangle_range();
-        self.neighbours[mesh as usize].get_or_init(|| Neighbours::of(range, |triangle| self.facet(triangle)))
+        self.neighbours[mesh as usize].get_or_init(|| Neighbours::of(range, |triangle| self.facet_of(mesh, triangle)))
     }
 
     /// The surface around a point of a triangle.

@@ -26,7 +26,7 @@ use crate::{
 
 /// A value for each vertex of a chain. The two of a pane fit inline, so that a search through panes allocates nothing, and moving a
 /// chain, which walks do in every step, moves little. More go to the heap.
-type ByVertex<T> = SmallVec<[T; 2]>;
+pub(super) type ByVertex<T> = SmallVec<[T; 2]>;
 
 /// A value for each segment, of which there is one more.
 type BySegment<T> = SmallVec<[T; 3]>;

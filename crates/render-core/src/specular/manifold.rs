@@ -16,7 +16,8 @@ use super::{
     Arrival, ShadingPoint, SpecularEvent,
     block_tridiagonal::solve,
     caster::SeenCaster,
-    chain::{Chain, Segments},
+    chain::{ByVertex, Chain, Segments},
+    constraint::Residual,
 };
 use crate::{
     counters::Counters,
@@ -76,6 +77,7 @@ pub(super) struct SolvedChain {
 struct Iterate {
     chain: Chain,
     segments: Segments,
+    residuals: ByVertex<Residual>,
     /// Largest component of a constraint.
     error: f64,
     step: DVec3,
@@ -124,7 +126,8 @@ impl ManifoldWalk<'_> {
     fn polished(&self, mut current: Iterate, counters: &mut Counters) -> Option<SolvedChain> {
         for _ in 0..POLISHING_STEPS {
             if current.step.length() <= TOLERANCE * current.segments.shortest() {
-                return self.solved(current.chain).inspect(|_| counters.converged += 1);
+                let Iterate { chain, segments, residuals, .. } = current;
+                return self.path_of(chain, segments, &residuals).inspect(|_| counters.converged += 1);
             }
             current = self.linearised(self.trace(current.target(1.0), counters)?)?;
         }
@@ -135,7 +138,11 @@ impl ManifoldWalk<'_> {
     pub(super) fn solved(&self, chain: Chain) -> Option<SolvedChain> {
         let segments = chain.segments(self.point.position, self.source);
         let residuals = chain.residuals(&segments, self.constraint)?;
-        let factor = chain.geometry_factor(&segments, &residuals)?;
+        self.path_of(chain, segments, &residuals)
+    }
+
+    fn path_of(&self, chain: Chain, segments: Segments, residuals: &[Residual]) -> Option<SolvedChain> {
+        let factor = chain.geometry_factor(&segments, residuals)?;
         let arrives = (chain.exit - segments.last()).length() < SAME_DIRECTION;
         arrives.then_some(SolvedChain { chain, segments, factor })
     }
@@ -166,7 +173,7 @@ impl ManifoldWalk<'_> {
         solve(&mut rows)?;
         let [x, y] = chain.vertices[0].at.tangents;
         let step = -(x * rows[0].right.x + y * rows[0].right.y);
-        step.is_finite().then_some(Iterate { chain, segments, error, step })
+        step.is_finite().then_some(Iterate { chain, segments, residuals, error, step })
     }
 }
 

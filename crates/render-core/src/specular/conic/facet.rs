@@ -8,7 +8,7 @@
 use std::f64::consts::SQRT_2;
 
 use arrayvec::ArrayVec;
-use glam::{DMat2, DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3};
 
 use super::{curve::all_paths, ends::Ends, facet_tree::BENDING};
 use crate::optics::dielectric::{reflect, refract};
@@ -50,12 +50,9 @@ impl Facet {
     /// How many times as bright light of a small light may be behind it as behind a plane one.
     pub(super) fn focus(&self, ends: &Ends) -> f64 {
         const MIDDLE: DVec2 = DVec2::splat(1.0 / 3.0);
-        let (_, derivative) = self.misfit(ends, MIDDLE);
-        let plane = Self { normals: [self.normal(MIDDLE); 3], ..*self };
-        let (_, of_plane) = plane.misfit(ends, MIDDLE);
-        let squares = derivative.x_axis.length_squared() + derivative.y_axis.length_squared();
-        let least = derivative.determinant().abs() - squares.sqrt() * self.bending(ends, MIDDLE, 1.0);
-        if least > 0.0 { of_plane.determinant().abs() / least } else { f64::INFINITY }
+        let misfit = self.misfit(ends, MIDDLE);
+        let least = misfit.determinant().abs() - misfit.most() * self.bending(ends, MIDDLE, 1.0);
+        if least > 0.0 { misfit.determinant_of_plane().abs() / least } else { f64::INFINITY }
     }
 
     /// The place with these weights of the second and third corner.
@@ -98,13 +95,12 @@ impl Facet {
     /// y, would make `|K (x - y)|` at most what the derivative changes between them times `|x - y|`.
     fn only_path(&self, ends: &Ends) -> Only {
         const MIDDLE: DVec2 = DVec2::splat(1.0 / 3.0);
-        let (misfit, derivative) = self.misfit(ends, MIDDLE);
+        let misfit = self.misfit(ends, MIDDLE);
         // The smaller singular value is at least this.
-        let squares = derivative.x_axis.length_squared() + derivative.y_axis.length_squared();
-        let least = derivative.determinant().abs() / squares.sqrt();
+        let least = misfit.determinant().abs() / misfit.most();
         // What weights change, as the sum over both, moves a place by that much of the longest edge.
         let bending = self.bending(ends, MIDDLE, 1.0);
-        let linear = MIDDLE - derivative.inverse() * misfit;
+        let linear = MIDDLE - misfit.step();
         let beside = f64::max(-linear.min_element(), (linear.element_sum() - 1.0) / SQRT_2);
         if beside > 0.5 * bending / least + ON_EDGE {
             return Only::Nowhere;
@@ -113,7 +109,8 @@ impl Facet {
         if !alone(1.0, bending) {
             return Only::Unknown;
         }
-        let Some(path) = self.stationary(ends, linear) else { return Only::Unknown };
+        // Nothing bends more than it is steep, so that the next step would be at most the square of this one.
+        let Some(path) = self.stationary(ends, linear, TOLERANCE.sqrt()) else { return Only::Unknown };
         let distance = (path - MIDDLE).abs().element_sum().max(1.0);
         if is_within(path) {
             if self.takes_sides(ends, path) { Only::Here(path) } else { Only::Nowhere }
@@ -126,20 +123,21 @@ impl Facet {
 
     /// A bound of the second derivatives of the misfit by the weights, as far as `extent` from a place.
     fn bending(&self, ends: &Ends, weights: DVec2, extent: f64) -> f64 {
-        let [a, b, c] = self.corners;
-        let edge = (b - a).length().max((c - a).length());
-        let [na, nb, nc] = self.normals;
-        let turn = (nb - na).length().max((nc - na).length());
+        let longer = |[a, b, c]: [DVec3; 3]| (b - a).length_squared().max((c - a).length_squared()).sqrt();
+        let (edge, turn) = (longer(self.corners), longer(self.normals));
         let place = self.place(weights);
         let (mut speed, mut bend) = (0.0, 0.0);
         let offsets = [(ends.point - place, 1.0), (ends.offset_to_light(place), ends.near)];
         for ((offset, near), index) in offsets.into_iter().zip(ends.indices) {
+            if near == 0.0 {
+                continue;
+            }
             let least = offset.length() - near * edge * extent;
             let moved = if least > 0.0 { near * edge / least } else { f64::INFINITY };
             speed += index * moved;
             bend += index * 2.0 * BENDING * moved * moved;
         }
-        bend * (na.length() + extent * turn) + 2.0 * speed * turn
+        bend * (self.normals[0].length() + extent * turn) + 2.0 * speed * turn
     }
 
     /// By how much the ray from the shading point through a place of the curve misses the light: the part, across the curve in
@@ -165,20 +163,21 @@ impl Facet {
 
     /// The path next to a place that is one but for rounding, as weights; `None` when there is none in the triangle.
     pub(super) fn polished(&self, ends: &Ends, start: DVec2) -> Option<DVec2> {
-        self.stationary(ends, start).filter(|weights| is_within(*weights) && self.takes_sides(ends, *weights))
+        self.stationary(ends, start, TOLERANCE)
+            .filter(|weights| is_within(*weights) && self.takes_sides(ends, *weights))
     }
 
-    /// Where Newton's method from a place leads on the triangle's plane, if that is a path.
-    fn stationary(&self, ends: &Ends, start: DVec2) -> Option<DVec2> {
+    /// Where Newton's method from a place leads on the triangle's plane, if that is a path; `tolerance` is the step with which it
+    /// ends.
+    fn stationary(&self, ends: &Ends, start: DVec2, tolerance: f64) -> Option<DVec2> {
         let mut weights = start;
         for _ in 0..STEPS {
-            let (misfit, derivative) = self.misfit(ends, weights);
-            let step = derivative.inverse() * misfit;
+            let step = self.misfit(ends, weights).step();
             if !step.is_finite() {
                 return None;
             }
             weights -= step;
-            if step.abs().max_element() < TOLERANCE {
+            if step.abs().max_element() < tolerance {
                 break;
             }
         }
@@ -192,10 +191,9 @@ impl Facet {
         ends.take_sides(normal.dot(ends.point - place), normal.dot(ends.offset_to_light(place)))
     }
 
-    /// Both components of `h x n` in the plane across the normal, and their derivatives by the weights.
-    fn misfit(&self, ends: &Ends, weights: DVec2) -> (DVec2, DMat2) {
+    /// How far from a path a place is.
+    fn misfit(&self, ends: &Ends, weights: DVec2) -> Misfit {
         let (place, normal) = (self.place(weights), self.normal(weights));
-        let (u, v) = normal.normalize().any_orthonormal_pair();
         let mut half = DVec3::ZERO;
         let mut half_by = [DVec3::ZERO; 2];
         let edges = [self.corners[1] - self.corners[0], self.corners[2] - self.corners[0]];
@@ -204,16 +202,49 @@ impl Facet {
             let inverse = 1.0 / offset.length();
             let direction = offset * inverse;
             half += direction * index;
+            if near == 0.0 {
+                continue;
+            }
             for (by, edge) in half_by.iter_mut().zip(edges) {
                 *by += (direction * direction.dot(edge) - edge) * (near * index * inverse);
             }
         }
-        let across = |vector: DVec3| DVec2::new(u.dot(vector), v.dot(vector));
-        let column = |k: usize| {
-            let normal_by = self.normals[k + 1] - self.normals[0];
-            across(half_by[k].cross(normal) + half.cross(normal_by))
-        };
-        (across(half.cross(normal)), DMat2::from_cols(column(0), column(1)))
+        let by = [0, 1].map(|k| half_by[k].cross(normal) + half.cross(self.normals[k + 1] - self.normals[0]));
+        Misfit { normal, value: half.cross(normal), by, half_by }
+    }
+}
+
+/// `h x n` at a place, which vanishes at a path, and its derivatives by the weights of the second and third corner. What of them is
+/// along n does not matter.
+struct Misfit {
+    normal: DVec3,
+    value: DVec3,
+    by: [DVec3; 2],
+    /// The derivatives of h.
+    half_by: [DVec3; 2],
+}
+
+impl Misfit {
+    /// The determinant of the derivatives across the normal, times the normal's length.
+    fn determinant(&self) -> f64 {
+        self.normal.dot(self.by[0].cross(self.by[1]))
+    }
+
+    /// That on a plane with the same normal.
+    fn determinant_of_plane(&self) -> f64 {
+        self.normal.dot(self.half_by[0].cross(self.half_by[1])) * self.normal.length_squared()
+    }
+
+    /// A bound of the larger singular value of the derivatives, times the normal's length.
+    fn most(&self) -> f64 {
+        let squares = self.by[0].length_squared() + self.by[1].length_squared();
+        (squares * self.normal.length_squared()).sqrt()
+    }
+
+    /// What Newton's method takes from the weights.
+    fn step(&self) -> DVec2 {
+        let along = |a: DVec3, b: DVec3| self.normal.dot(a.cross(b));
+        DVec2::new(along(self.value, self.by[1]), along(self.by[0], self.value)) / self.determinant()
     }
 }
 

@@ -27,6 +27,9 @@ use crate::specular::widest::{self, Computation};
 /// Boxes in a node.
 const WIDTH: usize = SINGLES;
 
+/// The bits of all boxes of a node.
+const ALL: u32 = (1 << WIDTH) - 1;
+
 /// Marks the number of a child that is a triangle.
 const IS_TRIANGLE: u32 = 1 << 31;
 
@@ -303,6 +306,23 @@ impl Node {
         }
     }
 
+    /// The derivative of the defect by the place along an axis.
+    #[expect(clippy::too_many_arguments, reason = "all of them are what the node has in registers")]
+    #[inline(always)]
+    fn column<S: Instructions>(
+        &self,
+        simd: S,
+        ends: &SeenEnds<S>,
+        axis: usize,
+        [near_slope, far_slope]: [Singles<S>; 2],
+        [near_across, far_across]: &[Singles3<S>; 2],
+        moved: Singles3<S>,
+        half: Singles3<S>,
+    ) -> Singles3<S> {
+        let by_near = *near_across * near_slope - moved + half.cross(Singles3::new(simd, &self.turning[axis]));
+        if ends.is_near { by_near + *far_across * far_slope } else { by_near }
+    }
+
     /// Which boxes may hold a path, as the bits of a number.
     #[inline(always)]
     fn may_hold<S: Instructions>(&self, simd: S, ends: &SeenEnds<S>) -> u32 {
@@ -322,25 +342,21 @@ impl Node {
         let fastest = near_end.speed + far_end.speed;
         let bent = near_end.bent + far_end.bent;
         let (normal_length, size) = (Singles::new(simd, &self.normal_length), half.length());
-        let defect = half.cross(normal);
-        let mut by_place = Singles3 { x: zero, y: zero, z: zero };
-        let mut columns = [by_place; 3];
-        let axes = [
-            (near_end.direction.x, far_end.direction.x, edges.x, DVec3::X),
-            (near_end.direction.y, far_end.direction.y, edges.y, DVec3::Y),
-            (near_end.direction.z, far_end.direction.z, edges.z, DVec3::Z),
+        let across = [near_end.direction.cross(normal), far_end.direction.cross(normal)];
+        let defect = across[0] * ends.indices[0] + across[1] * ends.indices[1];
+        // What the half vector does when the place moves along an axis, x m, and what the normal does then.
+        let turned = normal * fastest;
+        let moved = [
+            Singles3 { x: zero, y: zero - turned.z, z: turned.y },
+            Singles3 { x: turned.z, y: zero, z: zero - turned.x },
+            Singles3 { x: zero - turned.y, y: turned.x, z: zero },
         ];
-        for (((near_component, far_component, edge, axis), turning), kept) in
-            axes.into_iter().zip(&self.turning).zip(&mut columns)
-        {
-            // A column of H: what the half vector does when the place moves along the axis.
-            let column = near_end.direction * (near_component * near_end.speed)
-                + far_end.direction * (far_component * far_end.speed)
-                - Singles3::splat(simd, axis) * fastest;
-            let linear = column.cross(normal) + half.cross(Singles3::new(simd, turning));
-            by_place = by_place + linear.abs() * edge;
-            *kept = linear;
-        }
+        let fast = [near_end.direction * near_end.speed, far_end.direction * far_end.speed];
+        let slopes = [[fast[0].x, fast[1].x], [fast[0].y, fast[1].y], [fast[0].z, fast[1].z]];
+        let by_x = self.column(simd, ends, 0, slopes[0], &across, moved[0], half);
+        let by_y = self.column(simd, ends, 1, slopes[1], &across, moved[1], half);
+        let by_z = self.column(simd, ends, 2, slopes[2], &across, moved[2], half);
+        let by_place = by_x.abs() * edges.x + by_y.abs() * edges.y + by_z.abs() * edges.z;
         let longest = normal_length + away;
         let rest = fastest * reach * away
             + bent * longest
@@ -349,18 +365,23 @@ impl Node {
         let mut exceeds = (by_place.x + rest).less_than(defect.x.abs())
             | (by_place.y + rest).less_than(defect.y.abs())
             | (by_place.z + rest).less_than(defect.z.abs());
+        if exceeds == ALL {
+            return 0;
+        }
         // The same in directions in which the place does not matter along one axis.
-        let by_axis = [(columns[0], edges.x), (columns[1], edges.y), (columns[2], edges.z)];
-        for left_out in 0..3 {
-            if left_out == ends.short {
-                continue;
-            }
-            let along = normal.cross(by_axis[left_out].0);
-            let [(first, first_edge), (second, second_edge)] =
-                [by_axis[(left_out + 1) % 3], by_axis[(left_out + 2) % 3]];
-            let most =
-                along.dot(first).abs() * first_edge + along.dot(second).abs() * second_edge + along.length() * rest;
-            exceeds |= most.less_than(along.dot(defect).abs());
+        let parts = [by_x * edges.x, by_y * edges.y, by_z * edges.z];
+        let [x, y, z] = parts;
+        if ends.short != 0 {
+            exceeds |= exceeds_beside(normal.cross(by_x), y, z, rest, defect);
+        }
+        if ends.short != 1 {
+            exceeds |= exceeds_beside(normal.cross(by_y), z, x, rest, defect);
+        }
+        if ends.short != 2 {
+            exceeds |= exceeds_beside(normal.cross(by_z), x, y, rest, defect);
+        }
+        if exceeds == ALL {
+            return 0;
         }
         // The ends are on the right sides of the surface at some place.
         let hidden = if ends.has_side {
@@ -377,8 +398,21 @@ impl Node {
         } else {
             0
         };
-        !(exceeds | hidden) & ((1 << WIDTH) - 1)
+        !(exceeds | hidden) & ALL
     }
+}
+
+/// Whether the defect along a direction is more than two coordinates of the place, and what is not linear, can make up for.
+#[inline(always)]
+fn exceeds_beside<S: Instructions>(
+    along: Singles3<S>,
+    first: Singles3<S>,
+    second: Singles3<S>,
+    rest: Singles<S>,
+    defect: Singles3<S>,
+) -> u32 {
+    let most = along.dot(first).abs() + along.dot(second).abs() + along.length() * rest;
+    most.less_than(along.dot(defect).abs())
 }
 
 /// An end of a path as seen from the boxes of a node.

@@ -112,7 +112,7 @@ impl Connection<'_> {
         for ends in &ways(source) {
             let whole = wholes.next();
             tree.visit(whole.as_ref().unwrap_or(ends), |triangle| {
-                let facet = scene.facet(triangle);
+                let facet = scene.facet_of(self.mesh, triangle);
                 if let Some(whole) = &whole {
                     focus.consider(triangle, &facet, whole);
                 }
