@@ -112,7 +112,8 @@ async function follow() {
     for (;;) {
         try {
             const answer = await fetch(`frame?look=${number.look}&frame=${number.frame}`);
-            if (answer.status !== 200) continue;
+            if (answer.status === 204) continue;
+            if (!answer.ok) throw new Error(`status ${answer.status}`);
             number = { look: answer.headers.get('clerestory-look'), frame: answer.headers.get('clerestory-frame') };
             if (problem.dataset.isSilence) problem.textContent = '';
             delete problem.dataset.isSilence;

@@ -22,12 +22,16 @@ impl Focus {
     /// Adds a triangle if it focuses light of `ends`, a whole light.
     pub(super) fn consider(&mut self, triangle: u32, facet: &Facet, ends: &Ends) {
         if facet.focus(ends) > STRONG {
-            let offset = ends.point - facet.place(DVec2::splat(1.0 / 3.0));
-            let solid_angle = facet.area().dot(offset).abs() / offset.length().powi(3);
-            let sum = self.triangles.last().map_or(0.0, |(_, sum)| *sum);
-            if solid_angle > 0.0 && solid_angle.is_finite() {
-                self.triangles.push((triangle, sum + solid_angle));
-            }
+            self.add(triangle, facet, ends.point);
+        }
+    }
+
+    fn add(&mut self, triangle: u32, facet: &Facet, point: DVec3) {
+        let offset = point - facet.place(DVec2::splat(1.0 / 3.0));
+        let solid_angle = facet.area().dot(offset).abs() / offset.length().powi(3);
+        let sum = self.triangles.last().map_or(0.0, |(_, sum)| *sum);
+        if solid_angle > 0.0 && solid_angle.is_finite() {
+            self.triangles.push((triangle, sum + solid_angle));
         }
     }
 
@@ -55,5 +59,55 @@ impl Focus {
         }
         let offset = place - point;
         own / before * offset.length().powi(3) / facet.area().dot(offset).abs()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::Focus;
+    use crate::specular::{
+        conic::facet::Facet,
+        testing::{pair, random},
+    };
+
+    /// The solid angle of a triangle seen from the origin (Van Oosterom and Strackee 1983).
+    fn solid_angle([a, b, c]: [DVec3; 3]) -> f64 {
+        let [x, y, z] = [a, b, c].map(DVec3::length);
+        let below = x * y * z + a.dot(b) * z + b.dot(c) * x + c.dot(a) * y;
+        2.0 * libm::atan2(a.dot(b.cross(c)).abs(), below)
+    }
+
+    #[test]
+    fn directions_are_drawn_with_the_density_that_is_said() {
+        let corners = [
+            [DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.5, 0.0, 1.1), DVec3::new(0.0, 0.4, 0.9)],
+            [DVec3::new(-1.0, 0.0, 1.0), DVec3::new(-0.5, 0.0, 1.5), DVec3::new(-0.8, 0.9, 2.0)],
+            [DVec3::new(0.1, -2.0, 1.0), DVec3::new(0.4, -1.0, 1.0), DVec3::new(-0.3, -1.1, 1.4)],
+        ];
+        let facets = corners.map(|corners| Facet { corners, normals: [DVec3::Z; 3] });
+        let mut focus = Focus::default();
+        // One refracts light both ways, and is there twice.
+        for triangle in [0, 1, 2, 1] {
+            focus.add(triangle, &facets[triangle as usize], DVec3::ZERO);
+        }
+        const DRAWS: u32 = 100_000;
+        let mut random = random(9);
+        let (mut sums, mut squares) = ([0.0; 3], [0.0; 3]);
+        for _ in 0..DRAWS {
+            let (triangle, weights) = focus.draw(random.next_f64(), pair(&mut random)).unwrap();
+            let facet = &facets[triangle as usize];
+            let inverse = 1.0 / focus.density(triangle, facet, DVec3::ZERO, facet.place(weights));
+            sums[triangle as usize] += inverse;
+            squares[triangle as usize] += inverse * inverse;
+        }
+        // The mean of one over the density is the solid angle, for each triangle.
+        for (k, corners) in corners.into_iter().enumerate() {
+            let mean = sums[k] / f64::from(DRAWS);
+            let error = ((squares[k] / f64::from(DRAWS) - mean * mean) / f64::from(DRAWS)).sqrt();
+            let expected = solid_angle(corners);
+            assert!((mean - expected).abs() < 5.0 * error && error < 0.02 * expected, "{k}: {mean} {expected} {error}");
+        }
     }
 }
