@@ -68,7 +68,7 @@ const UNBIASED_IN_THE_ROOM: [(&str, &str); 7] = [
 
 /// Methods whose weights by random estimates have tails beside those of folds, which are held to what is there connection by
 /// connection: behind single panes.
-const OF_SINGLE_CONNECTIONS: [&str; 2] = ["sms", "sms, half vector"];
+const OF_SINGLE_CONNECTIONS: [&str; 3] = ["sms", "sms, half vector", "fnee, published"];
 
 /// And in the room.
 const OF_SINGLE_CONNECTIONS_IN_THE_ROOM: [&str; 5] =
@@ -116,6 +116,8 @@ fn main() -> ExitCode {
         ["point", "sphere", "sun"]
             .into_iter()
             .flat_map(move |light| OF_SINGLE_CONNECTIONS.map(|method| (case, light, method)))
+            // From seeds without a window, some paths behind cathedral glass are found so seldom that no mean settles.
+            .filter(|(case, _, method)| *case != "cathedral" || method.starts_with("sms"))
     });
     let in_the_room = OF_SINGLE_CONNECTIONS_IN_THE_ROOM.map(|method| ("room", "sun", method));
     let connections: Vec<Connections> = behind_panes
@@ -172,8 +174,8 @@ fn examine_connections(connections: &Connections, arguments: &Arguments, progres
         );
     });
     let start = Instant::now();
-    // Other connections: what chose their number must not be part of the result.
-    let light = connections.relative_light(count, 2);
+    // Other connections than in the pilot and in a run of another length: what chose their number must not be part of the result.
+    let light = connections.relative_light(count, u64::from(count));
     let (ratio, error) = light.ratio();
     let near = (ratio - 1.0).abs() <= MEAN_LIMIT * arguments.mean_error;
     let good =

@@ -1,7 +1,8 @@
 //! Four numbers side by side, or eight in single precision ([`singles`]), computed with one instruction where the processor can.
 //!
 //! A value carries the token of the instructions that it is computed with (`pulp`): AVX2, or plain code for other processors.
-//! Both compute the same bits. Nothing is fused, and the smaller or larger of two numbers is chosen by comparing them.
+//! Both compute the same bits. Nothing is fused but where it says so ([`singles::Singles::times_plus`]), and the smaller or
+//! larger of two numbers is chosen by comparing them.
 
 pub(crate) mod singles;
 

@@ -56,6 +56,19 @@ impl<S: Instructions> Singles<S> {
         Self { values: self.simd.div_f32s(self.values, other.values), ..self }
     }
 
+    /// This times a factor plus something, rounded once.
+    #[inline(always)]
+    pub(crate) fn times_plus(self, factor: Self, summand: Self) -> Self {
+        Self { values: self.simd.mul_add_f32s(self.values, factor.values, summand.values), ..self }
+    }
+
+    /// This times a factor minus something, rounded once.
+    #[inline(always)]
+    pub(crate) fn times_minus(self, factor: Self, subtrahend: Self) -> Self {
+        let negative = self.simd.neg_f32s(subtrahend.values);
+        Self { values: self.simd.mul_add_f32s(self.values, factor.values, negative), ..self }
+    }
+
     /// Zero where negative.
     #[inline(always)]
     pub(crate) fn positive_part(self) -> Self {
@@ -100,15 +113,25 @@ impl<S: Instructions> Singles3<S> {
 
     #[inline(always)]
     pub(crate) fn dot(self, other: Self) -> Singles<S> {
-        self.x * other.x + self.y * other.y + self.z * other.z
+        self.x.times_plus(other.x, self.y.times_plus(other.y, self.z * other.z))
+    }
+
+    /// This times a factor plus something, each coordinate rounded once.
+    #[inline(always)]
+    pub(crate) fn times_plus(self, factor: Singles<S>, summand: Self) -> Self {
+        Self {
+            x: self.x.times_plus(factor, summand.x),
+            y: self.y.times_plus(factor, summand.y),
+            z: self.z.times_plus(factor, summand.z),
+        }
     }
 
     #[inline(always)]
     pub(crate) fn cross(self, other: Self) -> Self {
         Self {
-            x: self.y * other.z - self.z * other.y,
-            y: self.z * other.x - self.x * other.z,
-            z: self.x * other.y - self.y * other.x,
+            x: self.y.times_minus(other.z, self.z * other.y),
+            y: self.z.times_minus(other.x, self.x * other.z),
+            z: self.x.times_minus(other.y, self.y * other.x),
         }
     }
 

@@ -319,8 +319,8 @@ impl Node {
         moved: Singles3<S>,
         half: Singles3<S>,
     ) -> Singles3<S> {
-        let by_near = *near_across * near_slope - moved + half.cross(Singles3::new(simd, &self.turning[axis]));
-        if ends.is_near { by_near + *far_across * far_slope } else { by_near }
+        let by_near = near_across.times_plus(near_slope, half.cross(Singles3::new(simd, &self.turning[axis])) - moved);
+        if ends.is_near { far_across.times_plus(far_slope, by_near) } else { by_near }
     }
 
     /// Which boxes may hold a path, as the bits of a number.
@@ -338,12 +338,12 @@ impl Node {
         } else {
             SeenEnd { direction: to_light, speed: zero, bent: ends.indices[1] * ends.grains[1] }
         };
-        let half = near_end.direction * ends.indices[0] + far_end.direction * ends.indices[1];
+        let half = near_end.direction.times_plus(ends.indices[0], far_end.direction * ends.indices[1]);
         let fastest = near_end.speed + far_end.speed;
         let bent = near_end.bent + far_end.bent;
         let (normal_length, size) = (Singles::new(simd, &self.normal_length), half.length());
         let across = [near_end.direction.cross(normal), far_end.direction.cross(normal)];
-        let defect = across[0] * ends.indices[0] + across[1] * ends.indices[1];
+        let defect = across[0].times_plus(ends.indices[0], across[1] * ends.indices[1]);
         // What the half vector does when the place moves along an axis, x m, and what the normal does then.
         let turned = normal * fastest;
         let moved = [
@@ -356,7 +356,8 @@ impl Node {
         let by_x = self.column(simd, ends, 0, slopes[0], &across, moved[0], half);
         let by_y = self.column(simd, ends, 1, slopes[1], &across, moved[1], half);
         let by_z = self.column(simd, ends, 2, slopes[2], &across, moved[2], half);
-        let by_place = by_x.abs() * edges.x + by_y.abs() * edges.y + by_z.abs() * edges.z;
+        let by_place =
+            by_x.abs().times_plus(edges.x, by_y.abs().times_plus(edges.y, by_z.abs() * edges.z));
         let longest = normal_length + away;
         let rest = fastest * reach * away
             + bent * longest
@@ -411,7 +412,7 @@ fn exceeds_beside<S: Instructions>(
     rest: Singles<S>,
     defect: Singles3<S>,
 ) -> u32 {
-    let most = along.dot(first).abs() + along.dot(second).abs() + along.length() * rest;
+    let most = along.length().times_plus(rest, along.dot(first).abs() + along.dot(second).abs());
     most.less_than(along.dot(defect).abs())
 }
 
