@@ -356,8 +356,7 @@ impl Node {
         let by_x = self.column(simd, ends, 0, slopes[0], &across, moved[0], half);
         let by_y = self.column(simd, ends, 1, slopes[1], &across, moved[1], half);
         let by_z = self.column(simd, ends, 2, slopes[2], &across, moved[2], half);
-        let by_place =
-            by_x.abs().times_plus(edges.x, by_y.abs().times_plus(edges.y, by_z.abs() * edges.z));
+        let by_place = by_x.abs().times_plus(edges.x, by_y.abs().times_plus(edges.y, by_z.abs() * edges.z));
         let longest = normal_length + away;
         let rest = fastest * reach * away
             + bent * longest
