@@ -7,8 +7,8 @@
 //! here, connection by connection, to the complete search of `fnee`, which the bias test holds to light traced forward.
 //!
 //! Where paths are found so rarely that their estimates of 1/p have tails again, walks of their own, the scouts, have to find
-//! each listed path of a connection twice; otherwise it is left out. N scouts keep a path of probability p at most (N p)^2 / 2
-//! times, while its estimate has a mean square of about 2/p and a third moment of 6/p^2, so that both are bounded in what is kept. Of what is
+//! each listed path of a connection twice; otherwise it is left out. N scouts keep a path of a small probability p with (N p)^2 / 2,
+//! while its estimate has a mean square of about 2/p and a third moment of 6/p^2, so that both are bounded in what is kept. Of what is
 //! left out some is searched with patience, so that light which walks never find would show.
 
 use std::fmt;
@@ -51,7 +51,9 @@ pub struct RelativeLight {
     pub without_saddles: Estimate,
     /// Share of the connections that are left out, since scouts miss a path.
     pub left_out: f64,
-    /// Share of the light of all connections that no walk finds, as far as patience goes.
+    /// Connections that are searched with patience, of those left out.
+    pub searched: f64,
+    /// Share of the light of all connections that no walk finds, by these.
     pub unreached: f64,
 }
 
@@ -65,6 +67,11 @@ impl RelativeLight {
     pub fn ratio(&self) -> (f64, f64) {
         let Agreement { ratio, error, .. } = Agreement::of(&[self.ours], &[self.theirs]);
         (ratio, error)
+    }
+
+    /// A bound of the light that no walk finds: were it more, searches that all find everything had a probability below 0.05.
+    pub fn most_unreached(&self) -> f64 {
+        if self.left_out > 0.0 { self.unreached + 3.0 * self.left_out / self.searched } else { 0.0 }
     }
 
     /// Whether light that is `1 + fault` times as bright or as dark would be rejected, and light without saddles where they
@@ -82,10 +89,12 @@ impl fmt::Display for RelativeLight {
         let agreement = Agreement::of(&[self.ours], &[self.theirs]);
         write!(
             formatter,
-            "{agreement}, {:.2} % in saddles, {:.2} % left out, {:.3} % not reached",
+            "{agreement}, {:.2} % in saddles, {:.2} % left out, {:.3} % not reached by {} searches, below {:.3} %",
             100.0 * (1.0 - self.without_saddles.mean / self.theirs.mean),
             100.0 * self.left_out,
             100.0 * self.unreached,
+            self.searched,
+            100.0 * self.most_unreached(),
         )
     }
 }
@@ -188,6 +197,7 @@ impl Connections {
         let all = |value: fn(&Sums) -> f64| sums.iter().map(value).sum::<f64>();
         let left_out = all(|sums| sums.left_out);
         RelativeLight {
+            searched: all(|sums| sums.searched),
             left_out: left_out / (left_out + all(|sums| sums.connections)),
             unreached: all(|sums| sums.unreached) / all(|sums| sums.searched).max(1.0) * left_out
                 / (left_out + all(|sums| sums.connections)),

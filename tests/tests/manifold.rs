@@ -207,6 +207,15 @@ fn walks_find_the_light_of_each_connection_without_bias() {
 }
 
 #[test]
+fn walks_through_all_panes_of_the_room_find_the_light_that_scouts_reach() {
+    let connections = Connections::new("room", "sun", "sms");
+    let light = connections.relative_light(100_000, 3);
+    println!("{}: {light}", connections.name);
+    assert!(light.agrees() && light.would_notice(FRESNEL), "{}: {light}", connections.name);
+    assert!(light.left_out > 0.1 && light.unreached < 0.01, "{}: {light}", connections.name);
+}
+
+#[test]
 fn the_walk_from_the_straight_line_finds_one_listed_path() {
     for (case, least) in [("flat", 0.99999), ("crown", 0.5), ("bump", 0.5)] {
         let scene = load_case(case);

@@ -111,6 +111,7 @@ impl<S: Instructions> Singles3<S> {
         Self { x: Singles::splat(simd, x as f32), y: Singles::splat(simd, y as f32), z: Singles::splat(simd, z as f32) }
     }
 
+    /// Products and sums are fused.
     #[inline(always)]
     pub(crate) fn dot(self, other: Self) -> Singles<S> {
         self.x.times_plus(other.x, self.y.times_plus(other.y, self.z * other.z))
@@ -126,6 +127,7 @@ impl<S: Instructions> Singles3<S> {
         }
     }
 
+    /// Products and differences are fused.
     #[inline(always)]
     pub(crate) fn cross(self, other: Self) -> Self {
         Self {
@@ -176,5 +178,72 @@ impl<S: Instructions> Mul<Singles<S>> for Singles3<S> {
     #[inline(always)]
     fn mul(self, factor: Singles<S>) -> Self {
         Self { x: self.x * factor, y: self.y * factor, z: self.z * factor }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pulp::Scalar256b;
+
+    use super::*;
+
+    const SPECIAL: [f32; 9] = [0.0, -0.0, 1.5, -2.25, 0.1, 1e-40, f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
+
+    /// What all operations make of three numbers in one lane, beside others: bits, with one pattern for all that is no number.
+    fn results<S: Instructions>(simd: S, [a, b, c]: [f32; 3], lane: usize) -> Vec<u32> {
+        let beside = |value: f32| std::array::from_fn(|at| if at == lane { value } else { 0.5 });
+        let (x, y, z) =
+            (Singles::new(simd, &beside(a)), Singles::new(simd, &beside(b)), Singles::new(simd, &beside(c)));
+        let vector = Singles3 { x, y, z };
+        let other = Singles3 { x: y, y: z, z: x };
+        let crossed = vector.cross(other);
+        let values = [
+            x + y,
+            x - y,
+            x * y,
+            x.abs(),
+            x.sqrt(),
+            x.over(y),
+            x.positive_part(),
+            x.times_plus(y, z),
+            x.times_minus(y, z),
+            vector.dot(other),
+            crossed.x,
+            crossed.y,
+            crossed.z,
+            vector.times_plus(y, other).z,
+        ];
+        let bits = |values: Singles<S>| {
+            let value = pulp::cast::<_, [f32; SINGLES]>(values.values)[lane];
+            if value.is_nan() { u32::MAX } else { value.to_bits() }
+        };
+        values.into_iter().map(bits).chain([x.less_than(y) >> lane & 1]).collect()
+    }
+
+    #[test]
+    fn all_instructions_compute_the_same_bits_in_every_lane() {
+        for a in SPECIAL {
+            for b in SPECIAL {
+                for c in SPECIAL {
+                    let plain = results(Scalar256b, [a, b, c], 0);
+                    for lane in 0..SINGLES {
+                        assert_eq!(results(Scalar256b, [a, b, c], lane), plain, "{a} {b} {c}, lane {lane}");
+                        #[cfg(target_arch = "x86_64")]
+                        if let Some(avx2) = pulp::x86::V3::try_new() {
+                            assert_eq!(results(avx2, [a, b, c], lane), plain, "{a} {b} {c}, lane {lane}, AVX2");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn fused_products_and_sums_are_rounded_once() {
+        // The square is 1 + 2^-11 + 2^-24, whose last part a product would lose.
+        let (near_one, small) = (1.0 + 2f32.powi(-12), 2f32.powi(-24));
+        let fused = Singles::splat(Scalar256b, near_one)
+            .times_minus(Singles::splat(Scalar256b, near_one), Singles::splat(Scalar256b, 1.0 + 2f32.powi(-11)));
+        assert_eq!(pulp::cast::<_, [f32; SINGLES]>(fused.values), [small; SINGLES]);
     }
 }

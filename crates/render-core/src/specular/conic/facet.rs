@@ -109,7 +109,7 @@ impl Facet {
         if !alone(1.0, bending) {
             return Only::Unknown;
         }
-        // Nothing bends more than it is steep, so that the next step would be at most the square of this one.
+        // Where only one path can be, a step so small is followed by one of about its square.
         let Some(path) = self.stationary(ends, linear, TOLERANCE.sqrt()) else { return Only::Unknown };
         let distance = (path - MIDDLE).abs().element_sum().max(1.0);
         if is_within(path) {
@@ -137,7 +137,7 @@ impl Facet {
             speed += index * moved;
             bend += index * 2.0 * BENDING * moved * moved;
         }
-        bend * (self.normals[0].length() + extent * turn) + 2.0 * speed * turn
+        bend * (self.normal(weights).length() + extent * turn) + 2.0 * speed * turn
     }
 
     /// By how much the ray from the shading point through a place of the curve misses the light: the part, across the curve in

@@ -33,9 +33,6 @@ const ALL: u32 = (1 << WIDTH) - 1;
 /// Marks the number of a child that is a triangle.
 const IS_TRIANGLE: u32 = 1 << 31;
 
-/// No child.
-const EMPTY: u32 = u32::MAX;
-
 /// Nodes of a level that are looked at without allocating memory.
 const USUAL: usize = 64;
 
@@ -66,6 +63,8 @@ struct Node {
     away: ByBox,
     /// Numbers of nodes, or of triangles with [`IS_TRIANGLE`].
     children: [u32; WIDTH],
+    /// The bits of boxes that do not exist.
+    missing: u32,
 }
 
 /// What bounds the places and normals of some triangles.
@@ -168,7 +167,7 @@ impl FacetTree {
                     may &= may - 1;
                     if child & IS_TRIANGLE == 0 {
                         below.push(child);
-                    } else if child != EMPTY {
+                    } else {
                         open(child & !IS_TRIANGLE);
                     }
                 }
@@ -302,7 +301,8 @@ impl Node {
             reach: numbers(&|bounds| bounds.half.length()),
             normal_length: numbers(&|bounds| bounds.normal.length()),
             away: numbers(&|bounds| bounds.away()),
-            children: [EMPTY; WIDTH],
+            children: [0; WIDTH],
+            missing: ALL << boxes.len() & ALL,
         }
     }
 
@@ -362,7 +362,8 @@ impl Node {
             + bent * longest
             + size * remainder
             + Singles::splat(simd, ROUNDING) * (size + one) * longest;
-        let mut exceeds = (by_place.x + rest).less_than(defect.x.abs())
+        let mut exceeds = self.missing
+            | (by_place.x + rest).less_than(defect.x.abs())
             | (by_place.y + rest).less_than(defect.y.abs())
             | (by_place.z + rest).less_than(defect.z.abs());
         if exceeds == ALL {
