@@ -370,8 +370,7 @@ impl Node {
             return 0;
         }
         // The same in directions in which the place does not matter along one axis.
-        let parts = [by_x * edges.x, by_y * edges.y, by_z * edges.z];
-        let [x, y, z] = parts;
+        let (x, y, z) = (by_x * edges.x, by_y * edges.y, by_z * edges.z);
         if ends.short != 0 {
             exceeds |= exceeds_beside(normal.cross(by_x), y, z, rest, defect);
         }
