@@ -9,7 +9,7 @@ use std::time::Instant;
 use clerestory_tests::bias::{BLOCK, BiasReport, compare};
 use clerestory_tests::comparisons::{Comparison, comparison};
 use clerestory_tests::forward_tracer::Fault;
-use clerestory_tests::reference::Reference;
+use clerestory_tests::reference::{Image, Reference};
 
 /// Largest standard error of the image mean without full power, relative: a quarter of what a missing Fresnel factor
 /// takes away.
@@ -166,6 +166,21 @@ fn mnee_is_unbiased_where_chance_finds_what_it_misses() {
 #[test]
 fn what_a_selection_of_panes_leaves_out_is_left_to_chance() {
     check_without_power("room", "sun-5", "fnee, sharp", 24);
+}
+
+/// The window is closed: every straight line to the sun meets glass, lead or stone, where `bleed` draws a pane. So what is known of
+/// `random` there holds for `bleed`.
+#[test]
+fn bleed_is_random_bit_for_bit_in_the_closed_room() {
+    for (method, light) in [("fnee", "sun"), ("fnee", "sun-40"), ("sms", "sun")] {
+        let [bleed, random, sharp] = ["bleed", "random", "sharp"]
+            .map(|selection| comparison("room", light, &format!("{method}, {selection}")).replicates(1, 1).0);
+        let apart = |other: &[Image]| {
+            let pairs = bleed.iter().zip(other).flat_map(|(a, b)| a.pixels.iter().zip(&b.pixels));
+            pairs.filter(|(a, b)| a != b).count()
+        };
+        assert!(apart(&random) == 0 && apart(&sharp) > 1000, "{method}: {}, {}", apart(&random), apart(&sharp));
+    }
 }
 
 #[test]
