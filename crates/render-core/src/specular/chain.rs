@@ -83,6 +83,10 @@ impl Segments {
     }
 }
 
+/// The part of the way to a place on which something may stand in the way. The place itself, and the triangle beside an edge on which it
+/// lies, are behind.
+const BEFORE: f64 = 1.0 - 1e-9;
+
 impl Chain {
     /// The chain that a ray in `direction` from the shading point meets, when that begins on `caster` and each vertex can
     /// do what `events` says.
@@ -108,6 +112,30 @@ impl Chain {
             ray = Ray::new(step.vertex.at.position, step.next);
         }
         Some(chain)
+    }
+
+    /// The chain over one place of a smooth triangle, given as well by the weights of its second and third corner; `None` where
+    /// something is in the way, or the event cannot happen.
+    pub(super) fn over_place(
+        scene: &Scene,
+        point: &ShadingPoint,
+        triangle: u32,
+        place: DVec3,
+        weights: DVec2,
+        event: SpecularEvent,
+        counters: &mut Counters,
+    ) -> Option<Self> {
+        let offset = place - point.position;
+        let distance = offset.length();
+        let ray = Ray::new(point.position, offset / distance);
+        if scene.accelerator().occluded(&ray, distance * BEFORE, point.leaving, None, counters) {
+            return None;
+        }
+        let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: ray.direction };
+        let hit = Hit { distance, surface: Surface::Triangle { index: triangle, barycentric: weights.into() } };
+        let step = chain.meet(scene, &ray, &hit, event, counters)?;
+        chain.vertices.push(step.vertex);
+        Some(Self { throughput: step.factor, exit: step.next, ..chain })
     }
 
     /// The vertices at which the straight line from the shading point to the source crosses specular surfaces, refracting

@@ -10,7 +10,7 @@
 //! Lengths below which the authors' code gives up are absolute and exceed the thickness of a window pane; all lengths here
 //! are relative to the shortest segment of the path.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::{
     Arrival, ShadingPoint, SpecularEvent,
@@ -132,6 +132,21 @@ impl ManifoldWalk<'_> {
             current = self.linearised(self.trace(current.target(1.0), counters)?)?;
         }
         None
+    }
+
+    /// The path over a place of a smooth triangle, with the weights of its second and third corner, at which the chain of one vertex
+    /// is known to lead to the source; `None` where something is in the way.
+    pub(super) fn path_over(
+        &self,
+        triangle: u32,
+        place: DVec3,
+        weights: DVec2,
+        counters: &mut Counters,
+    ) -> Option<SolvedChain> {
+        let [event] = *self.events else { return None };
+        counters.solver_calls += 1;
+        let chain = Chain::over_place(self.scene, self.point, triangle, place, weights, event, counters)?;
+        self.solved(chain).inspect(|_| counters.converged += 1)
     }
 
     /// The path that a chain is, if it leads to the source.

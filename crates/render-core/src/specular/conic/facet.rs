@@ -10,7 +10,7 @@ use std::f64::consts::SQRT_2;
 use arrayvec::ArrayVec;
 use glam::{DMat3, DVec2, DVec3};
 
-use super::{curve::all_paths, ends::Ends, facet_tree::BENDING};
+use super::{curve::all_paths, ends::Ends, seen_ends::BENDING};
 use crate::optics::dielectric::{reflect, refract};
 
 /// A triangle with normals at its corners.

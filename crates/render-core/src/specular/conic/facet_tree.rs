@@ -1,4 +1,5 @@
-//! The hierarchy of triangles in which only boxes that may hold a path are opened.
+//! The hierarchy of triangles in which only boxes that may hold a path are opened. What its leaves hold is looked at triangle by
+//! triangle (`facet_leaf`).
 //!
 //! A box bounds places M = c + d, and normals by a linear function of the place, n = m + J d + v, with small v. The half
 //! vector at M is h = g + H d + r, with g that at the middle, H its derivative, and r of second order. At a path
@@ -17,7 +18,12 @@ use std::ops::Range;
 use glam::{DMat3, DVec3};
 use smallvec::{SmallVec, smallvec};
 
-use super::{ends::Ends, facet::Facet};
+use super::{
+    ends::Ends,
+    facet::Facet,
+    facet_leaf::FacetLeaf,
+    seen_ends::{ALL, ByLane, GRAIN, ROUNDING, SeenEnd, SeenEnds, Vectors, missing, numbers, vectors},
+};
 use crate::lanes::{
     Instructions,
     singles::{SINGLES, Singles, Singles3},
@@ -27,20 +33,11 @@ use crate::specular::widest::{self, Computation};
 /// Boxes in a node.
 const WIDTH: usize = SINGLES;
 
-/// The bits of all boxes of a node.
-const ALL: u32 = (1 << WIDTH) - 1;
-
-/// Marks the number of a child that is a triangle.
-const IS_TRIANGLE: u32 = 1 << 31;
+/// Marks the number of a child that is a leaf.
+const IS_LEAF: u32 = 1 << 31;
 
 /// Nodes of a level that are looked at without allocating memory.
 const USUAL: usize = 64;
-
-/// A number for each box of a node.
-type ByBox = [f32; WIDTH];
-
-/// A vector for each box of a node: the three coordinates.
-type Vectors = [ByBox; 3];
 
 /// A node: the boxes of its children, in single precision relative to the middle of the mesh.
 #[derive(Clone, Debug)]
@@ -54,14 +51,14 @@ struct Node {
     /// How normals vary with places: the columns of J.
     turning: [Vectors; 3],
     /// Bounds of what remains of normals, |v|.
-    remainder: ByBox,
+    remainder: ByLane,
     /// Bounds of how far places are from the middle, |d|.
-    reach: ByBox,
+    reach: ByLane,
     /// |m|.
-    normal_length: ByBox,
+    normal_length: ByLane,
     /// Bounds of how far normals are from m, |J d + v|.
-    away: ByBox,
-    /// Numbers of nodes, or of triangles with [`IS_TRIANGLE`].
+    away: ByLane,
+    /// Numbers of nodes, or of leaves with [`IS_LEAF`].
     children: [u32; WIDTH],
     /// The bits of boxes that do not exist.
     missing: u32,
@@ -77,27 +74,13 @@ struct FacetBox {
     remainder: f64,
 }
 
-/// The ends, as boxes see them.
-struct SeenEnds<S> {
-    point: Singles3<S>,
-    light: Singles3<S>,
-    near: Singles<S>,
-    indices: [Singles<S>; 2],
-    side: Singles<S>,
-    /// Whether the side matters.
-    has_side: bool,
-    /// Whether the light is at a point.
-    is_near: bool,
-    /// The axis along which the mesh is shortest.
-    short: usize,
-    /// How far the ends can be from where they are, by their extent and by rounding.
-    grains: [Singles<S>; 2],
-}
-
 /// The triangles of a mesh by place and normal.
 #[derive(Clone, Debug)]
 pub(crate) struct FacetTree {
     nodes: Vec<Node>,
+    leaves: Vec<FacetLeaf>,
+    /// Number of the root, as those of children.
+    root: u32,
     /// The middle of the mesh.
     middle: DVec3,
     /// How far corners can be from there.
@@ -120,39 +103,38 @@ impl FacetTree {
         let radius = order.iter().flat_map(farthest).fold(0.0, f64::max);
         let extent = high - low;
         let short = (0..3).fold(0, |short, axis| if extent[axis] < extent[short] { axis } else { short });
-        let mut tree = Self { nodes: Vec::new(), middle, radius, short };
-        tree.build(&mut order, &facet);
+        let mut tree = Self { nodes: Vec::new(), leaves: Vec::new(), root: 0, middle, radius, short };
+        tree.root = tree.build(&mut order, &facet);
         Some(tree)
     }
 
-    /// Hands the numbers of all triangles that may hold a path to `open`, and returns how many nodes it looked at.
-    pub(super) fn visit(&self, ends: &Ends, open: impl FnMut(u32)) -> usize {
-        widest::run(Visit { tree: self, ends, open })
+    /// Hands the numbers of all triangles that may hold a path to `open`, and returns how many nodes and leaves it looked at.
+    pub(super) fn visit(&self, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
+        widest::run(Visit { tree: self, ends, drawn: None, open: |triangle, _| open(triangle) })
+    }
+
+    /// The same for a whole light, of which `drawn` has one point: `open` is told as well whether the triangle may hold a path to that.
+    pub(super) fn visit_whole(&self, whole: &Ends, drawn: &Ends, open: impl FnMut(u32, bool)) -> usize {
+        widest::run(Visit { tree: self, ends: whole, drawn: Some(drawn), open })
     }
 
     #[inline(always)]
-    pub(super) fn visit_nodes<S: Instructions>(&self, simd: S, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
-        let light = ends.light - self.middle * ends.near;
-        let grain = |end: DVec3| GRAIN * (end.length() + self.radius);
-        let light_grain = if ends.near == 0.0 { GRAIN } else { grain(light) };
-        let [inside, behind] = ends.indices;
-        let ends = SeenEnds {
-            point: Singles3::splat(simd, ends.point - self.middle),
-            light: Singles3::splat(simd, light),
-            near: Singles::splat(simd, ends.near as f32),
-            indices: [Singles::splat(simd, inside as f32), Singles::splat(simd, behind as f32)],
-            side: Singles::splat(simd, ends.side as f32),
-            has_side: ends.side != 0.0,
-            is_near: ends.near != 0.0,
-            short: self.short,
-            grains: [
-                Singles::splat(simd, grain(ends.point - self.middle) as f32),
-                Singles::splat(simd, (light_grain + ends.spread * (1.0 + GRAIN)) as f32),
-            ],
-        };
+    pub(super) fn visit_nodes<S: Instructions>(
+        &self,
+        simd: S,
+        ends: &Ends,
+        drawn: Option<&Ends>,
+        mut open: impl FnMut(u32, bool),
+    ) -> usize {
+        let ends = SeenEnds::new(simd, ends, self.middle, self.radius, self.short);
         let mut looks = 0;
-        let (mut level, mut below): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![0], smallvec![]);
-        let mut masks: SmallVec<[u32; USUAL]> = smallvec![];
+        let (mut level, mut below): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![], smallvec![]);
+        let (mut masks, mut leaves): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![], smallvec![]);
+        if self.root & IS_LEAF == 0 {
+            level.push(self.root)
+        } else {
+            leaves.push(self.root & !IS_LEAF)
+        }
         while !level.is_empty() {
             looks += level.len();
             // All nodes of a level before any of the next: no look waits for another.
@@ -165,24 +147,46 @@ impl FacetTree {
                 while may != 0 {
                     let child = self.nodes[number as usize].children[may.trailing_zeros() as usize];
                     may &= may - 1;
-                    if child & IS_TRIANGLE == 0 {
-                        below.push(child);
-                    } else {
-                        open(child & !IS_TRIANGLE);
-                    }
+                    if child & IS_LEAF == 0 { below.push(child) } else { leaves.push(child & !IS_LEAF) }
                 }
             }
             std::mem::swap(&mut level, &mut below);
             below.clear();
         }
+        looks += leaves.len();
+        masks.clear();
+        for &number in &leaves {
+            masks.push(self.leaves[number as usize].may_hold(simd, &ends));
+        }
+        if let Some(drawn) = drawn {
+            let drawn = SeenEnds::new(simd, drawn, self.middle, self.radius, self.short);
+            for (&number, mask) in leaves.iter().zip(&mut masks) {
+                if *mask != 0 {
+                    *mask |= self.leaves[number as usize].may_hold(simd, &drawn) << WIDTH;
+                }
+            }
+        }
+        for (&number, &mask) in leaves.iter().zip(&masks) {
+            let mut may = mask & ALL;
+            while may != 0 {
+                let lane = may.trailing_zeros();
+                may &= may - 1;
+                open(self.leaves[number as usize].triangles[lane as usize], mask >> WIDTH >> lane & 1 != 0);
+            }
+        }
         looks
     }
 
-    /// Appends the node over `order` and all below it.
-    fn build(&mut self, order: &mut [(u32, DVec3)], facet: &impl Fn(u32) -> Facet) {
+    /// Appends the node or leaf over `order`, and all below it. Returns its number, as those of children.
+    fn build(&mut self, order: &mut [(u32, DVec3)], facet: &impl Fn(u32) -> Facet) -> u32 {
+        if order.len() <= WIDTH {
+            let facets: Vec<(u32, Facet)> = order.iter().map(|&(triangle, _)| (triangle, facet(triangle))).collect();
+            self.leaves.push(FacetLeaf::over(&facets, self.middle));
+            return (self.leaves.len() - 1) as u32 | IS_LEAF;
+        }
         let number = self.nodes.len();
         // As few children as can hold the triangles at this height: all nodes are about full.
-        let mut most_in_child = 1;
+        let mut most_in_child = WIDTH;
         while most_in_child * WIDTH < order.len() {
             most_in_child *= WIDTH;
         }
@@ -198,15 +202,9 @@ impl FacetTree {
             .collect();
         self.nodes.push(Node::over(&boxes));
         for (lane, part) in parts.into_iter().enumerate() {
-            self.nodes[number].children[lane] = match part {
-                [(triangle, _)] => *triangle | IS_TRIANGLE,
-                _ => {
-                    let child = self.nodes.len() as u32;
-                    self.build(part, facet);
-                    child
-                }
-            };
+            self.nodes[number].children[lane] = self.build(part, facet);
         }
+        number as u32
     }
 }
 
@@ -214,15 +212,16 @@ impl FacetTree {
 struct Visit<'a, F> {
     tree: &'a FacetTree,
     ends: &'a Ends,
+    drawn: Option<&'a Ends>,
     open: F,
 }
 
-impl<F: FnMut(u32)> Computation for Visit<'_, F> {
+impl<F: FnMut(u32, bool)> Computation for Visit<'_, F> {
     type Output = usize;
 
     #[inline(always)]
     fn run<S: Instructions>(self, simd: S) -> usize {
-        self.tree.visit_nodes(simd, self.ends, self.open)
+        self.tree.visit_nodes(simd, self.ends, self.drawn, self.open)
     }
 }
 
@@ -282,27 +281,17 @@ impl FacetBox {
 impl Node {
     /// A node over children that are yet to be numbered.
     fn over(boxes: &[FacetBox]) -> Self {
-        let numbers = |value: &dyn Fn(&FacetBox) -> f64| -> ByBox {
-            std::array::from_fn(|lane| boxes.get(lane).map_or(0.0, value) as f32)
-        };
-        let vectors = |vector: &dyn Fn(&FacetBox) -> DVec3| -> Vectors {
-            [
-                numbers(&|bounds| vector(bounds).x),
-                numbers(&|bounds| vector(bounds).y),
-                numbers(&|bounds| vector(bounds).z),
-            ]
-        };
         Self {
-            centre: vectors(&|bounds| bounds.centre),
-            half: vectors(&|bounds| bounds.half),
-            normal: vectors(&|bounds| bounds.normal),
-            turning: [0, 1, 2].map(|axis| vectors(&|bounds| bounds.turning.col(axis))),
-            remainder: numbers(&|bounds| bounds.remainder),
-            reach: numbers(&|bounds| bounds.half.length()),
-            normal_length: numbers(&|bounds| bounds.normal.length()),
-            away: numbers(&|bounds| bounds.away()),
+            centre: vectors(boxes, |bounds| bounds.centre),
+            half: vectors(boxes, |bounds| bounds.half),
+            normal: vectors(boxes, |bounds| bounds.normal),
+            turning: [0, 1, 2].map(|axis| vectors(boxes, |bounds| bounds.turning.col(axis))),
+            remainder: numbers(boxes, |bounds| bounds.remainder),
+            reach: numbers(boxes, |bounds| bounds.half.length()),
+            normal_length: numbers(boxes, |bounds| bounds.normal.length()),
+            away: numbers(boxes, FacetBox::away),
             children: [0; WIDTH],
-            missing: ALL << boxes.len() & ALL,
+            missing: missing(boxes),
         }
     }
 
@@ -332,11 +321,13 @@ impl Node {
         let one = Singles::splat(simd, 1.0);
         let zero = Singles::splat(simd, 0.0);
         let (to_point, to_light) = (ends.point - centre, ends.light - centre * ends.near);
-        let near_end = SeenEnd::new(to_point, ends.indices[0], edges, reach, ends.grains[0]);
+        let nearest = (to_point.abs() - edges).positive_part().length();
+        let near_end = SeenEnd::new(to_point, ends.indices[0], nearest, reach, ends.grains[0]);
         let far_end = if ends.is_near {
-            SeenEnd::new(to_light, ends.indices[1], edges, reach, ends.grains[1])
+            let nearest = (to_light.abs() - edges).positive_part().length();
+            SeenEnd::new(to_light, ends.indices[1], nearest, reach, ends.grains[1])
         } else {
-            SeenEnd { direction: to_light, speed: zero, bent: ends.indices[1] * ends.grains[1] }
+            SeenEnd::at_infinity(to_light, ends.indices[1], ends.grains[1])
         };
         let half = near_end.direction.times_plus(ends.indices[0], far_end.direction * ends.indices[1]);
         let fastest = near_end.speed + far_end.speed;
@@ -415,49 +406,8 @@ fn exceeds_beside<S: Instructions>(
     most.less_than(along.dot(defect).abs())
 }
 
-/// An end of a path as seen from the boxes of a node.
-struct SeenEnd<S> {
-    /// The direction to it from their middles.
-    direction: Singles3<S>,
-    /// How fast its part of the half vector turns with the place.
-    speed: Singles<S>,
-    /// What else that part may change by within the box.
-    bent: Singles<S>,
-}
-
-impl<S: Instructions> SeenEnd<S> {
-    /// The end at `offset` from the middles of boxes of half edges `half`, which may be off by `grain`.
-    #[inline(always)]
-    fn new(offset: Singles3<S>, index: Singles<S>, half: Singles3<S>, reach: Singles<S>, grain: Singles<S>) -> Self {
-        let simd = index.simd();
-        let one = Singles::splat(simd, 1.0);
-        let inverse = one.over(offset.length());
-        // From the nearest place of the box. Infinite in a box around an end, which has no half vector at its middle and no bound.
-        let closest = one.over((offset.abs() - half).positive_part().length());
-        let turn = reach * closest;
-        let strayed = grain * closest;
-        Self {
-            direction: offset * inverse,
-            speed: index * inverse,
-            // An end that strays by x of its distance turns by a chord of at most x (1 + x^2).
-            bent: index * (Singles::splat(simd, BENDING as f32) * turn * turn + strayed * (one + strayed * strayed)),
-        }
-    }
-}
-
 /// What keeps the least squares of flat meshes from a singular matrix, relative.
 const REGULARISATION: f64 = 1e-9;
-
-/// Largest second derivative of a unit vector, times the squared length of the vector, halved: |s (4 - 3 s^2)^(1/2)| / 2 at
-/// the worst sine s^2 = 2/3 between vector and motion.
-pub(super) const BENDING: f64 = 0.578;
-
-/// How far a place in single precision can be from where it is, relative to the largest distance that it was computed from: twice the
-/// rounding of each of three coordinates.
-const GRAIN: f64 = 4.0 * f32::EPSILON as f64;
-
-/// Slack for rounding, relative: some units in the last place of single precision.
-const ROUNDING: f32 = 4e-6;
 
 /// The box around middles of triangles.
 fn bounds(order: &[(u32, DVec3)]) -> [DVec3; 2] {
