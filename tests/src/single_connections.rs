@@ -146,7 +146,7 @@ pub fn connections_name(case: &str, light: &str, method: &str) -> String {
 
 impl Connections {
     /// Those of a case under a light, as in [`crate::comparisons::comparison`], for a method (a name of [`methods::settings`])
-    /// that draws a point of the light first; in the room, which needs scouts, of `sms`.
+    /// that draws a point of the light first. In the room `sms` needs scouts; `fnee` finds paths without chance.
     ///
     /// # Panics
     ///
@@ -155,21 +155,15 @@ impl Connections {
         let bundle = setting(case, light).bundle;
         let mut description = bundle.description().clone();
         description.integrator = methods::integrator(method, description.integrator.max_depth());
-        let constraint = match description.integrator {
-            IntegratorDescription::Sms { constraint, .. } => constraint,
-            _ => ManifoldConstraint::default(),
+        let (constraint, scouts) = match description.integrator {
+            IntegratorDescription::Sms { constraint, .. } if case == "room" => (constraint, SCOUTS),
+            _ => (ManifoldConstraint::default(), 0),
         };
         let bundle = bundle.with_description(description).expect("the changed scene is valid");
         let scene = Scene::build(&bundle).expect("the scene can be built");
         // The room's lamp shines from inside.
         let sun = scene.lights().iter().position(|light| matches!(light.kind, LightKind::Sun { .. }));
-        Self {
-            name: connections_name(case, light, method),
-            light: sun.unwrap_or(0) as u32,
-            constraint,
-            scouts: if case == "room" { SCOUTS } else { 0 },
-            scene,
-        }
+        Self { name: connections_name(case, light, method), light: sun.unwrap_or(0) as u32, constraint, scouts, scene }
     }
 
     /// The light that the method finds over about `count` connections, and what is there of what the method looks for.
