@@ -9,7 +9,7 @@ use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::scene::description::{
-    FneeSolver, ManifoldConstraint, ManifoldEstimator, PaneSelection, ProfileDescription,
+    FneeSolver, ManifoldConstraint, ManifoldEstimator, PaneSelection, ProfileDescription, WalkSteps,
 };
 use clerestory_render_core::scene::{Scene, load};
 use clerestory_render_core::specular::{
@@ -92,6 +92,7 @@ impl Problems {
             "fnee-published" => Box::new(fnee(FneeSolver::Published)),
             "sms" => Box::new(Sms {
                 constraint: ManifoldConstraint::AngleDifference,
+                steps: WalkSteps::default(),
                 estimator: ManifoldEstimator::Unbiased { max_trials: 1000 },
                 selection: PaneSelection::All,
                 scope: Scope::new(&self.scene, &["TT".to_owned()], None, None),

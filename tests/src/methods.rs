@@ -19,6 +19,7 @@ pub fn settings(name: &str) -> Value {
         // So many that what is cut off is less than what tests notice.
         "fnee, published" => json!({"fnee": {"solver": "published", "max_trials": 20_000}}),
         "fnee, cut off" => json!({"fnee": {"solver": "published", "max_trials": 4}}),
+        "sms, published" => json!({"sms": {"steps": "published"}}),
         "sms, half vector" => json!({"sms": {"constraint": "half_vector"}}),
         "mnee, dropped" => json!({"mnee": {"missed": "dropped"}}),
         _ => match name.split_once(", ") {

@@ -6,7 +6,7 @@ use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::LightKind;
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::scene::description::{
-    FneeSolver, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
+    FneeSolver, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection, WalkSteps,
 };
 use clerestory_render_core::specular::{
     ShadingPoint, SpecularMethod, THROUGH_PANE, fnee::Fnee, mnee::Mnee, scope::Scope, sms::Sms,
@@ -52,6 +52,7 @@ fn check(case: &str, list: &str, least: f64) {
     for constraint in CONSTRAINTS {
         let method = Sms {
             constraint,
+            steps: WalkSteps::default(),
             estimator: ManifoldEstimator::Biased { trials: 2000 },
             selection: PaneSelection::All,
             scope: through_panes(&scene),
@@ -169,12 +170,17 @@ const DEVIATES: f64 = 5.0;
 fn few_walks_lack_the_light_that_theory_says_and_weighted_ones_none() {
     for case in ["crown", "bump", "cathedral"] {
         let scene = load_case(case);
-        let sms = |estimator| {
-            let constraint = ManifoldConstraint::AngleDifference;
-            Sms { constraint, estimator, selection: PaneSelection::All, scope: through_panes(&scene) }
-        };
-        let biased = |trials| Box::new(sms(ManifoldEstimator::Biased { trials })) as Box<dyn SpecularMethod>;
-        check_missing_light("sms", case, &biased, &sms(ManifoldEstimator::Unbiased { max_trials: 1_000_000 }));
+        for (name, constraint, steps) in [
+            ("sms", ManifoldConstraint::AngleDifference, WalkSteps::OnPanes),
+            ("sms, half vector", ManifoldConstraint::HalfVector, WalkSteps::OnPanes),
+            ("sms, published", ManifoldConstraint::AngleDifference, WalkSteps::Published),
+        ] {
+            let scope = through_panes(&scene);
+            let sms =
+                |estimator| Sms { constraint, steps, estimator, selection: PaneSelection::All, scope: scope.clone() };
+            let biased = |trials| Box::new(sms(ManifoldEstimator::Biased { trials })) as Box<dyn SpecularMethod>;
+            check_missing_light(name, case, &biased, &sms(ManifoldEstimator::Unbiased { max_trials: 1_000_000 }));
+        }
     }
 }
 

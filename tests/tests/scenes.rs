@@ -8,7 +8,7 @@ use clerestory_render_core::geometry::{Leaving, Pane};
 use clerestory_render_core::optics::Source;
 use clerestory_render_core::scene::description::{
     ConicSearch, FneeSolver, IntegratorDescription, LightDescription, ManifoldConstraint, ManifoldEstimator,
-    PaneSelection, SamplingDescription, SceneDescription,
+    PaneSelection, SamplingDescription, SceneDescription, WalkSteps,
 };
 use clerestory_render_core::scene::{self, Scene, SceneBundle};
 use clerestory_render_core::specular::fnee::PathSearch;
@@ -191,6 +191,7 @@ mod pool {
         let scene = Scene::build(&bundle).expect("the scene can be built");
         let sms = Sms {
             constraint: ManifoldConstraint::AngleDifference,
+            steps: WalkSteps::default(),
             estimator: ManifoldEstimator::Biased { trials: 500 },
             selection: PaneSelection::All,
             scope: Scope::new(&scene, &["T".to_owned()], None, None),

@@ -8,7 +8,7 @@ use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::LightKind;
 use clerestory_render_core::scene::description::{
-    ConicSearch, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
+    ConicSearch, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection, WalkSteps,
 };
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
 use clerestory_render_core::specular::{
@@ -189,6 +189,7 @@ fn flat_water_and_flat_mirrors_throw_the_light_of_closed_forms() {
         let estimator = ManifoldEstimator::Biased { trials: 8 };
         let sms = |scene: &Scene, chain: &str| Sms {
             constraint,
+            steps: WalkSteps::default(),
             estimator,
             selection: PaneSelection::All,
             scope: Scope::new(scene, &[chain.to_owned()], None, None),
@@ -258,6 +259,7 @@ fn finer_meshes_of_a_pane_throw_the_light_of_its_height_field() {
             let meshed = as_mesh(&original, cells);
             let method = |scene: &Scene| Sms {
                 constraint: ManifoldConstraint::AngleDifference,
+                steps: WalkSteps::default(),
                 estimator: ManifoldEstimator::Biased { trials: 400 },
                 selection: PaneSelection::All,
                 scope: Scope::new(scene, &["TT".to_owned()], None, None),

@@ -6,7 +6,7 @@ use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::LightKind;
 use clerestory_render_core::scene::Scene;
-use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, PaneSelection};
+use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, PaneSelection, WalkSteps};
 use clerestory_render_core::specular::{ShadingPoint, SpecularMethod, THROUGH_PANE, scope::Scope, sms::Sms};
 use clerestory_tests::comparisons::reference_folder;
 use clerestory_tests::forward_tracer::LightSample;
@@ -98,6 +98,7 @@ fn curves_lead_to_the_paths_through_meshes_that_random_walks_find() {
         let scene = as_mesh(&original, 128);
         let sms = Sms {
             constraint: ManifoldConstraint::AngleDifference,
+            steps: WalkSteps::default(),
             estimator: ManifoldEstimator::Biased { trials: 3000 },
             selection: PaneSelection::All,
             scope: Scope::new(&scene, &["TT".to_owned()], None, None),

@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use clerestory_render_core::scene::description::{
     ConicSearch, FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator,
-    MissedPaths, PaneSelection, SceneDescription,
+    MissedPaths, PaneSelection, SceneDescription, WalkSteps,
 };
 use clerestory_render_core::scene::{self, SceneBundle};
 
@@ -49,6 +49,9 @@ pub(crate) struct SceneOverrides {
     /// What a vertex of the integrator sms has to obey.
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) constraint: Option<ConstraintName>,
+    /// Where walks of the integrator sms go that leave a pane.
+    #[arg(long, value_enum, value_name = "NAME")]
+    pub(crate) steps: Option<StepsName>,
     /// Chains of refractions (T) and reflections (R) from a surface to a light that the integrators sms and mnee look for,
     /// such as T,TT.
     #[arg(long, value_name = "CHAINS", value_delimiter = ',')]
@@ -122,6 +125,15 @@ pub(crate) enum ConstraintName {
     AngleDifference,
     /// The half vector is the normal.
     HalfVector,
+}
+
+/// Names of where manifold walks go that leave a pane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StepsName {
+    /// To its border, where that helps.
+    OnPanes,
+    /// Half as far, as in the paper.
+    Published,
 }
 
 /// Names of the searches of `conic`.
@@ -245,6 +257,12 @@ impl SceneOverrides {
                 other => return unsuited("--constraint", &["sms"], other),
             }
         }
+        if let Some(name) = self.steps {
+            match integrator {
+                Sms { steps, .. } => *steps = name.setting(),
+                other => return unsuited("--steps", &["sms"], other),
+            }
+        }
         if !self.chains.is_empty() {
             match integrator {
                 Sms { chains, .. } | Mnee { chains, .. } | Conic { chains, .. } => chains.clone_from(&self.chains),
@@ -286,6 +304,15 @@ impl SceneOverrides {
             }
         }
         Ok(())
+    }
+}
+
+impl StepsName {
+    fn setting(self) -> WalkSteps {
+        match self {
+            Self::OnPanes => WalkSteps::OnPanes,
+            Self::Published => WalkSteps::Published,
+        }
     }
 }
 

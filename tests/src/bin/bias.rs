@@ -65,7 +65,7 @@ const UNBIASED_IN_THE_ROOM: [(&str, &str); 5] =
 
 /// Methods whose weights by random estimates have tails beside those of folds, which are held to what is there connection by
 /// connection: behind single panes.
-const OF_SINGLE_CONNECTIONS: [&str; 3] = ["sms", "sms, half vector", "fnee, published"];
+const OF_SINGLE_CONNECTIONS: [&str; 4] = ["sms", "sms, half vector", "sms, published", "fnee, published"];
 
 /// And in the room, where folds of points of the sun are everywhere in a picture.
 const OF_SINGLE_CONNECTIONS_IN_THE_ROOM: [&str; 6] =

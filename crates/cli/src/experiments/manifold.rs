@@ -41,9 +41,14 @@ struct Setting {
 
 /// The scenes.
 const SETTINGS: [Setting; 2] = [
-    Setting { file: &SLAB, name: "slab", others: || vec![Variant::fnee(), Variant::cone()] },
+    Setting { file: &SLAB, name: "slab", others: of_panes },
     Setting { file: &POOL, name: "pool", others: || vec![Variant::conic(), Variant::path()] },
 ];
+
+/// Walks over water do not leave it, so that only through panes there are others than the published ones.
+fn of_panes() -> Vec<Variant> {
+    vec![Variant::sms_published(), Variant::sms_published_biased(1), Variant::fnee(), Variant::cone()]
+}
 
 /// The methods on manifolds.
 fn manifold_variants() -> Vec<Variant> {

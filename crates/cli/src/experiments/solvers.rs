@@ -37,6 +37,7 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
     let variants = [
         Variant::fnee(),
         Variant::fnee_published(),
+        Variant::sms_published_sharp(),
         Variant::sms_sharp(),
         Variant::sms_biased_sharp(4),
         Variant::mnee(),
@@ -72,8 +73,14 @@ fn statements(comparison: &Comparison, regions: &[Region]) -> Vec<String> {
         let mse = |variant: &Variant| Some(comparison.last(SCENE, &region.name, &variant.name)?.mse);
         let fnee = mse(&Variant::fnee())?;
         let ratio = |variant: Variant| Some(format!("{} {}", variant.name, rounded_number(mse(&variant)? / fnee)));
-        let others =
-            [Variant::fnee_published(), Variant::sms_sharp(), Variant::mnee(), Variant::cone(), Variant::path()];
+        let others = [
+            Variant::fnee_published(),
+            Variant::sms_published_sharp(),
+            Variant::sms_sharp(),
+            Variant::mnee(),
+            Variant::cone(),
+            Variant::path(),
+        ];
         let ratios: Vec<String> = others.into_iter().filter_map(ratio).collect();
         Some(format!(
             "{}: mean squared error at the longest time, over that of fnee: {}.",

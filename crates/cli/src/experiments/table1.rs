@@ -95,7 +95,7 @@ const PAPER: [(&str, u64, u64, f64); 2] =
     [("paper: FNEE", 956_000_000, 76_832, 0.0376), ("paper: SMS", 8_457_000_000, 48_754, 0.0187)];
 
 fn run(session: &mut Session) -> Result<Report, Failure> {
-    let variants = [Variant::fnee_published(), Variant::sms_sharp(), Variant::fnee()];
+    let variants = [Variant::fnee_published(), Variant::sms_published_sharp(), Variant::sms_sharp(), Variant::fnee()];
     session.plan(variants.len() * CROSSINGS.len());
     let bundle = FOUR_PANES.bundle(session.settings.size)?;
     let mut report = Report::default();
@@ -190,7 +190,7 @@ fn with_crossing(bundle: &SceneBundle, crossing: FaceCrossing) -> Result<SceneBu
 
 /// The numbers of the rows whose names end in `suffix` beside the paper's.
 fn statements(rows: &[Row], suffix: &str) -> Vec<String> {
-    let [fnee, sms] = [Variant::fnee_published(), Variant::sms_sharp()]
+    let [fnee, sms] = [Variant::fnee_published(), Variant::sms_published_sharp()]
         .map(|variant| rows.iter().find(|row| row.solver == format!("{}{suffix}", variant.name)));
     let (Some(fnee), Some(sms)) = (fnee, sms) else { return Vec::new() };
     let [(_, paper_fnee, paper_fnee_solutions, fnee_success), (_, paper_sms, paper_sms_solutions, sms_success)] = PAPER;

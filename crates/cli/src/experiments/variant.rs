@@ -2,6 +2,7 @@
 
 use clerestory_render_core::scene::description::{
     ConicSearch, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
+    WalkSteps,
 };
 use serde::Serialize;
 
@@ -72,30 +73,49 @@ impl Variant {
     /// Unbiased specular manifold sampling, with an estimate for every pane, as its authors have it.
     pub(super) fn sms() -> Self {
         let estimator = ManifoldEstimator::Unbiased { max_trials: MANIFOLD_TRIALS };
-        Self::new("sms unbiased", sms(estimator, PaneSelection::All))
+        Self::new("sms unbiased", sms(estimator, PaneSelection::All, WalkSteps::OnPanes))
+    }
+
+    /// The same by walks as published.
+    pub(super) fn sms_published() -> Self {
+        let estimator = ManifoldEstimator::Unbiased { max_trials: MANIFOLD_TRIALS };
+        Self::new("sms published", sms(estimator, PaneSelection::All, WalkSteps::Published))
     }
 
     /// Unbiased specular manifold sampling with the choice of panes of the FNEE paper.
     pub(super) fn sms_sharp() -> Self {
         let estimator = ManifoldEstimator::Unbiased { max_trials: MANIFOLD_TRIALS };
-        Self::new("sms unbiased sharp", sms(estimator, PaneSelection::Sharp))
+        Self::new("sms unbiased sharp", sms(estimator, PaneSelection::Sharp, WalkSteps::OnPanes))
+    }
+
+    /// The same by walks as published, and with the same choice of panes.
+    pub(super) fn sms_published_sharp() -> Self {
+        let estimator = ManifoldEstimator::Unbiased { max_trials: MANIFOLD_TRIALS };
+        Self::new("sms published sharp", sms(estimator, PaneSelection::Sharp, WalkSteps::Published))
     }
 
     /// Unbiased specular manifold sampling of one pane at random.
     pub(super) fn sms_random() -> Self {
         let estimator = ManifoldEstimator::Unbiased { max_trials: MANIFOLD_TRIALS };
-        Self::new("sms unbiased random", sms(estimator, PaneSelection::Random))
+        Self::new("sms unbiased random", sms(estimator, PaneSelection::Random, WalkSteps::OnPanes))
     }
 
     /// Biased specular manifold sampling with so many trials for every pane.
     pub(super) fn sms_biased(trials: u32) -> Self {
-        Self::new(&format!("sms biased M = {trials}"), sms(ManifoldEstimator::Biased { trials }, PaneSelection::All))
+        let estimator = ManifoldEstimator::Biased { trials };
+        Self::new(&format!("sms biased M = {trials}"), sms(estimator, PaneSelection::All, WalkSteps::OnPanes))
+    }
+
+    /// The same by walks as published.
+    pub(super) fn sms_published_biased(trials: u32) -> Self {
+        let estimator = ManifoldEstimator::Biased { trials };
+        Self::new(&format!("sms published M = {trials}"), sms(estimator, PaneSelection::All, WalkSteps::Published))
     }
 
     /// Biased specular manifold sampling with so many trials and the choice of panes of the FNEE paper.
     pub(super) fn sms_biased_sharp(trials: u32) -> Self {
         let estimator = ManifoldEstimator::Biased { trials };
-        Self::new(&format!("sms biased M = {trials} sharp"), sms(estimator, PaneSelection::Sharp))
+        Self::new(&format!("sms biased M = {trials} sharp"), sms(estimator, PaneSelection::Sharp, WalkSteps::OnPanes))
     }
 
     /// Manifold next event estimation; chance finds what its walk misses.
@@ -167,11 +187,12 @@ fn through_panes() -> Vec<String> {
     vec!["TT".to_owned()]
 }
 
-fn sms(estimator: ManifoldEstimator, selection: PaneSelection) -> IntegratorDescription {
+fn sms(estimator: ManifoldEstimator, selection: PaneSelection, steps: WalkSteps) -> IntegratorDescription {
     let constraint = ManifoldConstraint::AngleDifference;
     IntegratorDescription::Sms {
         max_depth: DEPTH,
         constraint,
+        steps,
         estimator,
         selection,
         chains: through_panes(),

@@ -81,9 +81,18 @@ pub fn specular_method(scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
             let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());
             Some(Box::new(Mnee { missed: *missed, scope }))
         }
-        IntegratorDescription::Sms { constraint, estimator, selection, chains, casters, receivers, .. } => {
+        &IntegratorDescription::Sms {
+            constraint,
+            steps,
+            estimator,
+            selection,
+            ref chains,
+            ref casters,
+            ref receivers,
+            ..
+        } => {
             let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());
-            Some(Box::new(Sms { constraint: *constraint, estimator: *estimator, selection: *selection, scope }))
+            Some(Box::new(Sms { constraint, steps, estimator, selection, scope }))
         }
     }
 }

@@ -151,6 +151,9 @@ pub enum IntegratorDescription {
         /// What a vertex on a face has to obey.
         #[serde(default)]
         constraint: ManifoldConstraint,
+        /// Where walks go that leave a pane.
+        #[serde(default)]
+        steps: WalkSteps,
         /// What is made of the paths that are found.
         #[serde(default)]
         estimator: ManifoldEstimator,
@@ -244,6 +247,17 @@ pub enum ManifoldConstraint {
     AngleDifference,
     /// The half vector is the normal.
     HalfVector,
+}
+
+/// Where a manifold walk goes whose next step, or whose seed, misses the pane.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WalkSteps {
+    /// To the border of the pane, where that gains or nothing else helps, and half as far otherwise.
+    #[default]
+    OnPanes,
+    /// Half as far, and nowhere from a seed (Zeltner et al. 2020).
+    Published,
 }
 
 /// What specular manifold sampling makes of the paths that it finds (Zeltner et al. 2020, section 4.3).

@@ -6,7 +6,8 @@ use serde_json::Value;
 
 use super::description::{
     ConicSearch, FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator,
-    MissedPaths, PaneSelection, SCENE_FORMAT_VERSION, SceneDescription, default_chains, default_conic_chains,
+    MissedPaths, PaneSelection, SCENE_FORMAT_VERSION, SceneDescription, WalkSteps, default_chains,
+    default_conic_chains,
 };
 use super::error::SceneError;
 use super::json_path::JsonPath;
@@ -67,6 +68,7 @@ impl SceneDescription {
                 _ => IntegratorDescription::Sms {
                     max_depth,
                     constraint: ManifoldConstraint::default(),
+                    steps: WalkSteps::default(),
                     estimator: ManifoldEstimator::default(),
                     selection: PaneSelection::default(),
                     chains,

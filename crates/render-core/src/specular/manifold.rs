@@ -23,7 +23,10 @@ use crate::{
     counters::Counters,
     geometry::{Leaving, Ray},
     optics::{Source, SourceSample},
-    scene::{Scene, description::ManifoldConstraint},
+    scene::{
+        Scene,
+        description::{ManifoldConstraint, WalkSteps},
+    },
 };
 
 /// Zeltner et al. 2020, the published configuration.
@@ -62,6 +65,7 @@ pub(super) struct ManifoldWalk<'a> {
     pub(super) caster: SeenCaster,
     pub(super) events: &'a [SpecularEvent],
     pub(super) constraint: ManifoldConstraint,
+    pub(super) steps: WalkSteps,
 }
 
 /// A chain that obeys all constraints.
@@ -169,8 +173,11 @@ impl ManifoldWalk<'_> {
         (beyond || fraction < STUCK || next.error < PROGRESS * current.error).then_some(next)
     }
 
-    /// As [`Self::trace`], for a target beside a pane's outline, which is brought onto the pane.
+    /// As [`Self::trace`], for a target beside a pane's outline, which is brought onto the pane, if steps are to stay there.
     fn trace_within(&self, target: DVec3, counters: &mut Counters) -> Option<Chain> {
+        if self.steps == WalkSteps::Published {
+            return None;
+        }
         self.trace(self.caster.brought_within(self.scene, target)?, counters)
     }
 

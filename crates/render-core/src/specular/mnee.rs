@@ -19,7 +19,7 @@ use crate::{
     optics::Source,
     scene::{
         Scene,
-        description::{ManifoldConstraint, MissedPaths},
+        description::{ManifoldConstraint, MissedPaths, WalkSteps},
     },
 };
 
@@ -93,8 +93,8 @@ impl Mnee {
         };
         let caster = Caster::of(scene, &link).filter(|caster| self.scope.casters.contains(caster))?;
         let seen = caster.seen_from(scene, point)?;
-        let walk =
-            ManifoldWalk { scene, point, source, caster: seen, events, constraint: ManifoldConstraint::HalfVector };
+        let (constraint, steps) = (ManifoldConstraint::HalfVector, WalkSteps::default());
+        let walk = ManifoldWalk { scene, point, source, caster: seen, events, constraint, steps };
         walk.walk_from(seed, counters)
     }
 }

@@ -20,7 +20,7 @@ use crate::{
     optics::Source,
     scene::{
         Scene,
-        description::{ManifoldConstraint, ManifoldEstimator, PaneSelection},
+        description::{ManifoldConstraint, ManifoldEstimator, PaneSelection, WalkSteps},
     },
 };
 
@@ -29,6 +29,8 @@ use crate::{
 pub struct Sms {
     /// What a vertex has to obey.
     pub constraint: ManifoldConstraint,
+    /// Where walks go that leave a pane.
+    pub steps: WalkSteps,
     /// What is made of the paths that are found.
     pub estimator: ManifoldEstimator,
     /// Which casters are searched.
@@ -50,7 +52,8 @@ impl<'a> ManifoldSearch<'a> {
         constraint: ManifoldConstraint,
     ) -> Option<Self> {
         let caster = Caster::Pane(pane).seen_from(scene, point)?;
-        Some(Self(ManifoldWalk { scene, point, source, caster, events: &THROUGH_PANE, constraint }))
+        let steps = WalkSteps::default();
+        Some(Self(ManifoldWalk { scene, point, source, caster, events: &THROUGH_PANE, constraint, steps }))
     }
 
     /// Where the path to which a walk leads enters the pane. The walk starts as the path of light in the direction of
@@ -103,8 +106,8 @@ impl SpecularMethod for Sms {
         for caster in chosen {
             let mut trials = stream.trials();
             let Some(caster) = caster.seen_from(scene, point) else { continue };
-            let (source, constraint) = (sample.source, self.constraint);
-            let search = UniformSeeds(ManifoldWalk { scene, point, source, caster, events, constraint });
+            let (source, constraint, steps) = (sample.source, self.constraint, self.steps);
+            let search = UniformSeeds(ManifoldWalk { scene, point, source, caster, events, constraint, steps });
             match self.estimator {
                 ManifoldEstimator::Unbiased { max_trials } => {
                     let Some(path) = search.solve(&mut trials, counters) else { continue };

@@ -110,12 +110,13 @@ impl FacetTree {
 
     /// Hands the numbers of all triangles that may hold a path to `open`, and returns how many nodes and leaves it looked at.
     pub(super) fn visit(&self, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
-        widest::run(Visit { tree: self, ends, drawn: None, open: |triangle, _| open(triangle) })
+        widest::run(Visit { tree: self, ends, of_whole: None, open: |triangle, _| open(triangle) })
     }
 
-    /// The same for a whole light, of which `drawn` has one point: `open` is told as well whether the triangle may hold a path to that.
-    pub(super) fn visit_whole(&self, whole: &Ends, drawn: &Ends, open: impl FnMut(u32, bool)) -> usize {
-        widest::run(Visit { tree: self, ends: whole, drawn: Some(drawn), open })
+    /// The same for one point of a `whole` light, `drawn`; what may hold a path to another of its points is opened where it may focus
+    /// the light more than `strongly`.
+    pub(super) fn visit_whole(&self, whole: &Ends, drawn: &Ends, strongly: f64, open: impl FnMut(u32, May)) -> usize {
+        widest::run(Visit { tree: self, ends: whole, of_whole: Some((drawn, strongly)), open })
     }
 
     #[inline(always)]
@@ -123,8 +124,8 @@ impl FacetTree {
         &self,
         simd: S,
         ends: &Ends,
-        drawn: Option<&Ends>,
-        mut open: impl FnMut(u32, bool),
+        of_whole: Option<(&Ends, f64)>,
+        mut open: impl FnMut(u32, May),
     ) -> usize {
         let ends = SeenEnds::new(simd, ends, self.middle, self.radius, self.short);
         let mut looks = 0;
@@ -155,23 +156,28 @@ impl FacetTree {
         }
         looks += leaves.len();
         masks.clear();
-        for &number in &leaves {
-            masks.push(self.leaves[number as usize].may_hold(simd, &ends));
-        }
-        if let Some(drawn) = drawn {
+        if let Some((drawn, strongly)) = of_whole {
             let drawn = SeenEnds::new(simd, drawn, self.middle, self.radius, self.short);
-            for (&number, mask) in leaves.iter().zip(&mut masks) {
-                if *mask != 0 {
-                    *mask |= self.leaves[number as usize].may_hold(simd, &drawn) << WIDTH;
-                }
+            for &number in &leaves {
+                let leaf = &self.leaves[number as usize];
+                let [holding, focusing] = leaf.may_hold_and_focus(simd, &ends, strongly);
+                let holding_drawn = if holding == 0 { 0 } else { holding & leaf.may_hold(simd, &drawn) };
+                masks.push(holding_drawn | focusing << WIDTH);
+            }
+        } else {
+            for &number in &leaves {
+                masks.push(self.leaves[number as usize].may_hold(simd, &ends));
             }
         }
         for (&number, &mask) in leaves.iter().zip(&masks) {
-            let mut may = mask & ALL;
+            let (holding, focusing) = (mask & ALL, mask >> WIDTH);
+            let mut may = holding | focusing;
             while may != 0 {
                 let lane = may.trailing_zeros();
                 may &= may - 1;
-                open(self.leaves[number as usize].triangles[lane as usize], mask >> WIDTH >> lane & 1 != 0);
+                let is_in = |lanes: u32| lanes >> lane & 1 != 0;
+                let triangle = self.leaves[number as usize].triangles[lane as usize];
+                open(triangle, May { hold: is_in(holding), focus: is_in(focusing) });
             }
         }
         looks
@@ -208,20 +214,29 @@ impl FacetTree {
     }
 }
 
+/// What a triangle may do.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct May {
+    /// It may hold a path.
+    pub(super) hold: bool,
+    /// It may focus a whole light.
+    pub(super) focus: bool,
+}
+
 /// The visit of a tree.
 struct Visit<'a, F> {
     tree: &'a FacetTree,
     ends: &'a Ends,
-    drawn: Option<&'a Ends>,
+    of_whole: Option<(&'a Ends, f64)>,
     open: F,
 }
 
-impl<F: FnMut(u32, bool)> Computation for Visit<'_, F> {
+impl<F: FnMut(u32, May)> Computation for Visit<'_, F> {
     type Output = usize;
 
     #[inline(always)]
     fn run<S: Instructions>(self, simd: S) -> usize {
-        self.tree.visit_nodes(simd, self.ends, self.drawn, self.open)
+        self.tree.visit_nodes(simd, self.ends, self.of_whole, self.open)
     }
 }
 

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use super::{ends::Ends, facet::Facet};
 
 /// Triangles behind which light may be this many times as bright as behind a plane get rays.
-const STRONG: f64 = 16.0;
+pub(super) const STRONG: f64 = 16.0;
 
 /// Triangles through which a ray is sent.
 #[derive(Debug, Default)]
@@ -44,8 +44,8 @@ impl Focus {
         Some((*triangle, DVec2::new(across * (1.0 - place.y), across * place.y)))
     }
 
-    /// Density per solid angle at `point` with which the direction to a place of a triangle is drawn; zero where none is.
-    pub(super) fn density(&self, triangle: u32, facet: &Facet, point: DVec3, place: DVec3) -> f64 {
+    /// How likely a triangle is drawn.
+    pub(super) fn share(&self, triangle: u32) -> f64 {
         // A triangle that may refract light both ways is drawn for either.
         let (mut before, mut own) = (0.0, 0.0);
         for &(other, sum) in &self.triangles {
@@ -54,19 +54,21 @@ impl Focus {
             }
             before = sum;
         }
-        if own == 0.0 {
-            return 0.0;
-        }
-        let offset = place - point;
-        own / before * offset.length().powi(3) / facet.area().dot(offset).abs()
+        if own > 0.0 { own / before } else { 0.0 }
     }
+}
+
+/// Density per solid angle at `point` with which the direction to a place of a triangle is drawn, once that is.
+pub(super) fn density(facet: &Facet, point: DVec3, place: DVec3) -> f64 {
+    let offset = place - point;
+    offset.length().powi(3) / facet.area().dot(offset).abs()
 }
 
 #[cfg(test)]
 mod tests {
     use glam::DVec3;
 
-    use super::Focus;
+    use super::{Focus, density};
     use crate::specular::{
         conic::facet::Facet,
         testing::{pair, random},
@@ -98,7 +100,7 @@ mod tests {
         for _ in 0..DRAWS {
             let (triangle, weights) = focus.draw(random.next_f64(), pair(&mut random)).unwrap();
             let facet = &facets[triangle as usize];
-            let inverse = 1.0 / focus.density(triangle, facet, DVec3::ZERO, facet.place(weights));
+            let inverse = 1.0 / (focus.share(triangle) * density(facet, DVec3::ZERO, facet.place(weights)));
             sums[triangle as usize] += inverse;
             squares[triangle as usize] += inverse * inverse;
         }

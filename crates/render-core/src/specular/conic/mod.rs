@@ -25,7 +25,11 @@ mod walk;
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
-use self::{ends::Ends, focus::Focus, walk::first_path};
+use self::{
+    ends::Ends,
+    focus::{Focus, STRONG},
+    walk::first_path,
+};
 use super::{
     Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath,
     caster::Caster,
@@ -41,7 +45,7 @@ use crate::{
     optics::{Interface, Light, Source, SourceSample},
     scene::{
         Scene,
-        description::{ConicSearch, ManifoldConstraint},
+        description::{ConicSearch, ManifoldConstraint, WalkSteps},
         visibility::straight,
     },
 };
@@ -76,8 +80,8 @@ impl SpecularMethod for Conic {
         for &caster in &self.scope.casters {
             let (Caster::Mesh(mesh), [event]) = (caster, events) else { continue };
             let Some(seen) = caster.seen_from(scene, point) else { continue };
-            let constraint = ManifoldConstraint::AngleDifference;
-            let walk = ManifoldWalk { scene, point, source: sample.source, caster: seen, events, constraint };
+            let (constraint, steps) = (ManifoldConstraint::AngleDifference, WalkSteps::default());
+            let walk = ManifoldWalk { scene, point, source: sample.source, caster: seen, events, constraint, steps };
             let connection = Connection { mesh, event: *event, light, sample: &sample, walk };
             match self.search {
                 ConicSearch::Complete => connection.all(stream, counters, arrive),
@@ -122,10 +126,12 @@ impl Connection<'_> {
                 }
             };
             match wholes.next() {
-                Some(whole) => tree.visit_whole(&whole, ends, |triangle, may_hold_drawn| {
+                Some(whole) => tree.visit_whole(&whole, ends, STRONG, |triangle, may| {
                     let facet = scene.facet_of(self.mesh, triangle);
-                    focus.consider(triangle, &facet, &whole);
-                    if may_hold_drawn {
+                    if may.focus {
+                        focus.consider(triangle, &facet, &whole);
+                    }
+                    if may.hold {
                         solve(triangle, facet);
                     }
                 }),
@@ -181,8 +187,9 @@ impl Connection<'_> {
         let ManifoldWalk { scene, point, .. } = self.walk;
         let Some(arrival) = path.arrival(scene, point, self.light, sample, counters) else { return };
         let Leaving::Triangle(triangle) = path.first_surface() else { return };
-        let by_ray = focus.density(triangle, &scene.facet(triangle), point.position, path.first_vertex());
-        let share = if by_ray > 0.0 {
+        let drawn = focus.share(triangle);
+        let share = if drawn > 0.0 {
+            let by_ray = drawn * focus::density(&scene.facet(triangle), point.position, path.first_vertex());
             let (centre, radius) = scene.specular_ball();
             let of_light = scene.lights()[self.light as usize].source_density(centre, radius, sample.source);
             of_light / (of_light + by_ray * path.magnification(sample))
@@ -292,6 +299,7 @@ mod tests {
         ends::Ends,
         facet::Facet,
         facet_tree::FacetTree,
+        focus::STRONG,
         testing::{WATER, distinct, found, problem, water},
     };
     use crate::{
@@ -371,7 +379,7 @@ mod tests {
         let facets = water(16, 0.15);
         let tree = FacetTree::over(0..facets.len() as u32, |k| facets[k as usize]).unwrap();
         let mut random = random(8);
-        let (mut all, mut of_points, mut opened_by_points) = (0, 0, 0);
+        let (mut all, mut may_hold, mut with_paths, mut may_focus, mut focus) = (0, 0, 0, 0, 0);
         for case in 0..300 {
             let ends = problem(&mut random, case);
             let mut aside = || {
@@ -392,23 +400,34 @@ mod tests {
                 (ends.spread(2.0 * libm::sin(std::f64::consts::FRAC_PI_6)), turned)
             };
             let drawn = Ends { light, ..ends };
-            let (mut opened, mut told) = (Vec::new(), Vec::new());
-            tree.visit_whole(&whole, &drawn, |triangle, may_hold_drawn| {
-                opened.push(triangle);
-                told.extend(may_hold_drawn.then_some(triangle));
+            let (mut opened, mut holding, mut focusing) = (Vec::new(), Vec::new(), Vec::new());
+            tree.visit(&whole, |triangle| opened.push(triangle));
+            tree.visit_whole(&whole, &drawn, STRONG, |triangle, may| {
+                assert!(may.hold || may.focus);
+                holding.extend(may.hold.then_some(triangle));
+                focusing.extend(may.focus.then_some(triangle));
             });
             for (triangle, facet) in (0u32..).zip(&facets) {
                 if !facet.paths(&drawn).is_empty() {
-                    opened_by_points += 1;
-                    assert!(opened.contains(&triangle) && told.contains(&triangle), "{case}: {triangle}");
+                    with_paths += 1;
+                    assert!(opened.contains(&triangle) && holding.contains(&triangle), "{case}: {triangle}");
+                }
+            }
+            for triangle in &opened {
+                if facets[*triangle as usize].focus(&whole) > STRONG {
+                    focus += 1;
+                    assert!(focusing.contains(triangle), "{case}: {triangle}");
                 }
             }
             all += opened.len();
-            of_points += told.len();
+            may_hold += holding.len();
+            may_focus += focusing.len();
         }
-        println!("{all} triangles opened, {of_points} for points, {opened_by_points} with paths");
-        assert!(2 * of_points < all);
-        assert!(opened_by_points > 300, "{opened_by_points}");
+        println!(
+            "{all} triangles for whole lights, {may_hold} for points, {with_paths} with paths; {may_focus} may focus, {focus} do"
+        );
+        assert!(2 * may_hold < all && with_paths > 300);
+        assert!(may_focus < 2 * focus && focus > 300);
     }
 
     #[test]

@@ -48,6 +48,8 @@ pub(super) struct SeenEnds<S> {
     pub(super) short: usize,
     /// How far the ends can be from where they are, by their extent and by rounding.
     pub(super) grains: [Singles<S>; 2],
+    /// How far by rounding alone; of a light at infinity, nothing.
+    pub(super) roundings: [Singles<S>; 2],
 }
 
 impl<S: Instructions> SeenEnds<S> {
@@ -57,6 +59,7 @@ impl<S: Instructions> SeenEnds<S> {
         let (point, light) = (ends.point - middle, ends.light - middle * ends.near);
         let rounding = |end: DVec3| GRAIN * (end.length() + radius);
         let of_light = if ends.near == 0.0 { GRAIN } else { rounding(light) };
+        let of_point = Singles::splat(simd, rounding(point) as f32);
         let [inside, behind] = ends.indices;
         Self {
             point: Singles3::splat(simd, point),
@@ -67,10 +70,8 @@ impl<S: Instructions> SeenEnds<S> {
             has_side: ends.side != 0.0,
             is_near: ends.near != 0.0,
             short,
-            grains: [
-                Singles::splat(simd, rounding(point) as f32),
-                Singles::splat(simd, (of_light + ends.spread * (1.0 + GRAIN)) as f32),
-            ],
+            grains: [of_point, Singles::splat(simd, (of_light + ends.spread * (1.0 + GRAIN)) as f32)],
+            roundings: [of_point, Singles::splat(simd, (of_light * ends.near) as f32)],
         }
     }
 }
