@@ -185,7 +185,7 @@ fn candidates(scene: &Scene) -> Vec<(Candidate, Vec<Root>)> {
         let (side, origin, source) = local(scene, &candidate)?;
         let search = PathSearch::new(side, origin, source, FneeSolver::Complete)?;
         let counters = &mut Counters::default();
-        let mut paths = search.enumerate(counters).roots;
+        let mut paths = search.enumerate(counters).roots.into_vec();
         paths.retain(|path| search.transmission(path, counters).is_some());
         let light = |path: &Root| path.path.geometry_factor(path.determinant);
         paths.sort_by(|first, second| light(second).total_cmp(&light(first)));

@@ -10,6 +10,7 @@
 //! it for an unbiased result has to look for further paths now and then.
 
 use glam::DVec2;
+use smallvec::{SmallVec, smallvec};
 
 use super::{
     fermat::{Connection, Theta},
@@ -27,7 +28,7 @@ use crate::{
 #[derive(Clone, Debug)]
 pub struct Enumeration {
     /// Distinct stationary paths.
-    pub roots: Vec<Root>,
+    pub roots: SmallVec<[Root; USUAL_PATHS]>,
     /// Whether the bounds say that there is no other.
     pub complete: bool,
 }
@@ -50,8 +51,11 @@ const LARGE: f64 = 4.0;
 /// What is left of a part is looked at again before it is halved if its area is less than this share of the part's.
 const SMALLER: f64 = 0.5;
 
-/// Room for the parts of most windows.
+/// Room for the parts of most windows, without allocating memory.
 const USUAL_PARTS: usize = 64;
+
+/// Room for the paths of most windows.
+const USUAL_PATHS: usize = 4;
 
 /// What is sought, and the search for it in one window.
 struct Search<'a, 'b> {
@@ -64,7 +68,7 @@ struct Search<'a, 'b> {
     /// The edge of a cell of the finer face.
     cell: f64,
     /// Parts that have to be looked at.
-    unseen: Vec<Rect>,
+    unseen: SmallVec<[Rect; USUAL_PARTS]>,
     found: Enumeration,
 }
 
@@ -139,8 +143,6 @@ impl<'a, 'b> Search<'a, 'b> {
     ) -> Self {
         let side = window.side();
         let cell = side.near_surface().cell_size().min(side.far_surface().cell_size()).min_element();
-        let mut unseen = Vec::with_capacity(USUAL_PARTS);
-        unseen.push(*window.rect());
         Self {
             window,
             connection,
@@ -148,8 +150,8 @@ impl<'a, 'b> Search<'a, 'b> {
             counters,
             slack: SHOT_ERROR * side.pane.thickness,
             cell,
-            unseen,
-            found: Enumeration { roots: Vec::new(), complete: true },
+            unseen: smallvec![*window.rect()],
+            found: Enumeration { roots: SmallVec::new(), complete: true },
         }
     }
 

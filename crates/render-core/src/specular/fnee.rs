@@ -22,6 +22,7 @@
 //! An estimate that exceeds `max_trials` is cut off there, which loses light; the counter `truncated` says how often.
 
 use glam::{DVec2, DVec3};
+use smallvec::{SmallVec, smallvec};
 
 use super::{
     Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE,
@@ -30,7 +31,7 @@ use super::{
     enumeration::{Enumeration, enumerate},
     fermat::Connection,
     newton::{Root, SearchRegion, solve_complete, solve_published},
-    pane_tree::Sight,
+    pane_tree::{Panes, Sight},
     passage::{Found, Passage, local, transmission},
     reflection::Reflections,
     selection::Choice,
@@ -116,7 +117,7 @@ impl<'a> PathSearch<'a> {
     pub fn enumerate(&self, counters: &mut Counters) -> Enumeration {
         match self.solver {
             FneeSolver::Complete => enumerate(&self.window, &self.connection, &self.region, counters),
-            FneeSolver::Published => Enumeration { roots: Vec::new(), complete: false },
+            FneeSolver::Published => Enumeration { roots: SmallVec::new(), complete: false },
         }
     }
 
@@ -188,14 +189,14 @@ impl SpecularMethod for Fnee {
             });
         }
         let choice = self.selection.choose(scene, point, sample.source, panes.len(), stream, counters);
-        let (chosen, inverse_selection) = match choice {
+        let (chosen, inverse_selection): (Panes, f64) = match choice {
             Choice::All => match &view {
                 // A pane that shows a point of the light shows the light.
                 Some(view) => (view.panes().collect(), 1.0),
                 None => (scene.pane_tree().candidates(point.position, &Sight::of_source(sample.source)), 1.0),
             },
-            Choice::One(Caster::Pane(pane)) => (vec![pane], 1.0),
-            Choice::AtRandom(index) => (vec![index as u32], panes.len() as f64),
+            Choice::One(Caster::Pane(pane)) => (smallvec![pane], 1.0),
+            Choice::AtRandom(index) => (smallvec![index as u32], panes.len() as f64),
             Choice::One(Caster::Mesh(_)) | Choice::None => return,
         };
         for index in chosen {

@@ -5,6 +5,8 @@
 //! so its light counts with weight one. What it misses is either left to chance, which is unbiased (a path that chance finds
 //! counts if the walk from its own ends does not lead to it), or dropped.
 
+use smallvec::SmallVec;
+
 use super::{
     Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath,
     caster::Caster,
@@ -62,7 +64,7 @@ impl SpecularMethod for Mnee {
         match self.missed {
             MissedPaths::Dropped => true,
             MissedPaths::LeftToChance => {
-                let events: Vec<SpecularEvent> = path.links.iter().map(|link| link.event).collect();
+                let events: SmallVec<[SpecularEvent; 2]> = path.links.iter().map(|link| link.event).collect();
                 let found = self.path(scene, point, path.source, &events, counters);
                 found.is_some_and(|found| found.is_at(path.links[0].position))
             }

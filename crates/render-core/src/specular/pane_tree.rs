@@ -7,11 +7,18 @@
 //! to less.
 
 use glam::DVec3;
+use smallvec::{SmallVec, smallvec};
 
 use crate::{
     geometry::{Face, Pane},
     optics::{Light, LightKind, Source},
 };
+
+/// Panes for which no memory is allocated.
+const USUAL_PANES: usize = 8;
+
+/// Numbers of panes.
+pub(crate) type Panes = SmallVec<[u32; USUAL_PANES]>;
 
 /// Normals whose chord is shorter are the same.
 const SAME_NORMAL: f64 = 1e-9;
@@ -128,10 +135,10 @@ impl PaneTree {
     }
 
     /// The panes through which light from what is sighted may come to `from`, in ascending order.
-    pub(crate) fn candidates(&self, from: DVec3, sight: &Sight) -> Vec<u32> {
-        let mut found = Vec::new();
-        let mut stack = vec![0];
-        while let Some(node) = stack.pop().and_then(|index: usize| self.nodes.get(index)) {
+    pub(crate) fn candidates(&self, from: DVec3, sight: &Sight) -> Panes {
+        let mut found = Panes::new();
+        let mut stack: SmallVec<[usize; 2 * USUAL_PANES]> = smallvec![0];
+        while let Some(node) = stack.pop().and_then(|index| self.nodes.get(index)) {
             if !node.may_show(from, sight) {
                 continue;
             }

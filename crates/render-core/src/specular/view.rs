@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 
 use super::{
     Arrival, ShadingPoint, coverage,
-    pane_tree::Sight,
+    pane_tree::{Panes, Sight},
     side::{PaneSide, Transmission},
     window::{SourceBounds, Window},
 };
@@ -99,7 +99,7 @@ impl<'a> View<'a> {
         let (mut openings, mut windows) = (Vec::new(), Vec::new());
         let source = &scene.lights()[light as usize];
         let candidates = if matches!(source.kind, LightKind::Point { .. }) {
-            Vec::new()
+            Panes::new()
         } else {
             scene.pane_tree().candidates(point.position, &Sight::of_light(source))
         };
