@@ -20,17 +20,17 @@ use clerestory_render_core::integrator::specular_method;
 use clerestory_render_core::optics::{LightKind, Source, light_sampling::SourceSample};
 use clerestory_render_core::scene::{
     Scene,
-    description::{FneeSolver, IntegratorDescription, ManifoldConstraint},
+    description::{IntegratorDescription, ManifoldConstraint},
 };
 use clerestory_render_core::specular::{
-    Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, fnee::PathSearch, newton::Root,
-    side::PaneSide, sms::ManifoldSearch,
+    ShadingPoint, SpecularMethod, THROUGH_PANE, fnee::PathSearch, newton::Root, side::PaneSide, sms::ManifoldSearch,
 };
 use glam::DVec2;
 use rayon::prelude::*;
 
 use crate::comparisons::setting;
 use crate::estimate::{Agreement, Estimate};
+use crate::found_paths::{FoundPath, search_through};
 use crate::methods;
 use crate::random::Random;
 
@@ -298,14 +298,7 @@ impl<'a> ThroughPane<'a> {
         sample: &'a SourceSample,
         pane: u32,
     ) -> Option<Self> {
-        let geometry = &scene.panes()[pane as usize];
-        let origin = geometry.frame.point_to_local(point.position);
-        let source = match sample.source {
-            Source::Point(place) => Source::Point(geometry.frame.point_to_local(place)),
-            Source::Direction(direction) => Source::Direction(geometry.frame.vector_to_local(direction)),
-        };
-        let side = PaneSide::facing(geometry, origin)?;
-        let search = PathSearch::new(side, origin, source, FneeSolver::Complete)?;
+        let search = search_through(scene, point, sample.source, pane)?;
         Some(Self { scene, method, point, light, sample, pane, search })
     }
 
@@ -365,29 +358,8 @@ impl<'a> ThroughPane<'a> {
     /// blocked, or the method does not look for it.
     fn light_of(&self, root: &Root, counters: &mut Counters) -> f64 {
         let Self { scene, point, light, sample, pane, .. } = *self;
-        let Some(through) = self.search.transmission(root, counters) else { return 0.0 };
-        let PaneSide { near, far, pane: geometry, .. } = *self.search.side();
-        let directions = root.path.directions.map(|direction| geometry.frame.vector_to_world(direction));
-        let [entry, exit] = root.path.vertices.map(|vertex| geometry.frame.point_to_world(vertex));
-        let [first, _, last] = directions;
-        let leaving = Leaving::Pane { index: pane, face: far };
-        let link = |face, position, direction| Link {
-            event: SpecularEvent::Transmission,
-            surface: Leaving::Pane { index: pane, face },
-            position,
-            direction,
-        };
-        let links = [link(near, entry, first), link(far, exit, directions[1])];
-        let source = sample.source;
-        let path = SpecularPath { light, source, last_direction: last, links: &links };
-        if scene.blocked_through_pane(point, entry, pane, near, &exit, counters)
-            || scene.blocked(&Ray::new(exit, last), root.path.lengths[2], leaving, None, Some(light), counters)
-            || !self.method.owns(scene, point, &path, counters)
-        {
-            return 0.0;
-        }
-        let light_cosine = sample.normal.map_or(1.0, |normal| -normal.dot(last)).max(0.0);
-        let factor = root.path.geometry_factor(root.determinant) * light_cosine;
-        sample.weight.x * through.transmittance.x * factor * first.dot(point.normal).max(0.0)
+        let found = FoundPath::of_root(scene, point, [light, pane], sample, &self.search, root, counters);
+        let owned = found.filter(|(path, _)| self.method.owns(scene, point, &path.described(), counters));
+        owned.map_or(0.0, |(_, irradiance)| irradiance)
     }
 }

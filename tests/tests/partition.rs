@@ -1,0 +1,529 @@
+//! Every path of light is found once: by the specular method that owns it, or by chance.
+
+use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_render_core::geometry::{Face, Leaving, Pane};
+use clerestory_render_core::integrator::specular_method;
+use clerestory_render_core::optics::{LightKind, Source, SourceSample};
+use clerestory_render_core::scene::{Scene, description::ManifoldConstraint};
+use clerestory_render_core::specular::{
+    ShadingPoint, SpecularEvent, SpecularMethod, THROUGH_PANE, side::PaneSide, sms::ManifoldSearch,
+};
+use clerestory_tests::closed_room::{ClosedRoom, globe, panel};
+use clerestory_tests::estimate::check_agreement;
+use clerestory_tests::found_paths::{FoundPath, listed_paths};
+use clerestory_tests::methods::{biased_sms, settings, unbiased_integrators};
+use clerestory_tests::pane_scene::{PaneScene, pane};
+use clerestory_tests::random::Random;
+use clerestory_tests::solution_lists::{ListedPoint, load_case_for, load_list};
+use glam::{DVec2, DVec3};
+use serde_json::{Value, json};
+
+/// What a method makes of the light in a room may be off by less than this part.
+const FAULT: f64 = 0.04;
+
+/// Independent passes of each picture of the room.
+const PASSES: u32 = 64;
+
+/// Methods and settings with selections of panes, and with light that panes reflect.
+fn selections() -> Vec<(&'static str, Value)> {
+    let names = ["fnee, sharp", "fnee, bleed", "fnee, random", "sms, sharp", "sms, random"];
+    let selections = names.into_iter().map(|name| (name, settings(name)));
+    selections.chain([("fnee, reflected", json!({"fnee": {"reflected": true}}))]).collect()
+}
+
+/// Compares methods with the path tracer in a room, cell by cell and on the whole. Both take the samples that are given for a
+/// pass, those of the methods by their names.
+#[track_caller]
+fn check_room(
+    light: (&str, Value),
+    filter: Option<&'static str>,
+    by_chance: u32,
+    methods: Vec<(&'static str, Value)>,
+    samples: impl Fn(&str) -> u32,
+) {
+    let (light_name, light) = light;
+    let room = ClosedRoom { light, integrator: json!({"path": {}}), max_depth: 5, filter, seed: 1 };
+    let chance = room.radiance(by_chance, PASSES);
+    for (seed, (name, integrator)) in (2..).zip(methods) {
+        let found = ClosedRoom { integrator, seed, ..room.clone() }.radiance(samples(name), PASSES);
+        let paths = filter.unwrap_or("all light");
+        check_agreement(&format!("{paths} of the {light_name} in the closed room, {name}"), &found, &chance, FAULT);
+    }
+}
+
+/// All methods that find the light of a panel.
+fn all_methods() -> Vec<(&'static str, Value)> {
+    unbiased_integrators().into_iter().skip(1).chain(selections()).collect()
+}
+
+#[test]
+fn every_method_finds_all_light_in_a_closed_room_once() {
+    check_room(("panel", panel()), None, 250, all_methods(), |_| 7);
+}
+
+#[test]
+fn every_method_finds_the_light_of_a_globe_in_a_closed_room_once() {
+    // The complete search takes long before so large a light.
+    let quick = |name: &str| !name.starts_with("fnee") || name == "fnee, published";
+    let methods = all_methods().into_iter().filter(|(name, _)| quick(name)).collect();
+    check_room(("globe", globe()), None, 500, methods, |_| 20);
+}
+
+#[test]
+fn every_method_finds_light_that_is_seen_through_a_pane_and_came_through_one_once() {
+    check_room(("panel", panel()), Some("TT D TT L"), 1000, all_methods(), |name| match name {
+        "cone" | "fnee" | "fnee, reflected" => 4,
+        "fnee, bleed" | "fnee, random" | "sms, random" | "mnee" => 24,
+        "sms, half vector" => 40,
+        _ => 8,
+    });
+}
+
+#[test]
+fn every_method_finds_light_at_the_second_diffuse_vertex_once() {
+    check_room(("panel", panel()), Some("D D TT L"), 2000, all_methods(), |name| match name {
+        "cone" | "fnee, bleed" | "fnee, random" => 60,
+        "sms, random" => 80,
+        "sms, half vector" => 60,
+        _ => 24,
+    });
+}
+
+/// How a method finds the paths that it owns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Finds {
+    /// All of them every time.
+    Surely,
+    /// By random walks, some of them rarely.
+    ByWalks,
+    /// Some, in other places of the light than the one that is drawn first.
+    ByRays,
+}
+
+/// Numbers of paths.
+#[derive(Clone, Copy, Debug, Default)]
+struct Tally {
+    /// Gathered by the method.
+    gathered: u32,
+    /// Left to chance.
+    left: u32,
+    /// Owned by the method and found so rarely that they were not gathered.
+    rare: u32,
+    /// Gathered, and not listed.
+    unlisted: u32,
+}
+
+/// Walks of one estimate, and of the search for what it has missed.
+const WALKS: u32 = 1000;
+
+/// What so many of these walks find is missed by an estimate less than once in 10^9 times.
+const OFTEN: u32 = 40;
+
+/// A scene with a method and one light.
+struct Partition {
+    name: String,
+    scene: Scene,
+    method: Box<dyn SpecularMethod>,
+    finds: Finds,
+    /// Estimates at each point, of which each takes panes at random.
+    estimates: u32,
+    tally: Tally,
+}
+
+fn stream(number: [u32; 2]) -> SampleStream {
+    let settings = SamplerSettings { seed: 23, samples_per_block: 1 };
+    SampleStream::new(&settings, 0, number, 0)
+}
+
+impl Partition {
+    fn new(name: &str, scene: Scene, finds: Finds, estimates: u32) -> Self {
+        let method = specular_method(&scene).expect("a specular method");
+        Self { name: name.to_owned(), scene, method, finds, estimates, tally: Tally::default() }
+    }
+
+    /// The point of the light that an estimate draws.
+    fn source(&self, number: [u32; 2]) -> SourceSample {
+        let (centre, radius) = self.scene.specular_ball();
+        self.scene.lights()[0].sample_source(centre, radius, stream(number).next_2d())
+    }
+
+    fn owns(&self, point: &ShadingPoint, path: &FoundPath) -> bool {
+        self.method.owns(&self.scene, point, &path.described(), &mut Counters::default())
+    }
+
+    /// Checks that, of the given paths to a point, those are gathered that the method owns, and of all paths none that it does not.
+    #[track_caller]
+    fn check(&mut self, point: &ShadingPoint, index: u32, paths: &[FoundPath]) {
+        let Self { name, scene, .. } = &*self;
+        let mut gathered = vec![0; paths.len()];
+        let mut unlisted = 0;
+        for estimate in 0..self.estimates {
+            let mut arrivals = Vec::new();
+            let number = [index, estimate];
+            let counters = &mut Counters::default();
+            self.method.gather(scene, point, 0, &THROUGH_PANE, &mut stream(number), counters, &mut |arrival| {
+                arrivals.push(arrival.direction);
+            });
+            let mut times = vec![0; paths.len()];
+            for direction in arrivals {
+                if let Some(known) = paths.iter().position(|path| path.is_in_direction(point, direction)) {
+                    times[known] += 1;
+                    continue;
+                }
+                let followed = |end| FoundPath::followed(scene, point, direction, &THROUGH_PANE, end);
+                let path = followed(None).or_else(|| followed(Some((0, self.source(number).source))));
+                let path = path.expect("light that is gathered comes through a pane");
+                assert!(self.owns(point, &path), "{name}, {index}: {path:?} is gathered and not owned");
+                unlisted += 1;
+            }
+            assert!(times.iter().all(|times| *times <= 1), "{name}, {index}: {times:?} times in one estimate");
+            gathered.iter_mut().zip(times).for_each(|(sum, times)| *sum += times);
+        }
+        let mut tally = self.tally;
+        tally.unlisted += unlisted;
+        for (path, times) in paths.iter().zip(gathered) {
+            let owned = self.owns(point, path);
+            assert!(owned || times == 0, "{name}, {index}: {path:?} is gathered and not owned");
+            tally.left += u32::from(!owned);
+            tally.gathered += u32::from(times > 0);
+            if owned && times == 0 && self.finds == Finds::ByWalks {
+                let hits = hits(scene, point, path);
+                assert!(hits < OFTEN, "{name}, {index}: {path:?} is owned, found by {hits} walks and never gathered");
+                tally.rare += 1;
+            } else if self.finds == Finds::Surely {
+                assert!(!owned || times > 0, "{name}, {index}: {path:?} is owned and never gathered");
+            }
+        }
+        self.tally = tally;
+    }
+}
+
+/// How many walks through the pane of a path find it.
+fn hits(scene: &Scene, point: &ShadingPoint, path: &FoundPath) -> u32 {
+    let Leaving::Pane { index, face } = path.links[0].surface else { panic!("a path through a pane") };
+    let pane = &scene.panes()[index as usize];
+    let constraint = ManifoldConstraint::AngleDifference;
+    let Some(search) = ManifoldSearch::new(scene, point, path.source, index, constraint) else { return 0 };
+    let mut random = Random::new(29, 0);
+    let mut is_hit = || {
+        let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
+        let height = pane.base_height(face) + pane.surface(face).height(place);
+        let entry = search.walk_towards(pane.frame.point_to_world(place.extend(height)), &mut Counters::default());
+        entry.is_some_and(|entry| path.is_in_direction(point, (entry - point.position).normalize()))
+    };
+    (0..WALKS).map(|_| u32::from(is_hit())).sum()
+}
+
+/// Specular manifold sampling of all that many walks find, with a selection of panes.
+fn many_walks(selection: &str) -> Value {
+    let mut integrator = biased_sms("angle_difference", WALKS);
+    integrator["sms"]["selection"] = selection.into();
+    integrator
+}
+
+/// Methods that find the paths to the point of a light that they draw, with the number of estimates in which they look
+/// through all of a few panes.
+fn methods_of_points() -> Vec<(&'static str, Value, Finds, u32)> {
+    vec![
+        ("fnee", settings("fnee"), Finds::Surely, 1),
+        ("fnee, reflected", json!({"fnee": {"reflected": true}}), Finds::Surely, 1),
+        ("fnee, sharp", settings("fnee, sharp"), Finds::Surely, 1),
+        ("fnee, bleed", settings("fnee, bleed"), Finds::Surely, 40),
+        ("fnee, random", settings("fnee, random"), Finds::Surely, 40),
+        ("sms", many_walks("all"), Finds::ByWalks, 1),
+        ("sms, sharp", many_walks("sharp"), Finds::ByWalks, 1),
+        ("sms, bleed", many_walks("bleed"), Finds::ByWalks, 10),
+        ("sms, random", many_walks("random"), Finds::ByWalks, 10),
+        ("mnee", settings("mnee"), Finds::Surely, 1),
+    ]
+}
+
+/// A point of a list.
+fn shading_point(scene: &Scene, listed: &ListedPoint) -> ShadingPoint {
+    let position = DVec3::from(listed.origin);
+    let normal = scene.triangle_normal(0);
+    let normal = if normal.dot(scene.panes()[0].frame.origin - position) > 0.0 { normal } else { -normal };
+    ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 }
+}
+
+/// The paths of a list to a point, in its order.
+fn paths_of_list(scene: &Scene, point: &ShadingPoint, listed: &ListedPoint) -> Vec<FoundPath> {
+    let (centre, radius) = scene.specular_ball();
+    let sample = scene.lights()[0].sample_source(centre, radius, DVec2::ZERO);
+    let found = listed_paths(scene, point, 0, &sample, &mut Counters::default());
+    let pane = &scene.panes()[0];
+    let place = |path: &FoundPath, link: usize| {
+        pane.frame.point_to_local(path.links[link].position).truncate() / pane.size + 0.5
+    };
+    let is_near = |place: DVec2, listed: [f64; 2]| (place - DVec2::from(listed)).length() <= SAME_PLACE;
+    let of_solution = |[front, back]: [[f64; 2]; 2]| {
+        let known = found.iter().find(|(path, _)| is_near(place(path, 0), front) && is_near(place(path, 1), back));
+        known.expect("a path of the list is found").0.clone()
+    };
+    listed.solutions.iter().map(|solution| of_solution([solution.front_uv, solution.back_uv])).collect()
+}
+
+/// How exactly the lists say where paths cross a pane, in units of its size.
+const SAME_PLACE: f64 = 1e-6;
+
+/// The glass of the lists.
+const GLASS: [&str; 4] = ["flat", "crown", "bump", "cathedral"];
+
+/// The points of the lists of a case.
+fn points_of_lists(case: &str) -> Vec<ListedPoint> {
+    let folds = if case == "flat" { Vec::new() } else { load_list(&format!("{case}-folds.json")) };
+    load_list(&format!("{case}.json")).into_iter().chain(folds).collect()
+}
+
+#[test]
+fn of_the_listed_paths_those_are_gathered_that_are_owned() {
+    for (method, integrator, finds, _) in methods_of_points() {
+        let mut all = Tally::default();
+        for case in GLASS {
+            let name = format!("{method}, listed paths through {case}");
+            let mut partition = Partition::new(&name, load_case_for(case, &integrator), finds, 1);
+            let every = if finds == Finds::ByWalks { 4 } else { 1 };
+            for (index, listed) in (0..).zip(&points_of_lists(case)).step_by(every) {
+                let point = shading_point(&partition.scene, listed);
+                let paths = paths_of_list(&partition.scene, &point, listed);
+                partition.check(&point, index, &paths);
+            }
+            println!("{name}: {:?}", partition.tally);
+            all.gathered += partition.tally.gathered;
+            all.left += partition.tally.left;
+        }
+        assert!(all.gathered > 20 && (method != "mnee" || all.left > 20), "{method}: {all:?}");
+    }
+}
+
+/// Two panes, one partly behind the other, before a light that shines past them as well.
+fn two_panes(light: &Value) -> PaneScene {
+    let crown = |amplitude: f64| json!({"crown": {"centre": [0.3, 0.2], "wavelength": 0.21, "amplitude": amplitude}});
+    let hammered = json!({"hammered": {"wavelength": 0.26, "amplitude": 1e-3, "seed": 3}});
+    let panes = vec![
+        pane("near", [0.0; 3], [1.0, 0.93], 0.006, [crown(1e-3), crown(-6e-4)]),
+        pane("far", [0.6, 0.1, 0.4], [1.0, 0.93], 0.006, [json!("flat"), hammered]),
+    ];
+    PaneScene::new(panes, light.clone())
+}
+
+/// Lights behind the panes.
+fn lights() -> [(&'static str, Value); 3] {
+    let place = [0.7, -0.4, 3.0];
+    [
+        ("lamp", json!({"point": {"name": "lamp", "position": place, "intensity": [1, 1, 1]}})),
+        ("globe", json!({"sphere": {"name": "globe", "centre": place, "radius": 0.4, "radiance": [1, 1, 1]}})),
+        (
+            "sun",
+            json!({"sun": {"name": "sun", "direction": [0.2, -0.1, 1], "angular_radius": 5, "radiance": [1, 1, 1]}}),
+        ),
+    ]
+}
+
+/// Where light from a source that goes straight through a random pane falls on the receiver: through any place of the pane,
+/// or mostly, where methods part that go by the straight line, through one so near to its border that glass bends light by more.
+fn point_in_shadow(bench: &PaneScene, scene: &Scene, source: Source, index: u32) -> ShadingPoint {
+    let mut random = Random::new(31, u64::from(index));
+    let pane = &scene.panes()[(random.uniform() * scene.panes().len() as f64) as usize];
+    let mut place = DVec2::new(random.uniform(), random.uniform()) - 0.5;
+    if !index.is_multiple_of(4) {
+        let axis = usize::from(random.uniform() < 0.5);
+        place[axis] = (0.5 + BORDER * (random.uniform() - 0.5)).copysign(place[axis]);
+    }
+    let through = pane.frame.point_to_world((place * pane.size).extend(0.0));
+    let direction = match source {
+        Source::Point(place) => through - place,
+        Source::Direction(direction) => -direction,
+    };
+    let landing = through + direction * ((-bench.distance - through.z) / direction.z);
+    bench.point([landing.x, landing.y])
+}
+
+/// Width of the strip around the border of a pane, as a part of its size.
+const BORDER: f64 = 0.01;
+
+#[test]
+fn of_the_paths_through_two_panes_those_are_gathered_that_are_owned() {
+    for (light_name, light) in lights() {
+        let bench = two_panes(&light);
+        let is_lamp = light_name == "lamp";
+        let rays = [("cone", settings("cone"), Finds::ByRays, 4)];
+        for (method, integrator, finds, estimates) in
+            methods_of_points().into_iter().chain(rays.into_iter().filter(|_| !is_lamp))
+        {
+            // Which pane is looked through is chance, and so is another time the point of a light with an extent.
+            if !is_lamp && (method.contains("random") || method.contains("bleed")) {
+                continue;
+            }
+            let name = format!("{method}, {light_name} behind two panes");
+            let mut partition = Partition::new(&name, bench.build(&integrator, 1), finds, estimates);
+            for index in 0..1000 {
+                let sample = partition.source([index, 0]);
+                let point = point_in_shadow(&bench, &partition.scene, sample.source, index);
+                let listed = listed_paths(&partition.scene, &point, 0, &sample, &mut Counters::default());
+                let paths: Vec<FoundPath> = match finds {
+                    Finds::ByRays => Vec::new(),
+                    _ => listed.into_iter().map(|(path, _)| path).collect(),
+                };
+                // Many walks and many estimates take long.
+                let is_slow = finds == Finds::ByWalks || estimates > 1;
+                if is_slow && !index.is_multiple_of(20) && paths.iter().all(|path| partition.owns(&point, path)) {
+                    continue;
+                }
+                partition.check(&point, index, &paths);
+            }
+            let tally = partition.tally;
+            println!("{name}: {tally:?}");
+            let leaves = method.contains("sharp") || method.contains("bleed") || method == "mnee";
+            assert!(tally.gathered.max(tally.unlisted) > 20 && (tally.left > 0) == leaves, "{name}: {tally:?}");
+        }
+    }
+}
+
+/// Chains of what happens from a shading point to a light, as letters.
+fn chain(letters: &str) -> Vec<SpecularEvent> {
+    let event = |letter| if letter == 'R' { SpecularEvent::Reflection } else { SpecularEvent::Transmission };
+    letters.chars().map(event).collect()
+}
+
+#[test]
+fn of_the_ways_that_light_goes_in_a_room_those_are_owned_that_are_looked_for() {
+    const CHAINS: [&str; 5] = ["R", "TT", "TRT", "TRRT", "TTTT"];
+    let with_chains = |name: &str, chains: &[&str]| json!({name: {"chains": chains}});
+    let dropping = json!({"mnee": {"missed": "dropped", "chains": ["TT", "TTTT"]}});
+    let methods = [
+        ("cone", settings("cone")),
+        ("fnee", settings("fnee")),
+        ("fnee, published", settings("fnee, published")),
+        ("fnee, reflected", json!({"fnee": {"reflected": true}})),
+        ("fnee, random", settings("fnee, random")),
+        ("sms", settings("sms")),
+        ("sms over other chains", with_chains("sms", &["R", "TRT", "TTTT"])),
+        ("sms, random", settings("sms, random")),
+        ("mnee, dropped", settings("mnee, dropped")),
+        ("mnee, dropped, over two chains", dropping),
+    ];
+    for (light_name, light) in [("panel", panel()), ("globe", globe())] {
+        for (name, integrator) in &methods {
+            let integrator = integrator.clone();
+            let room = ClosedRoom { light: light.clone(), integrator, max_depth: 5, filter: None, seed: 1 };
+            let scene = room.build(1);
+            let method = specular_method(&scene).expect("a specular method");
+            let mut random = Random::new(37, 0);
+            let mut unit = || loop {
+                let place = DVec3::from([(); 3].map(|()| 2.0 * random.uniform() - 1.0));
+                if place.length_squared() < 1.0 {
+                    break place;
+                }
+            };
+            let is_in_a_face = |position: DVec3| {
+                let side = |pane: &Pane| PaneSide::facing(pane, pane.frame.point_to_local(position)).is_none();
+                scene.panes().iter().any(side)
+            };
+            let mut met = [0; CHAINS.len()];
+            for _ in 0..100_000 {
+                let (position, direction) = (unit(), unit().normalize());
+                if is_in_a_face(position) {
+                    continue;
+                }
+                let point = ShadingPoint { position, normal: direction, leaving: Leaving::Nothing, bounces: 0 };
+                for (met, letters) in met.iter_mut().zip(CHAINS) {
+                    let events = chain(letters);
+                    let Some(path) = FoundPath::followed(&scene, &point, direction, &events, None) else { continue };
+                    let owned = method.owns(&scene, &point, &path.described(), &mut Counters::default());
+                    let looked_for = method.chains().contains(&events);
+                    assert!(owned == looked_for, "{name}, {light_name}, {letters}: owned {owned}, {path:?}");
+                    *met += 1;
+                }
+            }
+            println!("{name}, {light_name}: {met:?} paths over {CHAINS:?}");
+            assert!(met.into_iter().all(|met| met > 10), "{name}, {light_name}: {met:?}");
+        }
+    }
+}
+
+#[test]
+fn between_the_highest_and_the_lowest_point_of_a_face_all_light_is_left_to_chance() {
+    for (light_name, light) in lights().into_iter().skip(1) {
+        let bench = two_panes(&light);
+        for (name, integrator) in unbiased_integrators().into_iter().skip(1).chain(selections()) {
+            let scene = bench.build(&integrator, 1);
+            let method = specular_method(&scene).expect("a specular method");
+            let pane = &scene.panes()[0];
+            let lowest = pane.front.all_bounds().height.min;
+            let mut random = Random::new(41, 0);
+            let (mut paths, mut arrivals) = (0, 0);
+            for index in 0..2000 {
+                let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
+                let height = pane.surface(Face::Front).height(place);
+                let position = pane.frame.point_to_world(place.extend(0.5 * (lowest + height)));
+                let point = ShadingPoint { position, normal: DVec3::Z, leaving: Leaving::Nothing, bounces: 0 };
+                assert!(PaneSide::facing(pane, pane.frame.point_to_local(position)).is_none());
+                let sample = scene.lights()[0].sample_source(position, 1.0, stream([index, 0]).next_2d());
+                let direction = match sample.source {
+                    Source::Point(place) => (place - position).normalize(),
+                    Source::Direction(direction) => direction,
+                };
+                let counters = &mut Counters::default();
+                let path = FoundPath::followed(&scene, &point, direction, &THROUGH_PANE, None);
+                if let Some(path) = path.filter(|path| matches!(path.links[0].surface, Leaving::Pane { index: 0, .. }))
+                {
+                    assert!(!method.owns(&scene, &point, &path.described(), counters), "{name}, {light_name}");
+                    paths += 1;
+                }
+                method.gather(&scene, &point, 0, &THROUGH_PANE, &mut stream([index, 0]), counters, &mut |arrival| {
+                    let path = FoundPath::followed(&scene, &point, arrival.direction, &THROUGH_PANE, None);
+                    let through = path.map(|path| path.links[0].surface);
+                    arrivals += u32::from(matches!(through, Some(Leaving::Pane { index: 0, .. })));
+                });
+            }
+            assert!(paths > 100 && arrivals == 0, "{name}, {light_name}: {arrivals} gathered, {paths} paths");
+        }
+    }
+}
+
+/// Relative error of the light in the lists.
+const LIST_ERROR: f64 = 1e-5;
+
+#[test]
+fn one_walk_that_drops_the_rest_lacks_the_light_of_the_paths_that_it_does_not_find() {
+    for case in ["crown", "bump", "cathedral"] {
+        let dropping = load_case_for(case, &settings("mnee, dropped"));
+        let leaving = load_case_for(case, &settings("mnee"));
+        let [dropped, left] = [&dropping, &leaving].map(|scene| specular_method(scene).expect("a specular method"));
+        let LightKind::Point { intensity, .. } = dropping.lights()[0].kind else { panic!("a point light") };
+        let counters = &mut Counters::default();
+        let (mut with_one, mut with_none, mut lacking) = (0, 0, 0.0);
+        let several = points_of_lists(case).into_iter().filter(|listed| listed.solutions.len() > 1);
+        for (index, listed) in (0..).zip(several) {
+            let point = shading_point(&dropping, &listed);
+            let (mut found, mut all) = (0.0, 0.0);
+            dropped.gather(&dropping, &point, 0, &THROUGH_PANE, &mut stream([index, 0]), counters, &mut |arrival| {
+                found += arrival.weight.x * arrival.direction.dot(point.normal) / intensity.x;
+            });
+            let (mut missed, mut owned) = (0.0, 0);
+            for (path, solution) in paths_of_list(&dropping, &point, &listed).iter().zip(&listed.solutions) {
+                let path = path.described();
+                all += solution.irradiance;
+                assert!(dropped.owns(&dropping, &point, &path, counters), "{case}, {index}: what is dropped is owned");
+                if left.owns(&leaving, &point, &path, counters) {
+                    owned += 1;
+                } else {
+                    missed += solution.irradiance;
+                }
+            }
+            let difference = (all - found - missed).abs();
+            assert!(difference <= LIST_ERROR * all, "{case}, {index}: {found} of {all} and {missed} missed");
+            assert!(owned <= 1, "{case}, {index}: one walk finds {owned} paths");
+            *(if owned == 1 { &mut with_one } else { &mut with_none }) += 1;
+            lacking += missed / all;
+        }
+        println!(
+            "{case}: at {with_one} points with several paths the walk finds one of them, at {with_none} none; {:.1} percent \
+             of the light is lacking",
+            100.0 * lacking / f64::from(with_one + with_none)
+        );
+        assert!(with_one > 20, "{case}: {with_one} points only");
+    }
+}
