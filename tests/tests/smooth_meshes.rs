@@ -5,20 +5,22 @@ use std::collections::BTreeMap;
 
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{SampleStream, SamplerSettings};
-use clerestory_render_core::geometry::Leaving;
-use clerestory_render_core::optics::LightKind;
+use clerestory_render_core::geometry::{Face, Leaving, Pane};
+use clerestory_render_core::optics::{LightKind, Source};
 use clerestory_render_core::scene::description::{
-    ConicSearch, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection, WalkSteps,
+    ConicSearch, FneeSolver, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection, WalkSteps,
 };
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
 use clerestory_render_core::specular::{
-    ShadingPoint, SpecularEvent, SpecularMethod, conic::Conic, mnee::Mnee, scope::Scope, sms::Sms,
+    ShadingPoint, SpecularEvent, SpecularMethod, THROUGH_PANE, conic::Conic, fermat::Connection, fnee::PathSearch,
+    mnee::Mnee, newton::Root, scope::Scope, side::PaneSide, sms::Sms,
 };
-use clerestory_tests::estimate::check_agreement;
+use clerestory_tests::estimate::{Agreement, Estimate, check_agreement};
 use clerestory_tests::pane_mesh::as_mesh;
 use clerestory_tests::rendering::block_means;
-use clerestory_tests::solution_lists::{load_case, load_list};
+use clerestory_tests::solution_lists::{ListedPoint, ListedSolution, load_case, load_list};
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 /// Parts of the picture along each edge.
@@ -250,37 +252,230 @@ fn flat_water_and_flat_mirrors_throw_the_light_of_closed_forms() {
     }
 }
 
+/// Squares along each edge of a pane's meshes, each twice as many as those before.
+const SQUARES: [u32; 3] = [128, 256, 512];
+
+/// Walks that look for the paths over a mesh.
+const WALKS: u32 = 1500;
+
+/// A path from a point through a pane, or through its mesh.
+#[derive(Clone, Copy, Debug)]
+struct Path {
+    /// Unit direction in which it leaves the point.
+    direction: DVec3,
+    /// Irradiance at the point for a light of unit intensity.
+    light: f64,
+}
+
+/// A pane of the lists and its point light, by the complete search of `fnee`.
+struct Glass<'a> {
+    pane: &'a Pane,
+    source: Source,
+}
+
+impl<'a> Glass<'a> {
+    fn new(scene: &'a Scene) -> Self {
+        let pane = &scene.panes()[0];
+        let LightKind::Point { position, .. } = scene.lights()[0].kind else { panic!("a point light") };
+        Self { pane, source: Source::Point(pane.frame.point_to_local(position)) }
+    }
+
+    fn side(&self, origin: DVec3) -> PaneSide<'a> {
+        PaneSide::facing(self.pane, origin).expect("receivers lie in front of their pane")
+    }
+
+    /// The paths to a place in the pane's frame; `None` unless it is known that these are all.
+    fn paths(&self, origin: DVec3) -> Option<Vec<Root>> {
+        let Some(search) = PathSearch::new(self.side(origin), origin, self.source, FneeSolver::Complete) else {
+            return Some(Vec::new());
+        };
+        let counters = &mut Counters::default();
+        let found = search.enumerate(counters);
+        let lit = found.roots.into_iter().filter(|root| search.transmission(root, counters).is_some()).collect();
+        found.complete.then_some(lit)
+    }
+
+    /// Whether meshes of so many squares along each edge have the paths of the height field and no others.
+    ///
+    /// Wrong slopes move the place at which light lands. If there are as many paths to all places as far around the point
+    /// as the error of interpolated slopes can move it, then no fold of the caustic and no shadow of the border is so near.
+    /// The mesh's curvatures are differences of slopes over a square: if the determinant of the optical length's Hessian
+    /// keeps its sign wherever the path is moved by a square, then none splits in the mesh.
+    fn is_regular(&self, origin: DVec3, roots: &[Root], cells: u32) -> bool {
+        let index = self.pane.index_of_refraction;
+        let connection = Connection::new(&self.side(origin), origin, self.source);
+        let square = self.pane.size / f64::from(cells);
+        let diagonals = [square, square * DVec2::new(1.0, -1.0)];
+        // Of the slopes in the middle of a square, between its corners.
+        let slope_error = |face: Face, place: DVec2| {
+            let slope = |place| self.pane.surface(face).jet(place).gradient;
+            let error = |by: DVec2| (0.5 * (slope(place + by * 0.5) + slope(place - by * 0.5)) - slope(place)).length();
+            diagonals.map(error).into_iter().fold(0.0, f64::max)
+        };
+        let reach = |root: &Root| {
+            let errors = slope_error(Face::Front, root.theta[0]) + slope_error(Face::Back, root.theta[1]);
+            let bend = (index * index - 1.0).sqrt() * errors;
+            bend * root.path.lengths[0] / root.path.directions[0].z.powi(2)
+        };
+        let reach = roots.iter().map(reach).fold(0.0, f64::max);
+        let has_as_many = |k: u32| {
+            let (sin, cos) = libm::sincos(std::f64::consts::TAU * f64::from(k) / 16.0);
+            self.paths(origin + DVec3::new(cos, sin, 0.0) * reach).is_some_and(|paths| paths.len() == roots.len())
+        };
+        let keeps_sign = |root: &Root| {
+            let determinant = |by: DVec2| {
+                let path = connection.path(&root.theta.map(|vertex| vertex + by), &mut Counters::default());
+                path.hessian().factorise().map_or(0.0, |hessian| hessian.determinant)
+            };
+            diagonals.iter().all(|by| [1.0, -1.0].iter().all(|side| determinant(*by * *side) * root.determinant > 0.0))
+        };
+        (0..16).all(has_as_many) && roots.iter().all(keeps_sign)
+    }
+}
+
+/// A point and all paths to it through the pane.
+struct KnownPoint {
+    point: ShadingPoint,
+    paths: Vec<Path>,
+    /// Index of the first mesh that has as many paths.
+    first: usize,
+}
+
+/// The points of a case's lists whose paths all meshes have from some one on.
+fn known_points(case: &str, original: &Scene) -> Vec<KnownPoint> {
+    let glass = Glass::new(original);
+    let frame = &glass.pane.frame;
+    let known = |listed: ListedPoint| {
+        let position = DVec3::from(listed.origin);
+        let origin = frame.point_to_local(position);
+        let roots = glass.paths(origin)?;
+        let first = SQUARES[..2].iter().position(|&squares| glass.is_regular(origin, &roots, squares))?;
+        let normal = original.triangle_normal(0);
+        let normal = if normal.dot(frame.origin - position) > 0.0 { normal } else { -normal };
+        let point = ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 };
+        // The lists are independent of the renderer, and precise enough for the light, but not for directions.
+        assert_eq!(roots.len(), listed.solutions.len(), "{case}: {position}");
+        let path = |root: &Root| {
+            let place = root.theta[0] / glass.pane.size + 0.5;
+            let far = |path: &ListedSolution| (DVec2::from(path.front_uv) - place).length();
+            let nearest = listed.solutions.iter().min_by(|a, b| far(a).total_cmp(&far(b))).expect("as many");
+            Path { direction: frame.vector_to_world(root.path.directions[0]), light: nearest.irradiance }
+        };
+        Some(KnownPoint { point, paths: roots.iter().map(path).collect(), first })
+    };
+    let lists = [format!("{case}.json"), format!("{case}-folds.json")];
+    lists.iter().flat_map(|list| load_list(list)).filter_map(known).filter(|known| !known.paths.is_empty()).collect()
+}
+
+/// The paths through a pane that one estimate of a method finds; estimates of other numbers are independent.
+fn found_paths(scene: &Scene, point: &ShadingPoint, method: &Sms, number: [u32; 2]) -> Vec<Path> {
+    let mut stream = SampleStream::new(&SamplerSettings { seed: 5, samples_per_block: 1 }, 0, number, 0);
+    let LightKind::Point { intensity, .. } = scene.lights()[0].kind else { panic!("a point light") };
+    let mut paths = Vec::new();
+    method.gather(scene, point, 0, &THROUGH_PANE, &mut stream, &mut Counters::default(), &mut |arrival| {
+        let light = arrival.weight.x * arrival.direction.dot(point.normal) / intensity.x;
+        paths.push(Path { direction: arrival.direction, light });
+    });
+    paths
+}
+
+fn through_meshes(scene: &Scene, constraint: ManifoldConstraint, estimator: ManifoldEstimator) -> Sms {
+    let scope = Scope::new(scene, &["TT".to_owned()], None, None);
+    Sms { constraint, steps: WalkSteps::default(), estimator, selection: PaneSelection::All, scope }
+}
+
+/// Checks that estimates of an order of convergence agree with what it should be, and with no other whole number.
+#[track_caller]
+fn check_order(name: &str, orders: &[f64], expected: f64) {
+    let order = Estimate::of(orders);
+    let agrees = |expected| Agreement::of(&[order], &[Estimate::exact(expected)]).holds();
+    println!("{name}: of order {:.3} +- {:.3}", order.mean, order.variance.sqrt());
+    assert!(agrees(expected), "{name}: of order {order}, not {expected}");
+    for other in [expected - 1.0, expected + 1.0] {
+        assert!(!agrees(other), "{name}: order {other} would not be noticed: {order}");
+    }
+}
+
+/// Checks that finer and finer meshes of a pane have its paths, and that these converge as they should: normals are
+/// interpolated linearly, so directions are off by the square of a square's edge and the light, on which the derivatives of
+/// normals decide, by the edge. How far it is off depends on where in a triangle the path goes; so the orders are means
+/// over paths, each compared with itself in the finest mesh, and the light has to be right on average there.
+#[track_caller]
+fn check_finer_meshes(case: &str, several: usize) {
+    let original = load_case(case);
+    let known = known_points(case, &original);
+    let count = known.iter().filter(|known| known.paths.len() > 1).count();
+    println!("{case}: {} points, {count} with several paths", known.len());
+    assert!(count >= several, "{case}: {count} points with several paths");
+    let meshes = SQUARES.map(|squares| as_mesh(&original, squares));
+    for constraint in [ManifoldConstraint::AngleDifference, ManifoldConstraint::HalfVector] {
+        let methods =
+            [0, 1, 2].map(|k| through_meshes(&meshes[k], constraint, ManifoldEstimator::Biased { trials: WALKS }));
+        // Of a path, in each mesh that has it: how far its direction is off, and the known light over the light found.
+        let comparisons = |known: &KnownPoint| -> Vec<Vec<(f64, f64)>> {
+            let by_mesh = |mesh: usize| {
+                let found = found_paths(&meshes[mesh], &known.point, &methods[mesh], [0; 2]);
+                let (position, squares) = (known.point.position, SQUARES[mesh]);
+                assert_eq!(
+                    found.len(),
+                    known.paths.len(),
+                    "{case}, {squares} squares, {constraint:?}: paths to {position}"
+                );
+                found
+            };
+            let found: Vec<Vec<Path>> = (known.first..SQUARES.len()).map(by_mesh).collect();
+            let compared = |path: &Path, found: &Vec<Path>| {
+                let off = |other: &&Path| (other.direction - path.direction).length();
+                let nearest = found.iter().min_by(|a, b| off(a).total_cmp(&off(b))).expect("as many paths");
+                (off(&nearest), path.light / nearest.light)
+            };
+            known.paths.iter().map(|path| found.iter().map(|found| compared(path, found)).collect()).collect()
+        };
+        let paths: Vec<Vec<(f64, f64)>> = known.par_iter().flat_map_iter(comparisons).collect();
+        let orders = |error: fn(&(f64, f64)) -> f64| -> Vec<f64> {
+            let order = |path: &Vec<(f64, f64)>| {
+                let halvings = path.len() - 1;
+                libm::log2(error(&path[0]) / error(&path[halvings])) / halvings as f64
+            };
+            paths.iter().map(order).collect()
+        };
+        check_order(&format!("{case}, {constraint:?}, directions"), &orders(|(direction, _)| *direction), 2.0);
+        check_order(&format!("{case}, {constraint:?}, light"), &orders(|(_, light)| (light - 1.0).abs()), 1.0);
+        // One over the light is proportional to a determinant, in which the errors of curvatures average out.
+        let finest: Vec<f64> = paths.iter().filter_map(|path| path.last()).map(|(_, light)| *light).collect();
+        let name = format!("{case}, {constraint:?}, the finest mesh");
+        check_agreement(&name, &[Estimate::of(&finest)], &[Estimate::exact(1.0)], FAULT);
+    }
+}
+
+/// Part of the light by which faults have to be noticed: that of a missing Fresnel factor.
+const FAULT: f64 = 0.042;
+
 #[test]
 fn finer_meshes_of_a_pane_throw_the_light_of_its_height_field() {
-    for case in ["crown", "bump"] {
-        let original = load_case(case);
-        let mut errors = Vec::new();
-        for cells in [128, 256, 512] {
-            let meshed = as_mesh(&original, cells);
-            let method = |scene: &Scene| Sms {
-                constraint: ManifoldConstraint::AngleDifference,
-                steps: WalkSteps::default(),
-                estimator: ManifoldEstimator::Biased { trials: 400 },
-                selection: PaneSelection::All,
-                scope: Scope::new(scene, &["TT".to_owned()], None, None),
-            };
-            let (mut difference, mut sum) = (0.0, 0.0);
-            for point in load_list(&format!("{case}.json")).iter().filter(|point| point.solutions.len() == 1) {
-                let normal = original.triangle_normal(0);
-                let to_pane = original.panes()[0].frame.point_to_world(DVec3::ZERO) - DVec3::from(point.origin);
-                let normal = if normal.dot(to_pane) > 0.0 { normal } else { -normal };
-                let shading =
-                    ShadingPoint { position: point.origin.into(), normal, leaving: Leaving::Triangle(0), bounces: 0 };
-                let through = [SpecularEvent::Transmission; 2];
-                let found = irradiance(&meshed, &shading, &method(&meshed), &through);
-                let expected = irradiance(&original, &shading, &method(&original), &through);
-                difference += (found - expected).abs();
-                sum += expected;
-            }
-            errors.push(difference / sum);
-        }
-        println!("{case}: mean relative difference {errors:?} for 128, 256 and 512 cells");
-        // Linear interpolation of normals is of second order, its derivative, which decides on the light, of first order.
-        assert!(errors[2] < 0.3 * errors[0] && errors[2] < 0.02, "{case}: {errors:?}");
+    check_finer_meshes("crown", 60);
+    check_finer_meshes("bump", 45);
+    check_finer_meshes("cathedral", 4);
+}
+
+#[test]
+fn weighted_walks_find_the_light_of_a_height_field_in_its_mesh() {
+    const ESTIMATES: u32 = 600;
+    let case = "bump";
+    let original = load_case(case);
+    let mesh = as_mesh(&original, SQUARES[SQUARES.len() - 1]);
+    for constraint in [ManifoldConstraint::AngleDifference, ManifoldConstraint::HalfVector] {
+        let method = through_meshes(&mesh, constraint, ManifoldEstimator::Unbiased { max_trials: 1_000_000 });
+        let total = |paths: &[Path]| paths.iter().map(|path| path.light).sum::<f64>();
+        let known = known_points(case, &original);
+        // What the mesh's squares make of the light of single points is part of the spread over the points.
+        let relative = |(index, known): (usize, &KnownPoint)| {
+            let found = (0..ESTIMATES)
+                .map(|estimate| total(&found_paths(&mesh, &known.point, &method, [index as u32, estimate])));
+            found.sum::<f64>() / (f64::from(ESTIMATES) * total(&known.paths))
+        };
+        let points: Vec<f64> = known.par_iter().enumerate().map(relative).collect();
+        let name = format!("{case}, {constraint:?}, weighted walks to {} points", points.len());
+        check_agreement(&name, &[Estimate::of(&points)], &[Estimate::exact(1.0)], FAULT);
     }
 }

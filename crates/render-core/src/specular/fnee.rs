@@ -165,8 +165,14 @@ impl SpecularMethod for Fnee {
         let (centre, radius) = scene.specular_ball();
         let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
         if events == REFLECTED {
+            let mirrors = scene.pane_tree().mirrors(point.position, &Sight::of_source(sample.source));
+            let mut mirrors = mirrors.into_iter().peekable();
             for pane in 0..panes.len() as u32 {
+                // Every pane has random numbers of its own, whichever others are searched.
                 let mut trials = stream.trials();
+                if mirrors.next_if_eq(&pane).is_none() {
+                    continue;
+                }
                 let search = Reflections {
                     scene,
                     point,

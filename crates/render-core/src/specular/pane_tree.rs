@@ -5,6 +5,10 @@
 //! at most s1 and s2, the tangential part of a ray's direction changes by at most `D = sqrt(n^2 - 1) (s1 + s2)`, and the
 //! part along the normal follows from that. All angles are compared as chords between unit vectors, which add up like them or
 //! to less.
+//!
+//! Where a pane mirrors light, a normal of its face halves the angle between the directions from there to the point and to the light:
+//! the sum of these has a tangential part of at most the largest slope times its part along the pane's normal. Over a ball around
+//! the pane the sum hardly varies.
 
 use glam::DVec3;
 use smallvec::{SmallVec, smallvec};
@@ -26,6 +30,9 @@ const SAME_NORMAL: f64 = 1e-9;
 /// Room for rounding in a comparison of chords.
 const SLACK: f64 = 1e-9;
 
+/// Room for the inexactness of vertices at which light is mirrored, which are solved for, in a comparison of chords.
+const MIRROR_SLACK: f64 = 1e-6;
+
 /// A tree over the panes of a scene.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PaneTree {
@@ -42,6 +49,8 @@ struct Node {
     normal: Option<DVec3>,
     /// Largest change of the tangential part of a direction.
     change: f64,
+    /// Largest slope of a face.
+    slope: f64,
     content: Content,
 }
 
@@ -127,7 +136,8 @@ impl PaneTree {
             leaves.iter().all(|leaf| leaf.normal.is_some_and(|normal| (normal - *first).length() < SAME_NORMAL))
         });
         let change = leaves.iter().map(|leaf| leaf.change).fold(0.0, f64::max);
-        self.nodes.push(Node { centre, radius, normal, change, content: Content::Children([0; 2]) });
+        let slope = leaves.iter().map(|leaf| leaf.slope).fold(0.0, f64::max);
+        self.nodes.push(Node { centre, radius, normal, change, slope, content: Content::Children([0; 2]) });
         let (first, second) = leaves.split_at_mut(middle);
         let children = [self.add(first), self.add(second)];
         self.nodes[root].content = Content::Children(children);
@@ -136,10 +146,20 @@ impl PaneTree {
 
     /// The panes through which light from what is sighted may come to `from`, in ascending order.
     pub(crate) fn candidates(&self, from: DVec3, sight: &Sight) -> Panes {
+        self.panes_where(|node| node.may_show(from, sight))
+    }
+
+    /// The panes whose outside may mirror light from what is sighted to `from`, in ascending order.
+    pub(crate) fn mirrors(&self, from: DVec3, sight: &Sight) -> Panes {
+        self.panes_where(|node| node.may_mirror(from, sight))
+    }
+
+    /// The panes of which something is true, in ascending order: what is not true of a node is true of no pane in it.
+    fn panes_where(&self, may: impl Fn(&Node) -> bool) -> Panes {
         let mut found = Panes::new();
         let mut stack: SmallVec<[usize; 2 * USUAL_PANES]> = smallvec![0];
         while let Some(node) = stack.pop().and_then(|index| self.nodes.get(index)) {
-            if !node.may_show(from, sight) {
+            if !may(node) {
                 continue;
             }
             match node.content {
@@ -160,11 +180,13 @@ impl Node {
             (x * x + y * y).sqrt()
         };
         let n = pane.index_of_refraction;
+        let slopes = [slope(Face::Front), slope(Face::Back)];
         Self {
             centre: pane.frame.point_to_world((low + high) * 0.5),
             radius: (high - low).length() * 0.5,
             normal: Some(pane.frame.vector_to_world(DVec3::Z)),
-            change: (n * n - 1.0).max(0.0).sqrt() * (slope(Face::Front) + slope(Face::Back)),
+            change: (n * n - 1.0).max(0.0).sqrt() * (slopes[0] + slopes[1]),
+            slope: slopes[0].max(slopes[1]),
             content: Content::Pane(index),
         }
     }
@@ -179,6 +201,21 @@ impl Node {
         let direction = offset / distance;
         let sine = self.radius / distance;
         (direction - onwards).length() <= cap_chord(sine) + self.deflection(direction, sine) + spread + SLACK
+    }
+
+    fn may_mirror(&self, from: DVec3, sight: &Sight) -> bool {
+        let offset = from - self.centre;
+        let distance = offset.length();
+        if distance <= self.radius {
+            return true;
+        }
+        let Some(normal) = self.normal else { return true };
+        let Some((onwards, spread)) = sight.seen_from_ball(self.centre, self.radius) else { return true };
+        let sum = offset / distance + onwards;
+        let slack = cap_chord(self.radius / distance) + spread + MIRROR_SLACK;
+        let along = sum.dot(normal);
+        let across = (sum - normal * along).length();
+        across - slack <= self.slope * (along.abs() + slack)
     }
 
     /// The longest chord between the directions of a ray before and behind one of the panes, when it meets it within a cap
@@ -216,7 +253,7 @@ mod tests {
         counters::Counters,
         geometry::{Frame, Ray, testing::Glass},
         specular::{
-            side::PaneSide,
+            side::{PaneSide, unit_normal},
             testing::{between, pair, random},
         },
     };
@@ -275,8 +312,43 @@ mod tests {
     }
 
     #[test]
+    fn no_pane_that_mirrors_light_is_left_out_and_most_others_are() {
+        let panes = panes();
+        let tree = PaneTree::new(&panes);
+        let mut random = random(25);
+        let (mut mirrored, mut kept) = (0, 0);
+        for _ in 0..4000 {
+            let index = (random.next_f64() * panes.len() as f64) as usize;
+            let pane = &panes[index];
+            let from = (pair(&mut random) * 3.0 - 0.5).extend(between(&mut random, -6.0, 6.0));
+            let origin = pane.frame.point_to_local(from);
+            let Some(side) = PaneSide::facing(pane, origin) else { continue };
+            let place = (pair(&mut random) - 0.5) * pane.size;
+            let jet = side.near_surface().jet(place);
+            let vertex = place.extend(side.near_base() + jet.height);
+            let normal = unit_normal(jet.gradient);
+            let towards = (vertex - origin).normalize();
+            let direction = pane.frame.vector_to_world(towards - normal * (2.0 * towards.dot(normal)));
+            let vertex = pane.frame.point_to_world(vertex);
+            mirrored += 1;
+            for source in
+                [Source::Direction(direction), Source::Point(vertex + direction * between(&mut random, 0.1, 20.0))]
+            {
+                let mirrors = tree.mirrors(from, &Sight::of_source(source));
+                assert!(mirrors.contains(&(index as u32)), "pane {index} from {from} for {source:?}");
+                assert!(mirrors.is_sorted());
+                kept += mirrors.len();
+            }
+        }
+        assert!(mirrored > 3000, "only {mirrored} reflections");
+        println!("{} of {} panes are kept", kept / (2 * mirrored), panes.len());
+        assert!(kept < 2 * mirrored * panes.len() / 2, "{kept} candidates for {mirrored} reflections");
+    }
+
+    #[test]
     fn a_scene_without_panes_has_no_candidates() {
         let sight = Sight::of_source(Source::Direction(DVec3::Z));
         assert!(PaneTree::new(&[]).candidates(DVec3::ZERO, &sight).is_empty());
+        assert!(PaneTree::new(&[]).mirrors(DVec3::ZERO, &sight).is_empty());
     }
 }
