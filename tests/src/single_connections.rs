@@ -9,7 +9,9 @@
 //! Where paths are found so rarely that their estimates of 1/p have tails again, walks of their own, the scouts, have to find
 //! each listed path of a connection twice; otherwise it is left out. N scouts keep a path of a small probability p with (N p)^2 / 2,
 //! while its estimate has a mean square of about 2/p and a third moment of 6/p^2, so that both are bounded in what is kept. Of what is
-//! left out some is searched with patience, so that light which walks never find would show.
+//! left out some is searched with patience, so that light which walks never find would show. Of `fnee` in the room, where all panes together
+//! leave out nothing by design, connections are left out on whose folds the enumeration cannot be complete: what chance adds there has the tails of
+//! 1/p again, whichever panes are searched.
 
 use std::fmt;
 
@@ -49,7 +51,7 @@ pub struct RelativeLight {
     pub theirs: Estimate,
     /// What is there but for the saddles of the optical length.
     pub without_saddles: Estimate,
-    /// Share of the connections that are left out, since scouts miss a path.
+    /// Share of the connections that are left out, as too hard.
     pub left_out: f64,
     /// Connections that are searched with patience, of those left out.
     pub searched: f64,
@@ -69,9 +71,10 @@ impl RelativeLight {
         (ratio, error)
     }
 
-    /// A bound of the light that no walk finds: were it more, searches that all find everything had a probability below 0.05.
+    /// A bound of the light that no walk finds: were it more, searches that all find everything had a probability below 0.05. Zero
+    /// where nothing has to be searched with patience.
     pub fn most_unreached(&self) -> f64 {
-        if self.left_out > 0.0 { self.unreached + 3.0 * self.left_out / self.searched } else { 0.0 }
+        if self.searched > 0.0 { self.unreached + 3.0 * self.left_out / self.searched } else { 0.0 }
     }
 
     /// Whether light that is `1 + fault` times as bright or as dark would be rejected, and light without saddles where they
@@ -106,10 +109,18 @@ pub struct Connections {
     scene: Scene,
     /// Index of the light.
     light: u32,
-    /// What the scouts' vertices have to obey.
-    constraint: ManifoldConstraint,
-    /// Walks through each pane that have to find each listed path of a connection twice before it is looked at.
-    scouts: u32,
+    left_out: LeftOut,
+}
+
+/// Which connections are not looked at.
+#[derive(Clone, Copy, Debug)]
+enum LeftOut {
+    /// None.
+    Nothing,
+    /// Those of which [`SCOUTS`] walks through each pane, whose vertices obey this, do not find each listed path twice.
+    MissedByScouts(ManifoldConstraint),
+    /// Those whose enumeration is not complete.
+    Incomplete,
 }
 
 /// Scouts in the room, whose hammered pane has paths that a walk finds once in 60 times and less.
@@ -146,7 +157,7 @@ pub fn connections_name(case: &str, light: &str, method: &str) -> String {
 
 impl Connections {
     /// Those of a case under a light, as in [`crate::comparisons::comparison`], for a method (a name of [`methods::settings`])
-    /// that draws a point of the light first. In the room `sms` needs scouts; `fnee` finds paths without chance.
+    /// that draws a point of the light first. In the room, connections that are too hard are left out.
     ///
     /// # Panics
     ///
@@ -155,15 +166,16 @@ impl Connections {
         let bundle = setting(case, light).bundle;
         let mut description = bundle.description().clone();
         description.integrator = methods::integrator(method, description.integrator.max_depth());
-        let (constraint, scouts) = match description.integrator {
-            IntegratorDescription::Sms { constraint, .. } if case == "room" => (constraint, SCOUTS),
-            _ => (ManifoldConstraint::default(), 0),
+        let left_out = match description.integrator {
+            IntegratorDescription::Sms { constraint, .. } if case == "room" => LeftOut::MissedByScouts(constraint),
+            _ if case == "room" => LeftOut::Incomplete,
+            _ => LeftOut::Nothing,
         };
         let bundle = bundle.with_description(description).expect("the changed scene is valid");
         let scene = Scene::build(&bundle).expect("the scene can be built");
         // The room's lamp shines from inside.
         let sun = scene.lights().iter().position(|light| matches!(light.kind, LightKind::Sun { .. }));
-        Self { name: connections_name(case, light, method), light: sun.unwrap_or(0) as u32, constraint, scouts, scene }
+        Self { name: connections_name(case, light, method), light: sun.unwrap_or(0) as u32, left_out, scene }
     }
 
     /// The light that the method finds over about `count` connections, and what is there of what the method looks for.
@@ -233,25 +245,31 @@ impl Connections {
         let panes: Vec<ThroughPane<'_>> = (0..self.scene.panes().len() as u32)
             .filter_map(|pane| ThroughPane::new(&self.scene, method, &point, self.light, &sample, pane))
             .collect();
-        let listed: Vec<(usize, Root, f64)> = (0..)
-            .zip(&panes)
-            .flat_map(|(index, pane)| pane.listed(counters).into_iter().map(move |(root, light)| (index, root, light)))
-            .collect();
+        let (mut listed, mut complete): (Vec<(usize, Root, f64)>, bool) = (Vec::new(), true);
+        for (index, pane) in panes.iter().enumerate() {
+            let found = pane.search.enumerate(counters);
+            complete &= found.complete;
+            listed.extend(found.roots.into_iter().map(|root| (index, root, pane.light_of(&root, counters))));
+        }
         let whole: f64 = listed.iter().map(|(_, _, light)| light).sum();
         // Which connections are looked at is a function of the connection, and of scouts that nothing else depends on.
         if whole <= 0.0 {
             return;
         }
         let of_pane = |index: usize| listed.iter().filter(move |(other, ..)| *other == index);
-        if self.scouts > 0 {
+        if matches!(self.left_out, LeftOut::Incomplete) && !complete {
+            sums.left_out += 1.0;
+            return;
+        }
+        if let LeftOut::MissedByScouts(constraint) = self.left_out {
             let mut missed_by = |walks, times| -> f64 {
                 let unfound = |(index, pane): (usize, &ThroughPane<'_>)| {
                     let lit = of_pane(index).filter(|(.., light)| *light > 0.0).map(|(_, root, light)| (root, *light));
-                    pane.unfound(lit.collect(), self.constraint, walks, times, random, counters)
+                    pane.unfound(lit.collect(), constraint, walks, times, random, counters)
                 };
                 panes.iter().enumerate().map(unfound).sum()
             };
-            if missed_by(self.scouts, 2) > 0.0 {
+            if missed_by(SCOUTS, 2) > 0.0 {
                 if sums.left_out % PATIENTLY == 0.0 {
                     sums.unreached += missed_by(PATIENCE, 1) / whole;
                     sums.searched += 1.0;
@@ -300,12 +318,6 @@ impl<'a> ThroughPane<'a> {
     ) -> Option<Self> {
         let search = search_through(scene, point, sample.source, pane)?;
         Some(Self { scene, method, point, light, sample, pane, search })
-    }
-
-    /// The paths that the search lists, with their light.
-    fn listed(&self, counters: &mut Counters) -> Vec<(Root, f64)> {
-        let roots = self.search.enumerate(counters).roots;
-        roots.into_iter().map(|root| (root, self.light_of(&root, counters))).collect()
     }
 
     /// The light of the paths, of some with their light, that `walks` walks do not find so many times.

@@ -425,12 +425,13 @@ mod tests {
             selection: Some(SelectionName::Sharp),
             walks: Some(4),
             constraint: Some(ConstraintName::HalfVector),
+            steps: Some(StepsName::Published),
             chains: vec!["T".into(), "TT".into()],
             ..none.clone()
         };
         let changed = integrator(sms.clone(), IntegratorName::Sms).unwrap();
         let expected = serde_json::json!({"sms": {"max_depth": changed["sms"]["max_depth"], "constraint": "half_vector",
-            "estimator": {"biased": {"trials": 4}}, "selection": "sharp", "chains": ["T", "TT"]}});
+            "steps": "published", "estimator": {"biased": {"trials": 4}}, "selection": "sharp", "chains": ["T", "TT"]}});
         assert_eq!(changed, expected);
         let chains = SceneOverrides {
             chains: vec!["TTTT".into()],

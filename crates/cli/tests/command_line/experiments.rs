@@ -142,7 +142,7 @@ fn a_farm_renders_the_variants_as_ordinary_jobs() {
     folder.succeeds(&words);
     let content = json(&folder, "experiment-manifold/manifold.json");
     let jobs = content["farm"]["convergence"].as_array().unwrap();
-    assert_eq!(jobs.len(), (8 + 1) + (8 + 1), "for each scene a job for each variant and one for the reference");
+    assert_eq!(jobs.len(), (10 + 1) + (8 + 1), "for each scene a job for each variant and one for the reference");
     for job in jobs.iter().filter(|job| !job["job"].as_str().unwrap().starts_with("reference")) {
         let points = job["points"].as_array().unwrap();
         assert!(!points.is_empty() && points.iter().all(|point| point["mse"].is_number()), "{job}");
