@@ -52,14 +52,14 @@ pub(crate) struct SceneOverrides {
     /// Where walks of the integrator sms go that leave a pane.
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) steps: Option<StepsName>,
-    /// Chains of refractions (T) and reflections (R) from a surface to a light that the integrators sms and mnee look for,
-    /// such as T,TT.
+    /// Chains of refractions (T) and reflections (R) from a surface to a light that the integrators sms, mnee and conic
+    /// look for, such as T,TT.
     #[arg(long, value_name = "CHAINS", value_delimiter = ',')]
     pub(crate) chains: Vec<String>,
-    /// Panes and smooth meshes on which the chains of the integrators sms and mnee begin, by name.
+    /// Panes and smooth meshes on which the chains of the integrators sms, mnee and conic begin, by name.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) casters: Vec<String>,
-    /// Meshes on which the integrators sms and mnee gather the light of their chains, by name.
+    /// Meshes on which the integrators sms, mnee and conic gather the light of their chains, by name.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     pub(crate) receivers: Vec<String>,
     /// Which of the paths over a mesh the integrator conic finds.

@@ -51,7 +51,8 @@ pub(crate) struct RenderArguments {
     tile: u32,
     /// Make this image again, bit for bit: its seed, integrator, size, sampling, tiles and the passes of each.
     #[arg(long, value_name = "FILE", conflicts_with_all =
-        ["spp", "time", "integrator", "solver", "selection", "max_trials", "seed", "size", "tile"])]
+        ["spp", "time", "integrator", "solver", "selection", "max_trials", "walks", "constraint", "steps", "chains", "casters",
+        "receivers", "search", "missed", "reflected", "seed", "size", "tile"])]
     like: Option<PathBuf>,
     /// OpenEXR image that the error is measured against at each round.
     #[arg(long, value_name = "FILE")]

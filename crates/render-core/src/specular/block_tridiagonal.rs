@@ -1,12 +1,14 @@
 //! Linear systems of chains: each vertex depends on itself and on its two neighbours.
 
-use glam::{DMat2, DVec2};
+use std::ops::{Mul, SubAssign};
+
+use glam::DMat2;
 
 use super::fermat::inverse;
 
-/// One vertex of a chain: its equations, and their right-hand side, which [`solve`] replaces by the solution.
+/// One vertex of a chain: its equations, and their right-hand side, which [`solve`] replaces by the solution: a vector, or a matrix of two.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
+pub(super) struct Row<R> {
     /// Coefficients of the previous vertex; unused in the first row.
     pub(super) before: DMat2,
     /// Coefficients of the vertex itself.
@@ -14,21 +16,24 @@ pub(super) struct Row {
     /// Coefficients of the next vertex; unused in the last row.
     pub(super) after: DMat2,
     /// Right-hand side.
-    pub(super) right: DVec2,
+    pub(super) right: R,
 }
 
 /// Solves by elimination from the first row to the last and back (Jakob and Marschner 2012, section 4.3), in place;
 /// `None` when singular.
-pub(super) fn solve(rows: &mut [Row]) -> Option<()> {
+pub(super) fn solve<R: Copy + SubAssign>(rows: &mut [Row<R>]) -> Option<()>
+where
+    DMat2: Mul<R, Output = R>,
+{
     for k in 0..rows.len() {
         if let Some(previous) = k.checked_sub(1).map(|previous| rows[previous]) {
             let row = &mut rows[k];
-            row.own -= row.before * previous.after;
+            row.own -= row.before.mul_mat2(&previous.after);
             row.right -= row.before * previous.right;
         }
         let row = &mut rows[k];
         let inverse = inverse(&row.own, row.own.determinant())?;
-        row.after = inverse * row.after;
+        row.after = inverse.mul_mat2(&row.after);
         row.right = inverse * row.right;
     }
     for k in (1..rows.len()).rev() {
@@ -41,6 +46,8 @@ pub(super) fn solve(rows: &mut [Row]) -> Option<()> {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec2;
+
     use super::*;
     use crate::specular::testing::{pair, random};
 
@@ -52,7 +59,7 @@ mod tests {
                 DMat2::from_cols(pair(&mut random) - 0.5, pair(&mut random) - 0.5)
                     + DMat2::from_diagonal(DVec2::splat(diagonal))
             };
-            let rows: Vec<Row> = (0..length)
+            let rows: Vec<Row<DVec2>> = (0..length)
                 .map(|_| Row { before: matrix(0.0), own: matrix(3.0), after: matrix(0.0), right: matrix(0.0).x_axis })
                 .collect();
             let mut solved = rows.clone();

@@ -261,8 +261,13 @@ impl Chain {
         Some(residuals)
     }
 
-    /// The linearised constraints, each vertex moving along its surface.
-    pub(super) fn rows(&self, segments: &Segments, residuals: &[Residual]) -> ByVertex<Row> {
+    /// The linearised constraints, each vertex moving along its surface, with right-hand sides for their numbers.
+    pub(super) fn rows<R>(
+        &self,
+        segments: &Segments,
+        residuals: &[Residual],
+        right: impl Fn(usize) -> R,
+    ) -> ByVertex<Row<R>> {
         let by_segment = |gradients: &[DVec3; 2], segment: usize, vertex: usize| {
             let tangents = &self.vertices[vertex].at.tangents;
             turned(gradients, segments.directions[segment], segments.lengths[segment], tangents)
@@ -273,7 +278,7 @@ impl Chain {
             // Moving a vertex turns the directions to its neighbours the other way.
             own: residual.by_normal - by_segment(&residual.by_previous, k, k) - by_segment(&residual.by_next, k + 1, k),
             after: if k < last { by_segment(&residual.by_next, k + 1, k + 1) } else { DMat2::ZERO },
-            right: residual.value,
+            right: right(k),
         };
         residuals.iter().enumerate().map(row).collect()
     }
@@ -282,25 +287,18 @@ impl Chain {
     /// shading point for each area, perpendicular to the path, at a light point, or for each solid angle of a light at
     /// infinity (Jakob and Marschner 2012, section 5.1). `None` on a fold.
     pub(super) fn geometry_factor(&self, segments: &Segments, residuals: &[Residual]) -> Option<f64> {
-        let rows = self.rows(segments, residuals);
         let last = self.vertices.len() - 1;
         let direction = segments.directions[last + 1];
         let (u, v) = direction.any_orthonormal_pair();
         let length = segments.lengths[last + 1];
         let scale = if length.is_finite() { 1.0 / length } else { 1.0 };
         // How the first vertex moves when the light's end of the last segment does.
-        let mut columns = [DVec2::ZERO; 2];
-        for (column, across) in columns.iter_mut().zip([u, v]) {
-            let mut rows = rows.clone();
-            for row in &mut rows {
-                row.right = DVec2::ZERO;
-            }
-            let [first, second] = &residuals[last].by_next;
-            rows[last].right = -DVec2::new(first.dot(across), second.dot(across)) * scale;
-            solve(&mut rows)?;
-            *column = rows[0].right;
-        }
-        let moved = DMat2::from_cols(columns[0], columns[1]);
+        let [first, second] = &residuals[last].by_next;
+        let of_light = [u, v].map(|across| -DVec2::new(first.dot(across), second.dot(across)) * scale);
+        let right = |k| if k == last { DMat2::from_cols(of_light[0], of_light[1]) } else { DMat2::ZERO };
+        let mut rows = self.rows(segments, residuals, right);
+        solve(&mut rows)?;
+        let moved = rows[0].right;
         let towards = segments.directions[0];
         let (u, v) = towards.any_orthonormal_pair();
         let turned = turned(&[u, v], towards, segments.lengths[0], &self.vertices[0].at.tangents);

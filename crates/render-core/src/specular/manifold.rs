@@ -191,7 +191,7 @@ impl ManifoldWalk<'_> {
         let segments = chain.segments(self.point.position, self.source);
         let residuals = chain.residuals(&segments, self.constraint)?;
         let error = residuals.iter().fold(0.0, |largest, residual| residual.value.abs().max_element().max(largest));
-        let mut rows = chain.rows(&segments, &residuals);
+        let mut rows = chain.rows(&segments, &residuals, |k| residuals[k].value);
         solve(&mut rows)?;
         let [x, y] = chain.vertices[0].at.tangents;
         let step = -(x * rows[0].right.x + y * rows[0].right.y);
