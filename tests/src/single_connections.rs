@@ -9,9 +9,9 @@
 //! Where paths are found so rarely that their estimates of 1/p have tails again, walks of their own, the scouts, have to find
 //! each listed path of a connection twice; otherwise it is left out. N scouts keep a path of a small probability p with (N p)^2 / 2,
 //! while its estimate has a mean square of about 2/p and a third moment of 6/p^2, so that both are bounded in what is kept. Of what is
-//! left out some is searched with patience, so that light which walks never find would show. Of `fnee` in the room, where all panes together
-//! leave out nothing by design, connections are left out on whose folds the enumeration cannot be complete: what chance adds there has the tails of
-//! 1/p again, whichever panes are searched.
+//! left out some is searched with patience, so that light which walks never find would show. Of `fnee` in the room, connections are
+//! left out whose enumeration is not complete: what chance adds there has the tails of 1/p again. In what is left, method and truth
+//! list paths by the same search, so that this tests the choice of panes and nothing else.
 
 use std::fmt;
 
