@@ -2,7 +2,8 @@
 //! user would see.
 
 use std::fmt::Debug;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Ipv4Addr, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
@@ -10,8 +11,6 @@ use fantoccini::elements::Element;
 use fantoccini::wd::WebDriverCompatibleCommand;
 use fantoccini::{Client, ClientBuilder, Locator};
 use hyper_util::client::legacy::connect::HttpConnector;
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
 use reqwest::{Method, Url};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -39,6 +38,7 @@ const CHROMIUM_ARGUMENTS: [&str; 9] = [
 pub struct Browser {
     client: Client,
     driver: Child,
+    port: u16,
     _profile: TempDir,
 }
 
@@ -63,7 +63,7 @@ impl Browser {
             .connect(&format!("http://127.0.0.1:{port}"))
             .await
             .expect("chromedriver opens a Chromium of its own version");
-        let browser = Self { client, driver, _profile: profile };
+        let browser = Self { client, driver, port, _profile: profile };
         browser.client.goto(address).await.expect("the page opens");
         browser
     }
@@ -170,9 +170,14 @@ impl Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // Asked politely, chromedriver ends its Chromium as well.
-        let driver = Pid::from_raw(self.driver.id().cast_signed());
-        let _ = kill(driver, Signal::SIGTERM);
+        // Ended by a signal, chromedriver leaves its Chromium running, which writes to its profile on and on.
+        let asked = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port)).and_then(|mut driver| {
+            driver.write_all(b"GET /shutdown HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")?;
+            driver.read_to_end(&mut Vec::new())
+        });
+        if asked.is_err() {
+            let _ = self.driver.kill();
+        }
         let _ = self.driver.wait();
     }
 }

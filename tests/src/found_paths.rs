@@ -149,7 +149,7 @@ pub fn listed_paths(
 ) -> Vec<(FoundPath, f64)> {
     let mut paths = Vec::new();
     for pane in 0..scene.panes().len() as u32 {
-        let Some(search) = search_through(scene, point, sample.source, pane) else { continue };
+        let Some(search) = search_through(scene, point, sample.source, pane, FneeSolver::Complete) else { continue };
         let roots = search.enumerate(counters).roots;
         let found = |root| FoundPath::of_root(scene, point, [light, pane], sample, &search, root, counters);
         paths.extend(roots.iter().filter_map(found).filter(|(_, irradiance)| *irradiance > 0.0));
@@ -157,13 +157,19 @@ pub fn listed_paths(
     paths
 }
 
-/// The complete search from a point to a source through a pane; `None` when no path leads through it.
-pub fn search_through<'a>(scene: &'a Scene, point: &ShadingPoint, source: Source, pane: u32) -> Option<PathSearch<'a>> {
+/// The search of `fnee` from a point to a source through a pane; `None` when no path leads through it.
+pub fn search_through<'a>(
+    scene: &'a Scene,
+    point: &ShadingPoint,
+    source: Source,
+    pane: u32,
+    solver: FneeSolver,
+) -> Option<PathSearch<'a>> {
     let geometry = &scene.panes()[pane as usize];
     let origin = geometry.frame.point_to_local(point.position);
     let source = match source {
         Source::Point(place) => Source::Point(geometry.frame.point_to_local(place)),
         Source::Direction(direction) => Source::Direction(geometry.frame.vector_to_local(direction)),
     };
-    PathSearch::new(PaneSide::facing(geometry, origin)?, origin, source, FneeSolver::Complete)
+    PathSearch::new(PaneSide::facing(geometry, origin)?, origin, source, solver)
 }

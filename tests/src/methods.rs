@@ -40,6 +40,13 @@ pub fn unbiased_integrators() -> Vec<(&'static str, Value)> {
     UNBIASED.into_iter().map(|name| (name, settings(name))).collect()
 }
 
+/// Methods and settings with selections of panes, and with light that panes reflect.
+pub fn selections() -> Vec<(&'static str, Value)> {
+    let names = ["fnee, sharp", "fnee, bleed", "fnee, random", "sms, sharp", "sms, random"];
+    let selections = names.into_iter().map(|name| (name, settings(name)));
+    selections.chain([("fnee, reflected", json!({"fnee": {"reflected": true}}))]).collect()
+}
+
 /// Whether an integrator sees lights as they are, and not as one point of each that it draws.
 pub fn looks_at_whole_lights(name: &str) -> bool {
     ["path", "cone", "fnee"].contains(&name)

@@ -11,7 +11,8 @@
 //! while its estimate has a mean square of about 2/p and a third moment of 6/p^2, so that both are bounded in what is kept. Of what is
 //! left out some is searched with patience, so that light which walks never find would show. Of `fnee` in the room, connections are
 //! left out whose enumeration is not complete: what chance adds there has the tails of 1/p again. In what is left, method and truth
-//! list paths by the same search, so that this tests the choice of panes and nothing else.
+//! list paths by the same search, so that this tests the choice of panes and nothing else. For `fnee` as published, which lists
+//! nothing, line searches are the scouts.
 
 use std::fmt;
 
@@ -22,12 +23,12 @@ use clerestory_render_core::integrator::specular_method;
 use clerestory_render_core::optics::{LightKind, Source, light_sampling::SourceSample};
 use clerestory_render_core::scene::{
     Scene,
-    description::{IntegratorDescription, ManifoldConstraint},
+    description::{FneeSolver, IntegratorDescription, ManifoldConstraint, WalkSteps},
 };
 use clerestory_render_core::specular::{
     ShadingPoint, SpecularMethod, THROUGH_PANE, fnee::PathSearch, newton::Root, side::PaneSide, sms::ManifoldSearch,
 };
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::comparisons::setting;
@@ -117,22 +118,34 @@ pub struct Connections {
 enum LeftOut {
     /// None.
     Nothing,
-    /// Those of which [`SCOUTS`] walks through each pane, whose vertices obey this, do not find each listed path twice.
-    MissedByScouts(ManifoldConstraint),
+    /// Those of which [`SCOUTS`] searches through each pane do not find each listed path twice.
+    MissedByScouts(Scouts),
     /// Those whose enumeration is not complete.
     Incomplete,
 }
 
-/// Scouts in the room, whose hammered pane has paths that a walk finds once in 60 times and less.
+/// Searches from uniform seeds that have to find what the method under test is held to: of its own kind.
+#[derive(Clone, Copy, Debug)]
+enum Scouts {
+    /// Manifold walks.
+    Walks { constraint: ManifoldConstraint, steps: WalkSteps },
+    /// Line searches on the optical length.
+    LineSearches,
+}
+
+/// Runs a search from a uniform seed and tells where the path that it finds enters the pane, in the pane's frame.
+type Scout<'a> = Box<dyn FnMut(&mut Random, &mut Counters) -> Option<DVec3> + 'a>;
+
+/// Scouts through each pane, some of which have paths that a search finds once in 60 times and less.
 const SCOUTS: u32 = 32;
 
 /// One of so many connections that are left out is searched with patience.
 const PATIENTLY: f64 = 1024.0;
 
-/// Walks through each pane that find what there is to be found.
+/// Searches through each pane that find what there is to be found.
 const PATIENCE: u32 = 20_000;
 
-/// Two walks that end as near to each other found the same path, relative to the shortest of its three parts.
+/// Two searches that end as near to each other found the same path, relative to the shortest of its three parts.
 const SAME_PATH: f64 = 1e-6;
 
 /// Places are drawn from a rectangle so much wider than the pane, since glass deflects light.
@@ -167,15 +180,26 @@ impl Connections {
         let mut description = bundle.description().clone();
         description.integrator = methods::integrator(method, description.integrator.max_depth());
         let left_out = match description.integrator {
-            IntegratorDescription::Sms { constraint, .. } if case == "room" => LeftOut::MissedByScouts(constraint),
-            _ if case == "room" => LeftOut::Incomplete,
-            _ => LeftOut::Nothing,
+            _ if case != "room" && !(case == "cathedral" && method.ends_with("published")) => LeftOut::Nothing,
+            IntegratorDescription::Sms { constraint, steps, .. } => {
+                LeftOut::MissedByScouts(Scouts::Walks { constraint, steps })
+            }
+            IntegratorDescription::Fnee { solver: FneeSolver::Published, .. } => {
+                LeftOut::MissedByScouts(Scouts::LineSearches)
+            }
+            _ => LeftOut::Incomplete,
         };
         let bundle = bundle.with_description(description).expect("the changed scene is valid");
         let scene = Scene::build(&bundle).expect("the scene can be built");
         // The room's lamp shines from inside.
         let sun = scene.lights().iter().position(|light| matches!(light.kind, LightKind::Sun { .. }));
         Self { name: connections_name(case, light, method), light: sun.unwrap_or(0) as u32, left_out, scene }
+    }
+
+    /// Whether patience has to reach all light: not by line searches, of which some paths lie beyond any patience
+    /// (`docs/decisions/0015-what-is-held-to-its-parts.md`).
+    pub fn all_is_reached(&self) -> bool {
+        !matches!(self.left_out, LeftOut::MissedByScouts(Scouts::LineSearches))
     }
 
     /// The light that the method finds over about `count` connections, and what is there of what the method looks for.
@@ -261,11 +285,11 @@ impl Connections {
             sums.left_out += 1.0;
             return;
         }
-        if let LeftOut::MissedByScouts(constraint) = self.left_out {
-            let mut missed_by = |walks, times| -> f64 {
+        if let LeftOut::MissedByScouts(scouts) = self.left_out {
+            let mut missed_by = |searches, times| -> f64 {
                 let unfound = |(index, pane): (usize, &ThroughPane<'_>)| {
                     let lit = of_pane(index).filter(|(.., light)| *light > 0.0).map(|(_, root, light)| (root, *light));
-                    pane.unfound(lit.collect(), constraint, walks, times, random, counters)
+                    pane.unfound(lit.collect(), scouts, searches, times, random, counters)
                 };
                 panes.iter().enumerate().map(unfound).sum()
             };
@@ -316,32 +340,27 @@ impl<'a> ThroughPane<'a> {
         sample: &'a SourceSample,
         pane: u32,
     ) -> Option<Self> {
-        let search = search_through(scene, point, sample.source, pane)?;
+        let search = search_through(scene, point, sample.source, pane, FneeSolver::Complete)?;
         Some(Self { scene, method, point, light, sample, pane, search })
     }
 
-    /// The light of the paths, of some with their light, that `walks` walks do not find so many times.
+    /// The light of the paths, of some with their light, that so many scouts do not find so many times.
     fn unfound(
         &self,
         paths: Vec<(&Root, f64)>,
-        constraint: ManifoldConstraint,
-        walks: u32,
+        scouts: Scouts,
+        searches: u32,
         times: u32,
         random: &mut Random,
         counters: &mut Counters,
     ) -> f64 {
         let mut missing: Vec<(&Root, f64, u32)> = paths.into_iter().map(|(root, light)| (root, light, times)).collect();
-        let search = ManifoldSearch::new(self.scene, self.point, self.sample.source, self.pane, constraint);
-        let PaneSide { near, pane, .. } = *self.search.side();
-        for _ in 0..search.as_ref().map_or(0, |_| walks) {
+        let mut find = self.scout(scouts);
+        for _ in 0..searches {
             if missing.is_empty() {
                 break;
             }
-            let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
-            let height = pane.base_height(near) + pane.surface(near).height(place);
-            let target = pane.frame.point_to_world(place.extend(height));
-            let entry = search.as_ref().and_then(|search| search.walk_towards(target, counters));
-            let Some(entry) = entry.map(|entry| pane.frame.point_to_local(entry)) else { continue };
+            let Some(entry) = find(random, counters) else { continue };
             missing.retain_mut(|(root, _, times)| {
                 let shortest = root.path.lengths.into_iter().fold(f64::INFINITY, f64::min);
                 *times -= u32::from(entry.distance(root.path.vertices[0]) <= SAME_PATH * shortest);
@@ -349,6 +368,31 @@ impl<'a> ThroughPane<'a> {
             });
         }
         missing.iter().map(|(_, light, _)| light).sum()
+    }
+
+    /// A search of the kind that is named.
+    fn scout(&self, scouts: Scouts) -> Scout<'_> {
+        let Self { scene, point, sample, .. } = *self;
+        let PaneSide { near, pane, .. } = *self.search.side();
+        match scouts {
+            Scouts::Walks { constraint, steps } => {
+                let search = ManifoldSearch::new(scene, point, sample.source, self.pane, constraint, steps);
+                Box::new(move |random, counters| {
+                    let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
+                    let height = pane.base_height(near) + pane.surface(near).height(place);
+                    let target = pane.frame.point_to_world(place.extend(height));
+                    let entry = search.as_ref()?.walk_towards(target, counters)?;
+                    Some(pane.frame.point_to_local(entry))
+                })
+            }
+            Scouts::LineSearches => {
+                let search = search_through(scene, point, sample.source, self.pane, FneeSolver::Published);
+                Box::new(move |random, counters| {
+                    let seed = || DVec2::new(random.uniform(), random.uniform());
+                    search.as_ref()?.solve(seed, counters).map(|root| root.path.vertices[0])
+                })
+            }
+        }
     }
 
     /// An estimate without bias of the light of the paths that are not listed.

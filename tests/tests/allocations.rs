@@ -7,7 +7,7 @@ use clerestory_render_core::counters::Counters;
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::{LightKind, Source};
 use clerestory_render_core::scene::Scene;
-use clerestory_render_core::scene::description::{FneeSolver, ManifoldConstraint};
+use clerestory_render_core::scene::description::{FneeSolver, ManifoldConstraint, WalkSteps};
 use clerestory_render_core::specular::{ShadingPoint, fnee::PathSearch, side::PaneSide, sms::ManifoldSearch};
 use clerestory_tests::random::Random;
 use clerestory_tests::solution_lists::{load_case, load_list};
@@ -93,7 +93,9 @@ fn walks_over_panes_take_no_memory() {
             let normal = if normal.dot(pane.frame.origin - position) > 0.0 { normal } else { -normal };
             let point = ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 };
             let source = Source::Point(light(&scene));
-            let Some(search) = ManifoldSearch::new(&scene, &point, source, 0, constraint) else { continue };
+            let Some(search) = ManifoldSearch::new(&scene, &point, source, 0, constraint, WalkSteps::default()) else {
+                continue;
+            };
             runs.run(&mut random, |seed| {
                 let target = pane.frame.point_to_world(((seed - 0.5) * pane.size).extend(0.0));
                 search.walk_towards(target, counters).is_some()

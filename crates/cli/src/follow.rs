@@ -118,7 +118,7 @@ impl Follower<'_> {
             self.progress.show(&Advance {
                 fraction: view.progress,
                 activity: None,
-                samples: Some(samples_text(&view)),
+                samples: Some(samples_text(&view, " samples a pixel")),
                 samples_per_second: view.samples_per_second,
                 remaining: view.remaining_ms.and_then(|left| u64::try_from(left).ok()).map(Duration::from_millis),
             });

@@ -123,10 +123,9 @@ pub(crate) fn upload_bar(bytes: u64) -> ProgressBar {
 }
 
 fn advance_text(advance: &Advance) -> String {
-    let samples = advance.samples.as_ref().map(|samples| format!("{samples} samples a pixel"));
     let rate = advance.samples_per_second.map(|rate| format!("{} samples/s", with_prefix(rate)));
     let left = advance.remaining.map(|left| format!("{} left", duration_text(left)));
-    [advance.activity.clone(), samples, rate, left].into_iter().flatten().collect::<Vec<_>>().join(", ")
+    [advance.activity.clone(), advance.samples.clone(), rate, left].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
 fn round_text(point: &ConvergencePoint) -> String {
@@ -184,7 +183,7 @@ mod tests {
         let advance = Advance {
             fraction: 0.5,
             activity: None,
-            samples: Some("128 of 256".to_owned()),
+            samples: Some("128 of 256 samples a pixel".to_owned()),
             samples_per_second: Some(1_234_567.0),
             remaining: Some(Duration::from_secs(61)),
         };

@@ -41,7 +41,7 @@ pub(crate) fn parse_job(text: &str) -> Result<JobId, String> {
 fn row(job: &JobView) -> String {
     let mse = job.latest.as_ref().map_or_else(|| "-".to_owned(), mse_text);
     let (id, done) = (job.id.to_string(), format!("{:.1}%", job.progress * 100.0));
-    line([&id, job.state.name(), &done, &samples_text(job), &mse, &job.integrator, &job.name])
+    line([&id, job.state.name(), &done, &samples_text(job, ""), &mse, &job.integrator, &job.name])
 }
 
 fn line([id, state, done, samples, mse, method, name]: [&str; 7]) -> String {
@@ -57,14 +57,14 @@ fn mse_text(point: &ConvergencePoint) -> String {
     }
 }
 
-/// Samples in a pixel so far, and what ends the job: their number, or its time.
-pub(crate) fn samples_text(job: &JobView) -> String {
+/// Samples in a pixel so far, with a unit behind the number, and what ends the job: their number, or its time.
+pub(crate) fn samples_text(job: &JobView, unit: &str) -> String {
     let pixels = u64::from(job.width) * u64::from(job.height) * u64::from(job.frames);
     let samples = job.samples as f64 / pixels.max(1) as f64;
     let digits = if samples.fract() == 0.0 { 0 } else { 1 };
     match job.time_limit_ms.and_then(|limit| u64::try_from(limit).ok()) {
-        Some(limit) => format!("{samples:.digits$} within {}", duration_text(Duration::from_millis(limit))),
-        None => format!("{samples:.digits$} of {}", u64::from(job.passes) * u64::from(job.samples_per_pass)),
+        Some(limit) => format!("{samples:.digits$}{unit} within {}", duration_text(Duration::from_millis(limit))),
+        None => format!("{samples:.digits$} of {}{unit}", u64::from(job.passes) * u64::from(job.samples_per_pass)),
     }
 }
 

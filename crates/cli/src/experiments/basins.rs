@@ -8,7 +8,7 @@ use clerestory_render_core::film::{FrameImage, ImageLayers, SampleStream, Sample
 use clerestory_render_core::geometry::Rect;
 use clerestory_render_core::optics::{Source, SourceSample};
 use clerestory_render_core::scene::Scene;
-use clerestory_render_core::scene::description::{FneeSolver, ManifoldConstraint};
+use clerestory_render_core::scene::description::{FneeSolver, ManifoldConstraint, WalkSteps};
 use clerestory_render_core::specular::ShadingPoint;
 use clerestory_render_core::specular::fermat::Connection;
 use clerestory_render_core::specular::fnee::PathSearch;
@@ -300,7 +300,7 @@ impl Basins<'_> {
                 let constraint = ManifoldConstraint::AngleDifference;
                 let frame = &side.pane.frame;
                 let height = side.near_base() + side.near_surface().height(place);
-                let search = ManifoldSearch::new(scene, point, sample.source, *pane, constraint)?;
+                let search = ManifoldSearch::new(scene, point, sample.source, *pane, constraint, WalkSteps::default())?;
                 let entry = search.walk_towards(frame.point_to_world(place.extend(height)), counters)?;
                 Some(frame.point_to_local(entry).truncate())
             }

@@ -50,9 +50,9 @@ impl<'a> ManifoldSearch<'a> {
         source: Source,
         pane: u32,
         constraint: ManifoldConstraint,
+        steps: WalkSteps,
     ) -> Option<Self> {
         let caster = Caster::Pane(pane).seen_from(scene, point)?;
-        let steps = WalkSteps::default();
         Some(Self(ManifoldWalk { scene, point, source, caster, events: &THROUGH_PANE, constraint, steps }))
     }
 

@@ -4,6 +4,8 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
+use rayon::prelude::*;
+
 use super::*;
 use crate::film::{NodeAddress, TileGrid};
 use crate::integrator::render_node;
@@ -62,19 +64,16 @@ fn scenes_differ_in_the_surface_alone() {
 
 #[test]
 fn every_view_sees_light_through_the_water() {
-    for scene in SCENES {
-        for view in VIEWS {
-            let all = lit(scene(&settings("2000", view)));
-            let mut dry = scene(&settings("2000", view));
-            dry.integrator = IntegratorDescription::Path { max_depth: 12 };
-            let by_chance = lit(dry);
-            println!(
-                "{}, {view:?}: {all:.2} of the picture lit, by chance {by_chance:.2}",
-                scene(&settings("8", view)).name
-            );
-            assert!(all > 0.7 && all > by_chance + 0.1, "{view:?}: {all}, {by_chance}");
-        }
-    }
+    let pairs: Vec<_> = SCENES.into_iter().flat_map(|scene| VIEWS.map(|view| (scene, view))).collect();
+    pairs.into_par_iter().for_each(|(scene, view)| {
+        let all = lit(scene(&settings("2000", view)));
+        let mut dry = scene(&settings("2000", view));
+        dry.integrator = IntegratorDescription::Path { max_depth: 12 };
+        let by_chance = lit(dry);
+        let name = scene(&settings("8", view)).name;
+        println!("{name}, {view:?}: {all:.2} of the picture lit, by chance {by_chance:.2}");
+        assert!(all > 0.7 && all > by_chance + 0.1, "{view:?}: {all}, {by_chance}");
+    });
 }
 
 #[test]
