@@ -2,7 +2,7 @@
 //! user would see.
 
 use std::fmt::Debug;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -21,6 +21,9 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 const GLANCE: Duration = Duration::from_millis(50);
 
+/// Longest wait for a browser that was asked to end.
+const FAREWELL: Duration = Duration::from_secs(10);
+
 /// As a container's root runs it: no sandbox, no graphics processor, and no calls home.
 const CHROMIUM_ARGUMENTS: [&str; 9] = [
     "--headless",
@@ -37,9 +40,14 @@ const CHROMIUM_ARGUMENTS: [&str; 9] = [
 /// A browser with one page. It ends with the value.
 pub struct Browser {
     client: Client,
-    driver: Child,
-    port: u16,
+    _driver: Chromedriver,
     _profile: TempDir,
+}
+
+/// A chromedriver, which ends with the value, and its browsers with it.
+struct Chromedriver {
+    process: Child,
+    port: u16,
 }
 
 impl Browser {
@@ -50,7 +58,7 @@ impl Browser {
     /// When there is no chromedriver, or it has no Chromium of its version.
     pub async fn open(address: &str) -> Self {
         let profile = tempfile::tempdir().expect("a temporary folder");
-        let (driver, port) = start_chromedriver();
+        let driver = start_chromedriver();
         let mut arguments: Vec<String> = CHROMIUM_ARGUMENTS.map(str::to_owned).into();
         arguments.push(format!("--user-data-dir={}", profile.path().display()));
         arguments.push("--window-size=1280,1400".to_owned());
@@ -60,10 +68,10 @@ impl Browser {
         });
         let client = ClientBuilder::new(HttpConnector::new())
             .capabilities(capabilities.as_object().expect("an object").clone())
-            .connect(&format!("http://127.0.0.1:{port}"))
+            .connect(&format!("http://127.0.0.1:{}", driver.port))
             .await
             .expect("chromedriver opens a Chromium of its own version");
-        let browser = Self { client, driver, port, _profile: profile };
+        let browser = Self { client, _driver: driver, _profile: profile };
         browser.client.goto(address).await.expect("the page opens");
         browser
     }
@@ -168,23 +176,24 @@ impl Browser {
     }
 }
 
-impl Drop for Browser {
+impl Drop for Chromedriver {
     fn drop(&mut self) {
         // Ended by a signal, chromedriver leaves its Chromium running, which writes to its profile on and on.
         let asked = TcpStream::connect((Ipv4Addr::LOCALHOST, self.port)).and_then(|mut driver| {
-            driver.write_all(b"GET /shutdown HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")?;
-            driver.read_to_end(&mut Vec::new())
+            driver.write_all(b"GET /shutdown HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n")
         });
-        if asked.is_err() {
-            let _ = self.driver.kill();
+        let deadline = Instant::now() + FAREWELL;
+        while asked.is_ok() && Instant::now() < deadline && matches!(self.process.try_wait(), Ok(None)) {
+            std::thread::sleep(GLANCE);
         }
-        let _ = self.driver.wait();
+        let _ = self.process.kill();
+        let _ = self.process.wait();
     }
 }
 
 /// Starts chromedriver on a port that is free.
-fn start_chromedriver() -> (Child, u16) {
-    let mut driver = Command::new("chromedriver")
+fn start_chromedriver() -> Chromedriver {
+    let mut process = Command::new("chromedriver")
         .arg("--port=0")
         .stdin(Stdio::null())
         .stdout(Stdio::piped())
@@ -193,13 +202,13 @@ fn start_chromedriver() -> (Child, u16) {
         .unwrap_or_else(|error| {
             panic!("chromedriver cannot be started ({error}): install Debian's `chromium` and `chromium-driver`")
         });
-    let mut lines = BufReader::new(driver.stdout.take().expect("its output is piped")).lines().map_while(Result::ok);
+    let mut lines = BufReader::new(process.stdout.take().expect("its output is piped")).lines().map_while(Result::ok);
     let port = lines.find_map(|line| {
         let (_, port) = line.split_once("was started successfully on port ")?;
         port.trim_end_matches('.').parse().ok()
     });
     // Nobody reads on: chromedriver writes no more than this to standard output.
-    (driver, port.expect("chromedriver says on which port it listens"))
+    Chromedriver { process, port: port.expect("chromedriver says on which port it listens") }
 }
 
 /// Chromedriver's own command for the browser's console.

@@ -12,7 +12,7 @@
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`connections`]: fixed problems, to compare the paths that methods find and the time that they take;
-//! - [`single_connections`]: the light that a method finds between two points, against what is there;
+//! - [`single_connections`]: the light that a method finds between two points, against what is there, which `known_paths` knows;
 //! - [`rendering`]: scenes rendered in this process, and [`estimate`]: whether two ways to render one agree;
 //! - [`pane_scene`]: small scenes for tests of laws, [`closed_room`]: a room for tests of all light;
 //! - [`found_paths`]: paths of light as methods are asked about them;
@@ -37,6 +37,7 @@ pub mod folds;
 pub mod forward_tracer;
 pub mod found_paths;
 pub mod hand_worker;
+mod known_paths;
 pub mod malformed_calls;
 pub mod malformed_partials;
 pub mod malformed_scenes;

@@ -71,7 +71,7 @@ const OF_SINGLE_CONNECTIONS: [&str; 4] = ["sms", "sms, half vector", "sms, publi
 const OF_SINGLE_CONNECTIONS_IN_THE_ROOM: [&str; 8] = [
     "fnee, sharp",
     "fnee, random",
-    "fnee, published",
+    "fnee, 16 trials",
     "sms",
     "sms, half vector",
     "sms, published",
@@ -81,7 +81,7 @@ const OF_SINGLE_CONNECTIONS_IN_THE_ROOM: [&str; 8] = [
 
 /// Methods that lack light where there are several paths.
 const DARK: [(&str, &str); 5] = [
-    ("fnee, cut off", "point"),
+    ("fnee, 4 trials", "point"),
     ("sms, 1 walks", "point"),
     ("sms, 4 walks", "point"),
     ("mnee, dropped", "point"),
@@ -121,6 +121,11 @@ fn main() -> ExitCode {
         ["point", "sphere", "sun"]
             .into_iter()
             .flat_map(move |light| OF_SINGLE_CONNECTIONS.map(|method| (case, light, method)))
+            // It finds some paths there so seldom that no mean settles: it is held to what its trials find.
+            .map(|(case, light, method)| match (case, method) {
+                ("cathedral", "fnee, published") => (case, light, "fnee, 16 trials"),
+                _ => (case, light, method),
+            })
     });
     let in_the_room = OF_SINGLE_CONNECTIONS_IN_THE_ROOM.map(|method| ("room", "sun", method));
     let connections: Vec<Connections> = behind_panes
@@ -184,7 +189,7 @@ fn examine_connections(connections: &Connections, arguments: &Arguments, progres
     let good = light.agrees()
         && near
         && error <= MEAN_POWER
-        && (light.most_unreached() <= MEAN_POWER || !connections.all_is_reached())
+        && (light.most_unreached() <= MEAN_POWER || !connections.must_reach_all())
         && light.would_notice(FAULT);
     let seconds = start.elapsed().as_secs_f64();
     progress.suspend(|| {

@@ -61,10 +61,15 @@ fn mse_text(point: &ConvergencePoint) -> String {
 pub(crate) fn samples_text(job: &JobView, unit: &str) -> String {
     let pixels = u64::from(job.width) * u64::from(job.height) * u64::from(job.frames);
     let samples = job.samples as f64 / pixels.max(1) as f64;
+    let limit = job.time_limit_ms.and_then(|limit| u64::try_from(limit).ok()).map(Duration::from_millis);
+    words_of_samples(samples, unit, u64::from(job.passes) * u64::from(job.samples_per_pass), limit)
+}
+
+fn words_of_samples(samples: f64, unit: &str, most: u64, limit: Option<Duration>) -> String {
     let digits = if samples.fract() == 0.0 { 0 } else { 1 };
-    match job.time_limit_ms.and_then(|limit| u64::try_from(limit).ok()) {
-        Some(limit) => format!("{samples:.digits$}{unit} within {}", duration_text(Duration::from_millis(limit))),
-        None => format!("{samples:.digits$} of {}{unit}", u64::from(job.passes) * u64::from(job.samples_per_pass)),
+    match limit {
+        Some(limit) => format!("{samples:.digits$}{unit} within {}", duration_text(limit)),
+        None => format!("{samples:.digits$} of {most}{unit}"),
     }
 }
 
@@ -80,5 +85,14 @@ mod tests {
         assert_eq!(mse_text(&point), "~1.250e-3");
         point.mse = Some(2e-3);
         assert_eq!(mse_text(&point), "2.000e-3");
+    }
+
+    #[test]
+    fn samples_have_their_unit_before_the_time_and_behind_the_total() {
+        let limit = Some(Duration::from_secs(150));
+        let unit = " samples a pixel";
+        assert_eq!(words_of_samples(76.5, unit, 256, limit), "76.5 samples a pixel within 2 min 30 s");
+        assert_eq!(words_of_samples(128.0, unit, 256, None), "128 of 256 samples a pixel");
+        assert_eq!(words_of_samples(128.0, "", 256, None), "128 of 256");
     }
 }
