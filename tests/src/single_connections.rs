@@ -168,7 +168,7 @@ pub fn connections_name(case: &str, light: &str, method: &str) -> String {
 impl Connections {
     /// Those of a case under a light, as in [`crate::comparisons::comparison`], for a method (a name of [`methods::settings`])
     /// that draws a point of the light first. In the room, and behind cathedral glass for walks as published, connections that are too
-    /// hard are left out. Of the published search with at most [`MOST_SEARCHES`] trials, what as many searches find is asked for.
+    /// hard are left out. Of the published search with at most 1000 trials, what as many searches find is asked for.
     ///
     /// # Panics
     ///
