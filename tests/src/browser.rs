@@ -21,8 +21,8 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 const GLANCE: Duration = Duration::from_millis(50);
 
-/// Longest wait for a browser that was asked to end.
-const FAREWELL: Duration = Duration::from_secs(10);
+/// Longest wait for a browser that was asked to end: chromedriver itself waits ten seconds for it before it kills it.
+const FAREWELL: Duration = Duration::from_secs(30);
 
 /// As a container's root runs it: no sandbox, no graphics processor, and no calls home.
 const CHROMIUM_ARGUMENTS: [&str; 9] = [

@@ -16,7 +16,7 @@ pub const UNBIASED: [&str; 7] = ["path", "cone", "fnee", "fnee, published", "sms
 pub fn settings(name: &str) -> Value {
     match name {
         "path" | "cone" | "fnee" | "sms" | "mnee" => json!({name: {}}),
-        // So many that behind the glass where all its light is asked for, what is cut off is less than what tests notice.
+        // So many that behind the glass where all its light is asked for, tests do not notice what is cut off.
         "fnee, published" => json!({"fnee": {"solver": "published", "max_trials": 20_000}}),
         "sms, published" => json!({"sms": {"steps": "published"}}),
         "sms, half vector" => json!({"sms": {"constraint": "half_vector"}}),

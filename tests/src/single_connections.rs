@@ -15,7 +15,8 @@
 //!
 //! `fnee` as published finds some paths behind strong relief once in thousands of searches. Its estimates are cut off at M trials, and a
 //! path of probability p then has the part `1 - (1 - p)^M` of its light on average: just as often one of M searches finds it. So
-//! the light of those listed paths that M searches of their own find is what it is held to there, without leaving anything out.
+//! the light of those listed paths that M searches of their own find is what it is held to there, and no connection with listed light is
+//! left out.
 
 use std::fmt;
 
@@ -53,6 +54,8 @@ pub struct RelativeLight {
     pub without_saddles: Estimate,
     /// Share of the light that is in saddles, over all connections.
     pub saddles: f64,
+    /// Light that the method finds along other paths than those that are asked for, relative to the known paths.
+    pub elsewhere: f64,
     /// Share of the connections that are left out, as too hard.
     pub left_out: f64,
     /// Connections that are searched with patience.
@@ -98,9 +101,10 @@ impl fmt::Display for RelativeLight {
         let agreement = Agreement::of(&[self.ours], &[self.theirs]);
         write!(
             formatter,
-            "{agreement}, {:.2} % of the light looked for, {:.2} % of it in saddles, {:.2} % left out, {:.3} % not reached by {} searches, below {:.3} %",
+            "{agreement}, {:.2} % of the light looked for, {:.2} % of it in saddles, {:.3} % found elsewhere, {:.2} % left out, {:.3} % not reached by {} searches, below {:.3} %",
             100.0 * self.theirs.mean,
             100.0 * (1.0 - self.without_saddles.mean / self.theirs.mean),
+            100.0 * self.elsewhere,
             100.0 * self.left_out,
             100.0 * self.uncertain * self.unreached,
             self.searched,
@@ -155,6 +159,7 @@ struct Sums {
     saddles: f64,
     connections: f64,
     all_saddles: f64,
+    elsewhere: f64,
     left_out: f64,
     searched: f64,
     unreached: f64,
@@ -230,6 +235,7 @@ impl Connections {
         let connections = left_out + all(|sums| sums.connections);
         RelativeLight {
             saddles: all(|sums| sums.all_saddles) / connections,
+            elsewhere: all(|sums| sums.elsewhere) / all(|sums| sums.connections),
             left_out: left_out / connections,
             searched,
             unreached: all(|sums| sums.unreached) / searched.max(1.0),
@@ -306,7 +312,9 @@ impl Connections {
         });
         let missed = match self.held_to {
             HeldTo::FoundBy(searches, search) => {
-                arrivals.retain(|(direction, _)| known.brings_light(*direction));
+                for (_, light) in arrivals.extract_if(.., |(direction, _)| !known.brings_light(*direction)) {
+                    sums.elsewhere += light;
+                }
                 known.unfound(search, searches, 1, random)
             }
             _ => {

@@ -229,7 +229,11 @@ fn estimates_that_are_cut_off_have_the_light_that_as_many_searches_find() {
     let light = connections.relative_light(100_000, 3);
     println!("{}: {light}", connections.name);
     assert!(light.agrees() && light.would_notice(FRESNEL), "{}: {light}", connections.name);
-    assert!(light.theirs.mean < 0.99 && light.unreached < 0.05, "{}: {light}", connections.name);
+    assert!(
+        light.theirs.mean < 0.99 && light.unreached < 0.05 && light.elsewhere < 0.01,
+        "{}: {light}",
+        connections.name
+    );
 }
 
 #[test]

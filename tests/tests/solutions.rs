@@ -145,6 +145,7 @@ fn check(case: &str, list: &str) {
         100.0 * success(&complete),
         100.0 * success(&published),
     );
+    assert!(20 * missed_by_published <= listed, "{list}: {missed_by_published} of {listed} missed by `published`");
     println!(
         "{list}: the enumeration finds all paths; the bounds know that these are all of {} of {} points",
         enumerated.complete, enumerated.points,
