@@ -129,7 +129,10 @@ fn main() -> ExitCode {
             })
     });
     let in_the_room = OF_SINGLE_CONNECTIONS_IN_THE_ROOM.map(|method| ("room", "sun", method));
+    // One path at the pane's border, which few walks find, outweighs all others in a picture.
+    let at_the_border = [("flat", "near", "sms")];
     let connections: Vec<Connections> = behind_panes
+        .chain(at_the_border)
         .chain(in_the_room)
         .filter(|(case, light, method)| connections_name(case, light, method).contains(&arguments.filter))
         .map(|(case, light, method)| Connections::new(case, light, method))
@@ -206,7 +209,8 @@ fn examine_connections(connections: &Connections, arguments: &Arguments, progres
 /// Whether a method that draws one point of a light is held to a picture, and not only to single connections.
 fn is_picture(case: &str, light: &str, method: &str) -> bool {
     let weighs = ["crown", "cathedral"].contains(&case) && ["point", "sphere"].contains(&light)
-        || light == "sun" && case != "flat";
+        || light == "sun" && case != "flat"
+        || light == "near" && case == "flat" && method == "sms";
     !(method.starts_with("sms") && weighs)
 }
 
