@@ -25,6 +25,15 @@ pub(crate) struct Singles3<S> {
     pub(crate) z: Singles<S>,
 }
 
+/// Tells the processor that numbers will be needed soon.
+#[inline(always)]
+pub(crate) fn prefetch(values: &[f32; SINGLES]) {
+    #[cfg(target_arch = "x86_64")]
+    safe_arch::prefetch_t0(values);
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = values;
+}
+
 impl<S: Instructions> Singles<S> {
     #[inline(always)]
     pub(crate) fn new(simd: S, values: &[f32; SINGLES]) -> Self {
@@ -140,12 +149,6 @@ impl<S: Instructions> Singles3<S> {
     #[inline(always)]
     pub(crate) fn abs(self) -> Self {
         Self { x: self.x.abs(), y: self.y.abs(), z: self.z.abs() }
-    }
-
-    /// Zero where negative.
-    #[inline(always)]
-    pub(crate) fn positive_part(self) -> Self {
-        Self { x: self.x.positive_part(), y: self.y.positive_part(), z: self.z.positive_part() }
     }
 
     #[inline(always)]

@@ -8,15 +8,16 @@ use glam::DVec3;
 
 use super::{
     facet::Facet,
-    seen_ends::{ALL, BENDING, ByLane, ROUNDING, SeenEnd, SeenEnds, Vectors, missing, numbers, vectors},
+    seen_ends::{ALL, BENDING, ByLane, ROUNDING, SeenEnds, Vectors, missing, numbers, vectors},
 };
 use crate::lanes::{
     Instructions,
-    singles::{SINGLES, Singles, Singles3},
+    singles::{SINGLES, Singles, Singles3, prefetch},
 };
 
 /// At most eight triangles, in single precision relative to the middle of the mesh.
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 pub(super) struct FacetLeaf {
     /// Their middles.
     centre: Vectors,
@@ -59,15 +60,28 @@ impl FacetLeaf {
         }
     }
 
+    /// Tells the processor that it will be looked at soon.
+    #[inline(always)]
+    pub(super) fn prefetch(&self) {
+        let Self { centre, edges, normal, turning, reach, normal_length, away, .. } = self;
+        [centre, &edges[0], &edges[1], normal, &turning[0], &turning[1]].into_iter().flatten().for_each(prefetch);
+        [reach, normal_length, away].into_iter().for_each(prefetch);
+    }
+
     /// On which triangles a path may be, as the bits of a number.
     #[inline(always)]
-    pub(super) fn may_hold<S: Instructions>(&self, simd: S, ends: &SeenEnds<S>) -> u32 {
+    pub(super) fn may_hold<S: Instructions, const NEAR: bool>(&self, simd: S, ends: &SeenEnds<S, NEAR>) -> u32 {
         self.holding(simd, &self.middles(simd, ends))
     }
 
     /// The same, and which of these may focus the light more than `strongly` (see [`Facet::focus`]).
     #[inline(always)]
-    pub(super) fn may_hold_and_focus<S: Instructions>(&self, simd: S, ends: &SeenEnds<S>, strongly: f64) -> [u32; 2] {
+    pub(super) fn may_hold_and_focus<S: Instructions, const NEAR: bool>(
+        &self,
+        simd: S,
+        ends: &SeenEnds<S, NEAR>,
+        strongly: f64,
+    ) -> [u32; 2] {
         let middles = self.middles(simd, ends);
         let holding = self.holding(simd, &middles);
         let focusing = if holding == 0 { 0 } else { holding & self.focusing(simd, ends, &middles, strongly) };
@@ -76,40 +90,47 @@ impl FacetLeaf {
 
     /// What light does at the middles.
     #[inline(always)]
-    fn middles<S: Instructions>(&self, simd: S, ends: &SeenEnds<S>) -> Middles<S> {
+    fn middles<S: Instructions, const NEAR: bool>(&self, simd: S, ends: &SeenEnds<S, NEAR>) -> Middles<S> {
         let (centre, normal) = (Singles3::new(simd, &self.centre), Singles3::new(simd, &self.normal));
         let reach = Singles::new(simd, &self.reach);
-        let (to_point, to_light) = (ends.point - centre, ends.light - centre * ends.near);
-        let nearest = (to_point.length() - reach).positive_part();
-        let near_end = SeenEnd::new(to_point, ends.indices[0], nearest, reach, ends.grains[0]);
-        let far_end = if ends.is_near {
-            let nearest = (to_light.length() - reach).positive_part();
-            SeenEnd::new(to_light, ends.indices[1], nearest, reach, ends.grains[1])
+        let [to_point, to_light] = ends.offsets(centre);
+        let near_end = ends.seen_point(to_point, self.closest(simd, to_point), reach);
+        let edges = [Singles3::new(simd, &self.edges[0]), Singles3::new(simd, &self.edges[1])];
+        let mut half_by = [near_end.moved(edges[0]), near_end.moved(edges[1])];
+        let (mut half, mut speed, mut bent) = (near_end.half, near_end.speed, near_end.bent);
+        let mut far_speed = None;
+        if NEAR {
+            let far_end = ends.seen_light(to_light, self.closest(simd, to_light), reach);
+            half_by = [half_by[0] + far_end.moved(edges[0]), half_by[1] + far_end.moved(edges[1])];
+            (half, speed, bent) = (half + far_end.half, speed + far_end.speed, bent + far_end.bent);
+            far_speed = Some(far_end.speed);
         } else {
-            SeenEnd::at_infinity(to_light, ends.indices[1], ends.grains[1])
-        };
-        let half = near_end.direction.times_plus(ends.indices[0], far_end.direction * ends.indices[1]);
-        let both = [&near_end, &far_end];
-        let half_by = [self.half_by(simd, ends, 0, both), self.half_by(simd, ends, 1, both)];
+            (half, bent) = (half + to_light, bent + ends.bent_at_infinity());
+        }
         let by = [
             half_by[0].cross(normal) + half.cross(Singles3::new(simd, &self.turning[0])),
             half_by[1].cross(normal) + half.cross(Singles3::new(simd, &self.turning[1])),
         ];
         let determinant = normal.dot(by[0].cross(by[1]));
-        Middles { near_end, far_end, normal, half, half_by, by, determinant }
+        let speeds = [Some(near_end.speed), far_speed];
+        Middles { speeds, speed, bent, normal, half, half_by, by, determinant }
+    }
+
+    /// One over how near places on triangles can be to the end at an offset from their middles.
+    #[inline(always)]
+    fn closest<S: Instructions>(&self, simd: S, offset: Singles3<S>) -> Singles<S> {
+        Singles::splat(simd, 1.0).over((offset.length() - Singles::new(simd, &self.reach)).positive_part())
     }
 
     #[inline(always)]
     fn holding<S: Instructions>(&self, simd: S, middles: &Middles<S>) -> u32 {
-        let &Middles { ref near_end, ref far_end, normal, half, by: [first, second], determinant, .. } = middles;
+        let &Middles { speed, bent, normal, half, by: [first, second], determinant, .. } = middles;
         let (reach, away) = (Singles::new(simd, &self.reach), Singles::new(simd, &self.away));
         let normal_length = Singles::new(simd, &self.normal_length);
         let defect = half.cross(normal);
         let longest = normal_length + away;
         let (size, rounding) = (half.length(), Singles::splat(simd, ROUNDING));
-        let rest = (near_end.speed + far_end.speed) * reach * away
-            + (near_end.bent + far_end.bent) * longest
-            + rounding * (size + Singles::splat(simd, 1.0)) * longest;
+        let rest = speed * reach * away + bent * longest + rounding * (size + Singles::splat(simd, 1.0)) * longest;
         // Where the linear part vanishes, as weights from the middle times the determinant, the sign turned; only what is across the
         // normal counts.
         let weights = [normal.dot(defect.cross(second)), normal.dot(first.cross(defect))];
@@ -130,18 +151,25 @@ impl FacetLeaf {
     /// What [`Facet::focus`] computes, with slack for rounding. Longer edges and normals that turn more than these do make bends larger
     /// and nothing else.
     #[inline(always)]
-    fn focusing<S: Instructions>(&self, simd: S, ends: &SeenEnds<S>, middles: &Middles<S>, strongly: f64) -> u32 {
-        let Middles { near_end, far_end, normal, half_by, by, determinant, .. } = middles;
+    fn focusing<S: Instructions, const NEAR: bool>(
+        &self,
+        simd: S,
+        ends: &SeenEnds<S, NEAR>,
+        middles: &Middles<S>,
+        strongly: f64,
+    ) -> u32 {
+        let &Middles { speeds, normal, half_by, by, determinant, .. } = middles;
         let normal_length = Singles::new(simd, &self.normal_length);
         // Two corners are at most so far apart, and so are normals.
         let twice = Singles::splat(simd, 2.01);
         let (edge, turn) = (Singles::new(simd, &self.reach) * twice, Singles::new(simd, &self.away) * twice);
-        let [mut speed, mut bend] = bending(edge, near_end, ends.indices[0]);
-        let mut grain = Singles::splat(simd, ROUNDING) + ends.roundings[0] * near_end.speed;
-        if ends.is_near {
-            let [far_speed, far_bend] = bending(edge, far_end, ends.indices[1]);
-            (speed, bend) = (speed + far_speed, bend + far_bend);
-            grain = grain + ends.roundings[1] * far_end.speed;
+        let zero = Singles::splat(simd, 0.0);
+        let (mut speed, mut bend, mut grain) = (zero, zero, Singles::splat(simd, ROUNDING));
+        for (end, end_speed) in speeds.into_iter().enumerate() {
+            let Some(end_speed) = end_speed else { continue };
+            let [end_turns, end_bends] = bending(edge, end_speed, ends.indices[end]);
+            (speed, bend) = (speed + end_turns, bend + end_bends);
+            grain = grain + ends.roundings[end] * end_speed;
         }
         let bending = bend * (normal_length + turn) + speed * turn * Singles::splat(simd, 2.0);
         let most = (by[0].dot(by[0]) + by[1].dot(by[1])).sqrt() * normal_length;
@@ -149,37 +177,23 @@ impl FacetLeaf {
         // More than twice the length of a column: the half vector is off by `grain` times both indices at the most, what it moves by and
         // normals by some `grain` of their own length. Of a determinant that makes at most 3, of the plane's at most 1, `grain` times the
         // squared length, and times that of the normal.
-        let column = (near_end.speed + far_end.speed) * edge * normal_length * Singles::splat(simd, 5.0)
+        let column = middles.speed * edge * normal_length * Singles::splat(simd, 5.0)
             + (ends.indices[0] + ends.indices[1]) * turn * Singles::splat(simd, 2.0);
         let strongly = Singles::splat(simd, strongly as f32);
         let off = grain * normal_length * column * column;
         let slack = off + off * strongly * Singles::splat(simd, 3.0);
         !(plane + slack).less_than((determinant.abs() - most * bending) * strongly) & ALL
     }
-
-    /// The derivative of the half vector by a weight.
-    #[inline(always)]
-    fn half_by<S: Instructions>(
-        &self,
-        simd: S,
-        ends: &SeenEnds<S>,
-        weight: usize,
-        [near_end, far_end]: [&SeenEnd<S>; 2],
-    ) -> Singles3<S> {
-        let edge = Singles3::new(simd, &self.edges[weight]);
-        let moved = (near_end.direction * near_end.direction.dot(edge) - edge) * near_end.speed;
-        if ends.is_near {
-            moved + (far_end.direction * far_end.direction.dot(edge) - edge) * far_end.speed
-        } else {
-            moved
-        }
-    }
 }
 
 /// What light does at the middles of eight triangles.
 struct Middles<S> {
-    near_end: SeenEnd<S>,
-    far_end: SeenEnd<S>,
+    /// How fast the parts of the half vector turn with the place, towards the point and towards a light that is at one.
+    speeds: [Option<Singles<S>>; 2],
+    /// Their sum.
+    speed: Singles<S>,
+    /// What else the half vector may change by within a triangle.
+    bent: Singles<S>,
     normal: Singles3<S>,
     /// The half vectors.
     half: Singles3<S>,
@@ -193,9 +207,9 @@ struct Middles<S> {
 
 /// How fast the part of the half vector towards an end turns within an edge's length, and twice how fast that changes.
 #[inline(always)]
-fn bending<S: Instructions>(edge: Singles<S>, end: &SeenEnd<S>, index: Singles<S>) -> [Singles<S>; 2] {
+fn bending<S: Instructions>(edge: Singles<S>, speed: Singles<S>, index: Singles<S>) -> [Singles<S>; 2] {
     // The distance is the index over the speed.
-    let turn = edge.over((index.over(end.speed) - edge).positive_part());
+    let turn = edge.over((index.over(speed) - edge).positive_part());
     let speed = index * turn;
     [speed, speed * turn * Singles::splat(edge.simd(), 2.0 * BENDING as f32)]
 }

@@ -22,11 +22,11 @@ use super::{
     ends::Ends,
     facet::Facet,
     facet_leaf::FacetLeaf,
-    seen_ends::{ALL, ByLane, GRAIN, ROUNDING, SeenEnd, SeenEnds, Vectors, missing, numbers, vectors},
+    seen_ends::{ALL, ByLane, GRAIN, ROUNDING, SeenEnds, Vectors, missing, numbers, vectors},
 };
 use crate::lanes::{
     Instructions,
-    singles::{SINGLES, Singles, Singles3},
+    singles::{SINGLES, Singles, Singles3, prefetch},
 };
 use crate::specular::widest::{self, Computation};
 
@@ -41,6 +41,7 @@ const USUAL: usize = 64;
 
 /// A node: the boxes of its children, in single precision relative to the middle of the mesh.
 #[derive(Clone, Debug)]
+#[repr(align(64))]
 struct Node {
     /// Their middles c.
     centre: Vectors,
@@ -54,10 +55,10 @@ struct Node {
     remainder: ByLane,
     /// Bounds of how far places are from the middle, |d|.
     reach: ByLane,
-    /// |m|.
-    normal_length: ByLane,
     /// Bounds of how far normals are from m, |J d + v|.
     away: ByLane,
+    /// Bounds of their length.
+    longest: ByLane,
     /// Numbers of nodes, or of leaves with [`IS_LEAF`].
     children: [u32; WIDTH],
     /// The bits of boxes that do not exist.
@@ -120,18 +121,37 @@ impl FacetTree {
     }
 
     #[inline(always)]
-    pub(super) fn visit_nodes<S: Instructions>(
+    pub(super) fn visit_with<S: Instructions>(
+        &self,
+        simd: S,
+        ends: &Ends,
+        of_whole: Option<(&Ends, f64)>,
+        open: impl FnMut(u32, May),
+    ) -> usize {
+        if ends.near == 0.0 {
+            self.visit_nodes::<S, false>(simd, ends, of_whole, open)
+        } else {
+            self.visit_nodes::<S, true>(simd, ends, of_whole, open)
+        }
+    }
+
+    #[inline(always)]
+    fn visit_nodes<S: Instructions, const NEAR: bool>(
         &self,
         simd: S,
         ends: &Ends,
         of_whole: Option<(&Ends, f64)>,
         mut open: impl FnMut(u32, May),
     ) -> usize {
-        let ends = SeenEnds::new(simd, ends, self.middle, self.radius, self.short);
+        let ends = SeenEnds::<S, NEAR>::new(simd, ends, self.middle, self.radius, self.short);
         let mut looks = 0;
         let (mut level, mut below): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![], smallvec![]);
         let (mut masks, mut leaves): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![], smallvec![]);
         if self.root & IS_LEAF == 0 {
+            let root = &self.nodes[self.root as usize];
+            if root.missing | root.hidden(simd, &ends) == ALL {
+                return 1;
+            }
             level.push(self.root)
         } else {
             leaves.push(self.root & !IS_LEAF)
@@ -148,7 +168,14 @@ impl FacetTree {
                 while may != 0 {
                     let child = self.nodes[number as usize].children[may.trailing_zeros() as usize];
                     may &= may - 1;
-                    if child & IS_LEAF == 0 { below.push(child) } else { leaves.push(child & !IS_LEAF) }
+                    if child & IS_LEAF == 0 {
+                        self.nodes[child as usize].prefetch();
+                        below.push(child);
+                    } else {
+                        let leaf = child & !IS_LEAF;
+                        self.leaves[leaf as usize].prefetch();
+                        leaves.push(leaf);
+                    }
                 }
             }
             std::mem::swap(&mut level, &mut below);
@@ -157,7 +184,7 @@ impl FacetTree {
         looks += leaves.len();
         masks.clear();
         if let Some((drawn, strongly)) = of_whole {
-            let drawn = SeenEnds::new(simd, drawn, self.middle, self.radius, self.short);
+            let drawn = SeenEnds::<S, NEAR>::new(simd, drawn, self.middle, self.radius, self.short);
             for &number in &leaves {
                 let leaf = &self.leaves[number as usize];
                 let [holding, focusing] = leaf.may_hold_and_focus(simd, &ends, strongly);
@@ -236,7 +263,7 @@ impl<F: FnMut(u32, May)> Computation for Visit<'_, F> {
 
     #[inline(always)]
     fn run<S: Instructions>(self, simd: S) -> usize {
-        self.tree.visit_nodes(simd, self.ends, self.of_whole, self.open)
+        self.tree.visit_with(simd, self.ends, self.of_whole, self.open)
     }
 }
 
@@ -303,78 +330,62 @@ impl Node {
             turning: [0, 1, 2].map(|axis| vectors(boxes, |bounds| bounds.turning.col(axis))),
             remainder: numbers(boxes, |bounds| bounds.remainder),
             reach: numbers(boxes, |bounds| bounds.half.length()),
-            normal_length: numbers(boxes, |bounds| bounds.normal.length()),
             away: numbers(boxes, FacetBox::away),
+            longest: numbers(boxes, |bounds| bounds.normal.length() + bounds.away()),
             children: [0; WIDTH],
             missing: missing(boxes),
         }
     }
 
-    /// The derivative of the defect by the place along an axis.
-    #[expect(clippy::too_many_arguments, reason = "all of them are what the node has in registers")]
+    /// Tells the processor that it will be looked at soon.
     #[inline(always)]
-    fn column<S: Instructions>(
-        &self,
-        simd: S,
-        ends: &SeenEnds<S>,
-        axis: usize,
-        [near_slope, far_slope]: [Singles<S>; 2],
-        [near_across, far_across]: &[Singles3<S>; 2],
-        moved: Singles3<S>,
-        half: Singles3<S>,
-    ) -> Singles3<S> {
-        let by_near = near_across.times_plus(near_slope, half.cross(Singles3::new(simd, &self.turning[axis])) - moved);
-        if ends.is_near { far_across.times_plus(far_slope, by_near) } else { by_near }
+    fn prefetch(&self) {
+        let Self { centre, half, normal, turning, remainder, reach, away, longest, .. } = self;
+        [centre, half, normal].into_iter().chain(turning).flatten().for_each(prefetch);
+        [remainder, reach, away, longest].into_iter().for_each(prefetch);
     }
 
     /// Which boxes may hold a path, as the bits of a number.
     #[inline(always)]
-    fn may_hold<S: Instructions>(&self, simd: S, ends: &SeenEnds<S>) -> u32 {
+    fn may_hold<S: Instructions, const NEAR: bool>(&self, simd: S, ends: &SeenEnds<S, NEAR>) -> u32 {
         let (centre, normal) = (Singles3::new(simd, &self.centre), Singles3::new(simd, &self.normal));
         let (edges, reach) = (Singles3::new(simd, &self.half), Singles::new(simd, &self.reach));
-        let (remainder, away) = (Singles::new(simd, &self.remainder), Singles::new(simd, &self.away));
-        let one = Singles::splat(simd, 1.0);
-        let zero = Singles::splat(simd, 0.0);
-        let (to_point, to_light) = (ends.point - centre, ends.light - centre * ends.near);
-        let nearest = (to_point.abs() - edges).positive_part().length();
-        let near_end = SeenEnd::new(to_point, ends.indices[0], nearest, reach, ends.grains[0]);
-        let far_end = if ends.is_near {
-            let nearest = (to_light.abs() - edges).positive_part().length();
-            SeenEnd::new(to_light, ends.indices[1], nearest, reach, ends.grains[1])
+        let [to_point, to_light] = ends.offsets(centre);
+        let near_end = ends.seen_point(to_point, closest(simd, to_point, edges), reach);
+        let (mut half, mut fastest, mut bent) = (near_end.half, near_end.speed, near_end.bent);
+        let far_end = if NEAR { Some(ends.seen_light(to_light, closest(simd, to_light, edges), reach)) } else { None };
+        if let Some(far_end) = &far_end {
+            (half, fastest, bent) = (half + far_end.half, fastest + far_end.speed, bent + far_end.bent);
         } else {
-            SeenEnd::at_infinity(to_light, ends.indices[1], ends.grains[1])
-        };
-        let half = near_end.direction.times_plus(ends.indices[0], far_end.direction * ends.indices[1]);
-        let fastest = near_end.speed + far_end.speed;
-        let bent = near_end.bent + far_end.bent;
-        let (normal_length, size) = (Singles::new(simd, &self.normal_length), half.length());
-        let across = [near_end.direction.cross(normal), far_end.direction.cross(normal)];
-        let defect = across[0].times_plus(ends.indices[0], across[1] * ends.indices[1]);
-        // What the half vector does when the place moves along an axis, x m, and what the normal does then.
+            (half, bent) = (half + to_light, bent + ends.bent_at_infinity());
+        }
+        let defect = half.cross(normal);
+        // How the defect changes as the place moves along each axis: the half vector turns, and the normal does.
         let turned = normal * fastest;
-        let moved = [
-            Singles3 { x: zero, y: zero - turned.z, z: turned.y },
-            Singles3 { x: turned.z, y: zero, z: zero - turned.x },
-            Singles3 { x: zero - turned.y, y: turned.x, z: zero },
+        let x = half.cross(Singles3::new(simd, &self.turning[0]));
+        let y = half.cross(Singles3::new(simd, &self.turning[1]));
+        let z = half.cross(Singles3::new(simd, &self.turning[2]));
+        let mut by = [
+            Singles3 { x: x.x, y: x.y + turned.z, z: x.z - turned.y },
+            Singles3 { x: y.x - turned.z, y: y.y, z: y.z + turned.x },
+            Singles3 { x: z.x + turned.y, y: z.y - turned.x, z: z.z },
         ];
-        let fast = [near_end.direction * near_end.speed, far_end.direction * far_end.speed];
-        let slopes = [[fast[0].x, fast[1].x], [fast[0].y, fast[1].y], [fast[0].z, fast[1].z]];
-        let by_x = self.column(simd, ends, 0, slopes[0], &across, moved[0], half);
-        let by_y = self.column(simd, ends, 1, slopes[1], &across, moved[1], half);
-        let by_z = self.column(simd, ends, 2, slopes[2], &across, moved[2], half);
+        by = near_end.lengthened(by, normal);
+        if let Some(far_end) = &far_end {
+            by = far_end.lengthened(by, normal);
+        }
+        let [by_x, by_y, by_z] = by;
         let by_place = by_x.abs().times_plus(edges.x, by_y.abs().times_plus(edges.y, by_z.abs() * edges.z));
-        let longest = normal_length + away;
-        let rest = fastest * reach * away
-            + bent * longest
-            + size * remainder
-            + Singles::splat(simd, ROUNDING) * (size + one) * longest;
+        let size = half.length();
+        let rounding = Singles::splat(simd, ROUNDING);
+        let loose = size.times_plus(rounding, bent + rounding);
+        let swung = fastest * reach * Singles::new(simd, &self.away);
+        let rest = loose
+            .times_plus(Singles::new(simd, &self.longest), size.times_plus(Singles::new(simd, &self.remainder), swung));
         let mut exceeds = self.missing
             | (by_place.x + rest).less_than(defect.x.abs())
             | (by_place.y + rest).less_than(defect.y.abs())
             | (by_place.z + rest).less_than(defect.z.abs());
-        if exceeds == ALL {
-            return 0;
-        }
         // The same in directions in which the place does not matter along one axis.
         let (x, y, z) = (by_x * edges.x, by_y * edges.y, by_z * edges.z);
         if ends.short != 0 {
@@ -386,26 +397,40 @@ impl Node {
         if ends.short != 2 {
             exceeds |= exceeds_beside(normal.cross(by_z), x, y, rest, defect);
         }
-        if exceeds == ALL {
+        !(exceeds | self.hidden(simd, ends)) & ALL
+    }
+
+    /// In which boxes the ends are nowhere on the right sides of the surface.
+    #[inline(always)]
+    fn hidden<S: Instructions, const NEAR: bool>(&self, simd: S, ends: &SeenEnds<S, NEAR>) -> u32 {
+        if !ends.has_side {
             return 0;
         }
-        // The ends are on the right sides of the surface at some place.
-        let hidden = if ends.has_side {
-            let height = |offset: Singles3<S>| normal.dot(offset) * ends.side;
-            let slack = normal.abs().dot(edges);
-            let loose = away + Singles::splat(simd, ROUNDING) * longest;
-            let point_slack = slack + ends.grains[0] * longest + loose * (to_point.length() + reach);
-            let light_slack = if ends.is_near {
-                slack + ends.grains[1] * longest + loose * (to_light.length() + reach)
-            } else {
-                loose + ends.grains[1] * longest
-            };
-            (height(to_point) + point_slack).less_than(zero) | light_slack.less_than(height(to_light))
+        let (centre, normal) = (Singles3::new(simd, &self.centre), Singles3::new(simd, &self.normal));
+        let (edges, reach) = (Singles3::new(simd, &self.half), Singles::new(simd, &self.reach));
+        let (away, longest) = (Singles::new(simd, &self.away), Singles::new(simd, &self.longest));
+        let zero = Singles::splat(simd, 0.0);
+        let [to_point, to_light] = ends.offsets(centre);
+        let slack = normal.abs().dot(edges);
+        let loose = longest.times_plus(Singles::splat(simd, ROUNDING), away);
+        let point_slack = slack + ends.grains[0] * longest + loose * (to_point.length() + reach);
+        let point_height = normal.dot(to_point) * ends.side;
+        let light_height = normal.dot(to_light) * ends.side;
+        let light_slack = if NEAR {
+            slack + ends.grains[1] * longest + loose * (to_light.length() + reach)
         } else {
-            0
+            // Of a vector as long as the index is large.
+            (loose + ends.grains[1] * longest) * ends.indices[1]
         };
-        !(exceeds | hidden) & ALL
+        (point_height + point_slack).less_than(zero) | light_slack.less_than(light_height)
     }
+}
+
+/// One over how near places in boxes can be to the end at an offset from their middles.
+#[inline(always)]
+fn closest<S: Instructions>(simd: S, offset: Singles3<S>, edges: Singles3<S>) -> Singles<S> {
+    let outside = offset.abs() - edges;
+    Singles::splat(simd, 2.0).over((outside + outside.abs()).length())
 }
 
 /// Whether the defect along a direction is more than two coordinates of the place, and what is not linear, can make up for.

@@ -367,7 +367,8 @@ mod tests {
             let ends = problem(&mut random, case);
             let (mut widest, mut plain) = (Vec::new(), Vec::new());
             let looks = tree.visit(&ends, |triangle| widest.push(triangle));
-            assert_eq!(looks, tree.visit_nodes(pulp::Scalar256b, &ends, None, |triangle, _| plain.push(triangle)));
+            let looks_plain = tree.visit_with(pulp::Scalar256b, &ends, None, |triangle, _| plain.push(triangle));
+            assert_eq!(looks, looks_plain);
             assert_eq!(widest, plain);
             opened += plain.len();
         }

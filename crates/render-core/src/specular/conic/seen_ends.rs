@@ -33,17 +33,17 @@ pub(super) fn missing<T>(things: &[T]) -> u32 {
     ALL << things.len() & ALL
 }
 
-/// Both ends.
-pub(super) struct SeenEnds<S> {
+/// Both ends. `NEAR` lights are at points, the others at infinity.
+pub(super) struct SeenEnds<S, const NEAR: bool> {
     pub(super) point: Singles3<S>,
+    /// Of one at infinity the direction, times the index there.
     pub(super) light: Singles3<S>,
-    pub(super) near: Singles<S>,
     pub(super) indices: [Singles<S>; 2],
+    /// One over their squares.
+    inverse_squares: [Singles<S>; 2],
     pub(super) side: Singles<S>,
     /// Whether the side matters.
     pub(super) has_side: bool,
-    /// Whether the light is at a point.
-    pub(super) is_near: bool,
     /// The axis along which the mesh is shortest.
     pub(super) short: usize,
     /// How far the ends can be from where they are, by their extent and by rounding.
@@ -52,23 +52,25 @@ pub(super) struct SeenEnds<S> {
     pub(super) roundings: [Singles<S>; 2],
 }
 
-impl<S: Instructions> SeenEnds<S> {
+impl<S: Instructions, const NEAR: bool> SeenEnds<S, NEAR> {
     /// The ends as seen from a mesh around `middle`, whose corners are within `radius` and whose shortest axis is `short`.
     #[inline(always)]
     pub(super) fn new(simd: S, ends: &Ends, middle: DVec3, radius: f64, short: usize) -> Self {
         let (point, light) = (ends.point - middle, ends.light - middle * ends.near);
         let rounding = |end: DVec3| GRAIN * (end.length() + radius);
-        let of_light = if ends.near == 0.0 { GRAIN } else { rounding(light) };
+        let of_light = if NEAR { rounding(light) } else { GRAIN };
         let of_point = Singles::splat(simd, rounding(point) as f32);
         let [inside, behind] = ends.indices;
         Self {
             point: Singles3::splat(simd, point),
-            light: Singles3::splat(simd, light),
-            near: Singles::splat(simd, ends.near as f32),
+            light: Singles3::splat(simd, if NEAR { light } else { light * behind }),
             indices: [Singles::splat(simd, inside as f32), Singles::splat(simd, behind as f32)],
+            inverse_squares: [
+                Singles::splat(simd, (1.0 / (inside * inside)) as f32),
+                Singles::splat(simd, (1.0 / (behind * behind)) as f32),
+            ],
             side: Singles::splat(simd, ends.side as f32),
             has_side: ends.side != 0.0,
-            is_near: ends.near != 0.0,
             short,
             grains: [of_point, Singles::splat(simd, (of_light + ends.spread * (1.0 + GRAIN)) as f32)],
             roundings: [of_point, Singles::splat(simd, (of_light * ends.near) as f32)],
@@ -76,46 +78,73 @@ impl<S: Instructions> SeenEnds<S> {
     }
 }
 
+impl<S: Instructions, const NEAR: bool> SeenEnds<S, NEAR> {
+    /// The vectors from middles to both ends; towards a light at infinity, its part of the half vector.
+    #[inline(always)]
+    pub(super) fn offsets(&self, middles: Singles3<S>) -> [Singles3<S>; 2] {
+        [self.point - middles, if NEAR { self.light - middles } else { self.light }]
+    }
+
+    /// The shading point at an offset from middles around which places go as far as `reach`, and come as near to it as one over
+    /// `closest`.
+    #[inline(always)]
+    pub(super) fn seen_point(&self, offset: Singles3<S>, closest: Singles<S>, reach: Singles<S>) -> SeenEnd<S> {
+        self.seen(0, offset, closest, reach)
+    }
+
+    /// The same for a light at a point.
+    #[inline(always)]
+    pub(super) fn seen_light(&self, offset: Singles3<S>, closest: Singles<S>, reach: Singles<S>) -> SeenEnd<S> {
+        self.seen(1, offset, closest, reach)
+    }
+
+    #[inline(always)]
+    fn seen(&self, end: usize, offset: Singles3<S>, closest: Singles<S>, reach: Singles<S>) -> SeenEnd<S> {
+        let (index, grain) = (self.indices[end], self.grains[end]);
+        let one = Singles::splat(index.simd(), 1.0);
+        let speed = index.over(offset.length());
+        // Infinite around an end, which has no half vector at its middle and no bound.
+        let turn = reach * closest;
+        let strayed = grain * closest;
+        // An end that strays by x of its distance turns by a chord of at most x (1 + x^2).
+        let chord = strayed * strayed.times_plus(strayed, one);
+        let bending = Singles::splat(index.simd(), BENDING as f32);
+        let bent = index * (bending * turn).times_plus(turn, chord);
+        SeenEnd { half: offset * speed, speed, lengthening: speed * self.inverse_squares[end], bent }
+    }
+
+    /// What the part of the half vector towards a light at infinity may change by.
+    #[inline(always)]
+    pub(super) fn bent_at_infinity(&self) -> Singles<S> {
+        self.indices[1] * self.grains[1]
+    }
+}
+
 /// One of them, as seen from eight boxes or triangles.
 pub(super) struct SeenEnd<S> {
-    /// The direction to it from their middles.
-    pub(super) direction: Singles3<S>,
-    /// How fast its part of the half vector turns with the place.
+    /// Its part of the half vector: the unit direction to it from their middles, times the index there.
+    pub(super) half: Singles3<S>,
+    /// How fast that part turns with the place: the index over the distance.
     pub(super) speed: Singles<S>,
+    /// As the place moves by d, that part moves by `half (half . d)` times this, less d times `speed`.
+    pub(super) lengthening: Singles<S>,
     /// What else that part may change by within the box or triangle.
     pub(super) bent: Singles<S>,
 }
 
 impl<S: Instructions> SeenEnd<S> {
-    /// The end at infinity in a direction, which may be off by `grain`.
+    /// The derivatives of a defect by the place along each axis, and what the half vector's change along itself adds to them.
     #[inline(always)]
-    pub(super) fn at_infinity(direction: Singles3<S>, index: Singles<S>, grain: Singles<S>) -> Self {
-        Self { direction, speed: Singles::splat(index.simd(), 0.0), bent: index * grain }
+    pub(super) fn lengthened(&self, [x, y, z]: [Singles3<S>; 3], normal: Singles3<S>) -> [Singles3<S>; 3] {
+        let across = self.half.cross(normal) * self.lengthening;
+        [across.times_plus(self.half.x, x), across.times_plus(self.half.y, y), across.times_plus(self.half.z, z)]
     }
 
-    /// The end at `offset` from middles around which places go as far as `reach`, and come as near as `nearest` to it; it may be off by
-    /// `grain`.
+    /// How its part of the half vector changes as the place moves along an edge.
     #[inline(always)]
-    pub(super) fn new(
-        offset: Singles3<S>,
-        index: Singles<S>,
-        nearest: Singles<S>,
-        reach: Singles<S>,
-        grain: Singles<S>,
-    ) -> Self {
-        let one = Singles::splat(index.simd(), 1.0);
-        let inverse = one.over(offset.length());
-        // Infinite around an end, which has no half vector at its middle and no bound.
-        let closest = one.over(nearest);
-        let turn = reach * closest;
-        let strayed = grain * closest;
-        Self {
-            direction: offset * inverse,
-            speed: index * inverse,
-            // An end that strays by x of its distance turns by a chord of at most x (1 + x^2).
-            bent: index
-                * (Singles::splat(index.simd(), BENDING as f32) * turn * turn + strayed * (one + strayed * strayed)),
-        }
+    pub(super) fn moved(&self, edge: Singles3<S>) -> Singles3<S> {
+        let along = self.half.dot(edge) * self.lengthening;
+        self.half * along - edge * self.speed
     }
 }
 
