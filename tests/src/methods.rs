@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 pub const UNBIASED: [&str; 7] = ["path", "cone", "fnee", "fnee, published", "sms", "sms, half vector", "mnee"];
 
 /// The settings of an integrator, as in a scene file. Beside [`UNBIASED`] there are `fnee` and `sms` with a selection of panes
-/// (`fnee, sharp`), and those that lack light: `fnee, M trials` (the published search, with estimates cut off at M) and
-/// `sms, M walks` for any number M, and `mnee, dropped`.
+/// (`fnee, sharp`), and those that lack light: `fnee, M trials` and `sms, M trials` (the published search and walks as published, with
+/// estimates cut off at M), `sms, M walks` for any number M, and `mnee, dropped`.
 ///
 /// # Panics
 ///
@@ -29,6 +29,9 @@ pub fn settings(name: &str) -> Value {
                 match (method, words.split_once(' ').map(|(number, unit)| (number.parse::<u32>(), unit))) {
                     ("fnee", Some((Ok(trials), "trials"))) => {
                         json!({"fnee": {"solver": "published", "max_trials": trials}})
+                    }
+                    ("sms", Some((Ok(trials), "trials"))) => {
+                        json!({"sms": {"steps": "published", "estimator": {"unbiased": {"max_trials": trials}}}})
                     }
                     ("sms", Some((Ok(walks), "walks"))) => biased_sms("angle_difference", walks),
                     _ => panic!("no integrator is called {name}"),

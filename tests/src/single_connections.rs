@@ -27,7 +27,7 @@ use clerestory_render_core::integrator::specular_method;
 use clerestory_render_core::optics::{LightKind, Source};
 use clerestory_render_core::scene::{
     Scene,
-    description::{FneeSolver, IntegratorDescription, WalkSteps},
+    description::{FneeSolver, IntegratorDescription, ManifoldEstimator},
 };
 use clerestory_render_core::specular::{ShadingPoint, SpecularMethod, THROUGH_PANE};
 use glam::{DVec2, DVec3};
@@ -172,8 +172,8 @@ pub fn connections_name(case: &str, light: &str, method: &str) -> String {
 
 impl Connections {
     /// Those of a case under a light, as in [`crate::comparisons::comparison`], for a method (a name of [`methods::settings`])
-    /// that draws a point of the light first. In the room, and behind cathedral glass for walks as published, connections that are too
-    /// hard are left out. Of the published search with at most 1000 trials, what as many searches find is asked for.
+    /// that draws a point of the light first. In the room, connections that are too hard are left out. Of estimates of at most 1000
+    /// trials, what as many searches find is asked for.
     ///
     /// # Panics
     ///
@@ -188,9 +188,13 @@ impl Connections {
             {
                 HeldTo::FoundBy(max_trials, Search::LineSearch)
             }
-            IntegratorDescription::Sms { constraint, steps, .. }
-                if case == "room" || (case == "cathedral" && steps == WalkSteps::Published) =>
-            {
+            IntegratorDescription::Sms {
+                constraint,
+                steps,
+                estimator: ManifoldEstimator::Unbiased { max_trials },
+                ..
+            } if max_trials <= MOST_SEARCHES => HeldTo::FoundBy(max_trials, Search::Walk { constraint, steps }),
+            IntegratorDescription::Sms { constraint, steps, .. } if case == "room" => {
                 HeldTo::Scouted(Search::Walk { constraint, steps })
             }
             IntegratorDescription::Fnee { solver: FneeSolver::Complete, .. } if case == "room" => HeldTo::Complete,

@@ -225,15 +225,17 @@ fn walks_through_all_panes_of_the_room_find_the_light_that_scouts_reach() {
 
 #[test]
 fn estimates_that_are_cut_off_have_the_light_that_as_many_searches_find() {
-    let connections = Connections::new("cathedral", "point", "fnee, 16 trials");
-    let light = connections.relative_light(100_000, 3);
-    println!("{}: {light}", connections.name);
-    assert!(light.agrees() && light.would_notice(FRESNEL), "{}: {light}", connections.name);
-    assert!(
-        light.theirs.mean < 0.99 && light.unreached < 0.05 && light.elsewhere < 0.01,
-        "{}: {light}",
-        connections.name
-    );
+    for method in ["fnee, 16 trials", "sms, 16 trials"] {
+        let connections = Connections::new("cathedral", "point", method);
+        let light = connections.relative_light(100_000, 3);
+        println!("{}: {light}", connections.name);
+        assert!(light.agrees() && light.would_notice(FRESNEL), "{}: {light}", connections.name);
+        assert!(
+            light.theirs.mean < 0.99 && light.unreached < 0.05 && light.elsewhere < 0.01,
+            "{}: {light}",
+            connections.name
+        );
+    }
 }
 
 #[test]
