@@ -13,6 +13,7 @@
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`connections`]: fixed problems, to compare the paths that methods find and the time that they take;
 //! - [`single_connections`]: the light that a method finds between two points, against what is there, which `known_paths` knows;
+//! - [`sheet_connections`]: the same through waves of water, which `conic` knows;
 //! - [`rendering`]: scenes rendered in this process, and [`estimate`]: whether two ways to render one agree;
 //! - [`pane_scene`]: small scenes for tests of laws, [`closed_room`]: a room for tests of all light;
 //! - [`found_paths`]: paths of light as methods are asked about them;
@@ -49,6 +50,7 @@ pub mod pool;
 pub mod random;
 pub mod reference;
 pub mod rendering;
+pub mod sheet_connections;
 pub mod single_connections;
 pub mod slab;
 pub mod solution_lists;

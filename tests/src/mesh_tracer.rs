@@ -195,6 +195,12 @@ impl SheetScene {
         }
     }
 
+    /// Whether light beside the place of the sheet over a point of the plane lands the other way round.
+    pub fn reverses_at(&self, place: DVec2) -> bool {
+        let (triangle, weights) = self.sheet.locate(place);
+        self.land(triangle, weights, Fault::None).is_some_and(|landing| self.reverses(triangle, weights, landing.place))
+    }
+
     /// The pixel that sees a place of the floor, row by row from the top left.
     fn pixel(&self, place: DVec2) -> Option<usize> {
         let at = (place * DVec2::new(1.0, -1.0) / self.edge + 0.5) * self.pixels as f64;

@@ -41,7 +41,7 @@ use crate::methods;
 use crate::random::Random;
 
 /// Independent sets of connections, from whose spread the standard errors come.
-const REPLICATES: u32 = 32;
+pub(crate) const REPLICATES: u32 = 32;
 
 /// Light relative to that of the known paths of its connection, means over connections.
 #[derive(Clone, Debug)]
