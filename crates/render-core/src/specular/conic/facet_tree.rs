@@ -105,7 +105,7 @@ impl FacetTree {
         let extent = high - low;
         let short = (0..3).fold(0, |short, axis| if extent[axis] < extent[short] { axis } else { short });
         let mut tree = Self { nodes: Vec::new(), leaves: Vec::new(), root: 0, middle, radius, short };
-        tree.root = tree.build(&mut order, &facet);
+        tree.root = tree.build(&mut order, &facet, &mut Vec::new());
         Some(tree)
     }
 
@@ -210,14 +210,27 @@ impl FacetTree {
         looks
     }
 
-    /// Appends the node or leaf over `order`, and all below it. Returns its number, as those of children.
-    fn build(&mut self, order: &mut [(u32, DVec3)], facet: &impl Fn(u32) -> Facet) -> u32 {
+    /// Appends the node or leaf over `order`, and all below it, and to `corners` those of its triangles. Returns its number, as those of
+    /// children.
+    fn build(&mut self, order: &mut [(u32, DVec3)], facet: &impl Fn(u32) -> Facet, corners: &mut Vec<Corner>) -> u32 {
         if order.len() <= WIDTH {
             let facets: Vec<(u32, Facet)> = order.iter().map(|&(triangle, _)| (triangle, facet(triangle))).collect();
             self.leaves.push(FacetLeaf::over(&facets, self.middle));
+            let first = corners.len();
+            for (_, Facet { corners: places, normals }) in &facets {
+                for (place, normal) in places.iter().zip(normals) {
+                    let corner = Corner { place: *place - self.middle, normal: *normal };
+                    // Triangles of a leaf share about half of them.
+                    if !corners[first..].contains(&corner) {
+                        corners.push(corner);
+                    }
+                }
+            }
             return (self.leaves.len() - 1) as u32 | IS_LEAF;
         }
         let number = self.nodes.len();
+        // Children come after their parents, and boxes before those around them.
+        self.nodes.push(Node::over(&[]));
         // As few children as can hold the triangles at this height: all nodes are about full.
         let mut most_in_child = WIDTH;
         while most_in_child * WIDTH < order.len() {
@@ -226,19 +239,23 @@ impl FacetTree {
         let mut parts = Vec::with_capacity(WIDTH);
         let count = order.len().div_ceil(most_in_child);
         cut(order, count, &mut parts);
-        let boxes: Vec<FacetBox> = parts
-            .iter()
-            .map(|part| {
-                let facets: Vec<Facet> = part.iter().map(|&(triangle, _)| facet(triangle)).collect();
-                FacetBox::around(&facets, self.middle, GRAIN * self.radius)
-            })
-            .collect();
-        self.nodes.push(Node::over(&boxes));
-        for (lane, part) in parts.into_iter().enumerate() {
-            self.nodes[number].children[lane] = self.build(part, facet);
+        let mut children = [0; WIDTH];
+        let mut boxes = Vec::with_capacity(WIDTH);
+        for (child, part) in children.iter_mut().zip(parts) {
+            let first = corners.len();
+            *child = self.build(part, facet, corners);
+            boxes.push(FacetBox::around(&corners[first..], GRAIN * self.radius));
         }
+        self.nodes[number] = Node { children, ..Node::over(&boxes) };
         number as u32
     }
+}
+
+/// A corner of a triangle relative to the middle of the mesh, with its normal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Corner {
+    place: DVec3,
+    normal: DVec3,
 }
 
 /// What a triangle may do.
@@ -284,30 +301,27 @@ fn cut<'a>(order: &'a mut [(u32, DVec3)], count: usize, parts: &mut Vec<&'a mut 
 }
 
 impl FacetBox {
-    /// The box around some triangles, relative to `middle`, where places may be off by `grain`.
-    fn around(facets: &[Facet], middle: DVec3, grain: f64) -> Self {
-        let corners = || {
-            facets.iter().flat_map(|facet| facet.corners.map(|corner| corner - middle).into_iter().zip(facet.normals))
-        };
-        let grown = |[low, high]: [DVec3; 2], point: DVec3| [low.min(point), high.max(point)];
+    /// The box around some corners, whose places may be off by `grain`.
+    fn around(corners: &[Corner], grain: f64) -> Self {
         let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let [low, high] = corners().fold(nothing, |bounds, (place, _)| grown(bounds, place));
+        let grown = |[low, high]: [DVec3; 2], point: DVec3| [low.min(point), high.max(point)];
+        let [low, high] = corners.iter().fold(nothing, |bounds, corner| grown(bounds, corner.place));
         let (centre, half) = (0.5 * (low + high), 0.5 * (high - low) + grain);
-        let count = 3.0 * facets.len() as f64;
-        let mean = |pick: fn((DVec3, DVec3)) -> DVec3| corners().map(pick).sum::<DVec3>() / count;
-        let (mean_place, mean_normal) = (mean(|(place, _)| place), mean(|(_, normal)| normal));
+        let count = corners.len() as f64;
+        let mean = |pick: fn(&Corner) -> DVec3| corners.iter().map(pick).sum::<DVec3>() / count;
+        let (mean_place, mean_normal) = (mean(|corner| corner.place), mean(|corner| corner.normal));
         // Least squares; the little that is added keeps flat meshes from a singular matrix.
         let (mut products, mut squares) = (DMat3::ZERO, DMat3::ZERO);
-        for (place, normal) in corners() {
-            let (place, normal) = (place - mean_place, normal - mean_normal);
+        for corner in corners {
+            let (place, normal) = (corner.place - mean_place, corner.normal - mean_normal);
             products += outer(normal, place);
             squares += outer(place, place);
         }
         let trace = squares.x_axis.x + squares.y_axis.y + squares.z_axis.z;
         let turning = products * (squares + DMat3::from_diagonal(DVec3::splat(REGULARISATION * trace))).inverse();
         let turning = if turning.is_finite() { turning } else { DMat3::ZERO };
-        let remains = |place: DVec3, normal: DVec3| normal - turning * (place - centre);
-        let [low, high] = corners().fold(nothing, |bounds, (place, normal)| grown(bounds, remains(place, normal)));
+        let remains = |corner: &Corner| corner.normal - turning * (corner.place - centre);
+        let [low, high] = corners.iter().fold(nothing, |bounds, corner| grown(bounds, remains(corner)));
         Self { centre, half, normal: 0.5 * (low + high), turning, remainder: 0.5 * (high - low).length() }
     }
 }
