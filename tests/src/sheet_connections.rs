@@ -1,8 +1,9 @@
 //! The light of single connections between a point of the floor and a lamp through waves of water, which are one mesh, relative to what
 //! `conic` finds there.
 //!
-//! Why not pictures: as in [`crate::single_connections`]. What `conic` finds is all that interval arithmetic proves to exist, and its
-//! pictures have the light that is traced forward through the same mesh.
+//! Why not pictures: as in [`crate::single_connections`]. What is tested is which paths are found, and how often: method and truth have
+//! the same light of a path. That rests on the pictures of `conic`, which have the light that is traced forward through these meshes
+//! (`tests/tests/water_caustics.rs`); that no path is missing, on interval arithmetic over others.
 
 use std::collections::BTreeMap;
 
@@ -22,14 +23,14 @@ use crate::methods;
 use crate::random::Random;
 use crate::single_connections::{REPLICATES, RelativeLight};
 
-/// Slopes of waves that throw no folds onto the floor, and of waves that do.
+/// Slopes of waves that throw no folds onto the floor.
 pub const GENTLE: f64 = 0.08;
 
-/// See [`GENTLE`].
+/// Slopes of waves that throw the first folds onto the floor.
 pub const FOLDING: f64 = 0.11;
 
 /// Slopes of waves by which several paths lead to many places of the floor.
-const STEEP: f64 = 0.22;
+pub const STEEP: f64 = 0.22;
 
 /// Two directions in which light arrives along the same path differ by less than this.
 const SAME_DIRECTION: f64 = 1e-6;
@@ -120,7 +121,7 @@ impl SheetConnections {
     ///
     /// # Panics
     ///
-    /// When the method is path tracing alone, or there is no floor.
+    /// When the method is path tracing alone, there is no floor, or the method finds light where there is none.
     pub fn relative_light(&self, count: u32, seed: u64) -> RelativeLight {
         let [ours, theirs] = [&self.ours, &self.theirs].map(|scene| specular_method(scene).expect("a specular method"));
         let each = count.div_ceil(REPLICATES);
@@ -181,6 +182,7 @@ impl SheetConnections {
         let (listed, found) = (gather(theirs, &self.theirs), gather(ours, &self.ours));
         let whole: f64 = listed.iter().map(|(_, light)| light).sum();
         if whole == 0.0 {
+            assert!(found.is_empty(), "light where there is none: {found:?} at {place}");
             return;
         }
         let share = |arrivals: &[(DVec3, f64)], counts: &dyn Fn(DVec3) -> bool| {

@@ -171,17 +171,17 @@ fn main() -> ExitCode {
         }
         progress.inc(1);
     }
-    for connections in &connections {
-        progress.set_message(connections.name.clone());
-        let light = |count, seed| connections.relative_light(count, seed);
-        let reaches_all = connections.must_reach_all();
-        failures += usize::from(!examine_connections(&connections.name, &light, reaches_all, &arguments, &progress));
-        progress.inc(1);
-    }
-    for connections in &under_waves {
-        progress.set_message(connections.name.clone());
-        let light = |count, seed| connections.relative_light(count, seed);
-        failures += usize::from(!examine_connections(&connections.name, &light, false, &arguments, &progress));
+    let behind_panes = connections.iter().map(|connections| {
+        let light: RelativeLightOf<'_> = Box::new(|count, seed| connections.relative_light(count, seed));
+        (&connections.name, light, connections.must_reach_all())
+    });
+    let below_waves = under_waves.iter().map(|connections| {
+        let light: RelativeLightOf<'_> = Box::new(|count, seed| connections.relative_light(count, seed));
+        (&connections.name, light, false)
+    });
+    for (name, light, must_reach_all) in behind_panes.chain(below_waves) {
+        progress.set_message(name.clone());
+        failures += usize::from(!examine_connections(name, &light, must_reach_all, &arguments, &progress));
         progress.inc(1);
     }
     progress.finish_and_clear();
@@ -189,11 +189,14 @@ fn main() -> ExitCode {
     if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Whether a method finds the light of single connections (of about so many, drawn with a seed), with power; where some are left out,
-/// patience has to reach all of it.
+/// The light of about so many single connections, drawn with a seed.
+type RelativeLightOf<'a> = Box<dyn Fn(u32, u64) -> RelativeLight + 'a>;
+
+/// Whether a method finds the light of single connections, with power, and next to none along other paths; where it must, patience has to
+/// reach all of it.
 fn examine_connections(
     name: &str,
-    relative_light: &dyn Fn(u32, u64) -> RelativeLight,
+    relative_light: &RelativeLightOf<'_>,
     must_reach_all: bool,
     arguments: &Arguments,
     progress: &ProgressBar,
@@ -219,6 +222,7 @@ fn examine_connections(
         && near
         && error <= MEAN_POWER
         && (light.most_unreached() <= MEAN_POWER || !must_reach_all)
+        && light.elsewhere <= FAULT
         && light.would_notice(FAULT);
     let seconds = start.elapsed().as_secs_f64();
     progress.suspend(|| {

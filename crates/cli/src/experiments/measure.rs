@@ -74,6 +74,14 @@ pub(super) fn samples(session: &mut Session, bundle: &SceneBundle, samples: u32)
     render.snapshot()
 }
 
+/// Core seconds that it takes to build a scene, with all that is computed for it: what an animation does for each frame before it
+/// renders.
+pub(super) fn build_seconds(session: &Session, bundle: &SceneBundle) -> Result<f64, Failure> {
+    let clocks = Clocks::now();
+    session.pool.install(|| build(bundle))?;
+    Ok(clocks.spent(session.settings.threads.get()).core.as_secs_f64())
+}
+
 fn build(bundle: &SceneBundle) -> Result<Scene, Failure> {
     Scene::build(bundle).map_err(|source| Failure::scene(bundle.description().name.as_ref(), source))
 }

@@ -27,7 +27,7 @@ pub(crate) struct Singles3<S> {
 
 /// Tells the processor that numbers will be needed soon.
 #[inline(always)]
-pub(crate) fn prefetch(values: &[f32; SINGLES]) {
+pub(crate) fn prefetch<T>(values: &[T; SINGLES]) {
     #[cfg(target_arch = "x86_64")]
     safe_arch::prefetch_t0(values);
     #[cfg(not(target_arch = "x86_64"))]

@@ -8,6 +8,7 @@ use super::{
     curve::quadratic_form,
     ends::Ends,
     facet::Facet,
+    facet_tree::FacetTree,
     neighbours::Neighbours,
     testing::{WATER, problem},
     walk::first_path,
@@ -168,51 +169,64 @@ fn coordinate(random: &mut TrialStream, on_lattice: bool) -> f64 {
     if on_lattice { (value * 2.0).round() * 0.5 } else { value }
 }
 
-/// Ends and a triangle of which nothing can be said but that the triangle has an area and upright normals.
-fn anything(random: &mut TrialStream) -> (Facet, Ends) {
+/// A triangle of which nothing can be said but that it has an area and upright normals.
+fn anything(random: &mut TrialStream) -> Facet {
     let on_lattice = random.next_f64() < 0.3;
-    let mut vector = |height: f64| {
-        let [x, y, z] = [(); 3].map(|()| coordinate(random, on_lattice));
-        DVec3::new(x, y, z + height)
-    };
+    let mut vector = |height: f64| any_vector(random, on_lattice, height);
     let corners = loop {
         let corners = [vector(0.0), vector(0.0), vector(0.0)];
         if (corners[1] - corners[0]).cross(corners[2] - corners[0]).length() > 1e-6 {
             break corners;
         }
     };
-    let normals = [vector(1.5), vector(1.5), vector(1.5)].map(DVec3::normalize);
-    let (point, light) = (vector(0.0), vector(0.0));
+    Facet { corners, normals: [vector(1.5), vector(1.5), vector(1.5)].map(DVec3::normalize) }
+}
+
+/// Ends of which nothing can be said.
+fn any_ends(random: &mut TrialStream) -> Ends {
+    let on_lattice = random.next_f64() < 0.3;
+    let (point, light) = (any_vector(random, on_lattice, 0.0), any_vector(random, on_lattice, 0.0));
     let light = if light == DVec3::ZERO { DVec3::Z } else { light };
-    let kind = (random.next_f64() * 5.0) as u32;
-    let ends = match kind {
+    match (random.next_f64() * 5.0) as u32 {
         0 => Ends::refracted(point, Source::Point(light), WATER, false),
         1 => Ends::refracted(point, Source::Point(light), WATER, true),
         2 => Ends::refracted(point, Source::Direction(light.normalize()), 1.0, true),
         3 => Ends::mirrored(point, Source::Point(light)),
         _ => Ends::mirrored(point, Source::Direction(light.normalize())),
-    };
-    (Facet { corners, normals }, ends)
+    }
+}
+
+fn any_vector(random: &mut TrialStream, on_lattice: bool, height: f64) -> DVec3 {
+    let [x, y, z] = [(); 3].map(|()| coordinate(random, on_lattice));
+    DVec3::new(x, y, z + height)
 }
 
 #[test]
-fn ten_million_queries_of_any_kind_end_with_paths_that_are_paths() {
+fn ten_million_queries_of_any_kind_end_with_paths_that_are_paths_and_that_the_tree_opens() {
     const CHUNKS: u32 = 100;
-    const QUERIES: u32 = 100_000;
+    const MESHES: usize = 100;
+    /// A leaf, two, and trees of one and two levels of nodes above them.
+    const TRIANGLES: [u32; 4] = [1, 9, 20, 70];
+    const QUERIES: usize = 10;
     let paths: usize = (0..CHUNKS)
         .into_par_iter()
         .map(|chunk| {
             let mut random = random(100 + chunk);
             let mut count = 0;
-            for _ in 0..QUERIES {
-                let (facet, ends) = anything(&mut random);
-                for weights in facet.paths(&ends) {
-                    let (place, normal) = (facet.place(weights), facet.normal(weights).normalize());
-                    let half = (ends.point - place).normalize() * ends.indices[0]
-                        + ends.offset_to_light(place).normalize() * ends.indices[1];
-                    assert!(half.cross(normal).length() < 1e-6, "{weights} of {facet:?}, {ends:?}");
-                    assert!(weights.min_element() > -1e-6 && weights.element_sum() < 1.0 + 1e-6, "{weights}");
-                    count += 1;
+            for triangles in TRIANGLES.repeat(MESHES) {
+                let facets: Vec<Facet> = (0..triangles).map(|_| anything(&mut random)).collect();
+                let tree = FacetTree::over(0..triangles, |k| facets[k as usize]).unwrap();
+                for _ in 0..QUERIES {
+                    let ends = any_ends(&mut random);
+                    let mut opened = Vec::new();
+                    tree.visit(&ends, |triangle| opened.push(triangle));
+                    for (triangle, facet) in (0u32..).zip(&facets) {
+                        for weights in facet.paths(&ends) {
+                            check_path(facet, weights, &ends);
+                            assert!(opened.contains(&triangle), "not opened: {weights} of {facet:?}, {ends:?}");
+                            count += 1;
+                        }
+                    }
                 }
             }
             count
@@ -222,14 +236,24 @@ fn ten_million_queries_of_any_kind_end_with_paths_that_are_paths() {
     assert!(paths > 500_000, "{paths}");
 }
 
+/// Whether a place is on the facet, and obeys the law of refraction or reflection.
+#[track_caller]
+fn check_path(facet: &Facet, weights: DVec2, ends: &Ends) {
+    let (place, normal) = (facet.place(weights), facet.normal(weights).normalize());
+    let half =
+        (ends.point - place).normalize() * ends.indices[0] + ends.offset_to_light(place).normalize() * ends.indices[1];
+    assert!(half.cross(normal).length() < 1e-6, "{weights} of {facet:?}, {ends:?}");
+    assert!(weights.min_element() > -1e-6 && weights.element_sum() < 1.0 + 1e-6, "{weights}");
+}
+
 #[test]
 fn walks_from_anywhere_over_any_mesh_end() {
     (0..20u32).into_par_iter().for_each(|chunk| {
         let mut random = random(300 + chunk);
         for _ in 0..5000 {
             // Four triangles around a corner, with whatever normals.
-            let (facet, ends) = anything(&mut random);
-            let (other, _) = anything(&mut random);
+            let (facet, other) = (anything(&mut random), anything(&mut random));
+            let ends = any_ends(&mut random);
             let middle = facet.corners.iter().sum::<DVec3>() / 3.0;
             let facets: Vec<Facet> = (0..3)
                 .map(|k| Facet {

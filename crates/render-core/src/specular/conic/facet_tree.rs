@@ -228,9 +228,6 @@ impl FacetTree {
             }
             return (self.leaves.len() - 1) as u32 | IS_LEAF;
         }
-        let number = self.nodes.len();
-        // Children come after their parents, and boxes before those around them.
-        self.nodes.push(Node::over(&[]));
         // As few children as can hold the triangles at this height: all nodes are about full.
         let mut most_in_child = WIDTH;
         while most_in_child * WIDTH < order.len() {
@@ -246,8 +243,8 @@ impl FacetTree {
             *child = self.build(part, facet, corners);
             boxes.push(FacetBox::around(&corners[first..], GRAIN * self.radius));
         }
-        self.nodes[number] = Node { children, ..Node::over(&boxes) };
-        number as u32
+        self.nodes.push(Node { children, ..Node::over(&boxes) });
+        (self.nodes.len() - 1) as u32
     }
 }
 
@@ -354,9 +351,10 @@ impl Node {
     /// Tells the processor that it will be looked at soon.
     #[inline(always)]
     fn prefetch(&self) {
-        let Self { centre, half, normal, turning, remainder, reach, away, longest, .. } = self;
+        let Self { centre, half, normal, turning, remainder, reach, away, longest, children, missing: _ } = self;
         [centre, half, normal].into_iter().chain(turning).flatten().for_each(prefetch);
         [remainder, reach, away, longest].into_iter().for_each(prefetch);
+        prefetch(children);
     }
 
     /// Which boxes may hold a path, as the bits of a number.
