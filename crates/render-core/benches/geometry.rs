@@ -212,7 +212,7 @@ mod room {
             let origin = DVec3::new(f64::from(i % 2) * 0.6 - 0.3, 3.8, f64::from(i / 2) * 0.5);
             pane(Frame::new(origin, DVec3::X, DVec3::Z))
         });
-        let accelerator = Accelerator::build(&positions, &triangles, panes.collect()).expect("the mesh is sound");
+        let accelerator = Accelerator::build(&positions, &triangles, &[], panes.collect()).expect("the mesh is sound");
         Room { positions, triangles, accelerator }
     }
 

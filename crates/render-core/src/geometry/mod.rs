@@ -14,6 +14,7 @@ pub mod interval;
 pub mod pane;
 mod pyramid;
 pub mod ray;
+mod sheet;
 mod sphere_tracing;
 mod spline;
 #[cfg(test)]

@@ -2,7 +2,6 @@
 
 use std::ops::{Add, Mul, Sub};
 
-use glam::DVec3;
 use pulp::f32x8;
 
 use super::Instructions;
@@ -23,6 +22,13 @@ pub(crate) struct Singles3<S> {
     pub(crate) x: Singles<S>,
     pub(crate) y: Singles<S>,
     pub(crate) z: Singles<S>,
+}
+
+/// Eight vectors of a plane.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Singles2<S> {
+    pub(crate) x: Singles<S>,
+    pub(crate) y: Singles<S>,
 }
 
 /// Tells the processor that numbers will be needed soon.
@@ -115,25 +121,10 @@ impl<S: Instructions> Singles3<S> {
         Self { x: Singles::new(simd, x), y: Singles::new(simd, y), z: Singles::new(simd, z) }
     }
 
-    #[inline(always)]
-    pub(crate) fn splat(simd: S, DVec3 { x, y, z }: DVec3) -> Self {
-        Self { x: Singles::splat(simd, x as f32), y: Singles::splat(simd, y as f32), z: Singles::splat(simd, z as f32) }
-    }
-
     /// Products and sums are fused.
     #[inline(always)]
     pub(crate) fn dot(self, other: Self) -> Singles<S> {
         self.x.times_plus(other.x, self.y.times_plus(other.y, self.z * other.z))
-    }
-
-    /// This times a factor plus something, each coordinate rounded once.
-    #[inline(always)]
-    pub(crate) fn times_plus(self, factor: Singles<S>, summand: Self) -> Self {
-        Self {
-            x: self.x.times_plus(factor, summand.x),
-            y: self.y.times_plus(factor, summand.y),
-            z: self.z.times_plus(factor, summand.z),
-        }
     }
 
     /// Products and differences are fused.
@@ -146,6 +137,12 @@ impl<S: Instructions> Singles3<S> {
         }
     }
 
+    /// The first two coordinates of the cross product.
+    #[inline(always)]
+    pub(crate) fn cross_xy(self, other: Self) -> Singles2<S> {
+        Singles2 { x: self.y.times_minus(other.z, self.z * other.y), y: self.z.times_minus(other.x, self.x * other.z) }
+    }
+
     #[inline(always)]
     pub(crate) fn abs(self) -> Self {
         Self { x: self.x.abs(), y: self.y.abs(), z: self.z.abs() }
@@ -154,6 +151,52 @@ impl<S: Instructions> Singles3<S> {
     #[inline(always)]
     pub(crate) fn length(self) -> Singles<S> {
         self.dot(self).sqrt()
+    }
+}
+
+impl<S: Instructions> Singles2<S> {
+    /// This times a factor plus something, each coordinate rounded once.
+    #[inline(always)]
+    pub(crate) fn times_plus(self, factor: Singles<S>, summand: Self) -> Self {
+        Self { x: self.x.times_plus(factor, summand.x), y: self.y.times_plus(factor, summand.y) }
+    }
+
+    /// The determinant of the matrix with this and another as columns. Products and differences are fused.
+    #[inline(always)]
+    pub(crate) fn determinant(self, other: Self) -> Singles<S> {
+        self.x.times_minus(other.y, self.y * other.x)
+    }
+
+    #[inline(always)]
+    pub(crate) fn length(self) -> Singles<S> {
+        self.x.times_plus(self.x, self.y * self.y).sqrt()
+    }
+}
+
+impl<S: Instructions> Add for Singles2<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        Self { x: self.x + other.x, y: self.y + other.y }
+    }
+}
+
+impl<S: Instructions> Sub for Singles2<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        Self { x: self.x - other.x, y: self.y - other.y }
+    }
+}
+
+impl<S: Instructions> Mul<Singles<S>> for Singles2<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, factor: Singles<S>) -> Self {
+        Self { x: self.x * factor, y: self.y * factor }
     }
 }
 
@@ -200,6 +243,7 @@ mod tests {
         let vector = Singles3 { x, y, z };
         let other = Singles3 { x: y, y: z, z: x };
         let crossed = vector.cross(other);
+        let across = vector.cross_xy(other);
         let values = [
             x + y,
             x - y,
@@ -214,7 +258,11 @@ mod tests {
             crossed.x,
             crossed.y,
             crossed.z,
-            vector.times_plus(y, other).z,
+            across.x,
+            across.y,
+            across.times_plus(y, Singles2 { x, y }).y,
+            across.determinant(Singles2 { x: z, y: x }),
+            across.length(),
         ];
         let bits = |values: Singles<S>| {
             let value = pulp::cast::<_, [f32; SINGLES]>(values.values)[lane];

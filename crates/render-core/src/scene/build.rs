@@ -58,7 +58,8 @@ impl Scene {
         let Meshes { positions, triangles, surfaces, .. } = meshes;
         let mesh_bounds: Vec<[DVec3; 2]> =
             surfaces.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
-        let accelerator = Accelerator::build(&positions, &triangles, panes)
+        let smooth: Vec<_> = surfaces.iter().filter(|mesh| mesh.is_smooth()).map(MeshSurface::triangle_range).collect();
+        let accelerator = Accelerator::build(&positions, &triangles, &smooth, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
         let scene = Self {
             hash: bundle.scene_hash(),

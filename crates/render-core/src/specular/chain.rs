@@ -83,10 +83,6 @@ impl Segments {
     }
 }
 
-/// The part of the way to a place on which something may stand in the way. The place itself, and the triangle beside an edge on which it
-/// lies, are behind.
-const BEFORE: f64 = 1.0 - 1e-9;
-
 impl Chain {
     /// The chain that a ray in `direction` from the shading point meets, when that begins on `caster` and each vertex can
     /// do what `events` says.
@@ -128,7 +124,7 @@ impl Chain {
         let offset = place - point.position;
         let distance = offset.length();
         let ray = Ray::new(point.position, offset / distance);
-        if scene.accelerator().occluded(&ray, distance * BEFORE, point.leaving, None, counters) {
+        if scene.accelerator().occluded_before(&ray, distance, point.leaving, triangle, counters) {
             return None;
         }
         let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: ray.direction };

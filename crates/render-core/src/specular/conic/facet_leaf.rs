@@ -2,22 +2,25 @@
 //!
 //! On a triangle, place and normal are linear in the weights x of its corners, counted from the middle. So is the defect h x n (see
 //! `facet_tree`), but for little that is bounded: `g + K x` with a matrix K of two columns. At a path it is not larger than that
-//! bound, and Cramer's rule says how far outside each edge that can be.
+//! bound, and Cramer's rule says how far outside each edge that can be, by the two coordinates of the defect across the axis along which
+//! normals are longest.
 
 use glam::DVec3;
 
 use super::{
     facet::Facet,
-    seen_ends::{ALL, BENDING, ByLane, ROUNDING, SeenEnds, Vectors, missing, numbers, vectors},
+    seen_ends::{
+        ALL, BENDING, ByLane, ROUNDING, SeenEnd, SeenEnds, Vectors, in_order, missing, numbers, steepest_axis, vectors,
+    },
 };
 use crate::lanes::{
     Instructions,
-    singles::{SINGLES, Singles, Singles3, prefetch},
+    singles::{SINGLES, Singles, Singles2, Singles3, prefetch},
 };
 
 /// At most eight triangles, in single precision relative to the middle of the mesh.
 #[derive(Clone, Debug)]
-#[repr(align(64))]
+#[repr(C, align(64))]
 pub(super) struct FacetLeaf {
     /// Their middles.
     centre: Vectors,
@@ -37,6 +40,8 @@ pub(super) struct FacetLeaf {
     pub(super) triangles: [u32; SINGLES],
     /// The bits of those that are not there.
     missing: u32,
+    /// The axis whose coordinate comes last in all vectors.
+    axis: u32,
 }
 
 impl FacetLeaf {
@@ -47,73 +52,122 @@ impl FacetLeaf {
             let mean = mean(corners);
             corners.iter().fold(0.0, |most, corner| f64::max(most, (*corner - mean).length()))
         };
+        let axis = steepest_axis(facets.iter().map(|(_, facet)| mean(&facet.normals)));
+        let by_facet = |vector: &dyn Fn(&Facet) -> DVec3| vectors(facets, |(_, facet)| in_order(vector(facet), axis));
         Self {
-            centre: vectors(facets, |(_, facet)| mean(&facet.corners) - middle),
-            edges: [1, 2].map(|k| vectors(facets, |(_, facet)| facet.corners[k] - facet.corners[0])),
-            normal: vectors(facets, |(_, facet)| mean(&facet.normals)),
-            turning: [1, 2].map(|k| vectors(facets, |(_, facet)| facet.normals[k] - facet.normals[0])),
+            centre: by_facet(&|facet| mean(&facet.corners) - middle),
+            edges: [1, 2].map(|k| by_facet(&|facet| facet.corners[k] - facet.corners[0])),
+            normal: by_facet(&|facet| mean(&facet.normals)),
+            turning: [1, 2].map(|k| by_facet(&|facet| facet.normals[k] - facet.normals[0])),
             reach: numbers(facets, |(_, facet)| farthest(&facet.corners)),
             normal_length: numbers(facets, |(_, facet)| mean(&facet.normals).length()),
             away: numbers(facets, |(_, facet)| farthest(&facet.normals)),
             triangles: std::array::from_fn(|lane| facets.get(lane).map_or(0, |(triangle, _)| *triangle)),
             missing: missing(facets),
+            axis: axis as u32,
         }
     }
 
     /// Tells the processor that it will be looked at soon.
     #[inline(always)]
     pub(super) fn prefetch(&self) {
-        let Self { centre, edges, normal, turning, reach, normal_length, away, .. } = self;
-        [centre, &edges[0], &edges[1], normal, &turning[0], &turning[1]].into_iter().flatten().for_each(prefetch);
-        [reach, normal_length, away].into_iter().for_each(prefetch);
+        // Two arrays share a cache line.
+        let Self { centre, edges: [second, third], normal, turning: [with_second, with_third], .. } = self;
+        for numbers in [
+            &centre[0],
+            &centre[2],
+            &second[1],
+            &third[0],
+            &third[2],
+            &normal[1],
+            &with_second[0],
+            &with_second[2],
+            &with_third[1],
+        ] {
+            prefetch(numbers);
+        }
+        prefetch(&self.reach);
+        prefetch(&self.away);
     }
 
     /// On which triangles a path may be, as the bits of a number.
     #[inline(always)]
     pub(super) fn may_hold<S: Instructions, const NEAR: bool>(&self, simd: S, ends: &SeenEnds<S, NEAR>) -> u32 {
-        self.holding(simd, &self.middles(simd, ends))
+        let [to_point, to_light] = ends.offsets(Singles3::new(simd, &self.centre), self.axis);
+        let point = self.point(simd, ends, to_point);
+        self.holding(simd, &self.middles(simd, ends, &point, to_light))
     }
 
-    /// The same, and which of these may focus the light more than `strongly` (see [`Facet::focus`]).
+    /// On which triangles a path may be to one point of a whole light, `drawn`, and which of those that may hold a path to any of its points
+    /// may focus it more than `strongly` (see [`Facet::focus`]).
     #[inline(always)]
     pub(super) fn may_hold_and_focus<S: Instructions, const NEAR: bool>(
         &self,
         simd: S,
-        ends: &SeenEnds<S, NEAR>,
+        whole: &SeenEnds<S, NEAR>,
+        drawn: &SeenEnds<S, NEAR>,
         strongly: f64,
     ) -> [u32; 2] {
-        let middles = self.middles(simd, ends);
+        let centre = Singles3::new(simd, &self.centre);
+        let [to_point, to_whole] = whole.offsets(centre, self.axis);
+        let point = self.point(simd, whole, to_point);
+        let middles = self.middles(simd, whole, &point, to_whole);
         let holding = self.holding(simd, &middles);
-        let focusing = if holding == 0 { 0 } else { holding & self.focusing(simd, ends, &middles, strongly) };
-        [holding, focusing]
+        if holding == 0 {
+            return [0, 0];
+        }
+        let [_, to_drawn] = drawn.offsets(centre, self.axis);
+        let holding_drawn = self.holding(simd, &self.middles(simd, drawn, &point, to_drawn));
+        [holding & holding_drawn, holding & self.focusing(simd, whole, &middles, strongly)]
+    }
+
+    /// The shading point at offsets from the middles.
+    #[inline(always)]
+    fn point<S: Instructions, const NEAR: bool>(
+        &self,
+        simd: S,
+        ends: &SeenEnds<S, NEAR>,
+        to_point: Singles3<S>,
+    ) -> EndFromMiddles<S> {
+        let end = ends.seen_point(to_point, self.closest(simd, to_point), Singles::new(simd, &self.reach));
+        self.from_middles(simd, end)
+    }
+
+    #[inline(always)]
+    fn from_middles<S: Instructions>(&self, simd: S, end: SeenEnd<S>) -> EndFromMiddles<S> {
+        let [second, third] = &self.edges;
+        let half_by = [end.moved(Singles3::new(simd, second)), end.moved(Singles3::new(simd, third))];
+        EndFromMiddles { end, half_by }
     }
 
     /// What light does at the middles.
     #[inline(always)]
-    fn middles<S: Instructions, const NEAR: bool>(&self, simd: S, ends: &SeenEnds<S, NEAR>) -> Middles<S> {
-        let (centre, normal) = (Singles3::new(simd, &self.centre), Singles3::new(simd, &self.normal));
-        let reach = Singles::new(simd, &self.reach);
-        let [to_point, to_light] = ends.offsets(centre);
-        let near_end = ends.seen_point(to_point, self.closest(simd, to_point), reach);
-        let edges = [Singles3::new(simd, &self.edges[0]), Singles3::new(simd, &self.edges[1])];
-        let mut half_by = [near_end.moved(edges[0]), near_end.moved(edges[1])];
-        let (mut half, mut speed, mut bent) = (near_end.half, near_end.speed, near_end.bent);
+    fn middles<S: Instructions, const NEAR: bool>(
+        &self,
+        simd: S,
+        ends: &SeenEnds<S, NEAR>,
+        point: &EndFromMiddles<S>,
+        to_light: Singles3<S>,
+    ) -> Middles<S> {
+        let normal = Singles3::new(simd, &self.normal);
+        let EndFromMiddles { end: SeenEnd { half, speed, bent, .. }, half_by } = *point;
+        let (mut half, mut half_by, mut whole_speed, mut bent) = (half, half_by, speed, bent);
         let mut far_speed = None;
         if NEAR {
-            let far_end = ends.seen_light(to_light, self.closest(simd, to_light), reach);
-            half_by = [half_by[0] + far_end.moved(edges[0]), half_by[1] + far_end.moved(edges[1])];
-            (half, speed, bent) = (half + far_end.half, speed + far_end.speed, bent + far_end.bent);
-            far_speed = Some(far_end.speed);
+            let light = ends.seen_light(to_light, self.closest(simd, to_light), Singles::new(simd, &self.reach));
+            let light = self.from_middles(simd, light);
+            half_by = [half_by[0] + light.half_by[0], half_by[1] + light.half_by[1]];
+            (half, bent, whole_speed) = (half + light.end.half, bent + light.end.bent, speed + light.end.speed);
+            far_speed = Some(light.end.speed);
         } else {
             (half, bent) = (half + to_light, bent + ends.bent_at_infinity());
         }
+        let [with_second, with_third] = &self.turning;
         let by = [
-            half_by[0].cross(normal) + half.cross(Singles3::new(simd, &self.turning[0])),
-            half_by[1].cross(normal) + half.cross(Singles3::new(simd, &self.turning[1])),
+            half_by[0].cross_xy(normal) + half.cross_xy(Singles3::new(simd, with_second)),
+            half_by[1].cross_xy(normal) + half.cross_xy(Singles3::new(simd, with_third)),
         ];
-        let determinant = normal.dot(by[0].cross(by[1]));
-        let speeds = [Some(near_end.speed), far_speed];
-        Middles { speeds, speed, bent, normal, half, half_by, by, determinant }
+        Middles { speeds: [Some(speed), far_speed], speed: whole_speed, bent, normal, half, half_by, by }
     }
 
     /// One over how near places on triangles can be to the end at an offset from their middles.
@@ -124,20 +178,20 @@ impl FacetLeaf {
 
     #[inline(always)]
     fn holding<S: Instructions>(&self, simd: S, middles: &Middles<S>) -> u32 {
-        let &Middles { speed, bent, normal, half, by: [first, second], determinant, .. } = middles;
+        let &Middles { speed, bent, normal, half, by: [first, second], .. } = middles;
         let (reach, away) = (Singles::new(simd, &self.reach), Singles::new(simd, &self.away));
         let normal_length = Singles::new(simd, &self.normal_length);
-        let defect = half.cross(normal);
+        let defect = half.cross_xy(normal);
+        let determinant = first.determinant(second);
         let longest = normal_length + away;
         let (size, rounding) = (half.length(), Singles::splat(simd, ROUNDING));
         let rest = speed * reach * away + bent * longest + rounding * (size + Singles::splat(simd, 1.0)) * longest;
-        // Where the linear part vanishes, as weights from the middle times the determinant, the sign turned; only what is across the
-        // normal counts.
-        let weights = [normal.dot(defect.cross(second)), normal.dot(first.cross(defect))];
+        // Where the linear part vanishes, as weights from the middle times the determinant, the sign turned.
+        let weights = [defect.determinant(second), first.determinant(defect)];
         // Outside an edge, all times the squared determinant: the middle is a third of the way to the opposite corner. What the rest makes
         // of a weight is at most what the other column makes of it.
         let third = determinant * determinant * Singles::splat(simd, 1.0 / 3.0);
-        let scale = normal_length * determinant.abs();
+        let scale = determinant.abs();
         let slack = rest * scale;
         let lengths = [first.length(), second.length()];
         let cancelled = rounding * scale * (size * normal_length + lengths[0]) * (lengths[0] + lengths[1]);
@@ -158,8 +212,14 @@ impl FacetLeaf {
         middles: &Middles<S>,
         strongly: f64,
     ) -> u32 {
-        let &Middles { speeds, normal, half_by, by, determinant, .. } = middles;
+        let &Middles { speeds, normal, half, half_by, .. } = middles;
         let normal_length = Singles::new(simd, &self.normal_length);
+        let [with_second, with_third] = &self.turning;
+        let by = [
+            half_by[0].cross(normal) + half.cross(Singles3::new(simd, with_second)),
+            half_by[1].cross(normal) + half.cross(Singles3::new(simd, with_third)),
+        ];
+        let determinant = normal.dot(by[0].cross(by[1]));
         // Two corners are at most so far apart, and so are normals.
         let twice = Singles::splat(simd, 2.01);
         let (edge, turn) = (Singles::new(simd, &self.reach) * twice, Singles::new(simd, &self.away) * twice);
@@ -186,6 +246,13 @@ impl FacetLeaf {
     }
 }
 
+/// An end of a path, as seen from the middles of eight triangles.
+struct EndFromMiddles<S> {
+    end: SeenEnd<S>,
+    /// The derivatives of its part of the half vector by both weights.
+    half_by: [Singles3<S>; 2],
+}
+
 /// What light does at the middles of eight triangles.
 struct Middles<S> {
     /// How fast the parts of the half vector turn with the place, towards the point and towards a light that is at one.
@@ -199,10 +266,8 @@ struct Middles<S> {
     half: Singles3<S>,
     /// Their derivatives by both weights.
     half_by: [Singles3<S>; 2],
-    /// The derivatives of the defect by both weights.
-    by: [Singles3<S>; 2],
-    /// That of those across the normal, times the normal's length.
-    determinant: Singles<S>,
+    /// The derivatives of the defect by both weights: the coordinates across the axis.
+    by: [Singles2<S>; 2],
 }
 
 /// How fast the part of the half vector towards an end turns within an edge's length, and twice how fast that changes.

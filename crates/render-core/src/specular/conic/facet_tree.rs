@@ -9,9 +9,9 @@
 //! ```
 //!
 //! vanishes in each component: those that say how far P, L and the normal are from one plane, and how far from Snell's law,
-//! alike. The first term is known, the next two are linear in d, and the rest is small and bounded. It vanishes as well along each
-//! direction in which the linear terms do not depend on one coordinate of d: waves that run askew to the axes are told apart
-//! there, by the two coordinates along which the mesh is longer. So about as many boxes are opened as touch the places where the linear terms say that a path is, whatever their size.
+//! alike. Across n, two are enough. The first term is known, the next two are linear in d, and the rest is small and bounded. It vanishes
+//! as well along each direction in which the linear terms do not depend on one coordinate of d: waves that run askew to the axes are told
+//! apart there, by the two coordinates across the normals. So about as many boxes are opened as touch the places where the linear terms say that a path is, whatever their size.
 
 use std::ops::Range;
 
@@ -22,11 +22,11 @@ use super::{
     ends::Ends,
     facet::Facet,
     facet_leaf::FacetLeaf,
-    seen_ends::{ALL, ByLane, GRAIN, ROUNDING, SeenEnds, Vectors, missing, numbers, vectors},
+    seen_ends::{ALL, ByLane, GRAIN, ROUNDING, SeenEnds, Vectors, in_order, missing, numbers, steepest_axis, vectors},
 };
 use crate::lanes::{
     Instructions,
-    singles::{SINGLES, Singles, Singles3, prefetch},
+    singles::{SINGLES, Singles, Singles2, Singles3, prefetch},
 };
 use crate::specular::widest::{self, Computation};
 
@@ -41,7 +41,7 @@ const USUAL: usize = 64;
 
 /// A node: the boxes of its children, in single precision relative to the middle of the mesh.
 #[derive(Clone, Debug)]
-#[repr(align(64))]
+#[repr(C, align(64))]
 struct Node {
     /// Their middles c.
     centre: Vectors,
@@ -63,6 +63,8 @@ struct Node {
     children: [u32; WIDTH],
     /// The bits of boxes that do not exist.
     missing: u32,
+    /// The axis whose coordinate comes last in all vectors.
+    axis: u32,
 }
 
 /// What bounds the places and normals of some triangles.
@@ -86,8 +88,6 @@ pub(crate) struct FacetTree {
     middle: DVec3,
     /// How far corners can be from there.
     radius: f64,
-    /// The axis along which the mesh is shortest.
-    short: usize,
 }
 
 impl FacetTree {
@@ -102,9 +102,7 @@ impl FacetTree {
         let middle = 0.5 * (low + high);
         let farthest = |&(triangle, _): &(u32, DVec3)| facet(triangle).corners.map(|corner| (corner - middle).length());
         let radius = order.iter().flat_map(farthest).fold(0.0, f64::max);
-        let extent = high - low;
-        let short = (0..3).fold(0, |short, axis| if extent[axis] < extent[short] { axis } else { short });
-        let mut tree = Self { nodes: Vec::new(), leaves: Vec::new(), root: 0, middle, radius, short };
+        let mut tree = Self { nodes: Vec::new(), leaves: Vec::new(), root: 0, middle, radius };
         tree.root = tree.build(&mut order, &facet, &mut Vec::new());
         Some(tree)
     }
@@ -143,15 +141,18 @@ impl FacetTree {
         of_whole: Option<(&Ends, f64)>,
         mut open: impl FnMut(u32, May),
     ) -> usize {
-        let ends = SeenEnds::<S, NEAR>::new(simd, ends, self.middle, self.radius, self.short);
+        let mut ends = SeenEnds::<S, NEAR>::new(simd, ends, self.middle, self.radius);
         let mut looks = 0;
         let (mut level, mut below): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![], smallvec![]);
         let (mut masks, mut leaves): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![], smallvec![]);
         if self.root & IS_LEAF == 0 {
             let root = &self.nodes[self.root as usize];
-            if root.missing | root.hidden(simd, &ends) == ALL {
+            let sides = root.sides(simd, &ends);
+            if ends.has_side && root.missing | sides.wrong == ALL {
                 return 1;
             }
+            // What is right for the mesh is right for its parts.
+            ends.has_side &= root.missing | sides.right != ALL;
             level.push(self.root)
         } else {
             leaves.push(self.root & !IS_LEAF)
@@ -184,12 +185,11 @@ impl FacetTree {
         looks += leaves.len();
         masks.clear();
         if let Some((drawn, strongly)) = of_whole {
-            let drawn = SeenEnds::<S, NEAR>::new(simd, drawn, self.middle, self.radius, self.short);
+            let drawn = SeenEnds::<S, NEAR>::new(simd, drawn, self.middle, self.radius);
             for &number in &leaves {
                 let leaf = &self.leaves[number as usize];
-                let [holding, focusing] = leaf.may_hold_and_focus(simd, &ends, strongly);
-                let holding_drawn = if holding == 0 { 0 } else { holding & leaf.may_hold(simd, &drawn) };
-                masks.push(holding_drawn | focusing << WIDTH);
+                let [holding, focusing] = leaf.may_hold_and_focus(simd, &ends, &drawn, strongly);
+                masks.push(holding | focusing << WIDTH);
             }
         } else {
             for &number in &leaves {
@@ -334,27 +334,35 @@ impl FacetBox {
 impl Node {
     /// A node over children that are yet to be numbered.
     fn over(boxes: &[FacetBox]) -> Self {
+        let axis = steepest_axis(boxes.iter().map(|bounds| bounds.normal));
+        let by_box = |vector: fn(&FacetBox) -> DVec3| vectors(boxes, |bounds| in_order(vector(bounds), axis));
+        let turning = |column: usize| vectors(boxes, |bounds| in_order(bounds.turning.col(column), axis));
         Self {
-            centre: vectors(boxes, |bounds| bounds.centre),
-            half: vectors(boxes, |bounds| bounds.half),
-            normal: vectors(boxes, |bounds| bounds.normal),
-            turning: [0, 1, 2].map(|axis| vectors(boxes, |bounds| bounds.turning.col(axis))),
+            centre: by_box(|bounds| bounds.centre),
+            half: by_box(|bounds| bounds.half),
+            normal: by_box(|bounds| bounds.normal),
+            turning: [(axis + 1) % 3, (axis + 2) % 3, axis].map(turning),
             remainder: numbers(boxes, |bounds| bounds.remainder),
             reach: numbers(boxes, |bounds| bounds.half.length()),
             away: numbers(boxes, FacetBox::away),
             longest: numbers(boxes, |bounds| bounds.normal.length() + bounds.away()),
             children: [0; WIDTH],
             missing: missing(boxes),
+            axis: axis as u32,
         }
     }
 
     /// Tells the processor that it will be looked at soon.
     #[inline(always)]
     fn prefetch(&self) {
-        let Self { centre, half, normal, turning, remainder, reach, away, longest, children, missing: _ } = self;
-        [centre, half, normal].into_iter().chain(turning).flatten().for_each(prefetch);
-        [remainder, reach, away, longest].into_iter().for_each(prefetch);
-        prefetch(children);
+        // Two arrays share a cache line.
+        let Self { centre, half, normal, turning: [x, y, z], remainder, away, .. } = self;
+        for numbers in [&centre[0], &centre[2], &half[1], &normal[0], &normal[2], &x[1], &y[0], &y[2], &z[1]] {
+            prefetch(numbers);
+        }
+        prefetch(remainder);
+        prefetch(away);
+        prefetch(&self.children);
     }
 
     /// Which boxes may hold a path, as the bits of a number.
@@ -362,32 +370,32 @@ impl Node {
     fn may_hold<S: Instructions, const NEAR: bool>(&self, simd: S, ends: &SeenEnds<S, NEAR>) -> u32 {
         let (centre, normal) = (Singles3::new(simd, &self.centre), Singles3::new(simd, &self.normal));
         let (edges, reach) = (Singles3::new(simd, &self.half), Singles::new(simd, &self.reach));
-        let [to_point, to_light] = ends.offsets(centre);
-        let near_end = ends.seen_point(to_point, closest(simd, to_point, edges), reach);
+        let [to_point, to_light] = ends.offsets(centre, self.axis);
+        let near_end = ends.seen_point(to_point, closest(simd, to_point, edges, reach), reach);
         let (mut half, mut fastest, mut bent) = (near_end.half, near_end.speed, near_end.bent);
-        let far_end = if NEAR { Some(ends.seen_light(to_light, closest(simd, to_light, edges), reach)) } else { None };
+        let far_end =
+            if NEAR { Some(ends.seen_light(to_light, closest(simd, to_light, edges, reach), reach)) } else { None };
         if let Some(far_end) = &far_end {
             (half, fastest, bent) = (half + far_end.half, fastest + far_end.speed, bent + far_end.bent);
         } else {
             (half, bent) = (half + to_light, bent + ends.bent_at_infinity());
         }
-        let defect = half.cross(normal);
+        let defect = half.cross_xy(normal);
         // How the defect changes as the place moves along each axis: the half vector turns, and the normal does.
-        let turned = normal * fastest;
-        let x = half.cross(Singles3::new(simd, &self.turning[0]));
-        let y = half.cross(Singles3::new(simd, &self.turning[1]));
-        let z = half.cross(Singles3::new(simd, &self.turning[2]));
+        let x = half.cross_xy(Singles3::new(simd, &self.turning[0]));
+        let y = half.cross_xy(Singles3::new(simd, &self.turning[1]));
+        let z = half.cross_xy(Singles3::new(simd, &self.turning[2]));
+        let slowest = Singles::splat(simd, 0.0) - fastest;
         let mut by = [
-            Singles3 { x: x.x, y: x.y + turned.z, z: x.z - turned.y },
-            Singles3 { x: y.x - turned.z, y: y.y, z: y.z + turned.x },
-            Singles3 { x: z.x + turned.y, y: z.y - turned.x, z: z.z },
+            Singles2 { x: x.x, y: normal.z.times_plus(fastest, x.y) },
+            Singles2 { x: normal.z.times_plus(slowest, y.x), y: y.y },
+            Singles2 { x: normal.y.times_plus(fastest, z.x), y: normal.x.times_plus(slowest, z.y) },
         ];
         by = near_end.lengthened(by, normal);
         if let Some(far_end) = &far_end {
             by = far_end.lengthened(by, normal);
         }
         let [by_x, by_y, by_z] = by;
-        let by_place = by_x.abs().times_plus(edges.x, by_y.abs().times_plus(edges.y, by_z.abs() * edges.z));
         let size = half.length();
         let rounding = Singles::splat(simd, ROUNDING);
         let loose = size.times_plus(rounding, bent + rounding);
@@ -395,34 +403,27 @@ impl Node {
         let rest = loose
             .times_plus(Singles::new(simd, &self.longest), size.times_plus(Singles::new(simd, &self.remainder), swung));
         let mut exceeds = self.missing
-            | (by_place.x + rest).less_than(defect.x.abs())
-            | (by_place.y + rest).less_than(defect.y.abs())
-            | (by_place.z + rest).less_than(defect.z.abs());
-        // The same in directions in which the place does not matter along one axis.
-        let (x, y, z) = (by_x * edges.x, by_y * edges.y, by_z * edges.z);
-        if ends.short != 0 {
-            exceeds |= exceeds_beside(normal.cross(by_x), y, z, rest, defect);
+            | most([by_x.x, by_y.x, by_z.x], edges, rest).less_than(defect.x.abs())
+            | most([by_x.y, by_y.y, by_z.y], edges, rest).less_than(defect.y.abs());
+        // The same in both directions in which the place does not matter along one of the first two axes.
+        let both = by_x.determinant(by_y).abs();
+        let by_z = by_z * edges.z;
+        exceeds |= exceeds_beside(by_x, both * edges.y, by_z, rest, defect)
+            | exceeds_beside(by_y, both * edges.x, by_z, rest, defect);
+        if ends.has_side {
+            exceeds |= self.sides(simd, ends).wrong;
         }
-        if ends.short != 1 {
-            exceeds |= exceeds_beside(normal.cross(by_y), z, x, rest, defect);
-        }
-        if ends.short != 2 {
-            exceeds |= exceeds_beside(normal.cross(by_z), x, y, rest, defect);
-        }
-        !(exceeds | self.hidden(simd, ends)) & ALL
+        !exceeds & ALL
     }
 
-    /// In which boxes the ends are nowhere on the right sides of the surface.
+    /// On which sides of the surface the ends are.
     #[inline(always)]
-    fn hidden<S: Instructions, const NEAR: bool>(&self, simd: S, ends: &SeenEnds<S, NEAR>) -> u32 {
-        if !ends.has_side {
-            return 0;
-        }
+    fn sides<S: Instructions, const NEAR: bool>(&self, simd: S, ends: &SeenEnds<S, NEAR>) -> Sides {
         let (centre, normal) = (Singles3::new(simd, &self.centre), Singles3::new(simd, &self.normal));
         let (edges, reach) = (Singles3::new(simd, &self.half), Singles::new(simd, &self.reach));
         let (away, longest) = (Singles::new(simd, &self.away), Singles::new(simd, &self.longest));
         let zero = Singles::splat(simd, 0.0);
-        let [to_point, to_light] = ends.offsets(centre);
+        let [to_point, to_light] = ends.offsets(centre, self.axis);
         let slack = normal.abs().dot(edges);
         let loose = longest.times_plus(Singles::splat(simd, ROUNDING), away);
         let point_slack = slack + ends.grains[0] * longest + loose * (to_point.length() + reach);
@@ -434,28 +435,47 @@ impl Node {
             // Of a vector as long as the index is large.
             (loose + ends.grains[1] * longest) * ends.indices[1]
         };
-        (point_height + point_slack).less_than(zero) | light_slack.less_than(light_height)
+        Sides {
+            wrong: (point_height + point_slack).less_than(zero) | light_slack.less_than(light_height),
+            right: point_slack.less_than(point_height) & (light_height + light_slack).less_than(zero),
+        }
     }
 }
 
-/// One over how near places in boxes can be to the end at an offset from their middles.
-#[inline(always)]
-fn closest<S: Instructions>(simd: S, offset: Singles3<S>, edges: Singles3<S>) -> Singles<S> {
-    let outside = offset.abs() - edges;
-    Singles::splat(simd, 2.0).over((outside + outside.abs()).length())
+/// On which sides of eight boxes' surfaces both ends are, as the bits of numbers.
+struct Sides {
+    /// Those where they are nowhere on the right ones.
+    wrong: u32,
+    /// Those where they are on the right ones everywhere.
+    right: u32,
 }
 
-/// Whether the defect along a direction is more than two coordinates of the place, and what is not linear, can make up for.
+/// One over how near places in boxes can be to the end at an offset from their middles, by the balls around them and along the axis of
+/// their normals.
+#[inline(always)]
+fn closest<S: Instructions>(simd: S, offset: Singles3<S>, edges: Singles3<S>, reach: Singles<S>) -> Singles<S> {
+    let (ball, height) = (offset.length() - reach, offset.z.abs() - edges.z);
+    let nearest = height + (ball - height).positive_part();
+    Singles::splat(simd, 1.0).over(nearest.positive_part())
+}
+
+/// The most that a coordinate of the defect changes by within boxes: by the place along each axis, and by what is not linear.
+#[inline(always)]
+fn most<S: Instructions>([x, y, z]: [Singles<S>; 3], edges: Singles3<S>, rest: Singles<S>) -> Singles<S> {
+    x.abs().times_plus(edges.x, y.abs().times_plus(edges.y, z.abs().times_plus(edges.z, rest)))
+}
+
+/// Whether the defect across a vector is more than two coordinates of the place, and what is not linear, can make up for.
 #[inline(always)]
 fn exceeds_beside<S: Instructions>(
-    along: Singles3<S>,
-    first: Singles3<S>,
-    second: Singles3<S>,
+    along: Singles2<S>,
+    first: Singles<S>,
+    second: Singles2<S>,
     rest: Singles<S>,
-    defect: Singles3<S>,
+    defect: Singles2<S>,
 ) -> u32 {
-    let most = along.length().times_plus(rest, along.dot(first).abs() + along.dot(second).abs());
-    most.less_than(along.dot(defect).abs())
+    let most = along.length().times_plus(rest, first + along.determinant(second).abs());
+    most.less_than(along.determinant(defect).abs())
 }
 
 /// What keeps the least squares of flat meshes from a singular matrix, relative.

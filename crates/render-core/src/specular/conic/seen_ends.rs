@@ -1,12 +1,15 @@
 //! The ends of a path, as the boxes and triangles of the hierarchy see them: eight at a time, in single precision, relative to the
 //! middle of the mesh.
+//!
+//! Nodes and leaves have their coordinates in cyclic order with that axis last along which their normals are longest. The misfit h x n is
+//! across n, so that its other two coordinates say all.
 
 use glam::DVec3;
 
 use super::ends::Ends;
 use crate::lanes::{
     Instructions,
-    singles::{SINGLES, Singles, Singles3},
+    singles::{SINGLES, Singles, Singles2, Singles3},
 };
 
 /// A number for each of eight boxes or triangles.
@@ -28,6 +31,17 @@ pub(super) fn vectors<T>(things: &[T], vector: impl Fn(&T) -> DVec3) -> Vectors 
     [0, 1, 2].map(|axis| numbers(things, |thing| vector(thing)[axis]))
 }
 
+/// The axis along which some normals are longest.
+pub(super) fn steepest_axis(normals: impl Iterator<Item = DVec3>) -> usize {
+    let squares = normals.fold(DVec3::ZERO, |sum, normal| sum + normal * normal);
+    (0..3).fold(0, |longest, axis| if squares[axis] > squares[longest] { axis } else { longest })
+}
+
+/// The coordinates of a vector in cyclic order, that along `axis` last.
+pub(super) fn in_order(vector: DVec3, axis: usize) -> DVec3 {
+    DVec3::new(vector[(axis + 1) % 3], vector[(axis + 2) % 3], vector[axis])
+}
+
 /// The bits of those of eight that are not there.
 pub(super) fn missing<T>(things: &[T]) -> u32 {
     ALL << things.len() & ALL
@@ -35,17 +49,16 @@ pub(super) fn missing<T>(things: &[T]) -> u32 {
 
 /// Both ends. `NEAR` lights are at points, the others at infinity.
 pub(super) struct SeenEnds<S, const NEAR: bool> {
-    pub(super) point: Singles3<S>,
+    point: Cyclic,
     /// Of one at infinity the direction, times the index there.
-    pub(super) light: Singles3<S>,
+    light: Cyclic,
+    simd: S,
     pub(super) indices: [Singles<S>; 2],
     /// One over their squares.
     inverse_squares: [Singles<S>; 2],
     pub(super) side: Singles<S>,
     /// Whether the side matters.
     pub(super) has_side: bool,
-    /// The axis along which the mesh is shortest.
-    pub(super) short: usize,
     /// How far the ends can be from where they are, by their extent and by rounding.
     pub(super) grains: [Singles<S>; 2],
     /// How far by rounding alone; of a light at infinity, nothing.
@@ -53,17 +66,18 @@ pub(super) struct SeenEnds<S, const NEAR: bool> {
 }
 
 impl<S: Instructions, const NEAR: bool> SeenEnds<S, NEAR> {
-    /// The ends as seen from a mesh around `middle`, whose corners are within `radius` and whose shortest axis is `short`.
+    /// The ends as seen from a mesh around `middle`, whose corners are within `radius`.
     #[inline(always)]
-    pub(super) fn new(simd: S, ends: &Ends, middle: DVec3, radius: f64, short: usize) -> Self {
+    pub(super) fn new(simd: S, ends: &Ends, middle: DVec3, radius: f64) -> Self {
         let (point, light) = (ends.point - middle, ends.light - middle * ends.near);
         let rounding = |end: DVec3| GRAIN * (end.length() + radius);
         let of_light = if NEAR { rounding(light) } else { GRAIN };
         let of_point = Singles::splat(simd, rounding(point) as f32);
         let [inside, behind] = ends.indices;
         Self {
-            point: Singles3::splat(simd, point),
-            light: Singles3::splat(simd, if NEAR { light } else { light * behind }),
+            point: Cyclic::new(point),
+            light: Cyclic::new(if NEAR { light } else { light * behind }),
+            simd,
             indices: [Singles::splat(simd, inside as f32), Singles::splat(simd, behind as f32)],
             inverse_squares: [
                 Singles::splat(simd, (1.0 / (inside * inside)) as f32),
@@ -71,7 +85,6 @@ impl<S: Instructions, const NEAR: bool> SeenEnds<S, NEAR> {
             ],
             side: Singles::splat(simd, ends.side as f32),
             has_side: ends.side != 0.0,
-            short,
             grains: [of_point, Singles::splat(simd, (of_light + ends.spread * (1.0 + GRAIN)) as f32)],
             roundings: [of_point, Singles::splat(simd, (of_light * ends.near) as f32)],
         }
@@ -79,10 +92,12 @@ impl<S: Instructions, const NEAR: bool> SeenEnds<S, NEAR> {
 }
 
 impl<S: Instructions, const NEAR: bool> SeenEnds<S, NEAR> {
-    /// The vectors from middles to both ends; towards a light at infinity, its part of the half vector.
+    /// The vectors from middles, whose coordinates along `axis` come last, to both ends; towards a light at infinity, its part of the half
+    /// vector.
     #[inline(always)]
-    pub(super) fn offsets(&self, middles: Singles3<S>) -> [Singles3<S>; 2] {
-        [self.point - middles, if NEAR { self.light - middles } else { self.light }]
+    pub(super) fn offsets(&self, middles: Singles3<S>, axis: u32) -> [Singles3<S>; 2] {
+        let (point, light) = (self.point.in_order(self.simd, axis), self.light.in_order(self.simd, axis));
+        [point - middles, if NEAR { light - middles } else { light }]
     }
 
     /// The shading point at an offset from middles around which places go as far as `reach`, and come as near to it as one over
@@ -120,6 +135,29 @@ impl<S: Instructions, const NEAR: bool> SeenEnds<S, NEAR> {
     }
 }
 
+/// A vector whose coordinates can be taken in cyclic order from any of them on.
+struct Cyclic([f32; 5]);
+
+impl Cyclic {
+    #[inline(always)]
+    fn new(vector: DVec3) -> Self {
+        let [x, y, z] = [vector.x as f32, vector.y as f32, vector.z as f32];
+        Self([x, y, z, x, y])
+    }
+
+    /// Eight times the vector, the coordinate along `axis` last.
+    #[inline(always)]
+    fn in_order<S: Instructions>(&self, simd: S, axis: u32) -> Singles3<S> {
+        let axis = axis as usize % 3;
+        let Self(coordinates) = self;
+        Singles3 {
+            x: Singles::splat(simd, coordinates[axis + 1]),
+            y: Singles::splat(simd, coordinates[axis + 2]),
+            z: Singles::splat(simd, coordinates[axis]),
+        }
+    }
+}
+
 /// One of them, as seen from eight boxes or triangles.
 pub(super) struct SeenEnd<S> {
     /// Its part of the half vector: the unit direction to it from their middles, times the index there.
@@ -135,8 +173,8 @@ pub(super) struct SeenEnd<S> {
 impl<S: Instructions> SeenEnd<S> {
     /// The derivatives of a defect by the place along each axis, and what the half vector's change along itself adds to them.
     #[inline(always)]
-    pub(super) fn lengthened(&self, [x, y, z]: [Singles3<S>; 3], normal: Singles3<S>) -> [Singles3<S>; 3] {
-        let across = self.half.cross(normal) * self.lengthening;
+    pub(super) fn lengthened(&self, [x, y, z]: [Singles2<S>; 3], normal: Singles3<S>) -> [Singles2<S>; 3] {
+        let across = self.half.cross_xy(normal) * self.lengthening;
         [across.times_plus(self.half.x, x), across.times_plus(self.half.y, y), across.times_plus(self.half.z, z)]
     }
 
