@@ -32,12 +32,25 @@ fn rendered(scene: &SheetScene, integrator: &Value, samples: u32) -> Vec<Image> 
     pictures(&bundle(scene, integrator, samples), samples, 1, &|_| 1).0
 }
 
+/// How much light is traced and rendered.
+#[derive(Clone, Copy)]
+struct Effort {
+    photons: u64,
+    /// For each pixel of each replicate.
+    samples: u32,
+}
+
 /// Compares a method with light traced forward, and requires that faults are noticed.
 #[track_caller]
-fn check(scene: &SheetScene, integrator: &Value, samples: u32, faults: &[Fault]) -> (BiasReport, f64) {
+fn check(
+    scene: &SheetScene,
+    integrator: &Value,
+    Effort { photons, samples }: Effort,
+    faults: &[Fault],
+) -> (BiasReport, f64) {
     let folds = scene.folds();
     let replicates = rendered(scene, integrator, samples);
-    let truth = reference(scene, 40_000_000, Fault::None);
+    let truth = reference(scene, photons, Fault::None);
     let report = compare(&replicates, &truth, &folds, BLOCK);
     println!("{integrator}: {report}");
     assert!(report.agrees(), "{integrator}: {report}");
@@ -66,18 +79,25 @@ fn largest_deviation(ours: &Image, truth: &Image, folds: &[bool]) -> f64 {
 #[test]
 fn the_light_of_conic_is_that_of_light_traced_forward() {
     let conic = json!({"conic": {"chains": ["T"]}});
-    let (report, largest) = check(&water(GENTLE), &conic, 24, &[Fault::MissingFresnelFactor, Fault::Scaled]);
+    let effort = Effort { photons: 40_000_000, samples: 24 };
+    let (report, largest) = check(&water(GENTLE), &conic, effort, &[Fault::MissingFresnelFactor, Fault::Scaled]);
     assert!(report.has_power() && report.fold_regions == [0, 0] && largest < 0.01, "{largest} {report}");
-    let (report, _) = check(&water(FOLDING), &conic, 16, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
-    assert!(report.blocks > 10 && report.block_error < 0.01 && report.fold_error < 0.02, "{report}");
-    check(&water(STEEP), &conic, 16, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
+    let effort = Effort { photons: 240_000_000, samples: 96 };
+    let (report, largest) =
+        check(&water(FOLDING), &conic, effort, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
+    assert!(report.has_power() && report.blocks > 10 && largest < 0.01, "{largest} {report}");
+    assert!(report.fold_error < 0.01, "{report}");
+    let effort = Effort { photons: 40_000_000, samples: 16 };
+    let (report, _) = check(&water(STEEP), &conic, effort, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
+    assert!(report.fold_error < 0.01, "{report}");
 }
 
 #[test]
 fn the_light_of_sms_is_that_of_light_traced_forward() {
     let sms = json!({"sms": {"chains": ["T"]}});
-    check(&water(GENTLE), &sms, 4, &[Fault::MissingFresnelFactor]);
-    check(&water(FOLDING), &sms, 12, &[Fault::DroppedSaddles]);
+    let effort = |samples| Effort { photons: 40_000_000, samples };
+    check(&water(GENTLE), &sms, effort(4), &[Fault::MissingFresnelFactor]);
+    check(&water(FOLDING), &sms, effort(12), &[Fault::DroppedSaddles]);
 }
 
 /// A fault that so few connections notice, relative. The binary `bias` takes as many as notice half a percent.
