@@ -56,7 +56,7 @@ impl Sheet {
             DVec2::new(place[across[0]], place[across[1]]) * DVec2::new(1.0, all[axis].signum())
         };
         let border: Vec<DVec2> = border(triangles)?.into_iter().map(seen).collect();
-        is_convex(&border).then(|| Self { triangles: range, axis, slope: steepest * (1.0 + SLACK) })
+        is_convex(&border).then_some(Self { triangles: range, axis, slope: steepest * (1.0 + SLACK) })
     }
 
     /// The numbers of its triangles.

@@ -130,11 +130,12 @@ impl FacetLeaf {
         to_point: Singles3<S>,
     ) -> EndFromMiddles<S> {
         let end = ends.seen_point(to_point, self.closest(simd, to_point), Singles::new(simd, &self.reach));
-        self.from_middles(simd, end)
+        self.with_derivatives(simd, end)
     }
 
+    /// An end with how its part of the half vector changes with the weights.
     #[inline(always)]
-    fn from_middles<S: Instructions>(&self, simd: S, end: SeenEnd<S>) -> EndFromMiddles<S> {
+    fn with_derivatives<S: Instructions>(&self, simd: S, end: SeenEnd<S>) -> EndFromMiddles<S> {
         let [second, third] = &self.edges;
         let half_by = [end.moved(Singles3::new(simd, second)), end.moved(Singles3::new(simd, third))];
         EndFromMiddles { end, half_by }
@@ -155,7 +156,7 @@ impl FacetLeaf {
         let mut far_speed = None;
         if NEAR {
             let light = ends.seen_light(to_light, self.closest(simd, to_light), Singles::new(simd, &self.reach));
-            let light = self.from_middles(simd, light);
+            let light = self.with_derivatives(simd, light);
             half_by = [half_by[0] + light.half_by[0], half_by[1] + light.half_by[1]];
             (half, bent, whole_speed) = (half + light.end.half, bent + light.end.bent, speed + light.end.speed);
             far_speed = Some(light.end.speed);
