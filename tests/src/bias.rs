@@ -69,6 +69,8 @@ pub struct BiasReport {
     pub fold_regions: [usize; 2],
     /// Combined relative standard error that 95 percent of the regions do not exceed; 0 without regions.
     pub fold_error: f64,
+    /// By how much the flux of a region differs, relative: the most of all regions.
+    pub fold_deviation: f64,
     /// The cell that deviates most.
     pub worst: WorstCell,
     /// Sum over blocks and regions of squared standardised deviations, divided by their number: below 1 without bias.
@@ -214,6 +216,7 @@ pub fn compare(replicates: &[Image], reference: &Reference, folds: &[bool], bloc
             of_kind(CellKind::Fold).map(|(cell, _)| cell.pixels.len()).sum::<usize>() / (block * block),
         ],
         fold_error: quantile(relative_errors(CellKind::Fold), 0.95),
+        fold_deviation: of_kind(CellKind::Fold).map(|(_, c)| (c.ours / c.expected - 1.0).abs()).fold(0.0, f64::max),
         worst: WorstCell {
             corner: worst_cell.corner,
             kind: worst_cell.kind,

@@ -3,7 +3,7 @@
 //! A hierarchy in single precision (the module `hierarchy`) decides which primitives are tested. The tests are in double
 //! precision, triangles in world coordinates, panes in their own. What a ray has just left is skipped by identity.
 //!
-//! A sheet, such as the surface of water, has a hierarchy of its own, so that rays that leave it, and steep ones that end on it,
+//! A sheet, such as the surface of water, has a hierarchy of its own, so that steep rays that leave it or end on it
 //! need not look at it.
 //!
 //! At equal distances the smaller number wins, triangles before panes, so that a result does not depend on the order
@@ -133,7 +133,7 @@ impl Sorted {
 
 impl Accelerator {
     /// The hierarchy over triangles, given by the indices of their corners, and panes. `surfaces` are triangles that light may pass
-    /// through, by their numbers: those that are sheets get hierarchies of their own.
+    /// through, by their numbers, each behind those before it: those that are sheets get hierarchies of their own.
     ///
     /// # Errors
     /// [`AcceleratorError`] when an index or a coordinate is out of range.
@@ -155,9 +155,10 @@ impl Accelerator {
             let [a, b, c] = corners;
             (Primitive::Triangle { index, corners }, [a.min(b).min(c), a.max(b).max(c)])
         };
-        let mut sheets = Vec::new();
+        let mut sheets: Vec<(Sheet, Sorted)> = Vec::new();
         for sheet in surfaces.iter().filter_map(|range| Sheet::of(range.clone(), positions, triangles)) {
-            if let Some(sorted) = Sorted::over(sheet.triangles().map(triangle).collect())? {
+            let is_behind = sheets.last().is_none_or(|(last, _)| last.triangles().end <= sheet.triangles().start);
+            if is_behind && let Some(sorted) = Sorted::over(sheet.triangles().map(triangle).collect())? {
                 sheets.push((sheet, sorted));
             }
         }

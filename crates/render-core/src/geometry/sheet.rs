@@ -25,13 +25,14 @@ pub(super) struct Sheet {
 /// Fewer triangles are not worth a hierarchy of their own.
 const FEWEST: usize = 64;
 
-/// Slack of slopes, relative, and for how far the border may bend inwards, radians: what rounding makes of one that is straight.
+/// Slack of slopes, relative, and for how far the border may bend inwards in all, radians: what rounding makes of one that is straight. A
+/// way around such bends is longer by the square of them, which the slack of slopes covers.
 const SLACK: f64 = 1e-6;
 
 impl Sheet {
     /// Some triangles of a scene, given by numbers and corners, if they are a sheet.
     pub(super) fn of(range: Range<u32>, positions: &[DVec3], triangles: &[[u32; 3]]) -> Option<Self> {
-        let triangles = &triangles[range.start as usize..range.end as usize];
+        let triangles = triangles.get(range.start as usize..range.end as usize)?;
         if triangles.len() < FEWEST {
             return None;
         }
@@ -121,12 +122,13 @@ fn border(triangles: &[[u32; 3]]) -> Option<Vec<u32>> {
 
 /// Whether a polygon turns to the left everywhere, or as good as that, and goes around once.
 fn is_convex(polygon: &[DVec2]) -> bool {
-    let mut turned = 0.0;
+    let (mut turned, mut inwards) = (0.0, 0.0);
     for (k, &corner) in polygon.iter().enumerate() {
         let before = corner - polygon[(k + polygon.len() - 1) % polygon.len()];
         let after = polygon[(k + 1) % polygon.len()] - corner;
         let angle = libm::atan2(before.perp_dot(after), before.dot(after));
-        if before == DVec2::ZERO || angle < -SLACK {
+        inwards += f64::max(-angle, 0.0);
+        if before == DVec2::ZERO || inwards > SLACK {
             return false;
         }
         turned += angle;

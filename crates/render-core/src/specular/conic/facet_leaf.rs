@@ -36,12 +36,12 @@ pub(super) struct FacetLeaf {
     normal_length: ByLane,
     /// How far normals are from those at the most.
     away: ByLane,
-    /// Their numbers.
-    pub(super) triangles: [u32; SINGLES],
     /// The bits of those that are not there.
     missing: u32,
     /// The axis whose coordinate comes last in all vectors.
     axis: u32,
+    /// Their numbers.
+    pub(super) triangles: [u32; SINGLES],
 }
 
 impl FacetLeaf {

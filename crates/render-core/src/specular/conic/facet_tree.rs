@@ -9,7 +9,7 @@
 //! ```
 //!
 //! vanishes in each component: those that say how far P, L and the normal are from one plane, and how far from Snell's law,
-//! alike. Across n, two are enough. The first term is known, the next two are linear in d, and the rest is small and bounded. It vanishes
+//! alike. The misfit is across n: two coordinates are enough. The first term is known, the next two are linear in d, and the rest is small and bounded. It vanishes
 //! as well along each direction in which the linear terms do not depend on one coordinate of d: waves that run askew to the axes are told
 //! apart there, by the two coordinates across the normals. So about as many boxes are opened as touch the places where the linear terms say that a path is, whatever their size.
 

@@ -293,14 +293,14 @@ fn on_straight_line(
 
 #[cfg(test)]
 mod tests {
-    use glam::{DVec2, DVec3};
+    use glam::{DMat3, DVec2, DVec3};
 
     use super::{
         ends::Ends,
         facet::Facet,
         facet_tree::FacetTree,
         focus::STRONG,
-        testing::{WATER, distinct, found, problem, water},
+        testing::{WATER, ball, distinct, found, problem, water},
     };
     use crate::{
         optics::{
@@ -355,6 +355,48 @@ mod tests {
             );
         }
         assert!(paths > 0);
+    }
+
+    #[test]
+    fn paths_are_found_however_the_surface_lies() {
+        let askew = DVec3::new(1.0, 2.0, 3.0).normalize();
+        let (first, second) = askew.any_orthonormal_pair();
+        let turns = [
+            DMat3::IDENTITY,
+            DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X),
+            DMat3::from_cols(DVec3::Z, DVec3::X, DVec3::Y),
+            DMat3::from_cols(first, second, askew),
+        ];
+        for (name, facets) in [("water", water(16, 0.15)), ("ball", ball(12, 0.4))] {
+            for (number, turn) in turns.into_iter().enumerate() {
+                let turned = |vectors: [DVec3; 3]| vectors.map(|vector| turn * vector);
+                let facets: Vec<Facet> = facets
+                    .iter()
+                    .map(|facet| Facet { corners: turned(facet.corners), normals: turned(facet.normals) })
+                    .collect();
+                let tree = FacetTree::over(0..facets.len() as u32, |k| facets[k as usize]).unwrap();
+                let mut random = random(11);
+                let (mut paths, mut opened) = (0, 0);
+                for case in 0..200 {
+                    let ends = problem(&mut random, case);
+                    let ends = Ends { point: turn * ends.point, light: turn * ends.light, ..ends };
+                    let mut all = Vec::new();
+                    for facet in &facets {
+                        facet.paths(&ends).into_iter().for_each(|path| distinct(&mut all, facet.place(path)));
+                    }
+                    let ours = found(&facets, &tree, &ends);
+                    assert!(
+                        ours.len() == all.len()
+                            && all.iter().all(|place| ours.iter().any(|known| (*known - *place).length() < 1e-7)),
+                        "{name}, turn {number}, {case}: {ours:?} are not {all:?}"
+                    );
+                    paths += all.len();
+                    tree.visit(&ends, |_| opened += 1);
+                }
+                println!("{name}, turn {number}: {paths} paths, {opened} triangles opened");
+                assert!(paths > 100 && opened < 20 * paths, "{name}, turn {number}: {paths} {opened}");
+            }
+        }
     }
 
     #[test]

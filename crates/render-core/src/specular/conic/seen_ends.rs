@@ -2,7 +2,7 @@
 //! middle of the mesh.
 //!
 //! Nodes and leaves have their coordinates in cyclic order with that axis last along which their normals are longest. The misfit h x n is
-//! across n, so that its other two coordinates say all.
+//! across n, so that its other two coordinates say all where n is not across that axis, and where it is, one of them says less.
 
 use glam::DVec3;
 

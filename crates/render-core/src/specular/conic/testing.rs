@@ -35,6 +35,26 @@ pub(super) fn water(cells: u32, amplitude: f64) -> Vec<Facet> {
     facets
 }
 
+/// A ball around the origin, whose normals point everywhere: `cells` from pole to pole, twice as many around.
+pub(super) fn ball(cells: u32, radius: f64) -> Vec<Facet> {
+    let normal = |i: u32, j: u32| {
+        let (sine, cosine) = libm::sincos(0.5 * TAU * f64::from(j) / f64::from(cells));
+        let (sine_around, cosine_around) = libm::sincos(0.5 * TAU * f64::from(i) / f64::from(cells));
+        DVec3::new(sine * cosine_around, sine * sine_around, cosine)
+    };
+    let mut facets = Vec::new();
+    for j in 0..cells {
+        for i in 0..2 * cells {
+            let [a, b, c, d] = [normal(i, j), normal(i + 1, j), normal(i + 1, j + 1), normal(i, j + 1)];
+            let of = |normals: [DVec3; 3]| Facet { corners: normals.map(|normal| normal * radius), normals };
+            // At the poles, one of the two is nothing.
+            facets.extend((j > 0).then(|| of([a, b, c])));
+            facets.extend((j + 1 < cells).then(|| of([a, c, d])));
+        }
+    }
+    facets
+}
+
 /// The ends of a path: refracted from either side to a point, or to a direction, or mirrored, in turn.
 pub(super) fn problem(random: &mut TrialStream, case: u32) -> Ends {
     let mut side = |height: f64| {
