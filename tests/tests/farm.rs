@@ -5,6 +5,7 @@ use std::process::Command;
 
 use clerestory_api::JobState;
 use clerestory_render_core::film::{DecodeBudget, FrameImage, ImageMetadata};
+use clerestory_test_servers::postgres;
 use clerestory_tests::exr_files::same_samples;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use tempfile::TempDir;
@@ -127,9 +128,18 @@ fn submit_brings_the_same_files_as_render() {
 
 #[test]
 fn killing_a_worker_and_then_the_coordinator_changes_no_bit() {
-    let folder = tempfile::tempdir().unwrap();
+    kill_a_worker_and_then_the_coordinator(&[]);
+}
+
+#[test]
+fn killing_a_worker_and_then_the_coordinator_changes_no_bit_in_postgres() {
+    kill_a_worker_and_then_the_coordinator(&["--database", &postgres().new_database()]);
+}
+
+fn kill_a_worker_and_then_the_coordinator(options: &[&str]) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
     let alone = WITH_CONE.rendered_alone(&folder);
-    let mut farm = Farm::start(None, &["--lease-nodes", "4", "--lease-seconds", "2"]);
+    let mut farm = Farm::start(None, &[&["--lease-nodes", "4", "--lease-seconds", "2"], options].concat());
     farm.start_worker("doomed");
     farm.start_worker("survivor");
     WITH_CONE.submit(&farm, "16");
@@ -171,6 +181,17 @@ fn a_time_limited_image_is_made_again_bit_for_bit() {
         let again = rendered_alone(&scene, &folder, "again.exr", &["--like", limited.to_str().unwrap()]);
         assert_same_bits(&again, &limited);
     }
+}
+
+#[test]
+fn an_address_that_is_no_database_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = clerestory();
+    let output = command.args(["coordinator", "--listen", "127.0.0.1:0", "--database", "mysql://db/farm", "--data"]);
+    let output = output.arg(folder.path()).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success());
+    assert!(message.contains("database") && message.contains("postgres://"), "{message}");
 }
 
 #[test]

@@ -7,6 +7,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use subtle::ConstantTimeEq;
+use url::Url;
 
 pub use crate::clock::Clock;
 
@@ -16,8 +17,10 @@ const SHORTEST_TOKEN: usize = 16;
 /// How a coordinator is set up.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Directory of the database and the blobs; made if there is none. One coordinator at a time.
+    /// Directory of the blobs, and of the database unless that is elsewhere; made if there is none. One coordinator at a time.
     pub data_directory: PathBuf,
+    /// The PostgreSQL database of the state; none for a SQLite file in the data directory.
+    pub database: Option<PostgresUrl>,
     /// What callers must prove to know. Only a coordinator on a loopback address may go without.
     pub token: Option<Token>,
     /// How long a lease lasts unless it is renewed.
@@ -43,6 +46,7 @@ impl Config {
     pub fn new(data_directory: impl Into<PathBuf>) -> Self {
         Self {
             data_directory: data_directory.into(),
+            database: None,
             token: None,
             lease_ttl: Duration::from_secs(60),
             lease_target: Duration::from_secs(10),
@@ -65,6 +69,51 @@ impl Config {
             None if !address.ip().is_loopback() => Err(ExposedWithoutToken { address }),
             _ => Ok(()),
         }
+    }
+}
+
+/// Address of a PostgreSQL database, as `postgres://USER:PASSWORD@HOST:PORT/DATABASE`. Its password is never printed.
+#[derive(Clone, PartialEq, Eq)]
+pub struct PostgresUrl(Url);
+
+/// A text is no address of a PostgreSQL database.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected the address of a PostgreSQL database, such as postgres://clerestory@127.0.0.1:5432/farm")]
+pub struct InvalidPostgresUrl;
+
+impl FromStr for PostgresUrl {
+    type Err = InvalidPostgresUrl;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let url: Url = text.trim().parse().map_err(|_| InvalidPostgresUrl)?;
+        let is_postgres = matches!(url.scheme(), "postgres" | "postgresql");
+        (is_postgres && url.path().len() > 1).then_some(Self(url)).ok_or(InvalidPostgresUrl)
+    }
+}
+
+impl PostgresUrl {
+    /// The address with its password.
+    pub(crate) fn secret(&self) -> &str {
+        self.0.as_str()
+    }
+}
+
+impl fmt::Display for PostgresUrl {
+    /// The server and the database.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut url = self.0.clone();
+        url.set_query(None);
+        // Only addresses without a host can have no password.
+        if url.set_password(None).is_err() {
+            return formatter.write_str("postgres");
+        }
+        formatter.write_str(url.as_str())
+    }
+}
+
+impl fmt::Debug for PostgresUrl {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "PostgresUrl({self})")
     }
 }
 
@@ -163,6 +212,17 @@ mod tests {
         check("0.0.0.0:80", Some("0123456789abcdef"), true);
         let error = Config::new("data").check_exposure("0.0.0.0:80".parse().unwrap()).unwrap_err();
         assert!(error.to_string().contains("openssl rand -hex 32"));
+    }
+
+    #[test]
+    fn addresses_of_databases_are_told_from_others_and_show_no_password() {
+        let url: PostgresUrl =
+            "postgres://clerestory:se%2Fcret@db.example:5433/farm?sslmode=prefer&password=x".parse().unwrap();
+        assert_eq!(url.to_string(), "postgres://clerestory@db.example:5433/farm");
+        assert!(!format!("{url:?}").contains("cret") && url.secret().contains("se%2Fcret"));
+        for wrong in ["", "farm.sqlite", "mysql://u@h/d", "postgres://u@h", "postgres://u@h/"] {
+            assert_eq!(wrong.parse::<PostgresUrl>(), Err(InvalidPostgresUrl), "{wrong}");
+        }
     }
 
     #[test]

@@ -35,7 +35,7 @@ mod store;
 mod submit;
 mod views;
 
-pub use config::{Clock, Config, ExposedWithoutToken, InvalidToken, Token};
+pub use config::{Clock, Config, ExposedWithoutToken, InvalidPostgresUrl, InvalidToken, PostgresUrl, Token};
 pub use schedule::Rounds;
 pub use server::{RunError, run};
 pub use store::SchemaError;

@@ -17,7 +17,7 @@ use tokio::task::JoinSet;
 use crate::blobs::{BlobError, Blobs};
 use crate::config::{Config, ExposedWithoutToken};
 use crate::farm::Farm;
-use crate::store::{SchemaError, Store, StoreError};
+use crate::store::{SchemaError, Source, Store, StoreError};
 use crate::{events, http, keeper};
 use clerestory_api::JobId;
 
@@ -49,6 +49,12 @@ pub enum RunError {
     InUse {
         /// The directory.
         directory: PathBuf,
+    },
+    /// The database's address cannot be used.
+    #[error("cannot use the address of the database")]
+    DatabaseAddress {
+        /// Why.
+        source: sqlx::Error,
     },
     /// The database cannot be used.
     #[error(transparent)]
@@ -121,7 +127,9 @@ pub async fn run(
 /// Opens the farm in its directory and puts it in order after whatever has happened to the last coordinator.
 pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, mpsc::UnboundedReceiver<JobId>), RunError> {
     let directory = config.data_directory.clone();
-    let store = Store::open(&directory.join("farm.sqlite")).await?;
+    let file = directory.join("farm.sqlite");
+    let source = config.database.as_ref().map_or_else(|| Source::file(&file), Source::postgres);
+    let store = Store::open(source.map_err(|source| RunError::DatabaseAddress { source })?).await?;
     let blobs = Blobs::open(directory.join("blobs")).map_err(|source| RunError::Directory { directory, source })?;
     let swept = blobs.sweep_nodes(&store.node_blobs().await?.into_iter().collect()).await?;
     if swept > 0 {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use clerestory_coordinator::{Config, Token};
+use clerestory_coordinator::{Config, PostgresUrl, Token};
 use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 use tracing::info;
@@ -34,6 +34,10 @@ pub(crate) struct CoordinatorArguments {
     /// Folder for the database and the images [default: clerestory-data].
     #[arg(long, value_name = "FOLDER", env = "CLERESTORY_DATA")]
     data: Option<PathBuf>,
+    /// PostgreSQL database of the farm's state, such as postgres://clerestory@db.example/farm; without one, the state is a file in the data
+    /// folder. A password is better given in the environment.
+    #[arg(long, value_name = "URL", env = "CLERESTORY_DATABASE", hide_env_values = true)]
+    database: Option<String>,
     /// File with the farm's token, required off loopback [env: CLERESTORY_TOKEN_FILE]; the token itself can be in
     /// CLERESTORY_TOKEN.
     #[arg(long, value_name = "FILE")]
@@ -61,6 +65,7 @@ pub(crate) struct CoordinatorArguments {
 struct Settings {
     listen: String,
     data: PathBuf,
+    database: Option<String>,
     token_file: Option<PathBuf>,
     lease_seconds: NonZeroU32,
     lease_work_seconds: NonZeroU32,
@@ -80,6 +85,7 @@ impl Default for Settings {
         Self {
             listen: DEFAULT_LISTEN.to_owned(),
             data: config.data_directory,
+            database: None,
             token_file: None,
             lease_seconds: seconds(config.lease_ttl),
             lease_work_seconds: seconds(config.lease_target),
@@ -119,6 +125,7 @@ fn interpret(arguments: &CoordinatorArguments) -> Result<Settings, Failure> {
     Ok(Settings {
         listen: arguments.listen.clone().unwrap_or(file.listen),
         data: arguments.data.clone().unwrap_or(file.data),
+        database: arguments.database.clone().or(file.database),
         token_file: arguments.token_file.clone().or_else(named_token_file).or(file.token_file),
         lease_seconds: arguments.lease_seconds.unwrap_or(file.lease_seconds),
         lease_work_seconds: arguments.lease_work_seconds.unwrap_or(file.lease_work_seconds),
@@ -132,7 +139,9 @@ impl Settings {
     /// configuration file.
     fn config(&self, token_option: Option<&Path>) -> Result<Config, Failure> {
         let token = token(token_option, self.token_file.as_deref())?.map(|token| token.parse::<Token>()).transpose();
+        let database = self.database.as_deref().map(str::parse::<PostgresUrl>).transpose();
         Ok(Config {
+            database: database.map_err(|error| Failure::Usage(format!("database: {error}")))?,
             token: token.map_err(|error| Failure::Usage(error.to_string()))?,
             lease_ttl: Duration::from_secs(self.lease_seconds.get().into()),
             lease_target: Duration::from_secs(self.lease_work_seconds.get().into()),

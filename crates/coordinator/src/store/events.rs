@@ -5,7 +5,8 @@
 
 use clerestory_api::JobId;
 use serde::{Deserialize, Serialize};
-use sqlx::sqlite::SqliteRow;
+
+use sqlx::any::AnyRow;
 
 use super::row::Columns;
 use super::{Connection, Store, StoreError};
@@ -72,7 +73,7 @@ pub(super) async fn record(
     Ok(())
 }
 
-fn stored(row: &SqliteRow) -> Result<StoredEvent, StoreError> {
+fn stored(row: &AnyRow) -> Result<StoredEvent, StoreError> {
     let kind = match row.text("kind")?.as_str() {
         "round" => StoredKind::Round { frame: row.number("frame")?, round: row.number("round")? },
         "job" => StoredKind::Job,

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use clerestory_api::{ContentHash, JobId, JobState};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{NodeAddress, TileGrid};
-use sqlx::sqlite::SqliteRow;
+
+use sqlx::any::AnyRow;
 
 use super::events::{self, StoredKind};
 use super::row::{Columns, big, to_json};
@@ -143,7 +144,7 @@ const COLUMNS: &str = "select id, name, state, failure, priority, scene_hash, in
      finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, samples, core_ms, \
      counters from jobs";
 
-fn record(row: &SqliteRow) -> Result<JobRecord, StoreError> {
+fn record(row: &AnyRow) -> Result<JobRecord, StoreError> {
     Ok(JobRecord {
         id: row.parsed("id")?,
         name: row.text("name")?,
@@ -339,7 +340,8 @@ pub(super) async fn add_accepted(
     sum += counters;
     sqlx::query(
         "update jobs set accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
-         core_ms = min(core_ms + $4, 9223372036854775807), counters = $5 where id = $1",
+         core_ms = case when core_ms > 9223372036854775807 - $4 then 9223372036854775807 else core_ms + $4 end, \
+         counters = $5 where id = $1",
     )
     .bind(job.id.to_string())
     .bind(big(nodes))

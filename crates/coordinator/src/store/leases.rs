@@ -7,7 +7,8 @@ use std::collections::BTreeSet;
 use clerestory_api::{JobId, JobState, LeaseId, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 use serde::{Deserialize, Serialize};
-use sqlx::sqlite::SqliteRow;
+
+use sqlx::any::AnyRow;
 
 use super::jobs;
 use super::row::Columns;
@@ -116,7 +117,7 @@ pub(crate) struct WorkFailure {
 
 const LEASE: &str = "select id, token, job, worker, state, deadline_ms from leases where id = $1";
 
-fn record(row: &SqliteRow) -> Result<LeaseRecord, StoreError> {
+fn record(row: &AnyRow) -> Result<LeaseRecord, StoreError> {
     Ok(LeaseRecord {
         id: row.parsed("id")?,
         token: row.number("token")?,
@@ -152,7 +153,7 @@ pub(super) fn nodes_json(nodes: &[NodeAddress]) -> String {
 }
 
 /// The node of a row.
-pub(super) fn address(row: &SqliteRow) -> Result<NodeAddress, StoreError> {
+pub(super) fn address(row: &AnyRow) -> Result<NodeAddress, StoreError> {
     Ok(NodeAddress {
         frame: row.number("frame")?,
         tile: row.number("tile")?,

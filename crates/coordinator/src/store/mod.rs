@@ -1,10 +1,10 @@
 //! The state of the farm: one SQL database.
 //!
-//! The embedded default is SQLite in WAL mode with `synchronous=FULL`: what is committed survives the loss of power. All
-//! writes pass through one writer that groups those that wait into one transaction ([`writer`]); readers have a pool of
-//! their own. The SQL keeps to what PostgreSQL understands too (numbered placeholders, text identities, `bigint`
-//! milliseconds, `returning`, times bound by the caller). Bytes live in the [blob store](crate::blobs); a row here is
-//! what makes a blob part of the farm.
+//! The embedded default is SQLite in WAL mode with `synchronous=FULL`, and the other PostgreSQL ([`source`]): what is committed
+//! survives the loss of power. All writes pass through one writer that groups those that wait into one transaction
+//! ([`writer`]); readers have a pool of their own. The SQL keeps to what both engines understand (numbered placeholders, text identities,
+//! `bigint` milliseconds, `returning`, times bound by the caller), and one suite of tests holds both to the same behaviour. Bytes live
+//! in the [blob store](crate::blobs); a row here is what makes a blob part of the farm.
 
 mod assets;
 mod claim;
@@ -15,16 +15,14 @@ mod nodes;
 mod rounds;
 mod row;
 mod schema;
+mod source;
 #[cfg(test)]
 mod tests;
 mod workers;
 mod writer;
 
-use std::path::Path;
-use std::time::Duration;
-
 use futures::future::BoxFuture;
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::AnyPool;
 
 pub(crate) use claim::{ClaimTerms, Grant};
 pub(crate) use events::{StoredEvent, StoredKind};
@@ -33,20 +31,15 @@ pub(crate) use leases::{LeaseError, WorkFailure};
 pub(crate) use nodes::{DeliveredNode, Delivery, NodeRow, Work};
 pub(crate) use rounds::CompleteWave;
 pub use schema::SchemaError;
+pub(crate) use source::Source;
 pub(crate) use workers::WorkerError;
 pub(crate) use writer::Connection;
 use writer::Writer;
 
-/// Connections that read at the same time.
-const READERS: u32 = 4;
-
-/// How long a connection waits for a lock of another process, such as a backup.
-const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
-
 /// A handle on the database. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Store {
-    readers: SqlitePool,
+    readers: AnyPool,
     writer: Writer,
 }
 
@@ -76,18 +69,10 @@ impl From<sqlx::Error> for StoreError {
 }
 
 impl Store {
-    /// Opens the database file, makes it if there is none, and brings its schema up to date.
-    pub(crate) async fn open(file: &Path) -> Result<Self, SchemaError> {
-        let options = SqliteConnectOptions::new()
-            .filename(file)
-            .create_if_missing(true)
-            .journal_mode(SqliteJournalMode::Wal)
-            .synchronous(SqliteSynchronous::Full)
-            .foreign_keys(true)
-            .busy_timeout(BUSY_TIMEOUT);
-        let connection = schema::open(file, &options).await?;
-        let readers = SqlitePoolOptions::new().max_connections(READERS).connect_lazy_with(options.read_only(true));
-        Ok(Self { readers, writer: Writer::start(connection) })
+    /// Opens the database, which no other coordinator may be using, and brings its schema up to date.
+    pub(crate) async fn open(source: Source) -> Result<Self, SchemaError> {
+        let connection = schema::open(&source).await?;
+        Ok(Self { readers: source.readers(), writer: Writer::start(source, connection) })
     }
 
     /// Runs `write` in the next transaction and answers when that is committed. An error rolls this write back, and
@@ -101,7 +86,7 @@ impl Store {
         self.writer.write(write).await
     }
 
-    /// Waits for the writes that are under way, then closes the file.
+    /// Waits for the writes that are under way, then closes the database.
     pub(crate) async fn close(&self) {
         self.writer.close().await;
         self.readers.close().await;

@@ -12,7 +12,8 @@ use std::ops::AddAssign;
 use clerestory_api::{JobId, LeaseId, NodeVerdict, WorkerId};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::NodeAddress;
-use sqlx::sqlite::SqliteRow;
+
+use sqlx::any::AnyRow;
 
 use super::jobs::{self, JobRecord};
 use super::leases::{self, LeaseError, address};
@@ -83,11 +84,11 @@ impl AddAssign<&Self> for Work {
     }
 }
 
-fn work(row: &SqliteRow) -> Result<Work, StoreError> {
+fn work(row: &AnyRow) -> Result<Work, StoreError> {
     Ok(Work { counters: row.json("counters")?, builds: row.json("builds")? })
 }
 
-fn node_row(row: &SqliteRow) -> Result<NodeRow, StoreError> {
+fn node_row(row: &AnyRow) -> Result<NodeRow, StoreError> {
     Ok(NodeRow { address: address(row)?, blob: row.text("blob")?, work: work(row)? })
 }
 
@@ -204,7 +205,8 @@ async fn accept_node(
     let Some(taken) = taken else { return Ok(NodeVerdict::Refused) };
     insert(connection, job.id, node).await?;
     sqlx::query(
-        "update waves set outstanding = outstanding - $4, core_ms = min(core_ms + $5, 9223372036854775807), \
+        "update waves set outstanding = outstanding - $4, \
+         core_ms = case when core_ms > 9223372036854775807 - $5 then 9223372036854775807 else core_ms + $5 end, \
          completed_ms = case when outstanding = $4 then $6 else null end \
          where job = $1 and frame = $2 and round = $3",
     )
@@ -257,7 +259,8 @@ async fn credit_worker(
 ) -> Result<(), StoreError> {
     sqlx::query(
         "update workers set accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
-         core_ms = min(core_ms + $4, 9223372036854775807), failures_in_a_row = 0 where id = $1",
+         core_ms = case when core_ms > 9223372036854775807 - $4 then 9223372036854775807 else core_ms + $4 end, \
+         failures_in_a_row = 0 where id = $1",
     )
     .bind(worker.to_string())
     .bind(big(nodes))
@@ -268,7 +271,8 @@ async fn credit_worker(
     sqlx::query(
         "insert into rates (worker, job, samples, core_ms) values ($1, $2, $3, $4) on conflict (worker, job) \
          do update set samples = rates.samples + excluded.samples, \
-         core_ms = min(rates.core_ms + excluded.core_ms, 9223372036854775807)",
+         core_ms = case when rates.core_ms > 9223372036854775807 - excluded.core_ms then 9223372036854775807 \
+         else rates.core_ms + excluded.core_ms end",
     )
     .bind(worker.to_string())
     .bind(job.to_string())

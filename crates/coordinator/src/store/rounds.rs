@@ -1,7 +1,8 @@
 //! Rounds: when all tiles are complete up to the same pass, and the error that was measured there.
 
 use clerestory_api::{ConvergencePoint, JobId, JobState};
-use sqlx::sqlite::SqliteRow;
+
+use sqlx::any::AnyRow;
 
 use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};
@@ -25,24 +26,20 @@ impl Store {
     /// The next round of a job, if it is complete and not recorded.
     pub(crate) async fn complete_wave(&self, job: &JobRecord) -> Result<Option<CompleteWave>, StoreError> {
         let Some(passes) = job.boundaries().end(job.rounds) else { return Ok(None) };
-        // `sum` fails where it overflows; `total` counts in floats, exactly up to 285 000 years.
-        let row = sqlx::query(
-            "select count(*) as waves, coalesce(sum(outstanding), 0) as outstanding, \
-             cast(min(total(core_ms), 9223372036854775807) as integer) as core_ms, coalesce(max(completed_ms), 0) as completed_ms \
-             from waves where job = $1 and round <= $2",
-        )
-        .bind(job.id.to_string())
-        .bind(i64::from(job.rounds))
-        .fetch_one(&self.readers)
-        .await?;
-        let opened = row.integer("waves")? == i64::from(job.frames) * (i64::from(job.rounds) + 1);
-        let complete = opened && row.integer("outstanding")? == 0;
-        complete
-            .then(|| {
-                let (core_ms, completed_ms) = (row.integer("core_ms")?, row.integer("completed_ms")?);
-                Ok(CompleteWave { round: job.rounds, passes, core_ms, completed_ms })
-            })
-            .transpose()
+        let waves = sqlx::query("select outstanding, core_ms, completed_ms from waves where job = $1 and round <= $2")
+            .bind(job.id.to_string())
+            .bind(i64::from(job.rounds))
+            .fetch_all(&self.readers)
+            .await?;
+        let opened = waves.len() as u64 == u64::from(job.frames) * (u64::from(job.rounds) + 1);
+        let (mut outstanding, mut core_ms, mut completed_ms) = (0, 0_i64, 0);
+        for wave in &waves {
+            outstanding += wave.integer("outstanding")?;
+            core_ms = core_ms.saturating_add(wave.integer("core_ms")?);
+            completed_ms = completed_ms.max(wave.optional_integer("completed_ms")?.unwrap_or(0));
+        }
+        let complete = opened && outstanding == 0;
+        Ok(complete.then_some(CompleteWave { round: job.rounds, passes, core_ms, completed_ms }))
     }
 
     /// Records a round, one point for each frame; the last round ends the job. Answers `false`, and changes nothing, when
@@ -110,7 +107,7 @@ impl Store {
     }
 }
 
-fn point(row: &SqliteRow) -> Result<ConvergencePoint, StoreError> {
+fn point(row: &AnyRow) -> Result<ConvergencePoint, StoreError> {
     Ok(ConvergencePoint {
         frame: row.number("frame")?,
         round: row.number("round")?,

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
+use sqlx::any::AnyRow;
 
 use super::StoreError;
 
@@ -56,7 +56,7 @@ fn parse<T: FromStr>(column: &'static str, text: &str) -> Result<T, StoreError> 
     text.parse().map_err(|_| StoreError::Corrupt { column, value: text.to_owned() })
 }
 
-impl Columns for SqliteRow {
+impl Columns for AnyRow {
     fn text(&self, column: &'static str) -> Result<String, StoreError> {
         Ok(self.try_get(column)?)
     }

@@ -1,15 +1,18 @@
-//! What every store must do, whatever lies under it.
+//! What every store must do, whatever lies under it: each test runs on SQLite and on a real PostgreSQL.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{JobId, JobState, LeaseId, NodeVerdict, WorkerId, WorkerRegistration};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{NodeAddress, TileGrid};
+use clerestory_test_servers::postgres;
+use tempfile::TempDir;
 use uuid::Uuid;
 
 use super::nodes::Acceptance;
 use super::{
-    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Grant, LeaseError, NewJob, Store, Work, WorkFailure, WorkerError,
+    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Grant, LeaseError, NewJob, SchemaError, Source, Store,
+    StoreError, Work, WorkFailure, WorkerError,
 };
 
 const TTL_MS: i64 = 1000;
@@ -22,20 +25,26 @@ fn delivered(address: NodeAddress) -> DeliveredNode {
 
 struct Farm {
     store: Store,
-    directory: tempfile::TempDir,
+    source: Source,
+    /// Of a SQLite file.
+    _directory: Option<TempDir>,
 }
 
 impl Farm {
-    async fn new() -> Self {
+    async fn in_a_file() -> Self {
         let directory = tempfile::tempdir().unwrap();
-        let store = Store::open(&directory.path().join("farm.sqlite")).await.unwrap();
-        Self { store, directory }
+        let source = Source::file(&directory.path().join("farm ?#%.sqlite")).unwrap();
+        Self { store: Store::open(source.clone()).await.unwrap(), source, _directory: Some(directory) }
+    }
+
+    async fn in_postgres() -> Self {
+        let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap();
+        Self { store: Store::open(source.clone()).await.unwrap(), source, _directory: None }
     }
 
     async fn reopened(self) -> Self {
         self.store.close().await;
-        let store = Store::open(&self.directory.path().join("farm.sqlite")).await.unwrap();
-        Self { store, directory: self.directory }
+        Self { store: Store::open(self.source.clone()).await.unwrap(), ..self }
     }
 
     async fn worker(&self) -> WorkerId {
@@ -106,9 +115,7 @@ impl Farm {
     }
 }
 
-#[tokio::test]
-async fn concurrent_claimants_never_get_the_same_node() {
-    let farm = Farm::new().await;
+async fn concurrent_claimants_never_get_the_same_node(farm: Farm) {
     let job = farm.job(40).await;
     let mut claimants = Vec::new();
     for size in 1..=8 {
@@ -137,9 +144,7 @@ async fn concurrent_claimants_never_get_the_same_node() {
     assert!(passes.values().all(|passes| passes.iter().copied().eq(0..40)));
 }
 
-#[tokio::test]
-async fn jobs_are_served_by_priority_and_then_by_age() {
-    let farm = Farm::new().await;
+async fn jobs_are_served_by_priority_and_then_by_age(farm: Farm) {
     let older = farm.job_with(1, 0, None).await;
     let newer = farm.job_with(1, 0, None).await;
     let urgent = farm.job_with(1, 5, None).await;
@@ -151,9 +156,7 @@ async fn jobs_are_served_by_priority_and_then_by_age() {
     assert_eq!(order, [urgent, older, newer]);
 }
 
-#[tokio::test]
-async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing() {
-    let farm = Farm::new().await;
+async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing(farm: Farm) {
     let job = farm.job(1).await;
     let (first, second) = (farm.worker().await, farm.worker().await);
     let lost = farm.claim(first, 3, 0).await.unwrap();
@@ -169,9 +172,7 @@ async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing
     assert_eq!(good.verdicts, [NodeVerdict::Accepted; 3]);
 }
 
-#[tokio::test]
-async fn a_lease_is_dead_at_its_deadline_even_before_the_sweep() {
-    let farm = Farm::new().await;
+async fn a_lease_is_dead_at_its_deadline_even_before_the_sweep(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 1, 0).await.unwrap();
@@ -180,9 +181,7 @@ async fn a_lease_is_dead_at_its_deadline_even_before_the_sweep() {
     assert!(farm.addresses(job).await.is_empty());
 }
 
-#[tokio::test]
-async fn a_renewed_lease_lives_on() {
-    let farm = Farm::new().await;
+async fn a_renewed_lease_lives_on(farm: Farm) {
     farm.job(1).await;
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 1, 0).await.unwrap();
@@ -191,9 +190,7 @@ async fn a_renewed_lease_lives_on() {
     assert!(farm.deliver(&grant, &grant.nodes, 1500).await.is_ok());
 }
 
-#[tokio::test]
-async fn a_wrong_token_opens_nothing() {
-    let farm = Farm::new().await;
+async fn a_wrong_token_opens_nothing(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
     let mut grant = farm.claim(worker, 1, 0).await.unwrap();
@@ -204,9 +201,7 @@ async fn a_wrong_token_opens_nothing() {
     assert!(farm.addresses(job).await.is_empty());
 }
 
-#[tokio::test]
-async fn a_repeated_upload_is_told_that_all_is_there() {
-    let farm = Farm::new().await;
+async fn a_repeated_upload_is_told_that_all_is_there(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 2, 0).await.unwrap();
@@ -220,9 +215,7 @@ async fn a_repeated_upload_is_told_that_all_is_there() {
     assert_eq!((record.accepted_nodes, record.samples), (2, 2 * 16 * 16 * 4));
 }
 
-#[tokio::test]
-async fn a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_is_a_duplicate() {
-    let farm = Farm::new().await;
+async fn a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_is_a_duplicate(farm: Farm) {
     let job = farm.job(2).await;
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 100, 0).await.unwrap();
@@ -243,9 +236,7 @@ async fn a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_
     assert_eq!(farm.store.job(job).await.unwrap().unwrap().counters, counters, "counted once");
 }
 
-#[tokio::test]
-async fn a_parent_replaces_two_children_or_nothing() {
-    let farm = Farm::new().await;
+async fn a_parent_replaces_two_children_or_nothing(farm: Farm) {
     let job = farm.job(2).await;
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 100, 0).await.unwrap();
@@ -257,9 +248,7 @@ async fn a_parent_replaces_two_children_or_nothing() {
     assert_eq!(farm.addresses(job).await, [left]);
 }
 
-#[tokio::test]
-async fn returned_work_is_free_at_once_and_returning_twice_is_harmless() {
-    let farm = Farm::new().await;
+async fn returned_work_is_free_at_once_and_returning_twice_is_harmless(farm: Farm) {
     farm.job(1).await;
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 3, 0).await.unwrap();
@@ -272,9 +261,7 @@ async fn returned_work_is_free_at_once_and_returning_twice_is_harmless() {
     assert!(matches!(farm.deliver(&grant, &grant.nodes, 0).await, Err(LeaseError::Returned)));
 }
 
-#[tokio::test]
-async fn a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has() {
-    let farm = Farm::new().await;
+async fn a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 2, 0).await.unwrap();
@@ -287,9 +274,7 @@ async fn a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has() {
     assert!(farm.claim(worker, 1, 0).await.is_none());
 }
 
-#[tokio::test]
-async fn a_node_that_nobody_can_bring_fails_its_job_with_the_reason() {
-    let farm = Farm::new().await;
+async fn a_node_that_nobody_can_bring_fails_its_job_with_the_reason(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
     let mut now_ms = 0;
@@ -312,9 +297,7 @@ async fn a_node_that_nobody_can_bring_fails_its_job_with_the_reason() {
     assert!(record.failure.unwrap().contains("not a number"));
 }
 
-#[tokio::test]
-async fn a_worker_that_dies_again_and_again_does_not_fail_the_job() {
-    let farm = Farm::new().await;
+async fn a_worker_that_dies_again_and_again_does_not_fail_the_job(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
     for attempt in 0..20 {
@@ -324,9 +307,7 @@ async fn a_worker_that_dies_again_and_again_does_not_fail_the_job() {
     assert_eq!(farm.state(job).await, JobState::Running);
 }
 
-#[tokio::test]
-async fn nothing_is_lost_when_the_store_is_reopened() {
-    let farm = Farm::new().await;
+async fn nothing_is_lost_when_the_store_is_reopened(farm: Farm) {
     let job = farm.job(3).await;
     let worker = farm.worker().await;
     let held = farm.claim(worker, 4, 0).await.unwrap();
@@ -341,9 +322,7 @@ async fn nothing_is_lost_when_the_store_is_reopened() {
     assert!(!held.nodes.contains(&next.nodes[0]));
 }
 
-#[tokio::test]
-async fn rounds_complete_in_order_and_the_last_ends_the_job() {
-    let farm = Farm::new().await;
+async fn rounds_complete_in_order_and_the_last_ends_the_job(farm: Farm) {
     let job = farm.job(3).await;
     let worker = farm.worker().await;
     let all = farm.claim(worker, 256, 0).await.unwrap();
@@ -364,9 +343,7 @@ async fn rounds_complete_in_order_and_the_last_ends_the_job() {
     assert_eq!(farm.state(job).await, JobState::Done);
 }
 
-#[tokio::test]
-async fn times_beyond_all_numbers_leave_the_farm_usable() {
-    let farm = Farm::new().await;
+async fn times_beyond_all_numbers_leave_the_farm_usable(farm: Farm) {
     let job = farm.job(2).await;
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 256, 0).await.unwrap();
@@ -387,9 +364,7 @@ async fn times_beyond_all_numbers_leave_the_farm_usable() {
     assert_eq!(farm.claim(worker, 1, 0).await.unwrap().lease.job, next);
 }
 
-#[tokio::test]
-async fn a_time_limit_counts_from_the_first_lease_and_keeps_what_is_complete() {
-    let farm = Farm::new().await;
+async fn a_time_limit_counts_from_the_first_lease_and_keeps_what_is_complete(farm: Farm) {
     let job = farm.job_with(100, 0, Some(500)).await;
     let worker = farm.worker().await;
     assert!(farm.store.end_jobs_out_of_time(10_000).await.unwrap().is_empty());
@@ -403,9 +378,7 @@ async fn a_time_limit_counts_from_the_first_lease_and_keeps_what_is_complete() {
     assert_eq!(kept, grant.nodes[..16].iter().copied().collect());
 }
 
-#[tokio::test]
-async fn a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_is_rendered() {
-    let farm = Farm::new().await;
+async fn a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_is_rendered(farm: Farm) {
     let job = farm.job_with(100, 0, Some(500)).await;
     let worker = farm.worker().await;
     let lost = farm.claim(worker, 3, 10_000).await.unwrap();
@@ -424,9 +397,7 @@ async fn a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_i
     assert_eq!(farm.state(job).await, JobState::Done);
 }
 
-#[tokio::test]
-async fn an_unknown_worker_gets_no_work_and_is_told() {
-    let farm = Farm::new().await;
+async fn an_unknown_worker_gets_no_work_and_is_told(farm: Farm) {
     farm.job(1).await;
     let terms = ClaimTerms {
         worker: WorkerId::from(Uuid::now_v7()),
@@ -438,4 +409,116 @@ async fn an_unknown_worker_gets_no_work_and_is_told() {
         now_ms: 0,
     };
     assert!(matches!(farm.store.claim(terms).await, Err(WorkerError::Unknown(_))));
+}
+
+async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
+    let write = |name: &'static str, then_fail: bool| {
+        let store = farm.store.clone();
+        async move {
+            store
+                .write::<(), StoreError, _>(move |connection| {
+                    Box::pin(async move {
+                        sqlx::query("insert into sequences (name, value) values ($1, 1)")
+                            .bind(name)
+                            .execute(connection)
+                            .await?;
+                        if then_fail { Err(StoreError::Closed) } else { Ok(()) }
+                    })
+                })
+                .await
+        }
+    };
+    let (first, second, again) = tokio::join!(write("a", false), write("b", true), write("a", false));
+    let third = write("c", false).await;
+    assert!(first.is_ok() && second.is_err() && again.is_err() && third.is_ok());
+    let names: Vec<String> = sqlx::query_scalar("select name from sequences where length(name) = 1 order by name")
+        .fetch_all(&farm.store.readers)
+        .await
+        .unwrap();
+    assert_eq!(names, ["a", "c"]);
+}
+
+async fn a_database_of_a_newer_build_is_refused_with_both_versions(farm: Farm) {
+    let newer = farm.store.write::<(), StoreError, _>(|connection| {
+        Box::pin(async move {
+            let migrations = "insert into _sqlx_migrations (version, description, success, checksum, execution_time) \
+                              select 99, 'later', success, checksum, 0 from _sqlx_migrations where version = 1";
+            sqlx::query(migrations).execute(connection).await?;
+            Ok(())
+        })
+    });
+    newer.await.unwrap();
+    farm.store.close().await;
+    let error = Store::open(farm.source).await.unwrap_err();
+    assert!(matches!(error, SchemaError::Newer { found: 99, known: 2, .. }), "{error}");
+}
+
+async fn a_lost_connection_fails_what_was_under_way_and_nothing_after_it(farm: Farm) {
+    let job = farm.job(1).await;
+    // The writer's own connection is ended from outside, where there is an outside.
+    let ended = sqlx::query(
+        "select pg_terminate_backend(pid) from pg_locks where locktype = 'advisory' and granted and database = \
+         (select oid from pg_database where datname = current_database())",
+    );
+    let has_server = ended.fetch_all(&farm.store.readers).await.is_ok();
+    assert_eq!(has_server, farm._directory.is_none());
+    let worker = farm.worker().await;
+    assert_eq!(farm.claim(worker, 3, 0).await.unwrap().nodes.len(), 3);
+    assert_eq!(farm.state(job).await, JobState::Running);
+}
+
+#[tokio::test]
+async fn a_second_coordinator_on_a_database_is_refused() {
+    let farm = Farm::in_postgres().await;
+    let error = Store::open(farm.source.clone()).await.unwrap_err();
+    assert!(matches!(error, SchemaError::InUse { .. }), "{error}");
+    farm.reopened().await;
+}
+
+/// One test for each engine.
+macro_rules! on_both {
+    ($($name:ident)*) => {
+        mod sqlite {
+            $(
+                #[tokio::test]
+                async fn $name() {
+                    super::$name(super::Farm::in_a_file().await).await;
+                }
+            )*
+        }
+
+        mod postgres {
+            $(
+                #[tokio::test]
+                async fn $name() {
+                    super::$name(super::Farm::in_postgres().await).await;
+                }
+            )*
+        }
+    };
+}
+
+on_both! {
+    concurrent_claimants_never_get_the_same_node
+    jobs_are_served_by_priority_and_then_by_age
+    an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing
+    a_lease_is_dead_at_its_deadline_even_before_the_sweep
+    a_renewed_lease_lives_on
+    a_wrong_token_opens_nothing
+    a_repeated_upload_is_told_that_all_is_there
+    a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_is_a_duplicate
+    a_parent_replaces_two_children_or_nothing
+    returned_work_is_free_at_once_and_returning_twice_is_harmless
+    a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has
+    a_node_that_nobody_can_bring_fails_its_job_with_the_reason
+    a_worker_that_dies_again_and_again_does_not_fail_the_job
+    nothing_is_lost_when_the_store_is_reopened
+    rounds_complete_in_order_and_the_last_ends_the_job
+    times_beyond_all_numbers_leave_the_farm_usable
+    a_time_limit_counts_from_the_first_lease_and_keeps_what_is_complete
+    a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_is_rendered
+    an_unknown_worker_gets_no_work_and_is_told
+    a_failed_write_takes_nothing_else_with_it
+    a_database_of_a_newer_build_is_refused_with_both_versions
+    a_lost_connection_fails_what_was_under_way_and_nothing_after_it
 }

@@ -2,7 +2,8 @@
 
 use clerestory_api::{WorkerId, WorkerRegistration, WorkerState, WorkerView};
 use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
+
+use sqlx::any::AnyRow;
 
 use super::row::Columns;
 use super::{Connection, Store, StoreError};
@@ -104,7 +105,7 @@ impl Store {
     }
 }
 
-fn view(row: &SqliteRow, silent_before_ms: i64) -> Result<WorkerView, StoreError> {
+fn view(row: &AnyRow, silent_before_ms: i64) -> Result<WorkerView, StoreError> {
     let cores: u32 = row.number("cores")?;
     let samples: u64 = row.number("samples")?;
     let core_ms = row.integer("core_ms")?;

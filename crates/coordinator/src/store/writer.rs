@@ -3,14 +3,18 @@
 //! A commit costs a sync of the disk, whatever it holds. So all writes that have gathered while the last commit ran go
 //! into the next one, each in a savepoint of its own: a write that fails takes nothing else with it. A caller is answered
 //! after the commit, never before. A write whose caller has gone away is carried out all the same.
+//!
+//! When the connection is lost, the writes of that transaction fail, whether or not it was committed at the last moment: whoever
+//! repeats one is told what is there. The next transaction gets a new connection.
 
 use futures::future::BoxFuture;
 use tokio::sync::{mpsc, oneshot};
 
 use super::StoreError;
+use super::source::Source;
 
 /// The connection that a write runs on.
-pub(crate) type Connection = sqlx::sqlite::SqliteConnection;
+pub(crate) type Connection = sqlx::AnyConnection;
 
 /// Most writes in one transaction.
 const GROUP: usize = 64;
@@ -31,9 +35,9 @@ enum Message {
 
 impl Writer {
     /// Starts the task. It owns the connection and ends when it is closed or the last handle is dropped.
-    pub(super) fn start(connection: Connection) -> Self {
+    pub(super) fn start(source: Source, connection: Connection) -> Self {
         let (writes, queue) = mpsc::channel(QUEUE);
-        tokio::spawn(serve(connection, queue));
+        tokio::spawn(serve(source, Some(connection), queue));
         Self { writes }
     }
 
@@ -102,7 +106,7 @@ where
     }
 }
 
-async fn serve(mut connection: Connection, mut queue: mpsc::Receiver<Message>) {
+async fn serve(source: Source, mut connection: Option<Connection>, mut queue: mpsc::Receiver<Message>) {
     let mut messages = Vec::with_capacity(GROUP);
     while queue.recv_many(&mut messages, GROUP).await > 0 {
         let mut writes = Vec::with_capacity(messages.len());
@@ -113,7 +117,7 @@ async fn serve(mut connection: Connection, mut queue: mpsc::Receiver<Message>) {
                 Message::Close(done) => close = Some(done),
             }
         }
-        let outcome = commit(&mut connection, &mut writes).await;
+        let outcome = commit(&source, &mut connection, &mut writes).await;
         if let Err(error) = &outcome {
             tracing::error!(%error, writes = writes.len(), "transaction failed");
         }
@@ -122,7 +126,9 @@ async fn serve(mut connection: Connection, mut queue: mpsc::Receiver<Message>) {
         }
         if let Some(done) = close {
             queue.close();
-            if let Err(error) = sqlx::Connection::close(connection).await {
+            if let Some(connection) = connection
+                && let Err(error) = sqlx::Connection::close(connection).await
+            {
                 tracing::error!(%error, "closing the database failed");
             }
             // Nobody waits if the caller of `close` gave up.
@@ -132,22 +138,42 @@ async fn serve(mut connection: Connection, mut queue: mpsc::Receiver<Message>) {
     }
 }
 
-async fn commit(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> Result<(), StoreError> {
+async fn commit(
+    source: &Source,
+    held: &mut Option<Connection>,
+    writes: &mut [Box<dyn Write>],
+) -> Result<(), StoreError> {
     if writes.is_empty() {
         return Ok(());
     }
-    // Immediate: a transaction that reads first and then finds the database locked could not be retried.
-    execute(connection, "begin immediate").await?;
-    let mut outcome = run_all(connection, writes).await;
+    // Whatever is wrong with a connection, it is not used again unless its transaction has come to an end.
+    let mut connection = begun(source, held.take()).await?;
+    let mut outcome = run_all(&mut connection, writes).await;
     if outcome.is_ok() {
-        outcome = execute(connection, "commit").await;
+        outcome = execute(&mut connection, "commit").await;
     }
-    if outcome.is_err()
-        && let Err(error) = execute(connection, "rollback").await
-    {
-        tracing::error!(%error, "the transaction could not be rolled back");
+    let is_over = match &outcome {
+        Ok(()) => Ok(()),
+        Err(_) => execute(&mut connection, "rollback").await,
+    };
+    match is_over {
+        Ok(()) => *held = Some(connection),
+        Err(error) => tracing::error!(%error, "the connection to the database is given up"),
     }
     outcome
+}
+
+/// A connection on which a transaction has begun: the one at hand, or a new one where that is lost.
+async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, StoreError> {
+    if let Some(mut connection) = held {
+        match execute(&mut connection, source.begin()).await {
+            Ok(()) => return Ok(connection),
+            Err(error) => tracing::warn!(%error, "the connection to the database is lost"),
+        }
+    }
+    let mut connection = source.writer().await?;
+    execute(&mut connection, source.begin()).await?;
+    Ok(connection)
 }
 
 async fn run_all(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> Result<(), StoreError> {
@@ -164,39 +190,4 @@ async fn run_all(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> 
 async fn execute(connection: &mut Connection, statement: &'static str) -> Result<(), StoreError> {
     sqlx::query(statement).execute(connection).await?;
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::store::Store;
-
-    #[tokio::test]
-    async fn a_failed_write_takes_nothing_else_with_it() {
-        let directory = tempfile::tempdir().unwrap();
-        let store = Store::open(&directory.path().join("farm.sqlite")).await.unwrap();
-        let write = |name: &'static str, then_fail: bool| {
-            let store = store.clone();
-            async move {
-                store
-                    .write::<(), StoreError, _>(move |connection| {
-                        Box::pin(async move {
-                            sqlx::query("insert into sequences (name, value) values ($1, 1)")
-                                .bind(name)
-                                .execute(connection)
-                                .await?;
-                            if then_fail { Err(StoreError::Closed) } else { Ok(()) }
-                        })
-                    })
-                    .await
-            }
-        };
-        let (first, second, third) = tokio::join!(write("a", false), write("b", true), write("c", false));
-        assert!(first.is_ok() && second.is_err() && third.is_ok());
-        let names: Vec<String> = sqlx::query_scalar("select name from sequences where length(name) = 1 order by name")
-            .fetch_all(&store.readers)
-            .await
-            .unwrap();
-        assert_eq!(names, ["a", "c"]);
-    }
 }
