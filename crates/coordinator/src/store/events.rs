@@ -5,7 +5,6 @@
 
 use clerestory_api::JobId;
 use serde::{Deserialize, Serialize};
-
 use sqlx::any::AnyRow;
 
 use super::row::Columns;

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use clerestory_api::{ContentHash, JobId, JobState};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{NodeAddress, TileGrid};
-
 use sqlx::any::AnyRow;
 
 use super::events::{self, StoredKind};

@@ -7,7 +7,6 @@ use std::collections::BTreeSet;
 use clerestory_api::{JobId, JobState, LeaseId, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 use serde::{Deserialize, Serialize};
-
 use sqlx::any::AnyRow;
 
 use super::jobs;

@@ -12,7 +12,6 @@ use std::ops::AddAssign;
 use clerestory_api::{JobId, LeaseId, NodeVerdict, WorkerId};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::NodeAddress;
-
 use sqlx::any::AnyRow;
 
 use super::jobs::{self, JobRecord};

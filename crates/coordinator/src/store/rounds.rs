@@ -1,7 +1,6 @@
 //! Rounds: when all tiles are complete up to the same pass, and the error that was measured there.
 
 use clerestory_api::{ConvergencePoint, JobId, JobState};
-
 use sqlx::any::AnyRow;
 
 use super::events::{self, StoredKind};

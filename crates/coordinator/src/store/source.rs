@@ -3,6 +3,7 @@
 //! Both run the same statements. Only this module knows which it is: what a connection has to be told before it is used, how
 //! a transaction begins, and how it is made sure that no other coordinator writes.
 
+use std::fmt;
 use std::path::Path;
 use std::sync::Once;
 use std::time::Duration;
@@ -39,7 +40,7 @@ const SQLITE_SESSION: [&str; 4] = [
 const POSTGRES_SESSION: [&str; 1] = ["set synchronous_commit = on"];
 
 /// A database, and how to reach it. Cheap to clone.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(crate) struct Source {
     engine: Engine,
     writing: AnyConnectOptions,
@@ -51,6 +52,13 @@ pub(crate) struct Source {
 enum Engine {
     Sqlite,
     Postgres,
+}
+
+impl fmt::Debug for Source {
+    /// Without the password that its options hold.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "Source({:?}, {})", self.engine, self.name)
+    }
 }
 
 /// A connection cannot be had.

@@ -2,7 +2,6 @@
 
 use clerestory_api::{WorkerId, WorkerRegistration, WorkerState, WorkerView};
 use sqlx::Row;
-
 use sqlx::any::AnyRow;
 
 use super::row::Columns;
