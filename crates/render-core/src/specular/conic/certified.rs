@@ -303,7 +303,7 @@ impl<'a> Problem<'a> {
 }
 
 /// All paths over a mesh; `None` where not all can be certain.
-fn all_paths(facets: &[Facet], ends: &Ends) -> Option<Vec<DVec3>> {
+pub(super) fn all_paths(facets: &[Facet], ends: &Ends) -> Option<Vec<DVec3>> {
     let mut places = Vec::new();
     for facet in facets {
         for weights in Problem::new(facet, ends).paths()? {
@@ -371,7 +371,7 @@ fn the_paths_over_water_are_those_that_are_certain_and_no_others() {
             tally.missed_by_walk += one.missed_by_walk;
         }
         let missed = tally.missed_by_walk as f64 / tally.walked as f64;
-        assert!((0.01..0.6).contains(&missed), "{missed}");
+        assert!((1e-3..0.5).contains(&missed), "{missed}");
         println!(
             "{} triangles, waves of {amplitude}: {tally:?}: the published walk misses {:.1} percent",
             facets.len(),

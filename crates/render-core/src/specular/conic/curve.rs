@@ -11,7 +11,7 @@
 //! the parts of which that lie in the triangle are found from the signs of three quadratics. Along an arc, the squares of both
 //! sides of Snell's law are polynomials of degree 12. Isolating their roots (`geometry::bernstein`) finds all paths.
 
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
 
 use super::{ends::Ends, facet::Facet};
 use crate::geometry::bernstein::roots;
@@ -22,11 +22,17 @@ const NOTHING: f64 = 1e-13;
 /// How far outside paths are looked for, in weights.
 const GROWTH: f64 = 1e-7;
 
+/// Values at corners that are smaller than this part of all others are zero where the curve is followed beyond the triangle.
+const BESIDE_CORNER: f64 = 1e-12;
+
 /// Where the conic is too close to a pair of crossing lines to be followed, the triangle is cut in four so many times.
 const CUTS: u32 = 6;
 
-/// Weights of corners as polynomials of the second degree in Bernstein form.
-type Arc = [DVec3; 3];
+/// Weights of corners, times a factor of either sign, as polynomials of the second degree in Bernstein form.
+pub(super) type Arc = [DVec3; 3];
+
+/// Most arcs of a conic within a triangle.
+pub(super) const MOST_ARCS: usize = 14;
 
 /// Hands the weights of all paths on a facet to `found`; some more than once, and some just outside.
 pub(super) fn all_paths(facet: &Facet, ends: &Ends, found: &mut impl FnMut(DVec2)) {
@@ -97,27 +103,62 @@ pub(super) fn quadratic_form(corners: &DMat3, normals: &DMat3, ends: &Ends) -> O
 }
 
 /// A triangle cut in four at the middles of its edges.
-pub(super) fn quarters(part: &DMat3) -> [DMat3; 4] {
+fn quarters(part: &DMat3) -> [DMat3; 4] {
     let [a, b, c] = [part.x_axis, part.y_axis, part.z_axis];
     let [ab, bc, ca] = [0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)];
     [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]].map(|[a, b, c]| DMat3::from_cols(a, b, c))
 }
 
-/// Two points of the conic, as far apart as is easily had; `None` when none of it lies in the triangle.
-fn two_points(form: &DMat3) -> Option<[DVec3; 2]> {
-    let corners = [DVec3::X, DVec3::Y, DVec3::Z];
-    let mut crossings = arrayvec::ArrayVec::<DVec3, 6>::new();
-    for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-        let edge = [
-            corners[a].dot(*form * corners[a]),
-            corners[a].dot(*form * corners[b]),
-            corners[b].dot(*form * corners[b]),
-        ];
-        roots(&edge, &mut |t| {
-            let _ = crossings.try_push(corners[a] * (1.0 - t) + corners[b] * t);
+/// Weights of the corners where the conic crosses edges, one of them zero (Granizo-Hidalgo and Holzschuch 2024, equations 22 to 24, with D and E, and C and D, in their places).
+pub(super) fn crossings(form: &DMat3) -> arrayvec::ArrayVec<DVec3, 6> {
+    let mut crossings = arrayvec::ArrayVec::new();
+    for edge in 0..3 {
+        let (a, b) = (DVec3::AXES[edge], DVec3::AXES[(edge + 1) % 3]);
+        roots(&[a.dot(*form * a), a.dot(*form * b), b.dot(*form * b)], &mut |t| {
+            let _ = crossings.try_push(a * (1.0 - t) + b * t);
         });
     }
-    let apart = |a: DVec3, b: DVec3| (a - b).length_squared();
+    crossings
+}
+
+/// The parts of the conic within the triangle, each from one crossing of an edge to the next along it; of an ellipse within the
+/// triangle, both halves. What is a hair beside a corner goes through it.
+pub(super) fn arcs_within(form: &DMat3) -> arrayvec::ArrayVec<Arc, MOST_ARCS> {
+    let largest = form.to_cols_array().into_iter().fold(0.0, |largest: f64, entry| largest.max(entry.abs()));
+    let at_corners = DVec3::new(form.x_axis.x, form.y_axis.y, form.z_axis.z);
+    let hair = DVec3::select(at_corners.abs().cmplt(DVec3::splat(BESIDE_CORNER * largest)), at_corners, DVec3::ZERO);
+    let form = &(*form - DMat3::from_diagonal(hair));
+    let met = crossings(form);
+    // Where the conic is a pair of lines, or nearly, only two crossings of the same line span all its arcs.
+    let pairs = (0..met.len()).flat_map(|first| (0..first).map(move |second| (first, second)));
+    let crossed = pairs.map(|(first, second)| [met[first], met[second]]);
+    let mut best = arrayvec::ArrayVec::new();
+    let mut most = None;
+    for [p, q] in two_points(form).into_iter().chain(crossed) {
+        let arcs: arrayvec::ArrayVec<Arc, MOST_ARCS> =
+            arcs(form, p, q).into_iter().flatten().flat_map(|arc| pieces(&arc)).collect();
+        let ends = || arcs.iter().flat_map(|[from, _, to]| [from, to]).map(|end| *end / end.element_sum());
+        let joined = met.iter().filter(|crossing| ends().any(|end| apart(end, **crossing) < CROSSING)).count();
+        if most.is_none_or(|most| joined > most) {
+            (best, most) = (arcs, Some(joined));
+        }
+        if joined == met.len() {
+            break;
+        }
+    }
+    best
+}
+
+/// Weights whose squared distance is less are the same crossing.
+const CROSSING: f64 = 1e-12;
+
+fn apart(a: DVec3, b: DVec3) -> f64 {
+    (a - b).length_squared()
+}
+
+/// Two points of the conic, as far apart as is easily had; `None` when none of it lies in the triangle.
+fn two_points(form: &DMat3) -> Option<[DVec3; 2]> {
+    let crossings = crossings(form);
     if let Some(&first) = crossings.first() {
         let far = |from: DVec3| crossings.iter().copied().max_by(|&a, &b| apart(from, a).total_cmp(&apart(from, b)));
         let p = far(first)?;
@@ -206,7 +247,15 @@ fn pieces(arc: &Arc) -> arrayvec::ArrayVec<Arc, 7> {
     pieces
 }
 
-fn value(arc: &Arc, t: f64) -> DVec3 {
+/// The direction of an arc at one of its places, in weights of the second and third corner (equations 13 to 15, for a matrix that is
+/// symmetric, and without a sign that changes where the curve crosses itself).
+pub(super) fn direction(arc: &Arc, t: f64) -> DVec2 {
+    let (place, moving) = (value(arc, t), (arc[1] - arc[0]) * (1.0 - t) + (arc[2] - arc[1]) * t);
+    (moving * place.element_sum() - place * moving.element_sum()).yz()
+}
+
+/// The weights, times a factor, at a place of an arc.
+pub(super) fn value(arc: &Arc, t: f64) -> DVec3 {
     arc[0] * ((1.0 - t) * (1.0 - t)) + arc[1] * (2.0 * t * (1.0 - t)) + arc[2] * (t * t)
 }
 

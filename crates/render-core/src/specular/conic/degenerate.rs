@@ -5,23 +5,22 @@ use rayon::prelude::*;
 
 use super::{
     certified::Problem,
-    curve::quadratic_form,
+    curve::{self, quadratic_form},
     ends::Ends,
     facet::Facet,
     facet_tree::FacetTree,
     neighbours::Neighbours,
-    testing::{WATER, problem},
+    testing::{WATER, found, problem},
     walk::first_path,
 };
 use crate::{
     film::TrialStream,
-    geometry::bernstein::roots,
     optics::Source,
     specular::testing::{between, pair, random},
 };
 
 /// A triangle of some extent whose normals are tilted by up to `tilt`, as tangents.
-fn any_facet(random: &mut TrialStream, tilt: f64) -> Facet {
+pub(super) fn any_facet(random: &mut TrialStream, tilt: f64) -> Facet {
     let mut corner = |x: f64, y: f64| {
         DVec3::new(x + between(random, -0.3, 0.3), y + between(random, -0.3, 0.3), between(random, -0.1, 0.1))
     };
@@ -49,16 +48,16 @@ fn check(facet: &Facet, ends: &Ends) -> bool {
     true
 }
 
+/// The matrix of the curve on a facet.
+fn form_on(facet: &Facet, ends: &Ends) -> Option<DMat3> {
+    let columns = |corners: &[DVec3; 3]| DMat3::from_cols(corners[0], corners[1], corners[2]);
+    quadratic_form(&columns(&facet.corners), &columns(&facet.normals), ends)
+}
+
 /// How often the curve crosses each edge.
 fn crossings(facet: &Facet, ends: &Ends) -> Option<[usize; 3]> {
-    let columns = |corners: &[DVec3; 3]| DMat3::from_cols(corners[0], corners[1], corners[2]);
-    let form = quadratic_form(&columns(&facet.corners), &columns(&facet.normals), ends)?;
-    Some([(0, 1), (1, 2), (2, 0)].map(|(a, b)| {
-        let (a, b) = (DVec3::AXES[a], DVec3::AXES[b]);
-        let mut count = 0;
-        roots(&[a.dot(form * a), a.dot(form * b), b.dot(form * b)], &mut |_| count += 1);
-        count
-    }))
+    let met = curve::crossings(&form_on(facet, ends)?);
+    Some([0, 1, 2].map(|edge: usize| met.iter().filter(|weights| weights[(edge + 2) % 3] == 0.0).count()))
 }
 
 /// Checks facets on which the curve crosses the edges as wanted, until so many had a path.
@@ -163,6 +162,93 @@ fn a_curve_that_total_reflection_interrupts_is_followed_on_both_sides() {
     assert!(interrupted > 500 && found > 50, "{interrupted} {found}");
 }
 
+#[test]
+fn paths_are_found_where_the_curve_crosses_itself() {
+    let mut random = random(25);
+    let (mut crossed, mut paths) = (0, 0);
+    for case in 0..200_000 {
+        let ends = problem(&mut random, case);
+        let (from, to) = (any_facet(&mut random, 0.8), any_facet(&mut random, 0.8));
+        let facet = |part: f64| Facet {
+            corners: from.corners,
+            normals: [0, 1, 2].map(|k| from.normals[k].lerp(to.normals[k], part).normalize()),
+        };
+        // Between two facets whose curves are of two kinds there is one whose curve is a pair of lines.
+        let determinant = |part: f64| form_on(&facet(part), &ends).map_or(0.0, |form| form.determinant());
+        let (mut low, mut high) = (0.0, 1.0);
+        if determinant(low) * determinant(high) >= 0.0 {
+            continue;
+        }
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if determinant(middle) * determinant(0.0) > 0.0 {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        let facet = facet(low);
+        let Some(form) = form_on(&facet, &ends) else { continue };
+        let node = form.x_axis.cross(form.y_axis);
+        let node = node / node.element_sum();
+        // Lines that cross, rather than a single place.
+        let lines = form.x_axis.x * form.y_axis.y < form.x_axis.y * form.x_axis.y;
+        let place = facet.place(DVec2::new(node.y, node.z));
+        let beside_the_straight_line =
+            (place - ends.point).normalize().cross(ends.across().normalize()).length() > 1e-3;
+        if node.min_element() > 0.05 && lines && beside_the_straight_line && check(&facet, &ends) {
+            assert!((form * node).abs().max_element() < 1e-9 * form.x_axis.length(), "{form} {node}");
+            crossed += 1;
+            paths += facet.paths(&ends).len();
+        }
+    }
+    assert!(crossed > 500 && paths > 100, "{crossed} {paths}");
+}
+
+/// Squares of two triangles each with waves along one of their diagonals, that which is no edge, so that straight curves along it go
+/// through a corner of every triangle.
+fn waves_along_diagonals(cells: u32) -> Vec<Facet> {
+    let corner = |i: u32, j: u32| {
+        let place = (DVec2::new(f64::from(i), f64::from(j)) / f64::from(cells)) * 2.0 - 1.0;
+        let angle = 4.0 * (place.x - place.y);
+        let (height, slope) = (0.02 * libm::sin(angle), 0.08 * libm::cos(angle));
+        (place.extend(height), DVec3::new(-slope, slope, 1.0).normalize())
+    };
+    let mut facets = Vec::new();
+    for (i, j) in (0..cells).flat_map(|j| (0..cells).map(move |i| (i, j))) {
+        let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+        for [x, y, z] in [[a, b, c], [a, c, d]] {
+            facets.push(Facet { corners: [x.0, y.0, z.0], normals: [x.1, y.1, z.1] });
+        }
+    }
+    facets
+}
+
+#[test]
+fn the_walk_goes_on_behind_corners() {
+    let facets = waves_along_diagonals(32);
+    let triangles = 0..facets.len() as u32;
+    let neighbours = Neighbours::of(triangles.clone(), |k| facets[k as usize]);
+    let tree = FacetTree::over(triangles, |k| facets[k as usize]).unwrap();
+    let mut random = random(26);
+    let mut walks = 0;
+    for _ in 0..300 {
+        let mut on_diagonal = |height: f64| {
+            let along = between(&mut random, -0.7, 0.7);
+            DVec3::new(along, -along, height)
+        };
+        let (point, light) = (on_diagonal(-1.0), on_diagonal(1.5));
+        let ends = Ends::refracted(point, Source::Point(light), WATER, false);
+        let [certain] = found(&facets, &tree, &ends)[..] else { continue };
+        let start = (0u32..).zip(&facets).find_map(|(k, facet)| Some((k, curve::straight_through(facet, &ends)?)));
+        let path = first_path(start.unwrap(), |k| facets[k as usize], &neighbours, &ends);
+        let (triangle, weights) = path.unwrap_or_else(|| panic!("no path for {ends:?}"));
+        assert!((facets[triangle as usize].place(weights) - certain).length() < 1e-7, "{ends:?}");
+        walks += 1;
+    }
+    assert!(walks > 200, "{walks}");
+}
+
 /// Something of a small lattice, or anything.
 fn coordinate(random: &mut TrialStream, on_lattice: bool) -> f64 {
     let value = between(random, -1.0, 1.0);
@@ -247,10 +333,10 @@ fn check_path(facet: &Facet, weights: DVec2, ends: &Ends) {
 }
 
 #[test]
-fn walks_from_anywhere_over_any_mesh_end() {
-    (0..20u32).into_par_iter().for_each(|chunk| {
+fn ten_million_walks_from_anywhere_over_any_mesh_end() {
+    (0..100u32).into_par_iter().for_each(|chunk| {
         let mut random = random(300 + chunk);
-        for _ in 0..5000 {
+        for _ in 0..100_000 {
             // Four triangles around a corner, with whatever normals.
             let (facet, other) = (anything(&mut random), anything(&mut random));
             let ends = any_ends(&mut random);

@@ -8,7 +8,7 @@
 use std::f64::consts::SQRT_2;
 
 use arrayvec::ArrayVec;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DVec2, DVec3};
 
 use super::{curve::all_paths, ends::Ends, seen_ends::BENDING};
 use crate::optics::dielectric::{reflect, refract};
@@ -30,6 +30,12 @@ const TOLERANCE: f64 = 1e-12;
 
 /// Sine of the largest angle between half vector and normal at a path.
 const STATIONARY: f64 = 1e-9;
+
+/// What rounding makes of coordinates, and of sums of a few of them, as a part of them.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+/// As [`STATIONARY`], where one end is so close that rounding matters. What is closer still is on the surface.
+const COARSEST: f64 = 1e-6;
 
 /// Paths closer than this part of the triangle are the same.
 const SAME: f64 = 1e-7;
@@ -63,14 +69,6 @@ impl Facet {
     /// The normal there, not of unit length.
     pub(super) fn normal(&self, weights: DVec2) -> DVec3 {
         blend(&self.normals, weights)
-    }
-
-    /// Half vector and unit normal.
-    fn half_and_normal(&self, ends: &Ends, weights: DVec2) -> [DVec3; 2] {
-        let place = self.place(weights);
-        let half = (ends.point - place).normalize() * ends.indices[0]
-            + ends.offset_to_light(place).normalize() * ends.indices[1];
-        [half, self.normal(weights).normalize()]
     }
 
     /// The weights of the second and third corner at all paths.
@@ -143,14 +141,11 @@ impl Facet {
     /// By how much the ray from the shading point through a place of the curve misses the light: the part, across the curve in
     /// the tangent plane, of the cross product between its direction behind the interface and that to the light. It changes
     /// its sign where a path is. Equation 21 takes the sign from the part along the curve, which vanishes wherever the curve
-    /// lies in the plane of incidence, on all of a flat surface. `form` is the curve's matrix, whose gradient turned by a right
-    /// angle is the tangent (equations 13 to 15, for a matrix that is symmetric). `None` where light is totally reflected.
-    pub(super) fn defect(&self, ends: &Ends, form: &DMat3, weights: DVec3) -> Option<f64> {
-        let at = DVec2::new(weights.y, weights.z);
-        let (place, normal) = (self.place(at), self.normal(at).normalize());
-        let gradient = *form * weights;
-        let tangent = (self.corners[2] - self.corners[0]) * (gradient.y - gradient.x)
-            - (self.corners[1] - self.corners[0]) * (gradient.z - gradient.x);
+    /// lies in the plane of incidence, on all of a flat surface. `along` is the curve's direction there, as weights and of any length.
+    /// `None` where light is totally reflected.
+    pub(super) fn defect(&self, ends: &Ends, weights: DVec2, along: DVec2) -> Option<f64> {
+        let (place, normal) = (self.place(weights), self.normal(weights).normalize());
+        let tangent = (self.corners[1] - self.corners[0]) * along.x + (self.corners[2] - self.corners[0]) * along.y;
         let direction = (place - ends.point).normalize();
         let behind = if ends.is_mirrored() {
             reflect(direction, normal)
@@ -181,8 +176,13 @@ impl Facet {
                 break;
             }
         }
-        let [half, normal] = self.half_and_normal(ends, weights);
-        (half.cross(normal).length() < STATIONARY).then_some(weights)
+        let (place, normal) = (self.place(weights), self.normal(weights).normalize());
+        let offsets = [ends.point - place, ends.offset_to_light(place)];
+        let lengths = offsets.map(DVec3::length);
+        let half = offsets[0] * (ends.indices[0] / lengths[0]) + offsets[1] * (ends.indices[1] / lengths[1]);
+        // Directions to what is close are known no better than places are.
+        let grain = ROUNDING * place.abs().max_element() / lengths[0].min(lengths[1]);
+        (half.cross(normal).length() < STATIONARY.max(grain.min(COARSEST))).then_some(weights)
     }
 
     /// Whether the ends are on the right sides of the tangent plane.

@@ -17,6 +17,10 @@ mod facet_leaf;
 mod facet_tree;
 mod focus;
 mod neighbours;
+#[cfg(test)]
+mod published_equations;
+#[cfg(test)]
+mod scale;
 mod seen_ends;
 #[cfg(test)]
 mod testing;
