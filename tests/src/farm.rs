@@ -18,6 +18,7 @@ pub struct Farm {
     data: TempDir,
     token: Option<String>,
     options: Vec<String>,
+    environment: Vec<(String, String)>,
     address: String,
     coordinator: Process,
     workers: Vec<Process>,
@@ -31,11 +32,22 @@ impl Farm {
     ///
     /// When it does not start.
     pub fn start(token: Option<&str>, options: &[&str]) -> Self {
+        Self::start_in(&[], token, options)
+    }
+
+    /// As [`Self::start`], with variables in the coordinator's environment.
+    ///
+    /// # Panics
+    ///
+    /// When it does not start.
+    pub fn start_in(environment: &[(String, String)], token: Option<&str>, options: &[&str]) -> Self {
         let data = tempfile::tempdir().expect("a temporary folder");
         let token = token.map(str::to_owned);
         let options: Vec<String> = options.iter().map(|&option| option.to_owned()).collect();
-        let (coordinator, address) = start_coordinator("127.0.0.1:0", data.path(), token.as_deref(), &options);
-        Self { data, token, options, address, coordinator, workers: Vec::new() }
+        let environment = environment.to_vec();
+        let mut command = coordinator("127.0.0.1:0", data.path(), token.as_deref(), &options);
+        let (coordinator, address) = Process::serving(command.envs(environment.iter().cloned()));
+        Self { data, token, options, environment, address, coordinator, workers: Vec::new() }
     }
 
     /// Address of the coordinator and its page.
@@ -112,8 +124,8 @@ impl Farm {
     /// Starts a coordinator again, on the same port and with the same data.
     pub fn restart_coordinator(&mut self) {
         let listen = self.address.trim_start_matches("http://").trim_end_matches('/').to_owned();
-        (self.coordinator, self.address) =
-            start_coordinator(&listen, self.data.path(), self.token.as_deref(), &self.options);
+        let mut command = coordinator(&listen, self.data.path(), self.token.as_deref(), &self.options);
+        (self.coordinator, self.address) = Process::serving(command.envs(self.environment.iter().cloned()));
     }
 
     /// Submits a scene as a user does, and returns the identity of the job.
@@ -215,11 +227,11 @@ pub fn succeeded(command: &mut Command) -> Output {
     output
 }
 
-fn start_coordinator(listen: &str, data: &Path, token: Option<&str>, options: &[String]) -> (Process, String) {
+fn coordinator(listen: &str, data: &Path, token: Option<&str>, options: &[String]) -> Command {
     let mut command = clerestory();
     command.args(["coordinator", "--listen", listen, "--stop-with-stdin", "--data"]).arg(data).args(options);
     command.envs(token.map(|token| ("CLERESTORY_TOKEN", token)));
-    Process::serving(&mut command)
+    command
 }
 
 /// A process that is killed with the value; or, when this process is killed, ends because its standard input does.

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::time::Duration;
 
 use clerestory_api::JobState;
 use clerestory_render_core::film::{DecodeBudget, FrameImage, ImageMetadata};
-use clerestory_test_servers::postgres;
+use clerestory_test_servers::{S3Server, postgres, s3};
 use clerestory_tests::exr_files::same_samples;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use tempfile::TempDir;
@@ -181,6 +182,54 @@ fn a_time_limited_image_is_made_again_bit_for_bit() {
         let again = rendered_alone(&scene, &folder, "again.exr", &["--like", limited.to_str().unwrap()]);
         assert_same_bits(&again, &limited);
     }
+}
+
+#[test]
+fn killing_the_object_server_and_the_coordinator_changes_no_bit_in_postgres_and_s3() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = WITH_CONE.rendered_alone(&folder);
+    let mut objects = S3Server::start().unwrap();
+    let (database, bucket) = (postgres().new_database(), format!("s3://{}/farm", objects.new_bucket()));
+    let options = ["--lease-nodes", "4", "--lease-seconds", "2", "--database", &database, "--object-store", &bucket];
+    let mut farm = Farm::start_in(&objects.environment(), None, &options);
+    farm.start_worker("first");
+    farm.start_worker("second");
+    WITH_CONE.submit(&farm, "16");
+    farm.wait_until("begun", |job| job.progress > 0.05);
+    objects.kill();
+    // Long enough for uploads to meet a store that is not there.
+    std::thread::sleep(Duration::from_secs(1));
+    objects.restart();
+    let before = farm.wait_until("going on with the object store", |job| job.progress > 0.3);
+    assert_eq!(before.state, JobState::Running, "the job must still run when the coordinator is killed");
+    farm.kill_coordinator();
+    farm.restart_coordinator();
+    let after = farm.newest_job();
+    assert!(after.progress >= before.progress, "acknowledged work was lost: {after:?}");
+    assert_made_alike(&rendered_by(&farm, &folder), &alone);
+}
+
+#[test]
+fn an_object_store_of_another_farm_is_refused() {
+    let bucket = format!("s3://{}", s3().new_bucket());
+    let farm = Farm::start_in(&s3().environment(), None, &["--object-store", &bucket]);
+    // Once it answers, the bucket is its own.
+    succeeded(&mut farm.command(&["jobs"]));
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = clerestory();
+    command.envs(s3().environment()).args([
+        "coordinator",
+        "--listen",
+        "127.0.0.1:0",
+        "--object-store",
+        &bucket,
+        "--data",
+    ]);
+    let output = command.arg(folder.path()).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success());
+    assert!(message.contains(&bucket) && message.contains("belong to the farm"), "{message}");
+    drop(farm);
 }
 
 #[test]

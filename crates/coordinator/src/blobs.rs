@@ -1,8 +1,9 @@
 //! The blob store: bytes that are written once and never changed.
 //!
-//! Assets are named by their content, nodes by an identity of their own. A blob is on disk, synced, before its name is
-//! written into the database; that row is the commit. A blob without a row belongs to nobody: it is left by a crash
-//! between the two, and swept away when the coordinator starts.
+//! Assets are named by their content, nodes by an identity of their own. A blob is on disk, synced, or acknowledged by the object
+//! store before its name is written into the database; that row is the commit. A blob without a row belongs to nobody: it is left by a
+//! crash between the two, and swept away when the coordinator starts. So that this never takes what another farm's database
+//! names, a store is marked with the farm that it belongs to.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,11 +13,13 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use clerestory_api::{ContentHash, JobId};
-use futures::stream::{BoxStream, Stream, StreamExt, TryStreamExt};
+use futures::stream::{self, BoxStream, Stream, StreamExt, TryStreamExt};
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
-use object_store::{ObjectStore, ObjectStoreExt, WriteMultipart};
+use object_store::{ObjectStore, ObjectStoreExt, PutMode, WriteMultipart};
 use uuid::Uuid;
+
+use crate::bucket::Bucket;
 
 /// Chunks of an upload that may wait for the disk.
 const CHUNKS_IN_FLIGHT: usize = 2;
@@ -24,7 +27,26 @@ const CHUNKS_IN_FLIGHT: usize = 2;
 /// Where blobs are kept. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Blobs {
-    store: Arc<LocalFileSystem>,
+    store: Arc<dyn ObjectStore>,
+}
+
+/// Name of the blob that says whose blobs these are.
+const OWNER: &str = "farm";
+
+/// A blob store cannot be used by a farm.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum ClaimError {
+    /// It is another farm's.
+    #[error("the blobs there belong to the farm {owner}, and the database to the farm {farm}")]
+    Foreign {
+        /// Whose it is.
+        owner: String,
+        /// Who asked.
+        farm: Uuid,
+    },
+    /// It failed.
+    #[error(transparent)]
+    Store(#[from] BlobError),
 }
 
 /// The blob store failed.
@@ -70,11 +92,29 @@ impl<E> From<object_store::Error> for UploadError<E> {
 
 impl Blobs {
     /// Opens the store in a directory, which is made if there is none.
-    pub(crate) fn open(directory: PathBuf) -> io::Result<Self> {
+    pub(crate) fn in_directory(directory: PathBuf) -> io::Result<Self> {
         fs::create_dir_all(&directory)?;
         remove_unfinished(&directory)?;
         let store = LocalFileSystem::new_with_prefix(&directory).map_err(io::Error::other)?.with_fsync(true);
         Ok(Self { store: Arc::new(store) })
+    }
+
+    /// Opens the store in a bucket, which has to be there.
+    pub(crate) fn in_bucket(bucket: &Bucket) -> Result<Self, BlobError> {
+        Ok(Self { store: Arc::new(bucket.client()?) })
+    }
+
+    /// Makes sure that the store is this farm's, marking it when it is nobody's.
+    pub(crate) async fn claim(&self, farm: Uuid) -> Result<(), ClaimError> {
+        let mark = Path::from(OWNER);
+        match self.store.put_opts(&mark, farm.to_string().into(), PutMode::Create.into()).await {
+            Ok(_) => return Ok(()),
+            Err(object_store::Error::AlreadyExists { .. }) => {}
+            Err(error) => return Err(BlobError(error).into()),
+        }
+        let found = self.store.get(&mark).await.map_err(BlobError)?.bytes().await.map_err(BlobError)?;
+        let owner = String::from_utf8_lossy(&found).into_owned();
+        if owner == farm.to_string() { Ok(()) } else { Err(ClaimError::Foreign { owner, farm }) }
     }
 
     /// Stores the bytes of an asset as they come, if they have the promised hash and are not too many. Answers their
@@ -148,9 +188,11 @@ impl Blobs {
 
     /// Removes nodes. One that cannot be removed is left for the sweep at the next start.
     pub(crate) async fn remove_nodes(&self, names: Vec<String>) {
-        for name in names {
-            if let Err(error) = self.store.delete(&Path::from(name.as_str())).await {
-                tracing::warn!(blob = name, %error, "a node that is not needed any more could not be removed");
+        let paths = stream::iter(names.into_iter().map(|name| Ok(Path::from(name)))).boxed();
+        let mut removed = self.store.delete_stream(paths);
+        while let Some(outcome) = removed.next().await {
+            if let Err(error) = outcome {
+                tracing::warn!(%error, "a node that is not needed any more could not be removed");
             }
         }
     }
@@ -189,7 +231,8 @@ fn remove_unfinished(directory: &std::path::Path) -> io::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use futures::stream;
+    use clerestory_test_servers::s3;
+    use tempfile::TempDir;
 
     use super::*;
 
@@ -197,43 +240,120 @@ mod tests {
         stream::iter(pieces.iter().map(|piece| Ok(Bytes::from_static(piece.as_bytes()))).collect::<Vec<_>>())
     }
 
-    fn hash(content: &str) -> ContentHash {
-        ContentHash::from(*blake3::hash(content.as_bytes()).as_bytes())
+    fn hash(content: &[u8]) -> ContentHash {
+        ContentHash::from(*blake3::hash(content).as_bytes())
     }
 
-    fn files(directory: &std::path::Path) -> usize {
-        let entries = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
-        entries.map(|entry| if entry.path().is_dir() { files(&entry.path()) } else { 1 }).sum()
-    }
-
-    #[tokio::test]
-    async fn an_asset_is_kept_only_when_it_is_what_its_name_says() {
+    fn in_a_directory() -> (Blobs, TempDir) {
         let directory = tempfile::tempdir().unwrap();
-        let blobs = Blobs::open(directory.path().to_owned()).unwrap();
-        assert_eq!(blobs.put_asset(hash("glass"), 100, source(&["gl", "ass"])).await.unwrap(), 5);
-        assert_eq!(blobs.asset(hash("glass")).await.unwrap(), "glass");
-        let wrong = blobs.put_asset(hash("lead"), 100, source(&["glass"])).await.unwrap_err();
-        assert!(matches!(wrong, UploadError::HashMismatch { found } if found == hash("glass")));
-        let large = blobs.put_asset(hash("glass"), 4, source(&["glass"])).await.unwrap_err();
+        (Blobs::in_directory(directory.path().to_owned()).unwrap(), directory)
+    }
+
+    fn in_a_bucket() -> Blobs {
+        let url = format!("s3://{}/farm", s3().new_bucket());
+        Blobs::in_bucket(&Bucket::new(&url, s3().environment()).unwrap()).unwrap()
+    }
+
+    async fn names(blobs: &Blobs) -> BTreeSet<String> {
+        let found: Vec<_> = blobs.store.list(None).try_collect().await.unwrap();
+        found.into_iter().map(|blob| blob.location.to_string()).collect()
+    }
+
+    async fn an_asset_is_kept_only_when_it_is_what_its_name_says(blobs: Blobs) {
+        assert_eq!(blobs.put_asset(hash(b"glass"), 100, source(&["gl", "ass"])).await.unwrap(), 5);
+        assert_eq!(blobs.asset(hash(b"glass")).await.unwrap(), "glass");
+        let (size, mut pieces) = blobs.asset_stream(hash(b"glass")).await.unwrap();
+        assert_eq!((size, pieces.next().await.unwrap().unwrap()), (5, Bytes::from_static(b"glass")));
+        let wrong = blobs.put_asset(hash(b"lead"), 100, source(&["glass"])).await.unwrap_err();
+        assert!(matches!(wrong, UploadError::HashMismatch { found } if found == hash(b"glass")));
+        let large = blobs.put_asset(hash(b"glass"), 4, source(&["glass"])).await.unwrap_err();
         assert!(matches!(large, UploadError::TooLarge { limit: 4 }));
         let cut_off = stream::iter([Ok(Bytes::from_static(b"le")), Err("gone")]);
-        assert!(matches!(blobs.put_asset(hash("lead"), 100, cut_off).await, Err(UploadError::Source("gone"))));
-        assert!(blobs.asset(hash("lead")).await.is_err());
-        assert_eq!(files(directory.path()), 1, "refused uploads leave nothing behind");
+        assert!(matches!(blobs.put_asset(hash(b"lead"), 100, cut_off).await, Err(UploadError::Source("gone"))));
+        assert!(blobs.asset(hash(b"lead")).await.unwrap_err().is_missing());
+        assert_eq!(blobs.asset(hash(b"glass")).await.unwrap(), "glass", "what was there stays");
+        assert_eq!(names(&blobs).await.len(), 1, "refused uploads leave nothing behind");
     }
 
-    #[tokio::test]
-    async fn the_sweep_removes_what_no_row_names_and_what_was_half_written() {
-        let directory = tempfile::tempdir().unwrap();
-        let blobs = Blobs::open(directory.path().to_owned()).unwrap();
+    async fn an_asset_of_many_pieces_comes_back_whole(blobs: Blobs) {
+        // More than two parts of an upload to S3, the last one short.
+        let content: Vec<u8> = (0..12_000_000_u32)
+            .flat_map(|k| (k.wrapping_mul(2_654_435_761) >> 24).to_le_bytes()[..1].to_vec())
+            .collect();
+        let pieces: Vec<Result<Bytes, String>> =
+            content.chunks(70_001).map(|piece| Ok(Bytes::copy_from_slice(piece))).collect();
+        let size = content.len() as u64;
+        assert_eq!(blobs.put_asset(hash(&content), size, stream::iter(pieces)).await.unwrap(), size);
+        assert!(blobs.asset(hash(&content)).await.unwrap() == content);
+    }
+
+    async fn the_sweep_removes_what_no_row_names(blobs: Blobs) {
         let job = JobId::from(Uuid::now_v7());
         let kept = blobs.put_node(job, b"kept".to_vec()).await.unwrap();
         let orphan = blobs.put_node(job, b"orphan".to_vec()).await.unwrap();
-        fs::write(directory.path().join(format!("{kept}#1")), b"half").unwrap();
-        let blobs = Blobs::open(directory.path().to_owned()).unwrap();
+        blobs.put_asset(hash(b"glass"), 100, source(&["glass"])).await.unwrap();
         assert_eq!(blobs.sweep_nodes(&BTreeSet::from([kept.clone()])).await.unwrap(), 1);
         assert_eq!(blobs.node(&kept).await.unwrap(), "kept");
-        assert!(blobs.node(&orphan).await.is_err());
-        assert_eq!(files(directory.path()), 1);
+        assert!(blobs.node(&orphan).await.unwrap_err().is_missing());
+        assert_eq!(names(&blobs).await.len(), 2);
+        blobs.remove_nodes(vec![kept.clone(), orphan]).await;
+        assert!(blobs.node(&kept).await.unwrap_err().is_missing(), "one that is gone already is no obstacle");
+    }
+
+    async fn a_store_belongs_to_the_first_farm_that_claims_it(blobs: Blobs) {
+        let [ours, theirs] = [(); 2].map(|()| Uuid::now_v7());
+        blobs.claim(ours).await.unwrap();
+        blobs.claim(ours).await.unwrap();
+        let refused = blobs.claim(theirs).await.unwrap_err();
+        assert!(matches!(&refused, ClaimError::Foreign { owner, .. } if *owner == ours.to_string()), "{refused}");
+        blobs.claim(ours).await.unwrap();
+    }
+
+    macro_rules! in_both {
+        ($($test:ident),* $(,)?) => {
+            mod directory {
+                $(#[tokio::test]
+                async fn $test() {
+                    let (blobs, _directory) = super::in_a_directory();
+                    super::$test(blobs).await;
+                })*
+            }
+
+            mod bucket {
+                $(#[tokio::test]
+                async fn $test() {
+                    super::$test(super::in_a_bucket()).await;
+                })*
+            }
+        };
+    }
+
+    in_both!(
+        an_asset_is_kept_only_when_it_is_what_its_name_says,
+        an_asset_of_many_pieces_comes_back_whole,
+        the_sweep_removes_what_no_row_names,
+        a_store_belongs_to_the_first_farm_that_claims_it,
+    );
+
+    #[tokio::test]
+    async fn what_was_half_written_in_a_directory_is_removed_when_it_is_opened() {
+        let (blobs, directory) = in_a_directory();
+        let kept = blobs.put_node(JobId::from(Uuid::now_v7()), b"kept".to_vec()).await.unwrap();
+        let half = directory.path().join(format!("{kept}#1"));
+        fs::write(&half, b"half").unwrap();
+        let blobs = Blobs::in_directory(directory.path().to_owned()).unwrap();
+        assert!(!half.exists());
+        assert_eq!(blobs.node(&kept).await.unwrap(), "kept");
+    }
+
+    #[tokio::test]
+    async fn a_wrong_key_is_an_error() {
+        let url = format!("s3://{}", s3().new_bucket());
+        let wrong = s3().environment().map(|(name, value)| {
+            let value = if name == "AWS_SECRET_ACCESS_KEY" { "cast-iron".to_owned() } else { value };
+            (name, value)
+        });
+        let blobs = Blobs::in_bucket(&Bucket::new(&url, wrong).unwrap()).unwrap();
+        assert!(matches!(blobs.claim(Uuid::now_v7()).await, Err(ClaimError::Store(_))));
     }
 }

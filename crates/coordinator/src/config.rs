@@ -9,6 +9,7 @@ use std::time::Duration;
 use subtle::ConstantTimeEq;
 use url::Url;
 
+pub use crate::bucket::{Bucket, InvalidBucket};
 pub use crate::clock::Clock;
 
 /// Shortest token that is accepted: 16 characters of a hexadecimal token are 64 bits.
@@ -17,10 +18,12 @@ const SHORTEST_TOKEN: usize = 16;
 /// How a coordinator is set up.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Directory of the blobs, and of the database unless that is elsewhere; made if there is none. One coordinator at a time.
+    /// Directory of the database and the blobs, unless they are elsewhere; made if there is none. One coordinator at a time.
     pub data_directory: PathBuf,
     /// The PostgreSQL database of the state; none for a SQLite file in the data directory.
     pub database: Option<PostgresUrl>,
+    /// Where the blobs are; none for the data directory.
+    pub bucket: Option<Bucket>,
     /// What callers must prove to know. Only a coordinator on a loopback address may go without.
     pub token: Option<Token>,
     /// How long a lease lasts unless it is renewed.
@@ -47,6 +50,7 @@ impl Config {
         Self {
             data_directory: data_directory.into(),
             database: None,
+            bucket: None,
             token: None,
             lease_ttl: Duration::from_secs(60),
             lease_target: Duration::from_secs(10),

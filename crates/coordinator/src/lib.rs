@@ -5,20 +5,21 @@
 //! - `submit`: from a submission to a job;
 //! - `schedule`: rounds, waves, and how passes are cut into nodes;
 //! - `store`: jobs, leases, accepted nodes, rounds and events in one SQL database;
-//! - `blobs`: assets and nodes, written once;
+//! - `blobs`, `bucket`: assets and nodes, written once, in a directory or a bucket of an S3-compatible store;
 //! - `acceptance`: partials, decoded with distrust and accepted exactly once;
 //! - `keeper`, `film`, `convergence`, `images`: rounds, merging, error and images;
 //! - `events`, `views`, `rate`: what watchers see.
 //!
 //! # Invariants
 //!
-//! - What is acknowledged is on disk: blobs are synced before the transaction that names them, and that transaction before
+//! - What is acknowledged is on disk: blobs are synced, or acknowledged by the object store, before the transaction that names them, and that transaction before
 //!   the answer. What a coordinator holds in memory is a cache.
 //! - A node is accepted only under a valid lease, and only if no accepted node of its tile shares a pass with it.
 //! - Nothing here renders: of the render core only its film and its scenes are used.
 
 mod acceptance;
 mod blobs;
+mod bucket;
 mod clock;
 pub mod config;
 mod convergence;
@@ -35,7 +36,9 @@ mod store;
 mod submit;
 mod views;
 
-pub use config::{Clock, Config, ExposedWithoutToken, InvalidPostgresUrl, InvalidToken, PostgresUrl, Token};
+pub use config::{
+    Bucket, Clock, Config, ExposedWithoutToken, InvalidBucket, InvalidPostgresUrl, InvalidToken, PostgresUrl, Token,
+};
 pub use schedule::Rounds;
 pub use server::{RunError, run};
 pub use store::SchemaError;

@@ -13,9 +13,10 @@ use std::time::Duration;
 use tokio::net::TcpListener;
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
+use uuid::Uuid;
 
-use crate::blobs::{BlobError, Blobs};
-use crate::config::{Config, ExposedWithoutToken};
+use crate::blobs::{BlobError, Blobs, ClaimError};
+use crate::config::{Bucket, Config, ExposedWithoutToken};
 use crate::farm::Farm;
 use crate::store::{SchemaError, Source, Store, StoreError};
 use crate::{events, http, keeper};
@@ -49,6 +50,26 @@ pub enum RunError {
     InUse {
         /// The directory.
         directory: PathBuf,
+    },
+    /// The object store does not answer, or refuses.
+    #[error("cannot use the object store {bucket}")]
+    ObjectStore {
+        /// The bucket.
+        bucket: Bucket,
+        /// Why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// The blobs are another farm's.
+    #[error(
+        "the blobs in {place} cannot be used with the database {database}: {problem}; a blob store and a database go together"
+    )]
+    ForeignBlobs {
+        /// Where the blobs are.
+        place: String,
+        /// What people call the database.
+        database: String,
+        /// Whose they are.
+        problem: String,
     },
     /// The database's address cannot be used.
     #[error("cannot use the address of the database")]
@@ -129,8 +150,10 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, mpsc::UnboundedRe
     let directory = config.data_directory.clone();
     let file = directory.join("farm.sqlite");
     let source = config.database.as_ref().map_or_else(|| Source::file(&file), Source::postgres);
-    let store = Store::open(source.map_err(|source| RunError::DatabaseAddress { source })?).await?;
-    let blobs = Blobs::open(directory.join("blobs")).map_err(|source| RunError::Directory { directory, source })?;
+    let source = source.map_err(|source| RunError::DatabaseAddress { source })?;
+    let database = source.name().to_owned();
+    let store = Store::open(source).await?;
+    let blobs = blobs(&config, store.farm().await?, database).await?;
     let swept = blobs.sweep_nodes(&store.node_blobs().await?.into_iter().collect()).await?;
     if swept > 0 {
         tracing::info!(swept, "removed nodes that were never accepted or have been merged");
@@ -139,6 +162,32 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, mpsc::UnboundedRe
     let ttl_ms = i64::try_from(config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
     store.extend_leases(config.clock.now_ms().saturating_add(ttl_ms)).await?;
     Ok(Farm::new(config, store, blobs))
+}
+
+/// Opens the blobs of a farm.
+async fn blobs(config: &Config, farm: Uuid, database: String) -> Result<Blobs, RunError> {
+    let directory = config.data_directory.join("blobs");
+    let (opened, place) = match &config.bucket {
+        Some(bucket) => {
+            let failed = |source: BlobError| RunError::ObjectStore { bucket: bucket.clone(), source: source.into() };
+            (Blobs::in_bucket(bucket).map_err(failed)?, bucket.to_string())
+        }
+        None => {
+            let place = directory.display().to_string();
+            let opened = Blobs::in_directory(directory.clone());
+            (opened.map_err(|source| RunError::Directory { directory, source })?, place)
+        }
+    };
+    match (opened.claim(farm).await, &config.bucket) {
+        (Ok(()), _) => Ok(opened),
+        (Err(error @ ClaimError::Foreign { .. }), _) => {
+            Err(RunError::ForeignBlobs { place, database, problem: error.to_string() })
+        }
+        (Err(ClaimError::Store(source)), Some(bucket)) => {
+            Err(RunError::ObjectStore { bucket: bucket.clone(), source: source.into() })
+        }
+        (Err(ClaimError::Store(error)), None) => Err(error.into()),
+    }
 }
 
 /// Starts the tasks of a farm.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use clerestory_coordinator::{Config, PostgresUrl, Token};
+use clerestory_coordinator::{Bucket, Config, PostgresUrl, Token};
 use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 use tracing::info;
@@ -38,6 +38,11 @@ pub(crate) struct CoordinatorArguments {
     /// folder. A password is better given in the environment.
     #[arg(long, value_name = "URL", env = "CLERESTORY_DATABASE", hide_env_values = true)]
     database: Option<String>,
+    /// Bucket of an S3-compatible object store for the scenes, references and images, such as s3://glass/farm; without one, they are in the
+    /// data folder. Endpoint, region and keys come from the usual variables (AWS_ENDPOINT_URL, AWS_REGION, AWS_ACCESS_KEY_ID,
+    /// AWS_SECRET_ACCESS_KEY).
+    #[arg(long, value_name = "URL", env = "CLERESTORY_OBJECT_STORE")]
+    object_store: Option<String>,
     /// File with the farm's token, required off loopback [env: CLERESTORY_TOKEN_FILE]; the token itself can be in
     /// CLERESTORY_TOKEN.
     #[arg(long, value_name = "FILE")]
@@ -66,6 +71,7 @@ struct Settings {
     listen: String,
     data: PathBuf,
     database: Option<String>,
+    object_store: Option<String>,
     token_file: Option<PathBuf>,
     lease_seconds: NonZeroU32,
     lease_work_seconds: NonZeroU32,
@@ -86,6 +92,7 @@ impl Default for Settings {
             listen: DEFAULT_LISTEN.to_owned(),
             data: config.data_directory,
             database: None,
+            object_store: None,
             token_file: None,
             lease_seconds: seconds(config.lease_ttl),
             lease_work_seconds: seconds(config.lease_target),
@@ -126,6 +133,7 @@ fn interpret(arguments: &CoordinatorArguments) -> Result<Settings, Failure> {
         listen: arguments.listen.clone().unwrap_or(file.listen),
         data: arguments.data.clone().unwrap_or(file.data),
         database: arguments.database.clone().or(file.database),
+        object_store: arguments.object_store.clone().or(file.object_store),
         token_file: arguments.token_file.clone().or_else(named_token_file).or(file.token_file),
         lease_seconds: arguments.lease_seconds.unwrap_or(file.lease_seconds),
         lease_work_seconds: arguments.lease_work_seconds.unwrap_or(file.lease_work_seconds),
@@ -140,7 +148,9 @@ impl Settings {
     fn config(&self, token_option: Option<&Path>) -> Result<Config, Failure> {
         let token = token(token_option, self.token_file.as_deref())?.map(|token| token.parse::<Token>()).transpose();
         let database = self.database.as_deref().map(str::parse::<PostgresUrl>).transpose();
+        let bucket = self.object_store.as_deref().map(|url| Bucket::new(url, environment())).transpose();
         Ok(Config {
+            bucket: bucket.map_err(|error| Failure::Usage(format!("object_store: {error}")))?,
             database: database.map_err(|error| Failure::Usage(format!("database: {error}")))?,
             token: token.map_err(|error| Failure::Usage(error.to_string()))?,
             lease_ttl: Duration::from_secs(self.lease_seconds.get().into()),
@@ -153,6 +163,11 @@ impl Settings {
             ..Config::new(&self.data)
         })
     }
+}
+
+/// The variables of the environment that are text.
+fn environment() -> impl Iterator<Item = (String, String)> {
+    std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
 }
 
 /// Where this machine reaches a server that listens on `address`.

@@ -23,6 +23,9 @@ mod writer;
 
 use futures::future::BoxFuture;
 use sqlx::AnyPool;
+use uuid::Uuid;
+
+use row::Columns;
 
 pub(crate) use claim::{ClaimTerms, Grant};
 pub(crate) use events::{StoredEvent, StoredKind};
@@ -73,6 +76,20 @@ impl Store {
     pub(crate) async fn open(source: Source) -> Result<Self, SchemaError> {
         let connection = schema::open(&source).await?;
         Ok(Self { readers: source.readers(), writer: Writer::start(source, connection) })
+    }
+
+    /// Which farm this is. It is given an identity when it is asked for first.
+    pub(crate) async fn farm(&self) -> Result<Uuid, StoreError> {
+        self.write(|connection| {
+            Box::pin(async move {
+                sqlx::query("insert into farm (single, id) values (1, $1) on conflict (single) do nothing")
+                    .bind(Uuid::now_v7().to_string())
+                    .execute(&mut *connection)
+                    .await?;
+                sqlx::query("select id from farm").fetch_one(connection).await?.parsed("id")
+            })
+        })
+        .await
     }
 
     /// Runs `write` in the next transaction and answers when that is committed. An error rolls this write back, and

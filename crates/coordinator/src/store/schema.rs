@@ -55,6 +55,7 @@ fn migrations() -> Vec<Migration> {
     vec![
         migration(1, "first", include_str!("../../migrations/0001_first.sql")),
         migration(2, "counters", include_str!("../../migrations/0002_counters.sql")),
+        migration(3, "farm", include_str!("../../migrations/0003_farm.sql")),
     ]
 }
 

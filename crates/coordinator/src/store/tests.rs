@@ -438,6 +438,12 @@ async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
     assert_eq!(names, ["a", "c"]);
 }
 
+async fn a_farm_keeps_its_identity(farm: Farm) {
+    let identity = farm.store.farm().await.unwrap();
+    assert_eq!(farm.store.farm().await.unwrap(), identity);
+    assert_eq!(farm.reopened().await.store.farm().await.unwrap(), identity);
+}
+
 async fn a_database_of_a_newer_build_is_refused_with_both_versions(farm: Farm) {
     let newer = farm.store.write::<(), StoreError, _>(|connection| {
         Box::pin(async move {
@@ -450,7 +456,7 @@ async fn a_database_of_a_newer_build_is_refused_with_both_versions(farm: Farm) {
     newer.await.unwrap();
     farm.store.close().await;
     let error = Store::open(farm.source).await.unwrap_err();
-    assert!(matches!(error, SchemaError::Newer { found: 99, known: 2, .. }), "{error}");
+    assert!(matches!(error, SchemaError::Newer { found: 99, known: 3, .. }), "{error}");
 }
 
 async fn a_lost_connection_fails_what_was_under_way_and_nothing_after_it(farm: Farm) {
@@ -519,6 +525,7 @@ on_both! {
     a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_is_rendered
     an_unknown_worker_gets_no_work_and_is_told
     a_failed_write_takes_nothing_else_with_it
+    a_farm_keeps_its_identity
     a_database_of_a_newer_build_is_refused_with_both_versions
     a_lost_connection_fails_what_was_under_way_and_nothing_after_it
 }

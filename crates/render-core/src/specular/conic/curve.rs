@@ -2,16 +2,17 @@
 //!
 //! In the weights `b` of the corners it is the conic `b^T S b = 0` (Granizo-Hidalgo and Holzschuch 2024, equation 10). Its six
 //! coefficients are those of a quadratic Bernstein polynomial over the triangle: where all have one sign there is no curve.
-//! Through two of its points `p` and `q` it is a pair of rational arcs,
+//! Between two of its points `p` and `q` it is one of two rational arcs,
 //!
 //! ```text
-//! b(t) = (1 - t)^2 p +- 2 t (1 - t) c + t^2 q,        c along (S p) x (S q), the pole of the line through both,
+//! b(t) = (1 - t)^2 p +- 2 t (1 - t) c + t^2 q,        c along (S p) x (S q), the pole of the line through both.
 //! ```
 //!
-//! the parts of which that lie in the triangle are found from the signs of three quadratics. Along an arc, the squares of both
+//! Those between crossings of edges on which no weight is negative are the curve's parts in the triangle. Along an arc, the squares of both
 //! sides of Snell's law are polynomials of degree 12. Isolating their roots (`geometry::bernstein`) finds all paths.
 
-use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
+use arrayvec::ArrayVec;
+use glam::{DMat3, DVec2, DVec3};
 
 use super::{ends::Ends, facet::Facet};
 use crate::geometry::bernstein::roots;
@@ -31,8 +32,20 @@ const CUTS: u32 = 6;
 /// Weights of corners, times a factor of either sign, as polynomials of the second degree in Bernstein form.
 pub(super) type Arc = [DVec3; 3];
 
-/// Most arcs of a conic within a triangle.
-pub(super) const MOST_ARCS: usize = 14;
+/// Most arcs of a conic within a triangle: from each of six crossings two, along lines that cross there.
+pub(super) const MOST_ARCS: usize = 12;
+
+/// Weights that differ by less are the same crossing.
+const SAME: f64 = 1e-9;
+
+/// What rounding may make of the weights on an arc.
+const ROUNDING: f64 = 1e-12;
+
+/// How sharply an arc may turn: the weights of its middle point. One that turns more sharply is a pair of lines.
+const SHARPEST: f64 = 1e5;
+
+/// A conic is a line between two of its points where what it is half way is less than this part of the largest entry.
+const STRAIGHT: f64 = 1e-8;
 
 /// Hands the weights of all paths on a facet to `found`; some more than once, and some just outside.
 pub(super) fn all_paths(facet: &Facet, ends: &Ends, found: &mut impl FnMut(DVec2)) {
@@ -67,15 +80,8 @@ fn paths_within(facet: &Facet, ends: &Ends, part: &DMat3, cuts: u32, found: &mut
     if signs.iter().all(|&value| value > 0.0) || signs.iter().all(|&value| value < 0.0) {
         return;
     }
-    let Some([p, q]) = two_points(&form) else { return };
-    match arcs(&form, p, q) {
-        Some(arcs) => {
-            for arc in arcs {
-                for piece in pieces(&arc) {
-                    paths_on_arc(ends, &corners, &normals, part, &piece, found);
-                }
-            }
-        }
+    match arcs_within(&form) {
+        Some(arcs) => arcs.iter().for_each(|arc| paths_on_arc(ends, &corners, &normals, part, arc, found)),
         None if cuts == 0 => from_the_middle(),
         None => {
             quarters(part).iter().for_each(|part| paths_within(facet, ends, part, cuts - 1, found));
@@ -97,9 +103,11 @@ pub(super) fn quadratic_form(corners: &DMat3, normals: &DMat3, ends: &Ends) -> O
     );
     let longest = from_point.iter().fold(0f64, |longest, offset| longest.max(offset.length_squared())).sqrt();
     let scale = across.length() * longest * normals[0].length();
-    let largest =
-        [form.x_axis, form.y_axis, form.z_axis].iter().fold(0f64, |m, column| m.max(column.abs().max_element()));
-    (largest > NOTHING * scale).then_some(form)
+    (largest_entry(&form) > NOTHING * scale).then_some(form)
+}
+
+fn largest_entry(form: &DMat3) -> f64 {
+    [form.x_axis, form.y_axis, form.z_axis].iter().fold(0.0, |largest, column| column.abs().max_element().max(largest))
 }
 
 /// A triangle cut in four at the middles of its edges.
@@ -109,9 +117,10 @@ fn quarters(part: &DMat3) -> [DMat3; 4] {
     [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]].map(|[a, b, c]| DMat3::from_cols(a, b, c))
 }
 
-/// Weights of the corners where the conic crosses edges, one of them zero (Granizo-Hidalgo and Holzschuch 2024, equations 22 to 24, with D and E, and C and D, in their places).
-pub(super) fn crossings(form: &DMat3) -> arrayvec::ArrayVec<DVec3, 6> {
-    let mut crossings = arrayvec::ArrayVec::new();
+/// Weights of the corners where the conic crosses edges, one of them zero (Granizo-Hidalgo and Holzschuch 2024, equation 22 with E for
+/// D, 23 with D for C, and 24).
+pub(super) fn crossings(form: &DMat3) -> ArrayVec<DVec3, 6> {
+    let mut crossings = ArrayVec::new();
     for edge in 0..3 {
         let (a, b) = (DVec3::AXES[edge], DVec3::AXES[(edge + 1) % 3]);
         roots(&[a.dot(*form * a), a.dot(*form * b), b.dot(*form * b)], &mut |t| {
@@ -122,56 +131,63 @@ pub(super) fn crossings(form: &DMat3) -> arrayvec::ArrayVec<DVec3, 6> {
 }
 
 /// The parts of the conic within the triangle, each from one crossing of an edge to the next along it; of an ellipse within the
-/// triangle, both halves. What is a hair beside a corner goes through it.
-pub(super) fn arcs_within(form: &DMat3) -> arrayvec::ArrayVec<Arc, MOST_ARCS> {
-    let largest = form.to_cols_array().into_iter().fold(0.0, |largest: f64, entry| largest.max(entry.abs()));
+/// triangle, both halves. What is a hair beside a corner goes through it. `None` where the conic is too close to a pair of lines to be
+/// told from one, and not close enough to be followed as one.
+pub(super) fn arcs_within(form: &DMat3) -> Option<ArrayVec<Arc, MOST_ARCS>> {
+    let largest = largest_entry(form);
     let at_corners = DVec3::new(form.x_axis.x, form.y_axis.y, form.z_axis.z);
     let hair = DVec3::select(at_corners.abs().cmplt(DVec3::splat(BESIDE_CORNER * largest)), at_corners, DVec3::ZERO);
     let form = &(*form - DMat3::from_diagonal(hair));
-    let met = crossings(form);
-    // Where the conic is a pair of lines, or nearly, only two crossings of the same line span all its arcs.
-    let pairs = (0..met.len()).flat_map(|first| (0..first).map(move |second| (first, second)));
-    let crossed = pairs.map(|(first, second)| [met[first], met[second]]);
-    let mut best = arrayvec::ArrayVec::new();
-    let mut most = None;
-    for [p, q] in two_points(form).into_iter().chain(crossed) {
-        let arcs: arrayvec::ArrayVec<Arc, MOST_ARCS> =
-            arcs(form, p, q).into_iter().flatten().flat_map(|arc| pieces(&arc)).collect();
-        let ends = || arcs.iter().flat_map(|[from, _, to]| [from, to]).map(|end| *end / end.element_sum());
-        let joined = met.iter().filter(|crossing| ends().any(|end| apart(end, **crossing) < CROSSING)).count();
-        if most.is_none_or(|most| joined > most) {
-            (best, most) = (arcs, Some(joined));
-        }
-        if joined == met.len() {
-            break;
+    let mut met = ArrayVec::<DVec3, 6>::new();
+    for crossing in crossings(form) {
+        if met.iter().all(|known| apart(*known, crossing) > SAME) {
+            met.push(crossing);
         }
     }
-    best
+    if met.len() < 2 {
+        let Some([p, q]) = two_points(form, met.first()) else { return Some(ArrayVec::new()) };
+        return Some(curved(form, p, q)?.into_iter().filter(is_within).collect());
+    }
+    let pairs = || (0..met.len()).flat_map(|second| (0..second).map(move |first| [first, second]));
+    let mut arcs = ArrayVec::new();
+    let mut is_end = [false; 6];
+    let mut keep = |pair: [usize; 2], arc: Arc| {
+        if is_within(&arc) && arcs.try_push(arc).is_ok() {
+            pair.iter().for_each(|&end| is_end[end] = true);
+        }
+    };
+    for [first, second] in pairs() {
+        let halves = curved(form, met[first], met[second]);
+        halves.into_iter().flatten().for_each(|arc| keep([first, second], arc));
+    }
+    let is_lonely = |end: usize, is_end: &[bool; 6]| end < met.len() && !is_end[end];
+    if (0..6).any(|end| is_lonely(end, &is_end)) {
+        for [first, second] in pairs() {
+            if let Some(arc) = straight(form, met[first], met[second])
+                && arcs.try_push(arc).is_ok()
+            {
+                (is_end[first], is_end[second]) = (true, true);
+            }
+        }
+    }
+    // The curve may touch a corner from outside, but an edge only where it has a double root there.
+    let is_lost = |end: usize| is_lonely(end, &is_end) && met[end].max_element() < 1.0 - SAME;
+    (!(0..6).any(is_lost)).then_some(arcs)
 }
-
-/// Weights whose squared distance is less are the same crossing.
-const CROSSING: f64 = 1e-12;
 
 fn apart(a: DVec3, b: DVec3) -> f64 {
-    (a - b).length_squared()
+    (a - b).abs().max_element()
 }
 
-/// Two points of the conic, as far apart as is easily had; `None` when none of it lies in the triangle.
-fn two_points(form: &DMat3) -> Option<[DVec3; 2]> {
-    let crossings = crossings(form);
-    if let Some(&first) = crossings.first() {
-        let far = |from: DVec3| crossings.iter().copied().max_by(|&a, &b| apart(from, a).total_cmp(&apart(from, b)));
-        let p = far(first)?;
-        let q = far(p)?;
-        if apart(p, q) > 1e-12 {
-            return Some([p, q]);
-        }
+/// Two points of a conic that crosses edges at one place at the most, as far apart as is easily had; `None` when there are none.
+fn two_points(form: &DMat3, crossing: Option<&DVec3>) -> Option<[DVec3; 2]> {
+    if let Some(&p) = crossing {
         // It enters and leaves at one place: the other end of a chord from there.
         return [DVec3::splat(1.0 / 3.0), DVec3::new(0.5, 0.3, 0.2)].into_iter().find_map(|through| {
             let direction = through - p;
             let across = direction.dot(*form * direction);
             let q = p - direction * (2.0 * p.dot(*form * direction) / across);
-            (q.is_finite() && apart(p, q) > 1e-12).then_some([p, q])
+            (q.is_finite() && apart(p, q) > SAME).then_some([p, q])
         });
     }
     // An ellipse within the triangle has its centre there.
@@ -184,74 +200,32 @@ fn two_points(form: &DMat3) -> Option<[DVec3; 2]> {
     let direction = DVec3::new(1.0, -1.0, 0.0);
     let squared = -centre.dot(*form * centre) / direction.dot(*form * direction);
     let reach = direction * squared.sqrt();
-    (squared > 0.0).then_some([centre - reach, centre + reach])
+    // Beside the triangle there are other conics around that place.
+    let [p, q] = [centre - reach, centre + reach];
+    (squared > 0.0 && p.min(q).min_element() >= 0.0).then_some([p, q])
 }
 
-/// The two arcs between two points of the conic; `None` where it is too close to a pair of crossing lines.
-fn arcs(form: &DMat3, p: DVec3, q: DVec3) -> Option<arrayvec::ArrayVec<Arc, 2>> {
-    let mut arcs = arrayvec::ArrayVec::new();
-    let (towards_p, towards_q) = (*form * p, *form * q);
-    let pole = towards_p.cross(towards_q);
-    let chord = p.dot(towards_q);
-    let size = towards_p.length() * towards_q.length();
-    let within = pole.dot(*form * pole);
-    let squared = -0.5 * chord / within;
-    if chord.abs() <= NOTHING.sqrt() * towards_p.length() && pole.length() <= NOTHING.sqrt() * size {
-        // Both on one line l of a pair, S = (l m^T + m l^T) / 2; the other one is m.
-        arcs.push([p, 0.5 * (p + q), q]);
-        let line = p.cross(q).normalize();
-        let towards = *form * line;
-        let other = 2.0 * towards - line * line.dot(towards);
-        let met: arrayvec::ArrayVec<DVec3, 3> = (0..3)
-            .filter_map(|edge| {
-                let (a, b) = (DVec3::AXES[edge], DVec3::AXES[(edge + 1) % 3]);
-                let (at_a, at_b) = (other.dot(a), other.dot(b));
-                (at_a * at_b < 0.0).then(|| (a * at_b - b * at_a) / (at_b - at_a))
-            })
-            .collect();
-        if let [p, q, ..] = met[..] {
-            arcs.push([p, 0.5 * (p + q), q]);
-        }
-        return Some(arcs);
-    }
+/// The two arcs between two points of the conic; `None` where it is too close to a pair of lines.
+fn curved(form: &DMat3, p: DVec3, q: DVec3) -> Option<[Arc; 2]> {
+    let pole = (*form * p).cross(*form * q);
+    let squared = -0.5 * p.dot(*form * q) / pole.dot(*form * pole);
     let middle = pole * squared.sqrt();
-    if !(squared.is_finite() && squared >= 0.0 && middle.length() < 1e8) {
-        return None;
-    }
-    arcs.push([p, middle, q]);
-    arcs.push([p, -middle, q]);
-    Some(arcs)
+    let is_followed = squared.is_finite() && squared >= 0.0 && middle.length() < SHARPEST;
+    is_followed.then_some([[p, middle, q], [p, -middle, q]])
 }
 
-/// The pieces of an arc on which all weights have one sign: those within the triangle.
-fn pieces(arc: &Arc) -> arrayvec::ArrayVec<Arc, 7> {
-    let mut breaks = arrayvec::ArrayVec::<f64, 8>::new();
-    breaks.extend([0.0, 1.0]);
-    for weight in 0..3 {
-        roots(&arc.map(|b| b[weight]), &mut |t| {
-            let _ = breaks.try_push(t);
-        });
-    }
-    breaks.sort_by(f64::total_cmp);
-    let mut pieces = arrayvec::ArrayVec::new();
-    for pair in breaks.windows(2) {
-        let (from, to) = (pair[0], pair[1]);
-        let middle = value(arc, 0.5 * (from + to));
-        if to > from && (middle.min_element() > 0.0 || middle.max_element() < 0.0) {
-            let blossom = |s: f64, t: f64| {
-                arc[0] * ((1.0 - s) * (1.0 - t)) + arc[1] * (s * (1.0 - t) + t * (1.0 - s)) + arc[2] * (s * t)
-            };
-            pieces.push([blossom(from, from), blossom(from, to), blossom(to, to)]);
-        }
-    }
-    pieces
+/// The straight arc between two points of the conic, if it is a pair of lines of which one goes through both.
+fn straight(form: &DMat3, p: DVec3, q: DVec3) -> Option<Arc> {
+    // Half way, the form is half of what it is between both.
+    (p.dot(*form * q).abs() < STRAIGHT * largest_entry(form)).then_some([p, 0.5 * (p + q), q])
 }
 
-/// The direction of an arc at one of its places, in weights of the second and third corner (equations 13 to 15, for a matrix that is
-/// symmetric, and without a sign that changes where the curve crosses itself).
-pub(super) fn direction(arc: &Arc, t: f64) -> DVec2 {
-    let (place, moving) = (value(arc, t), (arc[1] - arc[0]) * (1.0 - t) + (arc[2] - arc[1]) * t);
-    (moving * place.element_sum() - place * moving.element_sum()).yz()
+/// Whether no weight of an arc is negative, but for rounding.
+fn is_within(arc: &Arc) -> bool {
+    let [p, middle, q] = arc;
+    let slack = ROUNDING * (1.0 + middle.abs().max_element());
+    let least = -(p.max(DVec3::ZERO) * q.max(DVec3::ZERO)).map(f64::sqrt) - slack;
+    p.min(*q).min_element() >= -slack && middle.cmpge(least).all()
 }
 
 /// The weights, times a factor, at a place of an arc.

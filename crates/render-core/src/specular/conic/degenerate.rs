@@ -10,11 +10,12 @@ use super::{
     facet::Facet,
     facet_tree::FacetTree,
     neighbours::Neighbours,
-    testing::{WATER, found, problem},
+    testing::{WATER, ball, found, problem, water},
     walk::first_path,
 };
 use crate::{
     film::TrialStream,
+    geometry::bernstein::roots,
     optics::Source,
     specular::testing::{between, pair, random},
 };
@@ -60,19 +61,63 @@ fn crossings(facet: &Facet, ends: &Ends) -> Option<[usize; 3]> {
     Some([0, 1, 2].map(|edge: usize| met.iter().filter(|weights| weights[(edge + 2) % 3] == 0.0).count()))
 }
 
+/// Whether the arcs of the curve are all of it within the triangle, end where it crosses edges, and are on it. False where there are none,
+/// since it is too close to a pair of lines.
+#[track_caller]
+fn check_arcs(form: &DMat3) -> bool {
+    const PARTS: u32 = 200;
+    let Some(arcs) = curve::arcs_within(form) else { return false };
+    let polylines: Vec<Vec<DVec3>> = arcs
+        .iter()
+        .map(|arc| {
+            let at = |part: u32| curve::value(arc, f64::from(part) / f64::from(PARTS));
+            (0..=PARTS).map(at).map(|weights| weights / weights.element_sum()).collect()
+        })
+        .collect();
+    let largest = form.to_cols_array().into_iter().fold(0.0, |largest: f64, entry| largest.max(entry.abs()));
+    for weights in polylines.iter().flatten() {
+        assert!(weights.min_element() > -1e-6, "{weights} on {form}");
+        assert!(weights.dot(*form * *weights).abs() < 1e-6 * largest, "{weights} on {form}");
+    }
+    let met = curve::crossings(form);
+    for crossing in &met {
+        let near = |line: &Vec<DVec3>| [line[0], line[line.len() - 1]].iter().any(|end| end.distance(*crossing) < 1e-5);
+        assert!(polylines.iter().any(near), "{crossing} on {form}: {arcs:?}");
+    }
+    // Where lines beside the first edge cross the curve.
+    for part in 1..20 {
+        let across = f64::from(part) / 20.0;
+        let [from, to] = [DVec3::new(1.0 - across, 0.0, across), DVec3::new(0.0, 1.0 - across, across)];
+        roots(&[from.dot(*form * from), from.dot(*form * to), to.dot(*form * to)], &mut |t| {
+            let place = from.lerp(to, t);
+            let to_segment = |pair: &[DVec3]| {
+                let along = pair[1] - pair[0];
+                let t = (place - pair[0]).dot(along) / along.length_squared().max(1e-300);
+                pair[0].lerp(pair[1], t.clamp(0.0, 1.0)).distance(place)
+            };
+            let distance =
+                polylines.iter().flat_map(|line| line.windows(2)).map(to_segment).fold(f64::INFINITY, f64::min);
+            assert!(distance < 1e-2, "{place} is {distance} from the arcs on {form}: {arcs:?}");
+        });
+    }
+    true
+}
+
 /// Checks facets on which the curve crosses the edges as wanted, until so many had a path.
 #[track_caller]
 fn check_where(wanted: impl Fn([usize; 3]) -> bool, facets: usize) {
     let mut random = random(21);
-    let (mut checked, mut with_paths) = (0, 0);
+    let (mut checked, mut followed, mut with_paths) = (0, 0, 0);
     for case in 0..2_000_000 {
         let facet = any_facet(&mut random, 0.8);
         let ends = problem(&mut random, case);
         if crossings(&facet, &ends).is_some_and(&wanted) && check(&facet, &ends) {
+            followed += usize::from(check_arcs(&form_on(&facet, &ends).unwrap()));
             checked += 1;
             with_paths += usize::from(!facet.paths(&ends).is_empty());
             if with_paths == facets {
-                println!("{checked} facets, {with_paths} with paths, of {case}");
+                println!("{checked} facets, {followed} followed, {with_paths} with paths, of {case}");
+                assert!(followed * 100 >= checked * 98, "{followed} of {checked}");
                 return;
             }
         }
@@ -165,7 +210,7 @@ fn a_curve_that_total_reflection_interrupts_is_followed_on_both_sides() {
 #[test]
 fn paths_are_found_where_the_curve_crosses_itself() {
     let mut random = random(25);
-    let (mut crossed, mut paths) = (0, 0);
+    let (mut crossed, mut followed, mut paths) = (0, 0, 0);
     for case in 0..200_000 {
         let ends = problem(&mut random, case);
         let (from, to) = (any_facet(&mut random, 0.8), any_facet(&mut random, 0.8));
@@ -198,11 +243,30 @@ fn paths_are_found_where_the_curve_crosses_itself() {
             (place - ends.point).normalize().cross(ends.across().normalize()).length() > 1e-3;
         if node.min_element() > 0.05 && lines && beside_the_straight_line && check(&facet, &ends) {
             assert!((form * node).abs().max_element() < 1e-9 * form.x_axis.length(), "{form} {node}");
+            followed += usize::from(check_arcs(&form));
             crossed += 1;
             paths += facet.paths(&ends).len();
         }
     }
-    assert!(crossed > 500 && paths > 100, "{crossed} {paths}");
+    println!("{crossed} crossed, {followed} followed, {paths} paths");
+    assert!(crossed > 500 && paths > 100 && followed * 100 >= crossed * 95, "{crossed} {followed} {paths}");
+}
+
+#[test]
+fn both_lines_of_a_pair_are_followed_where_they_go_through_corners() {
+    // Each of the form `x l + y m + z n = 0`; a line through a corner has a zero there.
+    let lines = [
+        [DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, -3.0, 1.0)],
+        [DVec3::new(1.0, 0.0, -1.0), DVec3::new(0.0, 1.0, -2.0)],
+        [DVec3::new(1.0, -1.0, 0.0), DVec3::new(0.0, 1.0, -1.0)],
+        [DVec3::new(2.0, -1.0, 0.0), DVec3::new(-1.0, 0.5, 0.5)],
+        [DVec3::new(1.0, 1.0, -1.0), DVec3::new(1.0, -1.0, 0.0)],
+    ];
+    for [l, m] in lines {
+        let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
+        let form = (outer(l, m) + outer(m, l)) * 0.5;
+        assert!(check_arcs(&form) && check_arcs(&(form * -3e-4)), "{form}");
+    }
 }
 
 /// Squares of two triangles each with waves along one of their diagonals, that which is no edge, so that straight curves along it go
@@ -332,26 +396,67 @@ fn check_path(facet: &Facet, weights: DVec2, ends: &Ends) {
     assert!(weights.min_element() > -1e-6 && weights.element_sum() < 1.0 + 1e-6, "{weights}");
 }
 
-#[test]
-fn ten_million_walks_from_anywhere_over_any_mesh_end() {
-    (0..100u32).into_par_iter().for_each(|chunk| {
-        let mut random = random(300 + chunk);
-        for _ in 0..100_000 {
-            // Four triangles around a corner, with whatever normals.
-            let (facet, other) = (anything(&mut random), anything(&mut random));
-            let ends = any_ends(&mut random);
-            let middle = facet.corners.iter().sum::<DVec3>() / 3.0;
-            let facets: Vec<Facet> = (0..3)
-                .map(|k| Facet {
-                    corners: [facet.corners[k], facet.corners[(k + 1) % 3], middle],
-                    normals: [facet.normals[k], facet.normals[(k + 1) % 3], other.normals[0]],
-                })
-                .collect();
-            let neighbours = Neighbours::of(0..3, |k| facets[k as usize]);
-            let start = pair(&mut random) * 0.5;
-            if let Some((triangle, weights)) = first_path((0, start), |k| facets[k as usize], &neighbours, &ends) {
-                assert!(triangle < 3 && weights.is_finite());
-            }
+/// Triangles around a corner, with whatever normals.
+fn any_fan(random: &mut TrialStream) -> Vec<Facet> {
+    let count = 3 + (random.next_f64() * 38.0) as usize;
+    let (middle, rim) = (anything(random), anything(random));
+    let (apex, normal) = (any_vector(random, false, 0.0) * 0.5, middle.normals[0]);
+    let corner = |k: usize| {
+        let (sine, cosine) = libm::sincos(std::f64::consts::TAU * k as f64 / count as f64);
+        let bent = 0.3 * libm::sin(3.0 * k as f64);
+        (DVec3::new(cosine, sine, bent), (rim.normals[k % 3] + DVec3::new(sine, -cosine, 0.0) * 0.2).normalize())
+    };
+    let facet = |k: usize| {
+        let [a, b] = [corner(k), corner((k + 1) % count)];
+        Facet { corners: [a.0, b.0, apex], normals: [a.1, b.1, normal] }
+    };
+    (0..count).map(facet).collect()
+}
+
+/// Waves, a ball, a fan, or waves with more triangles on some of their edges.
+fn any_mesh(random: &mut TrialStream) -> Vec<Facet> {
+    let kind = (random.next_f64() * 4.0) as u32;
+    let mut facets = match kind {
+        0 => any_fan(random),
+        1 => ball(5, 0.6),
+        _ => water(8, between(random, 0.05, 0.3)),
+    };
+    if kind == 3 {
+        for k in 0..20 {
+            let Facet { corners: [a, b, _], normals: [m, n, _] } = facets[6 * k];
+            let third = anything(random);
+            facets.push(Facet { corners: [a, b, third.corners[0]], normals: [m, n, third.normals[0]] });
         }
-    });
+    }
+    facets
+}
+
+#[test]
+fn ten_million_walks_from_anywhere_over_any_mesh_end_with_paths() {
+    let paths: usize = (0..500u32)
+        .into_par_iter()
+        .map(|chunk| {
+            let mut random = random(300 + chunk);
+            let mut paths = 0;
+            for _ in 0..20 {
+                let facets = any_mesh(&mut random);
+                let neighbours = Neighbours::of(0..facets.len() as u32, |k| facets[k as usize]);
+                for _ in 0..1000 {
+                    let ends = any_ends(&mut random);
+                    let triangle = ((random.next_f64() * facets.len() as f64) as u32, pair(&mut random) * 0.5);
+                    let crossed = |(k, facet)| Some((k, curve::straight_through(facet, &ends)?));
+                    // From the straight line to the light where that crosses the mesh, as it should be, or from anywhere.
+                    let start = (0u32..).zip(&facets).find_map(crossed).unwrap_or(triangle);
+                    let path = first_path(start, |k| facets[k as usize], &neighbours, &ends);
+                    if let Some((triangle, weights)) = path {
+                        check_path(&facets[triangle as usize], weights, &ends);
+                        paths += 1;
+                    }
+                }
+            }
+            paths
+        })
+        .sum();
+    println!("{paths} paths");
+    assert!(paths > 500_000, "{paths}");
 }

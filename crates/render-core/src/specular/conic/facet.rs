@@ -138,22 +138,26 @@ impl Facet {
         bend * (self.normal(weights).length() + extent * turn) + 2.0 * speed * turn
     }
 
-    /// By how much the ray from the shading point through a place of the curve misses the light: the part, across the curve in
-    /// the tangent plane, of the cross product between its direction behind the interface and that to the light. It changes
-    /// its sign where a path is. Equation 21 takes the sign from the part along the curve, which vanishes wherever the curve
-    /// lies in the plane of incidence, on all of a flat surface. `along` is the curve's direction there, as weights and of any length.
-    /// `None` where light is totally reflected.
-    pub(super) fn defect(&self, ends: &Ends, weights: DVec2, along: DVec2) -> Option<f64> {
+    /// By how much the ray from the shading point through a place misses the light: the cross product of its direction behind the interface
+    /// and that to the light (equation 19). `None` where light is totally reflected.
+    pub(super) fn missed(&self, ends: &Ends, weights: DVec2) -> Option<DVec3> {
         let (place, normal) = (self.place(weights), self.normal(weights).normalize());
-        let tangent = (self.corners[1] - self.corners[0]) * along.x + (self.corners[2] - self.corners[0]) * along.y;
         let direction = (place - ends.point).normalize();
         let behind = if ends.is_mirrored() {
             reflect(direction, normal)
         } else {
             refract(direction, normal, ends.indices[0], ends.indices[1])?.direction
         };
-        let across = normal.cross(tangent.normalize_or_zero());
-        Some(across.dot(behind.cross(ends.offset_to_light(place).normalize())))
+        Some(behind.cross(ends.offset_to_light(place).normalize()))
+    }
+
+    /// The sine of the angle by which the ray through a place of the curve misses the light, within the plane of incidence. Its sign is that
+    /// of a turn about the normal of that plane, which is across the straight line from the shading point to the light; it changes where a
+    /// path is, and where the curve crosses that line. Equation 20 takes the sign from the curve's tangent, which is of no use wherever the
+    /// curve runs along the plane of incidence, on all of a flat surface. `None` where light is totally reflected.
+    pub(super) fn defect(&self, ends: &Ends, weights: DVec2) -> Option<f64> {
+        let across = ends.across().cross(self.place(weights) - ends.point);
+        Some(across.normalize_or_zero().dot(self.missed(ends, weights)?))
     }
 
     /// The path next to a place that is one but for rounding, as weights; `None` when there is none in the triangle.
@@ -181,7 +185,8 @@ impl Facet {
         let lengths = offsets.map(DVec3::length);
         let half = offsets[0] * (ends.indices[0] / lengths[0]) + offsets[1] * (ends.indices[1] / lengths[1]);
         // Directions to what is close are known no better than places are.
-        let grain = ROUNDING * place.abs().max_element() / lengths[0].min(lengths[1]);
+        let nearest = if ends.near > 0.0 { lengths[0].min(lengths[1]) } else { lengths[0] };
+        let grain = ROUNDING * place.abs().max_element() / nearest;
         (half.cross(normal).length() < STATIONARY.max(grain.min(COARSEST))).then_some(weights)
     }
 

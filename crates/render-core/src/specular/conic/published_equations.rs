@@ -7,7 +7,7 @@ use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
 use serde_json::json;
 
 use super::{
-    curve::{arcs_within, crossings, direction, quadratic_form, value},
+    curve::{arcs_within, crossings, quadratic_form, straight_through, value},
     degenerate::any_facet,
     ends::Ends,
     facet::Facet,
@@ -113,9 +113,9 @@ fn the_tangent_of_equations_13_to_15_is_that_of_the_matrix_and_its_transpose() {
         let (facet, ends) = bent(&mut random);
         let form = quadratic_form(&columns(&facet.corners), &columns(&facet.normals), &ends).unwrap();
         let m = matrix(&facet, &ends);
-        for arc in arcs_within(&form) {
-            let at = value(&arc, 0.3);
-            let at = (at / at.element_sum()).yz();
+        for arc in arcs_within(&form).unwrap_or_default() {
+            let weights = |t: f64| value(&arc, t) / value(&arc, t).element_sum();
+            let at = weights(0.3).yz();
             let homogeneous = at.extend(1.0);
             let tangent = |gradient: DVec3| DVec2::new(-gradient.y, gradient.x).normalize();
             let right = tangent((m + m.transpose()) * homogeneous);
@@ -124,11 +124,11 @@ fn the_tangent_of_equations_13_to_15_is_that_of_the_matrix_and_its_transpose() {
                 let step = direction * 1e-6;
                 out_of_plane(&facet, &ends, (at + step).into()) - out_of_plane(&facet, &ends, (at - step).into())
             };
-            let steepest = slope(DVec2::X).hypot(slope(DVec2::Y));
+            let steepest = DVec2::new(slope(DVec2::X), slope(DVec2::Y)).length();
             assert!(slope(right).abs() < 1e-4 * steepest, "{} of {steepest}", slope(right));
-            // The walk goes along its arcs in the same direction, or the opposite.
-            let ours = direction(&arc, 0.3).normalize();
-            assert!(ours.perp_dot(right).abs() < 1e-4, "{ours} {right}");
+            // The arcs that the walk follows run in that direction, or the opposite.
+            let along = (weights(0.3 + 1e-6) - weights(0.3 - 1e-6)).yz().normalize();
+            assert!(along.perp_dot(right).abs() < 1e-3, "{along} {right}");
             checked += 1;
             printed_beside += usize::from(slope(tangent(m.transpose() * homogeneous)).abs() > 1e-2 * steepest);
         }
@@ -161,13 +161,17 @@ fn the_defect_changes_its_sign_on_flat_surfaces_where_that_of_equations_20_and_2
             let missed = behind.cross(ends.offset_to_light(at).normalize());
             let printed = tangent.normalize().dot(missed);
             assert!(printed.abs() < 1e-9 * missed.length(), "{printed}");
-            defects.push(facet.defect(&ends, weights.yz(), along).unwrap());
+            defects.push(facet.defect(&ends, weights.yz()).unwrap());
             assert!((defects[defects.len() - 1].abs() - missed.length()).abs() < 1e-12);
         }
-        if let [first, second] = defects[..] {
-            assert!(first * second < 0.0, "{defects:?}");
-            checked += 1;
-        }
+        let [before, behind] = defects[..] else { continue };
+        // Between the two places is the path, and perhaps the straight line, where the sign changes as well.
+        let part = |weights: DVec2| (weights - first.yz()).dot(along) / along.length_squared();
+        let ends_at = [first, second].map(|end| part(path.lerp(end, 0.5).yz()));
+        let straight = straight_through(&facet, &ends).map(part);
+        let is_between = straight.is_some_and(|at| (ends_at[0]..ends_at[1]).contains(&at));
+        assert_eq!(before * behind > 0.0, is_between, "{defects:?}");
+        checked += 1;
     }
     assert!(checked > 100, "{checked}");
 }

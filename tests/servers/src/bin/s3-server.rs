@@ -1,0 +1,45 @@
+//! A server that speaks S3 over a folder, whose folders are the buckets. It prints its port, and ends with standard input.
+//!
+//! `s3-server FOLDER PORT ACCESS_KEY SECRET_KEY`
+
+use std::error::Error;
+
+use hyper_util::rt::{TokioExecutor, TokioIo};
+use hyper_util::server::conn::auto::Builder;
+use s3s::auth::SimpleAuth;
+use s3s::service::S3ServiceBuilder;
+use s3s_fs::FileSystem;
+use tokio::io::AsyncReadExt;
+use tokio::net::TcpListener;
+
+#[tokio::main]
+async fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [folder, port, access_key, secret_key] = &arguments[..] else {
+        return Err("usage: s3-server FOLDER PORT ACCESS_KEY SECRET_KEY".into());
+    };
+    let files = FileSystem::new(folder).map_err(|error| format!("cannot use the folder {folder}: {error:?}"))?;
+    let mut service = S3ServiceBuilder::new(files);
+    service.set_auth(SimpleAuth::from_single(access_key.as_str(), secret_key.as_str()));
+    let service = service.build();
+    let listener = TcpListener::bind(("127.0.0.1", port.parse()?)).await?;
+    println!("{}", listener.local_addr()?.port());
+    let (mut input, mut ignored) = (tokio::io::stdin(), Vec::new());
+    tokio::select! {
+        accepted = serve(listener, service) => accepted,
+        _ = input.read_to_end(&mut ignored) => Ok(()),
+    }
+}
+
+async fn serve(listener: TcpListener, service: s3s::service::S3Service) -> Result<(), Box<dyn Error>> {
+    let server = Builder::new(TokioExecutor::new());
+    loop {
+        let (socket, _) = listener.accept().await?;
+        let connection = server.serve_connection(TokioIo::new(socket), service.clone()).into_owned();
+        tokio::spawn(async move {
+            if let Err(error) = connection.await {
+                eprintln!("a connection failed: {error}");
+            }
+        });
+    }
+}
