@@ -31,7 +31,7 @@ pub(crate) struct Blobs {
 }
 
 /// Name of the blob that says whose blobs these are.
-const OWNER: &str = "farm";
+const OWNER: &str = ".clerestory-farm";
 
 /// A blob store cannot be used by a farm.
 #[derive(Debug, thiserror::Error)]
@@ -41,6 +41,14 @@ pub(crate) enum ClaimError {
     Foreign {
         /// Whose it is.
         owner: String,
+        /// Who asked.
+        farm: Uuid,
+    },
+    /// It holds nodes, and nothing says whose they are.
+    #[error("there are {nodes} nodes there of which the database of the farm {farm} knows none")]
+    Unknown {
+        /// How many.
+        nodes: usize,
         /// Who asked.
         farm: Uuid,
     },
@@ -104,17 +112,41 @@ impl Blobs {
         Ok(Self { store: Arc::new(bucket.client()?) })
     }
 
-    /// Makes sure that the store is this farm's, marking it when it is nobody's.
-    pub(crate) async fn claim(&self, farm: Uuid) -> Result<(), ClaimError> {
-        let mark = Path::from(OWNER);
-        match self.store.put_opts(&mark, farm.to_string().into(), PutMode::Create.into()).await {
-            Ok(_) => return Ok(()),
-            Err(object_store::Error::AlreadyExists { .. }) => {}
-            Err(error) => return Err(BlobError(error).into()),
+    /// Makes sure that the store is this farm's, whose database names the nodes in `known`. It is marked when it is nobody's: when it holds
+    /// no nodes, or some of these.
+    pub(crate) async fn claim(&self, farm: Uuid, known: &BTreeSet<String>) -> Result<(), ClaimError> {
+        if self.owner().await?.is_none() {
+            let found = self.nodes().await?;
+            if !found.is_empty() && found.iter().all(|name| !known.contains(name)) {
+                return Err(ClaimError::Unknown { nodes: found.len(), farm });
+            }
+            let marked = self.store.put_opts(&Path::from(OWNER), farm.to_string().into(), PutMode::Create.into()).await;
+            if let Err(error) = marked
+                && !matches!(error, object_store::Error::AlreadyExists { .. })
+            {
+                return Err(BlobError(error).into());
+            }
         }
-        let found = self.store.get(&mark).await.map_err(BlobError)?.bytes().await.map_err(BlobError)?;
-        let owner = String::from_utf8_lossy(&found).into_owned();
-        if owner == farm.to_string() { Ok(()) } else { Err(ClaimError::Foreign { owner, farm }) }
+        // Not every store keeps two farms that start together from writing both.
+        match self.owner().await? {
+            Some(owner) if owner == farm.to_string() => Ok(()),
+            owner => Err(ClaimError::Foreign { owner: owner.unwrap_or_default(), farm }),
+        }
+    }
+
+    /// The farm whose mark the store bears.
+    async fn owner(&self) -> Result<Option<String>, BlobError> {
+        match self.store.get(&Path::from(OWNER)).await {
+            Ok(found) => Ok(Some(String::from_utf8_lossy(&found.bytes().await?).into_owned())),
+            Err(object_store::Error::NotFound { .. }) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// The names of all nodes.
+    async fn nodes(&self) -> Result<Vec<String>, BlobError> {
+        let found: Vec<_> = self.store.list(Some(&Path::from("nodes"))).try_collect().await?;
+        Ok(found.into_iter().map(|blob| blob.location.to_string()).collect())
     }
 
     /// Stores the bytes of an asset as they come, if they have the promised hash and are not too many. Answers their
@@ -141,7 +173,9 @@ impl Blobs {
                         break Err(UploadError::TooLarge { limit });
                     }
                     hasher.update(&bytes);
-                    upload.wait_for_capacity(CHUNKS_IN_FLIGHT).await?;
+                    if let Err(error) = upload.wait_for_capacity(CHUNKS_IN_FLIGHT).await {
+                        break Err(error.into());
+                    }
                     upload.put(bytes);
                 }
             }
@@ -154,7 +188,9 @@ impl Blobs {
                 Ok(size)
             }
             Err(error) => {
-                upload.abort().await?;
+                if let Err(abort) = upload.abort().await {
+                    tracing::warn!(error = %abort, "what was stored of a refused upload could not be removed");
+                }
                 Err(error)
             }
         }
@@ -186,25 +222,25 @@ impl Blobs {
         Ok(self.store.get(&Path::from(name)).await?.bytes().await?)
     }
 
-    /// Removes nodes. One that cannot be removed is left for the sweep at the next start.
-    pub(crate) async fn remove_nodes(&self, names: Vec<String>) {
+    /// Removes nodes. One that cannot be removed is left for the sweep at the next start. Answers how many are gone.
+    pub(crate) async fn remove_nodes(&self, names: Vec<String>) -> usize {
         let paths = stream::iter(names.into_iter().map(|name| Ok(Path::from(name)))).boxed();
         let mut removed = self.store.delete_stream(paths);
+        let mut count = 0;
         while let Some(outcome) = removed.next().await {
-            if let Err(error) = outcome {
-                tracing::warn!(%error, "a node that is not needed any more could not be removed");
+            match outcome {
+                Ok(_) => count += 1,
+                // The store's message names the blob.
+                Err(error) => tracing::warn!(%error, "a node that is not needed any more could not be removed"),
             }
         }
+        count
     }
 
     /// Removes all nodes but those, and answers how many.
     pub(crate) async fn sweep_nodes(&self, known: &BTreeSet<String>) -> Result<usize, BlobError> {
-        let found: Vec<_> = self.store.list(Some(&Path::from("nodes"))).try_collect().await?;
-        let orphans: Vec<String> =
-            found.into_iter().map(|blob| blob.location.to_string()).filter(|name| !known.contains(name)).collect();
-        let count = orphans.len();
-        self.remove_nodes(orphans).await;
-        Ok(count)
+        let orphans = self.nodes().await?.into_iter().filter(|name| !known.contains(name)).collect();
+        Ok(self.remove_nodes(orphans).await)
     }
 }
 
@@ -302,11 +338,21 @@ mod tests {
 
     async fn a_store_belongs_to_the_first_farm_that_claims_it(blobs: Blobs) {
         let [ours, theirs] = [(); 2].map(|()| Uuid::now_v7());
-        blobs.claim(ours).await.unwrap();
-        blobs.claim(ours).await.unwrap();
-        let refused = blobs.claim(theirs).await.unwrap_err();
+        let nothing = BTreeSet::new();
+        blobs.claim(ours, &nothing).await.unwrap();
+        blobs.claim(ours, &nothing).await.unwrap();
+        let refused = blobs.claim(theirs, &nothing).await.unwrap_err();
         assert!(matches!(&refused, ClaimError::Foreign { owner, .. } if *owner == ours.to_string()), "{refused}");
-        blobs.claim(ours).await.unwrap();
+        blobs.claim(ours, &nothing).await.unwrap();
+    }
+
+    async fn nodes_without_a_mark_are_only_taken_by_a_farm_that_knows_some(blobs: Blobs) {
+        let farm = Uuid::now_v7();
+        let node = blobs.put_node(JobId::from(Uuid::now_v7()), b"node".to_vec()).await.unwrap();
+        let refused = blobs.claim(farm, &BTreeSet::new()).await.unwrap_err();
+        assert!(matches!(refused, ClaimError::Unknown { nodes: 1, .. }), "{refused}");
+        blobs.claim(farm, &BTreeSet::from([node.clone()])).await.unwrap();
+        assert_eq!(blobs.node(&node).await.unwrap(), "node");
     }
 
     macro_rules! in_both {
@@ -333,6 +379,7 @@ mod tests {
         an_asset_of_many_pieces_comes_back_whole,
         the_sweep_removes_what_no_row_names,
         a_store_belongs_to_the_first_farm_that_claims_it,
+        nodes_without_a_mark_are_only_taken_by_a_farm_that_knows_some,
     );
 
     #[tokio::test]
@@ -354,6 +401,6 @@ mod tests {
             (name, value)
         });
         let blobs = Blobs::in_bucket(&Bucket::new(&url, wrong).unwrap()).unwrap();
-        assert!(matches!(blobs.claim(Uuid::now_v7()).await, Err(ClaimError::Store(_))));
+        assert!(matches!(blobs.claim(Uuid::now_v7(), &BTreeSet::new()).await, Err(ClaimError::Store(_))));
     }
 }

@@ -1,16 +1,19 @@
 //! A bucket of an S3-compatible object store, and how to reach it.
 
 use std::fmt;
+use std::time::Duration;
 
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::path::Path;
 use object_store::prefix::PrefixStore;
-use object_store::{BackoffConfig, RetryConfig};
-use std::time::Duration;
+use object_store::{BackoffConfig, ClientOptions, RetryConfig};
 use url::Url;
 
 /// How long a call is tried again while the store does not answer. Callers of the coordinator have patience of their own.
 const RETRY_TIMEOUT: Duration = Duration::from_secs(20);
+
+/// Longest time without a byte of an answer.
+const SILENCE: Duration = Duration::from_secs(30);
 
 /// Longest wait between two tries.
 const LONGEST_BACKOFF: Duration = Duration::from_secs(2);
@@ -50,8 +53,10 @@ impl Bucket {
 
     /// A client of it.
     pub(crate) fn client(&self) -> Result<PrefixStore<AmazonS3>, object_store::Error> {
-        let builder =
-            self.options.iter().fold(AmazonS3Builder::new(), |builder, (key, value)| builder.with_config(*key, value));
+        // A slow reader of a large scene takes as long as it takes, while bytes come.
+        let patient = ClientOptions::new().with_timeout_disabled().with_read_timeout(SILENCE);
+        let builder = AmazonS3Builder::new().with_client_options(patient);
+        let builder = self.options.iter().fold(builder, |builder, (key, value)| builder.with_config(*key, value));
         // Whoever names an endpoint without TLS wants it so.
         let endpoints = [AmazonS3ConfigKey::Endpoint, AmazonS3ConfigKey::S3Endpoint];
         let plain =

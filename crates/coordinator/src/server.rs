@@ -3,6 +3,7 @@
 //! The caller brings the socket and says when to stop, as in mini-redis; so tests and the one-machine farm can choose
 //! both. Every task that is started here is awaited here.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::future::Future;
 use std::io;
@@ -153,8 +154,9 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, mpsc::UnboundedRe
     let source = source.map_err(|source| RunError::DatabaseAddress { source })?;
     let database = source.name().to_owned();
     let store = Store::open(source).await?;
-    let blobs = blobs(&config, store.farm().await?, database).await?;
-    let swept = blobs.sweep_nodes(&store.node_blobs().await?.into_iter().collect()).await?;
+    let known = store.node_blobs().await?.into_iter().collect();
+    let blobs = blobs(&config, store.farm().await?, &known, database).await?;
+    let swept = blobs.sweep_nodes(&known).await?;
     if swept > 0 {
         tracing::info!(swept, "removed nodes that were never accepted or have been merged");
     }
@@ -165,7 +167,7 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, mpsc::UnboundedRe
 }
 
 /// Opens the blobs of a farm.
-async fn blobs(config: &Config, farm: Uuid, database: String) -> Result<Blobs, RunError> {
+async fn blobs(config: &Config, farm: Uuid, known: &BTreeSet<String>, database: String) -> Result<Blobs, RunError> {
     let directory = config.data_directory.join("blobs");
     let (opened, place) = match &config.bucket {
         Some(bucket) => {
@@ -178,9 +180,9 @@ async fn blobs(config: &Config, farm: Uuid, database: String) -> Result<Blobs, R
             (opened.map_err(|source| RunError::Directory { directory, source })?, place)
         }
     };
-    match (opened.claim(farm).await, &config.bucket) {
+    match (opened.claim(farm, known).await, &config.bucket) {
         (Ok(()), _) => Ok(opened),
-        (Err(error @ ClaimError::Foreign { .. }), _) => {
+        (Err(error @ (ClaimError::Foreign { .. } | ClaimError::Unknown { .. })), _) => {
             Err(RunError::ForeignBlobs { place, database, problem: error.to_string() })
         }
         (Err(ClaimError::Store(source)), Some(bucket)) => {

@@ -44,7 +44,10 @@ const ROUNDING: f64 = 1e-12;
 /// How sharply an arc may turn: the weights of its middle point. One that turns more sharply is a pair of lines.
 const SHARPEST: f64 = 1e5;
 
-/// A conic is a line between two of its points where what it is half way is less than this part of the largest entry.
+/// An arc is most of an ellipse where the sum of its weights half way is less than this.
+const LARGE_PART: f64 = 0.2;
+
+/// A conic is a line between two of its points where what it is half way is less than this part of the largest entry times the square of their distance.
 const STRAIGHT: f64 = 1e-8;
 
 /// Hands the weights of all paths on a facet to `found`; some more than once, and some just outside.
@@ -81,7 +84,15 @@ fn paths_within(facet: &Facet, ends: &Ends, part: &DMat3, cuts: u32, found: &mut
         return;
     }
     match arcs_within(&form) {
-        Some(arcs) => arcs.iter().for_each(|arc| paths_on_arc(ends, &corners, &normals, part, arc, found)),
+        Some(arcs) => {
+            let mut search = |arc: &Arc| paths_on_arc(ends, &corners, &normals, part, arc, found);
+            for arc in &arcs {
+                match in_two(&form, arc) {
+                    Some(parts) => parts.iter().for_each(&mut search),
+                    None => search(arc),
+                }
+            }
+        }
         None if cuts == 0 => from_the_middle(),
         None => {
             quarters(part).iter().for_each(|part| paths_within(facet, ends, part, cuts - 1, found));
@@ -146,7 +157,9 @@ pub(super) fn arcs_within(form: &DMat3) -> Option<ArrayVec<Arc, MOST_ARCS>> {
     }
     if met.len() < 2 {
         let Some([p, q]) = two_points(form, met.first()) else { return Some(ArrayVec::new()) };
-        return Some(curved(form, p, q)?.into_iter().filter(is_within).collect());
+        // An ellipse that touches an edge may go beyond it by what crossings differ by.
+        let is_inside = p.min(q).min_element() >= -SAME;
+        return Some(curved(form, p, q)?.into_iter().filter(|arc| is_inside || is_within(arc)).collect());
     }
     let pairs = || (0..met.len()).flat_map(|second| (0..second).map(move |first| [first, second]));
     let mut arcs = ArrayVec::new();
@@ -179,6 +192,25 @@ fn apart(a: DVec3, b: DVec3) -> f64 {
     (a - b).abs().max_element()
 }
 
+/// An arc that is most of an ellipse, in two: from its ends, which are close together, to the opposite point. By itself its weights all
+/// but vanish half way, and its polynomials with them. `None` for other arcs.
+fn in_two(form: &DMat3, arc: &Arc) -> Option<ArrayVec<Arc, 4>> {
+    let [p, _, q] = *arc;
+    if value(arc, 0.5).element_sum() > LARGE_PART {
+        return None;
+    }
+    let opposite = centre(form)? * 2.0 - p;
+    let halves = [curved(form, p, opposite)?, curved(form, opposite, q)?];
+    Some(halves.into_iter().flatten().filter(is_within).collect())
+}
+
+/// The centre of an ellipse; `None` where the conic is too close to a parabola or to a single place.
+fn centre(form: &DMat3) -> Option<DVec3> {
+    let cofactors = form.inverse() * form.determinant();
+    let centre = cofactors * DVec3::ONE;
+    Some(centre / centre.element_sum()).filter(|centre| centre.is_finite())
+}
+
 /// Two points of a conic that crosses edges at one place at the most, as far apart as is easily had; `None` when there are none.
 fn two_points(form: &DMat3, crossing: Option<&DVec3>) -> Option<[DVec3; 2]> {
     if let Some(&p) = crossing {
@@ -191,18 +223,13 @@ fn two_points(form: &DMat3, crossing: Option<&DVec3>) -> Option<[DVec3; 2]> {
         });
     }
     // An ellipse within the triangle has its centre there.
-    let cofactors = form.inverse() * form.determinant();
-    let centre = cofactors * DVec3::ONE;
-    let centre = centre / centre.element_sum();
-    if !(centre.is_finite() && centre.min_element() > 0.0) {
-        return None;
-    }
+    let centre = centre(form).filter(|centre| centre.min_element() > 0.0)?;
     let direction = DVec3::new(1.0, -1.0, 0.0);
     let squared = -centre.dot(*form * centre) / direction.dot(*form * direction);
     let reach = direction * squared.sqrt();
     // Beside the triangle there are other conics around that place.
     let [p, q] = [centre - reach, centre + reach];
-    (squared > 0.0 && p.min(q).min_element() >= 0.0).then_some([p, q])
+    (squared > 0.0 && p.min(q).min_element() >= -SAME).then_some([p, q])
 }
 
 /// The two arcs between two points of the conic; `None` where it is too close to a pair of lines.
@@ -217,13 +244,15 @@ fn curved(form: &DMat3, p: DVec3, q: DVec3) -> Option<[Arc; 2]> {
 /// The straight arc between two points of the conic, if it is a pair of lines of which one goes through both.
 fn straight(form: &DMat3, p: DVec3, q: DVec3) -> Option<Arc> {
     // Half way, the form is half of what it is between both.
-    (p.dot(*form * q).abs() < STRAIGHT * largest_entry(form)).then_some([p, 0.5 * (p + q), q])
+    let limit = STRAIGHT * largest_entry(form) * (p - q).length_squared();
+    (p.dot(*form * q).abs() < limit).then_some([p, 0.5 * (p + q), q])
 }
 
 /// Whether no weight of an arc is negative, but for rounding.
 fn is_within(arc: &Arc) -> bool {
     let [p, middle, q] = arc;
-    let slack = ROUNDING * (1.0 + middle.abs().max_element());
+    // The pole of a short chord is known the less the shorter it is.
+    let slack = ROUNDING * (1.0 + middle.abs().max_element()) + 8.0 * f64::EPSILON / apart(*p, *q);
     let least = -(p.max(DVec3::ZERO) * q.max(DVec3::ZERO)).map(f64::sqrt) - slack;
     p.min(*q).min_element() >= -slack && middle.cmpge(least).all()
 }

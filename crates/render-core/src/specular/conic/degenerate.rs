@@ -131,6 +131,41 @@ fn paths_on_an_ellipse_within_the_triangle_are_found() {
 }
 
 #[test]
+fn paths_are_found_on_an_ellipse_of_which_an_edge_cuts_off_however_little() {
+    let mut random = random(27);
+    let (mut ellipses, mut paths, mut cut_off) = (0, 0, 0);
+    for case in 0..200_000 {
+        let facet = any_facet(&mut random, 0.8);
+        let ends = problem(&mut random, case);
+        if crossings(&facet, &ends) != Some([0; 3]) || facet.paths(&ends).is_empty() {
+            continue;
+        }
+        let Some(arcs) = form_on(&facet, &ends).and_then(|form| curve::arcs_within(&form)) else { continue };
+        let weights = |arc: &curve::Arc, part: u32| curve::value(arc, f64::from(part) / 1e4);
+        let first_weights =
+            arcs.iter().flat_map(|arc| (0..=10_000).map(move |part| weights(arc, part))).map(|w| w.x / w.element_sum());
+        let least = first_weights.fold(f64::INFINITY, f64::min);
+        ellipses += 1;
+        // What is left of the triangle, whose new edge is that much beyond the ellipse's outermost place, or before it.
+        for beyond in [1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 0.0, -1e-9, -1e-6] {
+            let edge = least + beyond;
+            let corners = [DVec2::ZERO, DVec2::new(1.0 - edge, 0.0), DVec2::new(0.0, 1.0 - edge)];
+            let part = Facet {
+                corners: corners.map(|corner| facet.place(corner)),
+                normals: corners.map(|corner| facet.normal(corner)),
+            };
+            let counts = crossings(&part, &ends);
+            if check(&part, &ends) {
+                paths += part.paths(&ends).len();
+                cut_off += usize::from(counts.is_some_and(|counts| counts != [0; 3]));
+            }
+        }
+    }
+    println!("{ellipses} ellipses, {paths} paths, {cut_off} cut off");
+    assert!(ellipses > 100 && paths > 1000 && cut_off > 500, "{ellipses} {paths} {cut_off}");
+}
+
+#[test]
 fn paths_are_found_where_the_curve_crosses_the_edges_four_times_and_more() {
     check_where(|counts| counts.iter().sum::<usize>() >= 4, 200);
 }

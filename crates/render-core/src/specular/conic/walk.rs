@@ -5,7 +5,7 @@
 //! In each triangle the curve enters by one crossing of an edge and leaves by the next along it. Where the defect of Snell's law
 //! changes its sign between them, halving leads to the path; where it does not, the walk goes on behind the second. It finds one path
 //! at most, none on other curves, none where an even number of paths lies between two crossings, and none behind a triangle on which all
-//! places are coplanar with both ends.
+//! places are coplanar with both ends, or on which the curve is too close to a pair of lines to be followed.
 
 use std::collections::BTreeSet;
 
