@@ -146,13 +146,18 @@ fn kill_a_worker_and_then_the_coordinator(options: &[&str]) {
     WITH_CONE.submit(&farm, "16");
     farm.wait_until("begun", |job| job.progress > 0.05);
     farm.kill_worker(0);
-    let before = farm.wait_until("going on without the worker", |job| job.progress > 0.3);
+    kill_the_coordinator(&mut farm);
+    assert_made_alike(&rendered_by(&farm, &folder), &alone);
+}
+
+/// Kills the coordinator once the job has gone on, and starts another, which has all that was acknowledged.
+fn kill_the_coordinator(farm: &mut Farm) {
+    let before = farm.wait_until("going on", |job| job.progress > 0.3);
     assert_eq!(before.state, JobState::Running, "the job must still run when the coordinator is killed");
     farm.kill_coordinator();
     farm.restart_coordinator();
     let after = farm.newest_job();
     assert!(after.progress >= before.progress, "acknowledged work was lost: {after:?}");
-    assert_made_alike(&rendered_by(&farm, &folder), &alone);
 }
 
 #[test]
@@ -200,12 +205,7 @@ fn killing_the_object_server_and_the_coordinator_changes_no_bit_in_postgres_and_
     // Long enough for uploads to meet a store that is not there.
     std::thread::sleep(Duration::from_secs(1));
     objects.restart();
-    let before = farm.wait_until("going on with the object store", |job| job.progress > 0.3);
-    assert_eq!(before.state, JobState::Running, "the job must still run when the coordinator is killed");
-    farm.kill_coordinator();
-    farm.restart_coordinator();
-    let after = farm.newest_job();
-    assert!(after.progress >= before.progress, "acknowledged work was lost: {after:?}");
+    kill_the_coordinator(&mut farm);
     assert_made_alike(&rendered_by(&farm, &folder), &alone);
 }
 

@@ -89,7 +89,7 @@ mod tests {
     #[test]
     fn buckets_are_told_from_other_addresses_and_show_no_key() {
         let environment =
-            [("AWS_SECRET_ACCESS_KEY", "lead"), ("AWS_REGION", "mars"), ("HOME", "/root"), ("AWS_PROFILE", "p")];
+            [("AWS_SECRET_ACCESS_KEY", "lead"), ("AWS_REGION", "mars"), ("HOME", "glazier"), ("AWS_PROFILE", "p")];
         let environment = || environment.map(|(name, value)| (name.to_owned(), value.to_owned()));
         let bucket = Bucket::new(" s3://glass/farm/one/ ", environment()).unwrap();
         assert_eq!(bucket.to_string(), "s3://glass/farm/one");
