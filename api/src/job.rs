@@ -13,7 +13,7 @@ pub enum JobState {
     Queued,
     /// Being rendered.
     Running,
-    /// Rendered, to its last pass or to its time limit.
+    /// Rendered; `stopped_by` says to what.
     Done,
     /// Stopped by a user; what was complete is kept.
     Cancelled,
@@ -39,6 +39,32 @@ impl JobState {
     }
 }
 
+/// What ended a job that is done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum StopReason {
+    /// All its samples are rendered.
+    Samples,
+    /// Its time limit has passed.
+    Time,
+    /// Its `target_mse` is reached.
+    Mse,
+    /// Its `target_estimated_mse` is reached.
+    EstimatedMse,
+}
+
+impl StopReason {
+    /// Its spelling on the wire.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Samples => "samples",
+            Self::Time => "time",
+            Self::Mse => "mse",
+            Self::EstimatedMse => "estimated_mse",
+        }
+    }
+}
+
 /// A job as it is now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct JobView {
@@ -48,6 +74,9 @@ pub struct JobView {
     pub name: String,
     /// Where it stands.
     pub state: JobState,
+    /// What ended it; absent unless it is done.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stopped_by: Option<StopReason>,
     /// Why it failed; absent unless it did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
@@ -71,14 +100,15 @@ pub struct JobView {
     pub tiles: u32,
     /// Samples per pixel in a pass.
     pub samples_per_pass: u32,
-    /// Passes that each tile gets.
+    /// Passes that each tile gets at most.
     pub passes: u32,
     /// Passes up to which every tile is complete and the error has been recorded.
     pub complete_passes: u32,
     /// Rounds recorded so far.
     pub rounds: u32,
     /// How far it is, 0 to 1: the fraction of its samples that is accepted, or of its time limit that has passed where
-    /// that is more, but no more than the fraction of the first pass while that is not complete; 1 when it is done.
+    /// that is more, but no more than the fraction of the first pass while that is not complete; 1 when it is done. With a
+    /// target, its samples are those at which the error of the last round, falling as their inverse, would be there.
     pub progress: f64,
     /// Camera samples accepted so far, over all pixels.
     pub samples: u64,
@@ -95,6 +125,12 @@ pub struct JobView {
     /// Time limit, counted from `started_ms`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_limit_ms: Option<i64>,
+    /// Mean squared error against the reference at which it ends, in squared units of radiance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_mse: Option<f64>,
+    /// Mean squared standard error of the image at which it ends, in squared units of radiance.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_estimated_mse: Option<f64>,
     /// The reference image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<ContentHash>,

@@ -21,7 +21,7 @@ pub struct JobSubmission {
     /// Content hash of every asset that the scene names, by the path as the scene writes it.
     #[serde(default)]
     pub assets: BTreeMap<String, ContentHash>,
-    /// Samples to render for each pixel; rounded up to whole passes.
+    /// Samples to render for each pixel, at most; rounded up to whole passes.
     pub samples_per_pixel: u32,
     /// Edge of a tile in pixels, 1 to 1024.
     #[serde(default = "default_tile_size")]
@@ -37,6 +37,15 @@ pub struct JobSubmission {
     /// kept. The first pass is rendered in any case.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_limit_ms: Option<i64>,
+    /// Mean squared error against the reference, in squared units of radiance, at which the job ends: at the first complete
+    /// round at which that of every frame is no more. Where the reference has a standard-error layer, the error is
+    /// `corrected_mse`, and the target must be above the mean square of that layer. Needs a reference.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_mse: Option<f64>,
+    /// Mean squared standard error of the image, `estimated_mse`, in squared units of radiance, at which the job ends: at the
+    /// first complete round at which that of every frame is no more, from four blocks of samples in each pixel on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub target_estimated_mse: Option<f64>,
 }
 
 fn default_tile_size() -> u32 {

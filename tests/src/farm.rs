@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use clerestory_api::{Client, JobId, JobView};
+use clerestory_api::{Client, ClientError, ConvergenceSeries, JobId, JobView};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use tempfile::TempDir;
@@ -173,9 +173,22 @@ impl Farm {
     ///
     /// When the farm does not answer.
     pub fn image(&self, job: JobId) -> Vec<u8> {
+        self.asked(async |client| client.image(job).await).to_vec()
+    }
+
+    /// The rounds of a job.
+    ///
+    /// # Panics
+    ///
+    /// When the farm does not answer.
+    pub fn convergence(&self, job: JobId) -> ConvergenceSeries {
+        self.asked(async |client| client.convergence(job).await)
+    }
+
+    fn asked<T>(&self, call: impl AsyncFnOnce(&Client) -> Result<T, ClientError>) -> T {
         let client = Client::new(&self.address, self.token.as_deref()).expect("an address");
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
-        runtime.block_on(client.image(job)).expect("an image").to_vec()
+        runtime.block_on(call(&client)).expect("an answer")
     }
 
     /// The command `clerestory` with arguments, as a user of this farm calls it.

@@ -8,7 +8,7 @@
 //! - [`bias`]: whether a renderer's replicates agree with a reference, and with what power;
 //! - [`methods`]: the integrators and settings that are tested;
 //! - [`comparisons`]: which method is held against which reference, and [`allocation`]: with how many samples where;
-//! - [`farm`]: a farm of real processes, and [`browser`]: what a user sees of it;
+//! - [`farm`]: a farm of real processes, [`made_images`]: what it makes, and [`browser`]: what a user sees of it;
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`connections`]: fixed problems, to compare the paths that methods find and the time that they take;
@@ -39,6 +39,7 @@ pub mod forward_tracer;
 pub mod found_paths;
 pub mod hand_worker;
 mod known_paths;
+pub mod made_images;
 pub mod malformed_calls;
 pub mod malformed_partials;
 pub mod malformed_scenes;

@@ -206,6 +206,16 @@ fn submissions() -> Vec<BadCall> {
             invalid("time_limit_ms", &["`9223372036854775807`", "1 to 315360000000"]),
         ),
         BadCall::new(
+            "an error that no image has",
+            submission_with("target_estimated_mse", json!(0.0)),
+            invalid("target_estimated_mse", &["`0.0`", "a positive number"]),
+        ),
+        BadCall::new(
+            "an error to reach, and nothing to measure it against",
+            submission_with("target_mse", json!(0.001)),
+            invalid("target_mse", &["`0.001`", "a reference beside it"]),
+        ),
+        BadCall::new(
             "a file that the scene names and the submission does not",
             post("/jobs", &unnamed_file),
             invalid("assets.floor.ply", &["absent", "content hash"]),

@@ -124,6 +124,21 @@ async fn a_job_that_its_time_ends_shows_the_time_and_no_total() {
 }
 
 #[tokio::test]
+async fn a_job_that_its_target_ends_shows_the_target_and_why_it_ended() {
+    let mut farm = Farm::start(None, &[]);
+    farm.start_worker("nave");
+    // Any image of four blocks of 256 samples is as good as this.
+    let job = farm.submit(&scene(), &["--size", "16x16", "--target-estimated-mse", "1e6", "--wait"]);
+    let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
+    browser.shows("article.job .percent", "100 %").await;
+    browser.shows(".samples", "1024 to estimated MSE 1.000e+6").await;
+    browser.shows(".reason", "its target estimated MSE").await;
+    browser.shows(".convergence", "at most 1.000e+6").await;
+    browser.shows(".chart .u-legend", "target").await;
+    assert_eq!(browser.complaints().await, [""; 0]);
+}
+
+#[tokio::test]
 async fn exposure_makes_the_frame_brighter() {
     let mut farm = Farm::start(None, &[]);
     farm.start_worker("nave");

@@ -4,11 +4,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-use clerestory_api::JobState;
-use clerestory_render_core::film::{DecodeBudget, FrameImage, ImageMetadata};
+use clerestory_api::{JobState, StopReason};
 use clerestory_test_servers::{S3Server, postgres, s3};
-use clerestory_tests::exr_files::same_samples;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
+use clerestory_tests::made_images::{assert_made_alike, assert_same_bits, rendered_alone, rendered_by};
 use tempfile::TempDir;
 
 /// What is asked for: a scene and options. No number of passes (16 samples each) is a power of two, and neither tile size
@@ -43,49 +42,8 @@ impl Order {
 
     /// The image that one process makes.
     fn rendered_alone(&self, folder: &TempDir) -> PathBuf {
-        rendered_alone(&self.scene(), folder, "alone.exr", self.options)
+        rendered_alone(&self.scene(), folder.path(), "alone.exr", self.options)
     }
-}
-
-/// The image that one process makes of a scene.
-fn rendered_alone(scene: &Path, folder: &TempDir, name: &str, options: &[&str]) -> PathBuf {
-    let image = folder.path().join(name);
-    succeeded(clerestory().arg("render").arg(scene).args(options).arg("-o").arg(&image));
-    image
-}
-
-/// The image of the farm's newest job, once it is done.
-fn rendered_by(farm: &Farm, folder: &TempDir) -> PathBuf {
-    let job = farm.wait_until("done", |job| !matches!(job.state, JobState::Queued | JobState::Running));
-    assert_eq!(job.state, JobState::Done, "{:?}", job.failure);
-    let image = folder.path().join(format!("{}.exr", job.id));
-    std::fs::write(&image, farm.image(job.id)).expect("a writable folder");
-    image
-}
-
-#[track_caller]
-fn assert_same_bits(first: &Path, second: &Path) {
-    let output = succeeded(clerestory().arg("compare").arg(first).arg(second).arg("--json"));
-    let comparison: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
-    assert_eq!(comparison["bit_identical"], true, "{comparison}");
-    let [first, second] = [first, second].map(|file| std::fs::read(file).expect("the image is there"));
-    assert_eq!(same_samples(&first, &second), Ok(()));
-}
-
-/// How an image says that it was made.
-fn metadata(file: &Path) -> ImageMetadata {
-    let image = FrameImage::decode(&std::fs::read(file).expect("a file"), DecodeBudget { pixel_bytes: 1 << 24 });
-    image.expect("an image").metadata().expect("an image of ours").clone()
-}
-
-/// The same bits, made with the same work by the same build.
-#[track_caller]
-fn assert_made_alike(first: &Path, second: &Path) {
-    assert_same_bits(first, second);
-    let [first, second] = [first, second].map(metadata);
-    assert!(first.counters.rays > 0 && first.counters.height_evaluations > 0, "{:?}", first.counters);
-    assert_eq!(first.counters, second.counters);
-    assert_eq!((&first.build, &first.worker_builds), (&second.build, &second.worker_builds));
 }
 
 #[test]
@@ -102,7 +60,7 @@ fn farms_of_any_size_make_the_same_bits_as_one_process() {
         }
         for (order, folder, alone) in &orders {
             order.submit(&farm, tile);
-            assert_made_alike(&rendered_by(&farm, folder), alone);
+            assert_made_alike(&rendered_by(&farm, folder.path()), alone);
         }
     }
 }
@@ -147,7 +105,7 @@ fn kill_a_worker_and_then_the_coordinator(options: &[&str]) {
     farm.wait_until("begun", |job| job.progress > 0.05);
     farm.kill_worker(0);
     kill_the_coordinator(&mut farm);
-    assert_made_alike(&rendered_by(&farm, &folder), &alone);
+    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
 }
 
 /// Kills the coordinator once the job has gone on, and starts another, which has all that was acknowledged.
@@ -171,7 +129,7 @@ fn a_worker_that_is_asked_to_stop_gives_its_work_back() {
     farm.wait_until("begun", |job| job.progress > 0.05);
     assert!(farm.stop_worker(0).success());
     farm.start_worker("successor");
-    assert_same_bits(&rendered_by(&farm, &folder), &alone);
+    assert_same_bits(&rendered_by(&farm, folder.path()), &alone);
 }
 
 #[test]
@@ -179,12 +137,14 @@ fn a_time_limited_image_is_made_again_bit_for_bit() {
     let folder = tempfile::tempdir().unwrap();
     let scene = WITH_CONE.scene();
     let limits = ["--size", "72x72", "--tile", "16", "--time", "2"];
-    let alone = rendered_alone(&scene, &folder, "limited.exr", &limits);
+    let alone = rendered_alone(&scene, folder.path(), "limited.exr", &limits);
     let mut farm = Farm::start(None, &[]);
     farm.start_worker("only");
     farm.submit(&scene, &limits);
-    for limited in [alone, rendered_by(&farm, &folder)] {
-        let again = rendered_alone(&scene, &folder, "again.exr", &["--like", limited.to_str().unwrap()]);
+    let together = rendered_by(&farm, folder.path());
+    assert_eq!(farm.newest_job().stopped_by, Some(StopReason::Time));
+    for limited in [alone, together] {
+        let again = rendered_alone(&scene, folder.path(), "again.exr", &["--like", limited.to_str().unwrap()]);
         assert_same_bits(&again, &limited);
     }
 }
@@ -206,7 +166,7 @@ fn killing_the_object_server_and_the_coordinator_changes_no_bit_in_postgres_and_
     std::thread::sleep(Duration::from_secs(1));
     objects.restart();
     kill_the_coordinator(&mut farm);
-    assert_made_alike(&rendered_by(&farm, &folder), &alone);
+    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 //! Passes are taken one after another over all tiles, so that an image that is stopped early is about equally good
 //! everywhere. A pass of a tile is complete or does not count.
 
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
@@ -139,14 +140,14 @@ impl<'a> LocalFilm<'a> {
     }
 }
 
-/// Renders on the current rayon pool until everything is complete or `control` says stop. Returns the sums over the
-/// complete passes of each tile; a tile without any is left out.
+/// Renders on the current rayon pool until everything is complete, or `control` or `on_round` says stop. Returns the sums over
+/// the complete passes of each tile; a tile without any is left out.
 pub(crate) fn render(
     scene: &Scene,
     plan: &PassPlan,
     control: &Control,
     counters: &mut Counters,
-    mut on_round: impl FnMut(&Round<'_>),
+    mut on_round: impl FnMut(&Round<'_>) -> ControlFlow<()>,
 ) -> Result<Vec<TileSum>, LocalRenderError> {
     let mut film = LocalFilm::new(scene, plan);
     // A round is complete in every tile of the image, so one that gets no pass at all leaves no rounds.
@@ -165,7 +166,9 @@ pub(crate) fn render(
         }
         if end == Some(pass + 1) {
             let sums = film.sums_over(|_| pass + 1)?;
-            on_round(&Round { number: round, passes: pass + 1, sums: &sums });
+            if on_round(&Round { number: round, passes: pass + 1, sums: &sums }).is_break() {
+                break;
+            }
             for tile in &mut film.tiles {
                 tile.film.release(pass + 1);
             }

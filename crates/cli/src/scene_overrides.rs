@@ -5,6 +5,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
+use clerestory_coordinator::{InvalidTarget, Targets};
 use clerestory_render_core::scene::description::{
     ConicSearch, FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator,
     MissedPaths, PaneSelection, SceneDescription, WalkSteps,
@@ -13,10 +14,10 @@ use clerestory_render_core::scene::{self, SceneBundle};
 
 use crate::failure::Failure;
 
-/// Samples per pixel where neither a number nor a time is given: one block.
+/// Samples per pixel where neither a number nor a time or an error is given: one block.
 const DEFAULT_SAMPLES_PER_PIXEL: u32 = 256;
 
-/// Samples per pixel that a time limit alone never reaches.
+/// Samples per pixel that a time limit or a target alone never reaches.
 const UNREACHABLE_SAMPLES_PER_PIXEL: u32 = 1 << 24;
 
 /// Longest time that can be given, in seconds: ten years, as on a farm.
@@ -25,12 +26,20 @@ const MOST_SECONDS: f64 = 10.0 * 365.0 * 24.0 * 3600.0;
 /// Options that change the scene and how much of it is rendered.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct SceneOverrides {
-    /// Samples per pixel, rounded up to whole passes [default: 256, or as many as --time allows].
+    /// Samples per pixel, rounded up to whole passes [default: 256, or as many as --time allows or a target takes].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(UNREACHABLE_SAMPLES_PER_PIXEL)))]
     pub(crate) spp: Option<u32>,
     /// Stop after this time; what is complete then is the image.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) time: Option<Duration>,
+    /// Stop at the first round at which the mean squared error against the reference, corrected for the reference's own noise
+    /// where that is known, is no more than this.
+    #[arg(long, value_name = "MSE", value_parser = parse_target)]
+    pub(crate) target_mse: Option<f64>,
+    /// Stop at the first round, from four blocks of samples on, at which the mean squared error that the image's own noise
+    /// tells is no more than this.
+    #[arg(long, value_name = "MSE", value_parser = parse_target)]
+    pub(crate) target_estimated_mse: Option<f64>,
     /// Integrator to use instead of the scene's.
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) integrator: Option<IntegratorName>,
@@ -181,6 +190,11 @@ pub(crate) fn parse_seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| format!("expected a positive number of seconds, at most {MOST_SECONDS} (ten years)"))
 }
 
+fn parse_target(text: &str) -> Result<f64, String> {
+    let target = text.parse().ok().filter(|target: &f64| target.is_finite() && *target > 0.0);
+    target.ok_or_else(|| "expected a positive number, such as 1e-4".to_owned())
+}
+
 impl SceneOverrides {
     /// Loads a scene and changes it.
     pub(crate) fn load(&self, file: &Path) -> Result<SceneBundle, Failure> {
@@ -192,8 +206,22 @@ impl SceneOverrides {
 
     /// Samples per pixel to render at most.
     pub(crate) fn samples_per_pixel(&self) -> u32 {
-        let default = if self.time.is_some() { UNREACHABLE_SAMPLES_PER_PIXEL } else { DEFAULT_SAMPLES_PER_PIXEL };
+        let has_other_end = self.time.is_some() || self.targets() != Targets::default();
+        let default = if has_other_end { UNREACHABLE_SAMPLES_PER_PIXEL } else { DEFAULT_SAMPLES_PER_PIXEL };
         self.spp.unwrap_or(default)
+    }
+
+    /// The errors at which to stop.
+    pub(crate) fn targets(&self) -> Targets {
+        Targets { mse: self.target_mse, estimated_mse: self.target_estimated_mse }
+    }
+
+    /// Checks the errors at which to stop for a render that has a reference or not, with the mean square of its standard
+    /// errors where that is known.
+    pub(crate) fn check_targets(&self, has_reference: bool, reference_noise: Option<f64>) -> Result<(), Failure> {
+        self.targets().check(has_reference, reference_noise).map_err(|InvalidTarget { field, value, expected }| {
+            Failure::Usage(format!("--{} {value:e} cannot be used: expected {expected}", field.replace('_', "-")))
+        })
     }
 
     /// The time to render at most, in milliseconds, as a farm wants it.
@@ -396,6 +424,18 @@ mod tests {
         for text in ["0", "-1", "nan", "inf", "1e17", "1e300", "315360001", "ten", ""] {
             assert!(parse_seconds(text).is_err_and(|message| message.contains("at most 315360000")), "{text}");
         }
+    }
+
+    #[test]
+    fn a_target_is_a_positive_number_and_lifts_the_usual_number_of_samples() {
+        assert_eq!(parse_target("2.5e-4"), Ok(2.5e-4));
+        for text in ["0", "-1e-3", "nan", "inf", "1e999", "little", ""] {
+            assert!(parse_target(text).is_err_and(|message| message.contains("a positive number")), "{text}");
+        }
+        let overrides = SceneOverrides { target_estimated_mse: Some(1e-3), ..SceneOverrides::default() };
+        assert_eq!(overrides.samples_per_pixel(), UNREACHABLE_SAMPLES_PER_PIXEL);
+        assert_eq!(SceneOverrides { spp: Some(64), ..overrides }.samples_per_pixel(), 64);
+        assert_eq!(SceneOverrides::default().samples_per_pixel(), DEFAULT_SAMPLES_PER_PIXEL);
     }
 
     #[test]

@@ -41,6 +41,7 @@ export function Convergence({ job, entry, isReachable }) {
   const points = entry?.series?.points.filter((point) => point.frame === 0) ?? [];
   const hasReference = entry?.series?.has_reference ?? job.reference !== undefined;
   const curves = hasReference ? MEASURED : ESTIMATED;
+  const target = hasReference ? job.target_mse : job.target_estimated_mse;
   return html`
     <section class="convergence" aria-labelledby="convergence-heading">
       <div class="section-head">
@@ -48,12 +49,12 @@ export function Convergence({ job, entry, isReachable }) {
         ${points.length > 0 && html`<${AbscissaChoice} value=${abscissa} onChange=${setAbscissa} />`}
       </div>
       ${entry?.problem && html`<div class="notice warning"><${ProblemText} problem=${entry.problem} /></div>`}
-      <p class="quiet">${explanation(hasReference)}</p>
+      <p class="quiet">${explanation(hasReference)} ${target && explanationOfTarget(hasReference, target)}</p>
       ${points.length === 0
         ? html`<p class="card empty">${emptyText(job, isReachable)}</p>`
         : html`
             <div class="card">
-              <${Chart} key=${`${abscissa} ${hasReference}`} points=${points} curves=${curves} abscissa=${ABSCISSAS[abscissa]} />
+              <${Chart} key=${`${abscissa} ${hasReference}`} points=${points} curves=${curves} target=${target} abscissa=${ABSCISSAS[abscissa]} />
             </div>
             <${RoundTable} points=${points} hasReference=${hasReference} />`}
     </section>`;
@@ -70,6 +71,11 @@ function explanation(hasReference) {
     : 'The job has no reference, so this is the error that the image’s own block means tell. Submit with --reference IMAGE.exr to measure it against ground truth. The thin line falls as 1/N, as unbiased sampling does.';
 }
 
+const explanationOfTarget = (hasReference, target) =>
+  hasReference
+    ? `The job ends at the first round whose error, corrected where the reference has a standard error, is at most ${errorValue(target)}.`
+    : `The job ends at the first round, from four blocks of samples on, whose error is at most ${errorValue(target)}.`;
+
 const AbscissaChoice = ({ value, onChange }) => html`
   <div>
     <label for="abscissa">against</label>
@@ -78,7 +84,7 @@ const AbscissaChoice = ({ value, onChange }) => html`
     </select>
   </div>`;
 
-function Chart({ points, curves, abscissa }) {
+function Chart({ points, curves, target, abscissa }) {
   const box = useRef(null);
   const chart = useRef(null);
   const width = useWidth(box);
@@ -91,6 +97,7 @@ function Chart({ points, curves, abscissa }) {
       xAxis: abscissa,
       curves: [
         ...curves.map((curve) => ({ ...curve, format: errorValue })),
+        ...(target ? [{ label: 'target', colour: '--ink', dash: [12, 4], points: false, format: errorValue }] : []),
         { label: '1/N', colour: '--ink-soft', dash: [2, 4], points: false, format: errorValue },
       ],
     });
@@ -100,19 +107,19 @@ function Chart({ points, curves, abscissa }) {
     };
   }, [hasWidth]);
   useEffect(() => chart.current?.resize(width), [width]);
-  useEffect(() => chart.current?.show(chartData(points, curves, abscissa)), [points, hasWidth]);
+  useEffect(() => chart.current?.show(chartData(points, curves, target, abscissa)), [points, hasWidth]);
 
   return html`<div class="chart" ref=${box} role="img" aria-label=${summary(points, curves)} data-points=${points.length}></div>`;
 }
 
-function chartData(points, curves, abscissa) {
+function chartData(points, curves, target, abscissa) {
   const drawn = points.filter((point) => abscissa.value(point) > 0);
   const x = drawn.map(abscissa.value);
   // What is not above zero has no place on a logarithmic axis; the table has it.
   const ordinates = curves.map(({ key }) => drawn.map((point) => (point[key] > 0 ? point[key] : null)));
   const start = ordinates[0].findIndex((value) => value !== null);
   const guide = x.map((value) => (start < 0 ? null : (ordinates[0][start] * x[start]) / value));
-  return [x, ...ordinates, guide];
+  return [x, ...ordinates, ...(target ? [x.map(() => target)] : []), guide];
 }
 
 function summary(points, curves) {

@@ -8,6 +8,7 @@ import { CancelDialog } from './cancel.js';
 import { counted, duration, moment, percent, rate } from './format.js';
 import { AUTO, FIT, Frame } from './frame.js';
 import { JobProgress, JobState, timeLeft } from './jobs.js';
+import { limits, reason, samplesInPixel } from './stop.js';
 
 /** The view of the job `id`. */
 export function JobView({ id, farm }) {
@@ -47,10 +48,10 @@ export function JobView({ id, farm }) {
 }
 
 function Facts({ job }) {
-  const pixels = job.width * job.height * job.frames;
   const facts = [
     [job.finished_ms ? 'took' : 'time left', timeLeft(job)],
-    ['samples a pixel', html`<span class="samples">${mean(job.samples / pixels)} ${end(job)}</span>`],
+    ['samples a pixel', html`<span class="samples">${mean(samplesInPixel(job))} ${limits(job) || `of ${job.passes * job.samples_per_pass}`}</span>`],
+    ...(job.stopped_by ? [['ended by', html`<span class="reason">${reason(job)}</span>`]] : []),
     ['rate', job.state === 'running' ? rate(job.samples_per_second) : '–'],
     ['core time', duration(job.core_ms)],
     ['rounds', job.rounds],
@@ -65,9 +66,6 @@ function Facts({ job }) {
       <div><dt>scene</dt><dd><code class="hash" title=${job.scene_hash}>${job.scene_hash.slice(0, 12)}</code></dd></div>
     </dl>`;
 }
-
-// A time limit ends a job long before the number of samples that stands for as many as it allows.
-const end = (job) => (job.time_limit_ms ? `within ${duration(job.time_limit_ms)}` : `of ${job.passes * job.samples_per_pass}`);
 
 const mean = (samples) => (Number.isInteger(samples) ? samples : samples.toFixed(1));
 

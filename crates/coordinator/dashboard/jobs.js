@@ -2,6 +2,7 @@
 
 import { html } from './vendor/htm-preact.js';
 import { ago, counted, duration, errorValue, moment, percent, rate } from './format.js';
+import { limits } from './stop.js';
 import { useCoordinatorTime } from './time.js';
 
 const STATE_WORDS = {
@@ -41,7 +42,7 @@ function JobRow({ job, now }) {
       <div class="job-name">
         <h3><a href=${`#/jobs/${job.id}`}>${job.name}</a></h3>
         <p class="quiet">
-          ${job.width} × ${job.height} · ${job.integrator} · ${limit(job)}
+          ${job.width} × ${job.height} · ${job.integrator} · ${limits(job) || `${counted(job.passes * job.samples_per_pass, 'sample')} a pixel`}
         </p>
       </div>
       <${JobState} state=${job.state} />
@@ -55,9 +56,6 @@ function JobRow({ job, now }) {
       ${job.failure && html`<p class="failure">${job.failure}</p>`}
     </li>`;
 }
-
-const limit = (job) =>
-  job.time_limit_ms ? `for ${duration(job.time_limit_ms)}` : `${counted(job.passes * job.samples_per_pass, 'sample')} a pixel`;
 
 /** What is left of a job, or what it took. */
 export function timeLeft(job) {

@@ -50,13 +50,6 @@ pub(crate) fn point(
         corrected_mse: metrics.and_then(|metrics| metrics.corrected_mse).and_then(finite),
         rel_mse: metrics.and_then(|metrics| metrics.rel_mse).and_then(finite),
         psnr: metrics.and_then(|metrics| metrics.psnr).and_then(finite),
-        estimated_mse: estimated_mse(image).and_then(finite),
+        estimated_mse: film::mean_squared_standard_error(image).and_then(finite),
     }
-}
-
-/// Mean of the squared standard errors: what the mean squared error is expected to be, as far as the image itself knows.
-fn estimated_mse(image: &FrameImage) -> Option<f64> {
-    let errors = image.layers().standard_error.as_ref()?.as_flattened();
-    let sum: f64 = errors.iter().map(|error| f64::from(*error) * f64::from(*error)).sum();
-    Some(sum / errors.len().max(1) as f64)
 }

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
-use clerestory_api::{JobId, JobState};
+use clerestory_api::JobId;
 use clerestory_render_core::film::{self, FrameImage, Node};
 use futures::stream::{self, StreamExt, TryStreamExt};
 use tokio::sync::mpsc;
@@ -16,7 +16,7 @@ use tokio::sync::mpsc;
 use crate::convergence;
 use crate::farm::Farm;
 use crate::film::{Extent, FilmError, assemble, film_tile, metadata};
-use crate::store::{CompleteWave, JobRecord, NodeRow};
+use crate::store::{CompleteWave, Ending, JobRecord, NodeRow};
 
 /// Tiles that are merged at the same time.
 const MERGES: usize = 4;
@@ -81,9 +81,14 @@ async fn record_round(
         });
         points.push(point.await??);
     }
-    if farm.store.record_round(job, points, farm.config.clock.now_ms()).await? {
+    if let Some(recorded) = farm.store.record_round(job, points, farm.config.clock.now_ms()).await? {
         tracing::info!(job = %job.id, round = wave.round, passes = wave.passes, "round complete");
+        if let Some(reason) = recorded.stopped_by {
+            tracing::info!(job = %job.id, reason = reason.name(), "job done");
+        }
         farm.job_changed(job.id);
+        farm.film.forget(&recorded.discarded);
+        farm.blobs.remove_nodes(recorded.discarded).await;
     }
     Ok(())
 }
@@ -149,8 +154,8 @@ async fn failed(farm: &Farm, job: JobId, error: FilmError) {
     };
     tracing::error!(%job, error = &error as &dyn std::error::Error, is_damaged, "keeping the film failed");
     if is_damaged {
-        let reason = Some(format!("the stored film is damaged: {error}"));
-        match farm.store.end_job(job, JobState::Failed, reason, farm.config.clock.now_ms()).await {
+        let ending = Ending::Failed(format!("the stored film is damaged: {error}"));
+        match farm.store.end_job(job, ending, farm.config.clock.now_ms()).await {
             Ok(_) => farm.job_changed(job),
             Err(error) => tracing::error!(%job, %error, "the job could not be marked as failed"),
         }

@@ -4,6 +4,7 @@
 //! - `http`: the API and the dashboard, authorisation, limits, problem documents;
 //! - `submit`: from a submission to a job;
 //! - `schedule`: rounds, waves, and how passes are cut into nodes;
+//! - `stop`: at which round a job ends;
 //! - `store`: jobs, leases, accepted nodes, rounds and events in one SQL database;
 //! - `blobs`, `bucket`: assets and nodes, written once, in a directory or a bucket of an S3-compatible store;
 //! - `acceptance`: partials, decoded with distrust and accepted exactly once;
@@ -32,6 +33,7 @@ mod keeper;
 mod rate;
 mod schedule;
 pub mod server;
+mod stop;
 mod store;
 mod submit;
 mod views;
@@ -41,5 +43,6 @@ pub use config::{
 };
 pub use schedule::Rounds;
 pub use server::{RunError, run};
+pub use stop::{InvalidTarget, Targets};
 pub use store::SchemaError;
 pub use submit::smallest_tile;

@@ -3,13 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{ContentHash, JobId, JobSubmission, ProblemCode};
-use clerestory_render_core::film::{FrameImage, ImageError, OpenExrError, TileGrid};
+use clerestory_render_core::film::{FrameImage, ImageError, OpenExrError, TileGrid, mean_squared_standard_error};
 use clerestory_render_core::scene::{self, Asset, Scene, SceneBundle, SceneDescription, SceneError};
 use uuid::Uuid;
 
 use crate::convergence::reference_budget;
 use crate::farm::Farm;
 use crate::http::ApiError;
+use crate::stop::{InvalidTarget, Targets};
 use crate::store::NewJob;
 
 /// Longest name.
@@ -30,6 +31,8 @@ const MOST_SAMPLES: u32 = 1 << 24;
 /// Checks a submission and makes a job of it.
 pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob, ApiError> {
     check_numbers(&submission)?;
+    let targets = Targets { mse: submission.target_mse, estimated_mse: submission.target_estimated_mse };
+    targets.check(submission.reference.is_some(), None).map_err(of_target)?;
     let text = serde_json::to_vec(&submission.scene).map_err(ApiError::internal)?;
     let description = blocking(move || SceneDescription::parse(&text).map_err(of_scene_error)).await?;
     let grid = grid(&submission, &description)?;
@@ -42,7 +45,8 @@ pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob
     }
     if let Some(hash) = submission.reference {
         let bytes = farm.blobs.asset(hash).await?;
-        blocking(move || check_reference(&bytes, &grid, hash)).await?;
+        let noise = blocking(move || check_reference(&bytes, &grid, hash)).await?;
+        targets.check(true, noise).map_err(of_target)?;
     }
     let _permit = farm.building.acquire().await.map_err(ApiError::internal)?;
     let scene = blocking(move || build(description, assets)).await?;
@@ -63,6 +67,7 @@ pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob
         passes: submission.samples_per_pixel.div_ceil(sampling.samples_per_pass.max(1)),
         reference: submission.reference,
         time_limit_ms: submission.time_limit_ms,
+        targets,
         assets: named,
         created_ms: farm.config.clock.now_ms(),
     })
@@ -132,22 +137,27 @@ async fn check_uploaded(farm: &Farm, hashes: impl Iterator<Item = ContentHash>) 
     Err(ApiError::new(ProblemCode::MissingAssets, detail).missing(missing))
 }
 
-fn check_reference(bytes: &[u8], grid: &TileGrid, hash: ContentHash) -> Result<(), ApiError> {
+fn of_target(InvalidTarget { field, value, expected }: InvalidTarget) -> ApiError {
+    ApiError::invalid_field(field, serde_json::Value::from(value), expected)
+}
+
+/// Checks a reference, and answers the mean square of its standard errors, if it has any.
+fn check_reference(bytes: &[u8], grid: &TileGrid, hash: ContentHash) -> Result<Option<f64>, ApiError> {
     let refuse = |detail: String| ApiError::new(ProblemCode::InvalidReference, detail).field("reference").value(hash);
-    let (width, height) = match FrameImage::decode(bytes, reference_budget(grid.width, grid.height)) {
-        Ok(image) => (image.width().into(), image.height().into()),
+    let (width, height, noise) = match FrameImage::decode(bytes, reference_budget(grid.width, grid.height)) {
+        Ok(image) => (image.width().into(), image.height().into(), mean_squared_standard_error(&image)),
         // The memory that it may take depends on the film, so a film of its size would perhaps let it in.
         Err(ImageError::OpenExr(OpenExrError::TooLarge { width, height, .. }))
             if (width, height) != (grid.width.into(), grid.height.into()) =>
         {
-            (width, height)
+            (width, height, None)
         }
         Err(error) => {
             return Err(refuse(error.to_string()).expected("an OpenEXR image with finite channels R, G and B"));
         }
     };
     if (width, height) == (grid.width.into(), grid.height.into()) {
-        return Ok(());
+        return Ok(noise);
     }
     Err(refuse(format!("the reference has {width} x {height} pixels"))
         .expected(format!("{} x {} pixels, as the scene's film", grid.width, grid.height)))

@@ -1,6 +1,6 @@
 //! What callers see of jobs and workers.
 
-use clerestory_api::{JobState, JobView, WorkerView};
+use clerestory_api::{ConvergencePoint, JobState, JobView, WorkerView};
 use clerestory_render_core::counters::Counters;
 
 use crate::farm::Farm;
@@ -19,7 +19,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
     let is_running = !job.state.is_final();
     let started_ms = job.started_ms.filter(|_| is_running);
     let samples_per_second = started_ms.and_then(|started_ms| farm.rates.rate(job.id, started_ms, now_ms));
-    let total_samples = job.total_samples();
+    let total_samples = expected_samples(&job, latest.as_ref());
     let remaining_ms = samples_per_second.map(|rate| {
         let by_rate = |samples: u64| (samples.saturating_sub(job.samples) as f64 / rate * 1000.0) as i64;
         let by_limit = started_ms.zip(job.time_limit_ms).map(|(started_ms, limit_ms)| {
@@ -30,7 +30,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         by_limit.map_or(by_rate(total_samples), |by_limit| by_limit.min(by_rate(total_samples)))
     });
     Ok(JobView {
-        progress: progress(&job, now_ms),
+        progress: progress(&job, total_samples, now_ms),
         tiles: job.grid.len(),
         width: job.grid.width,
         height: job.grid.height,
@@ -38,6 +38,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         id: job.id,
         name: job.name,
         state: job.state,
+        stopped_by: job.stopped_by,
         failure: job.failure,
         priority: job.priority,
         integrator: job.integrator,
@@ -54,6 +55,8 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         core_ms: job.core_ms,
         counters: counters(job.counters),
         time_limit_ms: job.time_limit_ms,
+        target_mse: job.targets.mse,
+        target_estimated_mse: job.targets.estimated_mse,
         reference: job.reference,
         latest,
         created_ms: job.created_ms,
@@ -67,12 +70,20 @@ fn first_pass_samples(job: &JobRecord) -> u64 {
     job.total_samples() / u64::from(job.passes.max(1))
 }
 
+/// Camera samples after which a job is expected to end: all, or as many as its targets take as far as its last round tells.
+fn expected_samples(job: &JobRecord, latest: Option<&ConvergencePoint>) -> u64 {
+    let by_targets = latest.and_then(|point| job.targets.expected_samples(job.samples_per_block, point));
+    let in_a_pixel = u64::from(job.passes) * u64::from(job.samples_per_pass);
+    let fraction = by_targets.map_or(1.0, |samples| (samples / in_a_pixel.max(1) as f64).min(1.0));
+    (job.total_samples() as f64 * fraction) as u64
+}
+
 /// How far a job is: a time limit may end it long before its last sample, but not before its first pass is complete.
-fn progress(job: &JobRecord, now_ms: i64) -> f64 {
+fn progress(job: &JobRecord, total_samples: u64, now_ms: i64) -> f64 {
     if job.state == JobState::Done {
         return 1.0;
     }
-    let by_samples = job.samples as f64 / job.total_samples().max(1) as f64;
+    let by_samples = job.samples as f64 / total_samples.max(1) as f64;
     let elapsed_ms = job.started_ms.map(|started_ms| job.finished_ms.unwrap_or(now_ms).saturating_sub(started_ms));
     let by_time = elapsed_ms.zip(job.time_limit_ms).map(|(elapsed_ms, limit_ms)| elapsed_ms as f64 / limit_ms as f64);
     let first_pass = if job.rounds == 0 { job.samples as f64 / first_pass_samples(job).max(1) as f64 } else { 1.0 };

@@ -76,10 +76,12 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
         Some(_) => arguments.reference,
         None => shipped_reference(bundle.description().film, &progress)?,
     };
+    overrides.check_targets(reference.is_some(), None)?;
     let order = Order {
         name: None,
         samples_per_pixel: overrides.samples_per_pixel(),
         time_limit_ms: overrides.time_limit_ms(),
+        targets: overrides.targets(),
         tile_size: 32,
         priority: 0,
         reference: reference_asset(reference.as_deref(), &bundle)?,

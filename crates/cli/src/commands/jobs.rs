@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use clap::Args;
-use clerestory_api::{ConvergencePoint, JobId, JobView};
+use clerestory_api::{ConvergencePoint, JobId, JobView, StopReason};
 
 use crate::connection::ConnectionArguments;
 use crate::failure::Failure;
@@ -57,19 +57,57 @@ fn mse_text(point: &ConvergencePoint) -> String {
     }
 }
 
-/// Samples in a pixel so far, with a unit behind the number, and what ends the job: their number, or its time.
+/// Samples in a pixel so far, with a unit behind the number, and what ends the job: their number, an error, or its time.
 pub(crate) fn samples_text(job: &JobView, unit: &str) -> String {
     let pixels = u64::from(job.width) * u64::from(job.height) * u64::from(job.frames);
-    let samples = job.samples as f64 / pixels.max(1) as f64;
-    let limit = job.time_limit_ms.and_then(|limit| u64::try_from(limit).ok()).map(Duration::from_millis);
-    words_of_samples(samples, unit, u64::from(job.passes) * u64::from(job.samples_per_pass), limit)
+    let samples = match job.stopped_by {
+        // What was rendered beyond the round that ended it is not in the image.
+        Some(StopReason::Mse | StopReason::EstimatedMse) => {
+            f64::from(job.complete_passes) * f64::from(job.samples_per_pass)
+        }
+        _ => job.samples as f64 / pixels.max(1) as f64,
+    };
+    let ends = Ends {
+        samples: u64::from(job.passes) * u64::from(job.samples_per_pass),
+        mse: job.target_mse,
+        estimated_mse: job.target_estimated_mse,
+        time: job.time_limit_ms.and_then(|limit| u64::try_from(limit).ok()).map(Duration::from_millis),
+    };
+    ends.words(samples, unit)
 }
 
-fn words_of_samples(samples: f64, unit: &str, most: u64, limit: Option<Duration>) -> String {
-    let digits = if samples.fract() == 0.0 { 0 } else { 1 };
-    match limit {
-        Some(limit) => format!("{samples:.digits$}{unit} within {}", duration_text(limit)),
-        None => format!("{samples:.digits$} of {most}{unit}"),
+/// What ends a job, whichever comes first.
+#[derive(Clone, Copy, Debug, Default)]
+struct Ends {
+    samples: u64,
+    mse: Option<f64>,
+    estimated_mse: Option<f64>,
+    time: Option<Duration>,
+}
+
+impl Ends {
+    fn words(&self, samples: f64, unit: &str) -> String {
+        let digits = if samples.fract() == 0.0 { 0 } else { 1 };
+        let ends = [
+            self.mse.map(|target| format!("to MSE {target:e}")),
+            self.estimated_mse.map(|target| format!("to MSE ~{target:e}")),
+            self.time.map(|limit| format!("within {}", duration_text(limit))),
+        ];
+        let ends: Vec<String> = ends.into_iter().flatten().collect();
+        if ends.is_empty() {
+            return format!("{samples:.digits$} of {}{unit}", self.samples);
+        }
+        format!("{samples:.digits$}{unit} {}", ends.join(" or "))
+    }
+}
+
+/// What ended a job, in words that go on from "done".
+pub(crate) fn reason_text(reason: StopReason) -> &'static str {
+    match reason {
+        StopReason::Samples => "all its samples are rendered",
+        StopReason::Time => "its time is up",
+        StopReason::Mse => "its target MSE is reached",
+        StopReason::EstimatedMse => "its target estimated MSE is reached",
     }
 }
 
@@ -88,11 +126,14 @@ mod tests {
     }
 
     #[test]
-    fn samples_have_their_unit_before_the_time_and_behind_the_total() {
-        let limit = Some(Duration::from_secs(150));
+    fn samples_have_their_unit_before_a_limit_and_behind_the_total() {
+        let total = Ends { samples: 256, ..Ends::default() };
+        let limited = Ends { time: Some(Duration::from_secs(150)), ..total };
         let unit = " samples a pixel";
-        assert_eq!(words_of_samples(76.5, unit, 256, limit), "76.5 samples a pixel within 2 min 30 s");
-        assert_eq!(words_of_samples(128.0, unit, 256, None), "128 of 256 samples a pixel");
-        assert_eq!(words_of_samples(128.0, "", 256, None), "128 of 256");
+        assert_eq!(limited.words(76.5, unit), "76.5 samples a pixel within 2 min 30 s");
+        assert_eq!(total.words(128.0, unit), "128 of 256 samples a pixel");
+        assert_eq!(total.words(128.0, ""), "128 of 256");
+        let targets = Ends { mse: Some(1e-3), estimated_mse: Some(2.5e-4), ..limited };
+        assert_eq!(targets.words(16.0, ""), "16 to MSE 1e-3 or to MSE ~2.5e-4 or within 2 min 30 s");
     }
 }

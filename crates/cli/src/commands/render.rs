@@ -1,16 +1,19 @@
 //! `clerestory render`: a scene rendered in this process, without a farm.
 
 use std::num::NonZeroUsize;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant, SystemTime};
 
 use clap::Args;
-use clerestory_api::ConvergencePoint;
-use clerestory_coordinator::smallest_tile;
+use clerestory_api::{ConvergencePoint, StopReason};
+use clerestory_coordinator::{Targets, smallest_tile};
 use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{FrameImage, ImageError, Metrics, TileGrid, TileSum, compare, encode_png};
+use clerestory_render_core::film::{
+    FrameImage, ImageError, Metrics, TileGrid, TileSum, compare, encode_png, mean_squared_standard_error,
+};
 use clerestory_render_core::scene::Scene;
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
@@ -51,7 +54,7 @@ pub(crate) struct RenderArguments {
     tile: u32,
     /// Make this image again, bit for bit: its seed, integrator, size, sampling, tiles and the passes of each.
     #[arg(long, value_name = "FILE", conflicts_with_all =
-        ["spp", "time", "integrator", "solver", "selection", "max_trials", "walks", "constraint", "steps", "chains", "casters",
+        ["spp", "time", "target_mse", "target_estimated_mse", "integrator", "solver", "selection", "max_trials", "walks", "constraint", "steps", "chains", "casters",
         "receivers", "search", "missed", "reflected", "seed", "size", "tile"])]
     like: Option<PathBuf>,
     /// OpenEXR image that the error is measured against at each round.
@@ -98,6 +101,7 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         seconds: elapsed.as_secs_f64(),
         samples_per_second: rendering.counters.samples as f64 / elapsed.as_secs_f64(),
         threads: order.threads.get(),
+        stopped_by: rendering.stopped_by,
         metrics: order.metrics(&image)?,
         counters: rendering.counters,
     };
@@ -118,6 +122,7 @@ struct Order {
     reference: Option<FrameImage>,
     threads: NonZeroUsize,
     time: Option<Duration>,
+    targets: Targets,
 }
 
 /// What came out of a render.
@@ -125,6 +130,8 @@ struct Rendering {
     sums: Vec<TileSum>,
     counters: Counters,
     elapsed: Duration,
+    /// What ended it; `None` when it was interrupted.
+    stopped_by: Option<StopReason>,
     is_interrupted: bool,
 }
 
@@ -159,8 +166,11 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
     };
     let reference = arguments.reference.as_deref().map(|file| read_reference(file, film)).transpose()?;
     let reference = reference.map(|(_, image)| image);
+    let noise = reference.as_ref().and_then(mean_squared_standard_error);
+    arguments.overrides.check_targets(reference.is_some(), noise)?;
     let threads = arguments.threads.unwrap_or_else(cores);
-    Ok(Order { scene, plan, reference, threads, time: arguments.overrides.time })
+    let (time, targets) = (arguments.overrides.time, arguments.overrides.targets());
+    Ok(Order { scene, plan, reference, threads, time, targets })
 }
 
 /// Renders on a pool of threads, and shows progress meanwhile.
@@ -174,24 +184,28 @@ async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
     let mut work = {
         let (order, control) = (order.clone(), control.clone());
         tokio::task::spawn_blocking(move || {
-            let mut counters = Counters::default();
+            let (mut counters, mut reached) = (Counters::default(), None);
             let on_round = |round: &Round<'_>| {
+                let point = order.point(round, control.samples.load(Ordering::Relaxed), start.elapsed());
+                reached = order.targets.reached(order.plan.sampling.samples_per_block(), std::slice::from_ref(&point));
                 // Nobody listens any more only when the process ends.
-                let _ = rounds.send(order.point(round, control.samples.load(Ordering::Relaxed), start.elapsed()));
+                let _ = rounds.send(point);
+                if reached.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
             let sums =
                 pool.install(|| local_render::render(&order.scene, &order.plan, &control, &mut counters, on_round))?;
-            Ok::<_, LocalRenderError>((sums, counters))
+            Ok::<_, LocalRenderError>((sums, counters, reached))
         })
     };
     let stop = shutdown::token(Parent::None);
     let mut progress = Progress::new();
     let mut refresh = tokio::time::interval(REFRESH_PERIOD);
+    let mut latest = None;
     let result = loop {
         tokio::select! {
             result = &mut work => break result,
-            Some(point) = complete.recv() => progress.round(&point),
-            _ = refresh.tick() => progress.show(&order.advance(&control, start)),
+            Some(point) = complete.recv() => progress.round(latest.insert(point)),
+            _ = refresh.tick() => progress.show(&order.advance(&control, start, latest.as_ref())),
             () = stop.cancelled(), if !control.cancelled.load(Ordering::Relaxed) => {
                 control.cancelled.store(true, Ordering::Relaxed);
             }
@@ -201,14 +215,16 @@ async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
         progress.round(&point);
     }
     progress.finish();
-    let (sums, counters) = match result {
+    let (sums, counters, reached) = match result {
         Ok(outcome) => outcome.map_err(Failure::Render)?,
         Err(panic) => return Err(Failure::RenderPanic(panic)),
     };
     if sums.is_empty() {
         return Err(Failure::Job("interrupted before any pass was complete".to_owned()));
     }
-    Ok(Rendering { sums, counters, elapsed: start.elapsed(), is_interrupted: stop.is_cancelled() })
+    let is_interrupted = stop.is_cancelled();
+    let stopped_by = Some(reached.unwrap_or_else(|| order.end_without_target(&sums))).filter(|_| !is_interrupted);
+    Ok(Rendering { sums, counters, elapsed: start.elapsed(), stopped_by, is_interrupted })
 }
 
 impl Order {
@@ -220,6 +236,13 @@ impl Order {
             progress.note(&format!("Triangles without an area that are left out of the mesh {name:?}: {omitted}"));
         }
         progress.missing_light(&self.scene.description().missing_light());
+    }
+
+    /// What ended a render that has reached no target and was not interrupted.
+    fn end_without_target(&self, sums: &[TileSum]) -> StopReason {
+        let wanted = self.plan.tile_passes.iter().copied().filter(|passes| *passes > 0);
+        let is_complete = sums.iter().map(|sum| sum.passes).eq(wanted);
+        if is_complete { StopReason::Samples } else { StopReason::Time }
     }
 
     fn image(&self, sums: &[TileSum], counters: Counters, elapsed: Option<Duration>) -> Result<FrameImage, ImageError> {
@@ -235,11 +258,7 @@ impl Order {
         let counters = Counters { samples, ..Counters::default() };
         let image = self.image(round.sums, counters, Some(elapsed)).ok();
         let metrics = image.as_ref().and_then(|image| self.metrics(image).ok().flatten());
-        let estimated_mse = image.as_ref().and_then(|image| {
-            let errors = image.layers().standard_error.as_ref()?.as_flattened();
-            let squares: f64 = errors.iter().map(|error| f64::from(*error) * f64::from(*error)).sum();
-            Some(squares / errors.len() as f64)
-        });
+        let estimated_mse = image.as_ref().and_then(mean_squared_standard_error);
         let milliseconds = |duration: Duration| i64::try_from(duration.as_millis()).unwrap_or(i64::MAX);
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         ConvergencePoint {
@@ -258,10 +277,14 @@ impl Order {
         }
     }
 
-    fn advance(&self, control: &Control, start: Instant) -> Advance {
+    fn advance(&self, control: &Control, start: Instant, latest: Option<&ConvergencePoint>) -> Advance {
         let samples = control.samples.load(Ordering::Relaxed);
         let elapsed = start.elapsed();
-        let by_samples = samples as f64 / self.plan.samples().max(1) as f64;
+        let pixels = f64::from(self.plan.grid.width) * f64::from(self.plan.grid.height);
+        let samples_per_block = self.plan.sampling.samples_per_block();
+        let by_targets = latest.and_then(|point| self.targets.expected_samples(samples_per_block, point));
+        let expected = by_targets.map_or(f64::INFINITY, |samples| samples * pixels).min(self.plan.samples() as f64);
+        let by_samples = samples as f64 / expected.max(1.0);
         let by_time = self.time.map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
         let fraction = by_samples.max(by_time).min(1.0);
         let remaining = elapsed.as_secs_f64() * (1.0 / fraction - 1.0);
@@ -284,6 +307,7 @@ struct Summary {
     seconds: f64,
     samples_per_second: f64,
     threads: usize,
+    stopped_by: Option<StopReason>,
     metrics: Option<Metrics>,
     counters: Counters,
 }

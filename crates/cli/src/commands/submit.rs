@@ -7,6 +7,7 @@ use backon::{ExponentialBuilder, Retryable};
 use bytes::Bytes;
 use clap::Args;
 use clerestory_api::{ClientError, ContentHash, JobSubmission, JobView, PreviewQuery, ProblemCode};
+use clerestory_coordinator::Targets;
 use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
 use tracing::{info, warn};
 
@@ -53,8 +54,8 @@ pub(crate) struct SubmitArguments {
     #[arg(long, requires = "output")]
     png: bool,
     /// Write the counters (height evaluations, solver calls, solutions, ...) as JSON to this file when the job has ended.
-    /// They count all work that was accepted; of a job that was cancelled or ran out of time, that may be more than is in
-    /// the image.
+    /// They count all work that was accepted; of a job that ended before its last sample, that may be more than is in the
+    /// image.
     #[arg(long, value_name = "FILE", requires = "wait")]
     stats: Option<PathBuf>,
     /// Write the job as JSON.
@@ -71,11 +72,14 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         ("--stats", arguments.stats.as_deref()),
     ])?;
     let connection = arguments.connection.open()?;
+    // The coordinator looks at the reference; here it is only sent.
+    arguments.overrides.check_targets(arguments.reference.is_some(), None)?;
     let bundle = arguments.overrides.load(&arguments.scene)?;
     let order = Order {
         name: arguments.name,
         samples_per_pixel: arguments.overrides.samples_per_pixel(),
         time_limit_ms: arguments.overrides.time_limit_ms(),
+        targets: arguments.overrides.targets(),
         tile_size: arguments.tile,
         priority: arguments.priority,
         reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
@@ -102,6 +106,7 @@ pub(crate) struct Order {
     pub(crate) name: Option<String>,
     pub(crate) samples_per_pixel: u32,
     pub(crate) time_limit_ms: Option<i64>,
+    pub(crate) targets: Targets,
     pub(crate) tile_size: u32,
     pub(crate) priority: i32,
     /// The reference image, whole.
@@ -129,6 +134,8 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         priority: order.priority,
         reference: order.reference.as_ref().map(wire_hash),
         time_limit_ms: order.time_limit_ms,
+        target_mse: order.targets.mse,
+        target_estimated_mse: order.targets.estimated_mse,
     };
     let missing = match connection.client.submit_job(&submission).await {
         Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,

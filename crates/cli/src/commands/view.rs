@@ -39,8 +39,15 @@ pub(crate) async fn run(arguments: ViewArguments) -> Result<(), Failure> {
             "--listen: found {found}, expected an address of this machine alone, such as 127.0.0.1:7272"
         )));
     }
-    if arguments.overrides.time.is_some() {
-        return Err(Failure::Usage("--time: a page is rendered until it has the samples of --spp".to_owned()));
+    let SceneOverrides { time, target_mse, target_estimated_mse, .. } = &arguments.overrides;
+    for (option, is_given) in [
+        ("--time", time.is_some()),
+        ("--target-mse", target_mse.is_some()),
+        ("--target-estimated-mse", target_estimated_mse.is_some()),
+    ] {
+        if is_given {
+            return Err(Failure::Usage(format!("{option}: a page is rendered until it has the samples of --spp")));
+        }
     }
     let bundle = arguments.overrides.load(&arguments.scene)?;
     let scene = Scene::build(&bundle).map_err(|source| Failure::scene(&arguments.scene, source))?;

@@ -3,7 +3,7 @@
 use clap::Args;
 use clerestory_api::{JobId, JobState, JobView};
 
-use crate::commands::jobs::parse_job;
+use crate::commands::jobs::{parse_job, reason_text};
 use crate::connection::ConnectionArguments;
 use crate::failure::Failure;
 use crate::follow::follow;
@@ -28,7 +28,8 @@ pub(crate) async fn run(arguments: WatchArguments) -> Result<(), Failure> {
     if arguments.json {
         print_json(&job)?;
     } else {
-        print_line(&format!("{} is {}", job.id, job.state.name()))?;
+        let reason = job.stopped_by.map(|reason| format!(": {}", reason_text(reason))).unwrap_or_default();
+        print_line(&format!("{} is {}{reason}", job.id, job.state.name()))?;
     }
     check_done(&job)
 }

@@ -71,6 +71,7 @@ impl Farm {
             name: Some(session.activity().to_owned()),
             samples_per_pixel: overrides.samples_per_pixel(),
             time_limit_ms: overrides.time_limit_ms(),
+            targets: overrides.targets(),
             tile_size: TILE.max(smallest_tile(film.width, film.height)),
             priority: 0,
             reference: reference.cloned(),

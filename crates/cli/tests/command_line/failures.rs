@@ -19,6 +19,12 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
         folder.fails(&["render", "scene.json", "--time", time], 2, &["--time", "at most 315360000", "ten years"]);
         folder.fails(&["submit", "scene.json", "--time", time], 2, &["--time", "at most 315360000", "ten years"]);
     }
+    for command in ["render", "submit"] {
+        let target = [command, "scene.json", "--target-mse"];
+        folder.fails(&[&target[..], &["1e-3"]].concat(), 2, &["--target-mse 1e-3", "expected a reference"]);
+        folder.fails(&[&target[..], &["0"]].concat(), 2, &["--target-mse", "a positive number"]);
+    }
+    folder.fails(&["view", "scene.json", "--target-estimated-mse", "1"], 2, &["--target-estimated-mse", "--spp"]);
     let output = ["render", "scene.json", "--png", "-o", "a.exr", "--stats"];
     folder.fails(&[&output[..], &["a.png"]].concat(), 2, &["--png and --stats both write a.png"]);
     folder.fails(&[&output[..], &["./a.exr"]].concat(), 2, &["--output and --stats both write ./a.exr"]);

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
-use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobState, JobSubmission, JobView, ProblemCode};
+use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobSubmission, JobView, ProblemCode};
 
 use super::extract::{PathParameter, StrictJson};
 use super::problem::ApiError;
 use crate::farm::Farm;
-use crate::store::JobRecord;
+use crate::store::{Ending, JobRecord};
 use crate::{submit, views};
 
 /// Submits a job. When content is missing the answer is a problem with status 409 whose `missing` lists the hashes.
@@ -56,7 +56,7 @@ pub(super) async fn cancel(
     PathParameter(job): PathParameter<JobId>,
 ) -> Result<Json<JobView>, ApiError> {
     find(&farm, job).await?;
-    if farm.store.end_job(job, JobState::Cancelled, None, farm.config.clock.now_ms()).await? {
+    if farm.store.end_job(job, Ending::Cancelled, farm.config.clock.now_ms()).await? {
         tracing::info!(%job, "job cancelled");
         farm.job_changed(job);
         farm.film_grew(job);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_api::{ContentHash, JobId, JobState};
+use clerestory_api::{ContentHash, JobId, JobState, StopReason};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{NodeAddress, TileGrid};
 use sqlx::any::AnyRow;
@@ -11,6 +11,7 @@ use super::events::{self, StoredKind};
 use super::row::{Columns, big, to_json};
 use super::{Connection, Store, StoreError};
 use crate::schedule::Rounds;
+use crate::stop::Targets;
 
 /// A job to be stored.
 #[derive(Clone, Debug)]
@@ -41,6 +42,8 @@ pub(crate) struct NewJob {
     pub(crate) reference: Option<ContentHash>,
     /// Time limit from the first lease on.
     pub(crate) time_limit_ms: Option<i64>,
+    /// Errors at which it ends.
+    pub(crate) targets: Targets,
     /// Assets by path.
     pub(crate) assets: BTreeMap<String, ContentHash>,
     /// When it was submitted.
@@ -56,6 +59,8 @@ pub(crate) struct JobRecord {
     pub(crate) name: String,
     /// Where it stands.
     pub(crate) state: JobState,
+    /// What ended it.
+    pub(crate) stopped_by: Option<StopReason>,
     /// Why it failed.
     pub(crate) failure: Option<String>,
     /// Its priority.
@@ -80,6 +85,8 @@ pub(crate) struct JobRecord {
     pub(crate) reference: Option<ContentHash>,
     /// Time limit from the first lease on.
     pub(crate) time_limit_ms: Option<i64>,
+    /// Errors at which it ends.
+    pub(crate) targets: Targets,
     /// When it was submitted.
     pub(crate) created_ms: i64,
     /// When its first lease was given out.
@@ -138,9 +145,44 @@ impl JobRecord {
     }
 }
 
-const COLUMNS: &str = "select id, name, state, failure, priority, scene_hash, integrator, missing_light, frames, width, \
-     height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, created_ms, started_ms, \
-     finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, samples, core_ms, \
+/// How a job ends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// Done, for this reason.
+    Done(StopReason),
+    /// Cancelled by a user.
+    Cancelled,
+    /// Given up, for this reason.
+    Failed(String),
+}
+
+impl Ending {
+    fn state(&self) -> JobState {
+        match self {
+            Self::Done(_) => JobState::Done,
+            Self::Cancelled => JobState::Cancelled,
+            Self::Failed(_) => JobState::Failed,
+        }
+    }
+
+    fn stopped_by(&self) -> Option<StopReason> {
+        match self {
+            Self::Done(reason) => Some(*reason),
+            Self::Cancelled | Self::Failed(_) => None,
+        }
+    }
+
+    fn failure(&self) -> Option<&str> {
+        match self {
+            Self::Failed(reason) => Some(reason),
+            Self::Done(_) | Self::Cancelled => None,
+        }
+    }
+}
+
+const COLUMNS: &str = "select id, name, state, stopped_by, failure, priority, scene_hash, integrator, missing_light, frames, width, \
+     height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
+     target_estimated_mse, created_ms, started_ms, finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, samples, core_ms, \
      counters from jobs";
 
 fn record(row: &AnyRow) -> Result<JobRecord, StoreError> {
@@ -148,6 +190,7 @@ fn record(row: &AnyRow) -> Result<JobRecord, StoreError> {
         id: row.parsed("id")?,
         name: row.text("name")?,
         state: row.word("state")?,
+        stopped_by: row.optional_word("stopped_by")?,
         failure: row.optional_text("failure")?,
         priority: row.number("priority")?,
         scene_hash: row.text("scene_hash")?,
@@ -164,6 +207,10 @@ fn record(row: &AnyRow) -> Result<JobRecord, StoreError> {
         passes: row.number("passes")?,
         reference: row.optional_parsed("reference")?,
         time_limit_ms: row.optional_integer("time_limit_ms")?,
+        targets: Targets {
+            mse: row.optional_float("target_mse")?,
+            estimated_mse: row.optional_float("target_estimated_mse")?,
+        },
         created_ms: row.integer("created_ms")?,
         started_ms: row.optional_integer("started_ms")?,
         finished_ms: row.optional_integer("finished_ms")?,
@@ -195,16 +242,17 @@ pub(super) async fn job_in(connection: &mut Connection, job: JobId) -> Result<Op
 pub(super) async fn end(
     connection: &mut Connection,
     job: JobId,
-    state: JobState,
-    failure: Option<&str>,
+    ending: &Ending,
     now_ms: i64,
 ) -> Result<bool, StoreError> {
     let ended = sqlx::query(
-        "update jobs set state = $2, failure = $3, finished_ms = $4 where id = $1 and state in ('queued', 'running')",
+        "update jobs set state = $2, stopped_by = $3, failure = $4, finished_ms = $5 \
+         where id = $1 and state in ('queued', 'running')",
     )
     .bind(job.to_string())
-    .bind(state.name())
-    .bind(failure)
+    .bind(ending.state().name())
+    .bind(ending.stopped_by().map(StopReason::name))
+    .bind(ending.failure())
     .bind(now_ms)
     .execute(&mut *connection)
     .await?;
@@ -259,17 +307,8 @@ impl Store {
     }
 
     /// Brings a job to its final state; `false` when it already is in one.
-    pub(crate) async fn end_job(
-        &self,
-        job: JobId,
-        state: JobState,
-        failure: Option<String>,
-        now_ms: i64,
-    ) -> Result<bool, StoreError> {
-        self.write(move |connection| {
-            Box::pin(async move { end(connection, job, state, failure.as_deref(), now_ms).await })
-        })
-        .await
+    pub(crate) async fn end_job(&self, job: JobId, ending: Ending, now_ms: i64) -> Result<bool, StoreError> {
+        self.write(move |connection| Box::pin(async move { end(connection, job, &ending, now_ms).await })).await
     }
 
     /// Ends the jobs that are out of time, and answers which.
@@ -279,7 +318,7 @@ impl Store {
                 let mut ended = Vec::new();
                 for job in open_jobs(connection).await? {
                     if job.is_out_of_time(now_ms) {
-                        end(connection, job.id, JobState::Done, None, now_ms).await?;
+                        end(connection, job.id, &Ending::Done(StopReason::Time), now_ms).await?;
                         ended.push(job.id);
                     }
                 }
@@ -294,8 +333,9 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     let missing_light = serde_json::Value::from(job.missing_light.clone()).to_string();
     sqlx::query(
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
-         height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, created_ms) \
-         values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16)",
+         height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
+         target_estimated_mse, created_ms) \
+         values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18)",
     )
     .bind(job.id.to_string())
     .bind(&job.name)
@@ -312,6 +352,8 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(i64::from(job.passes))
     .bind(job.reference.map(|hash| hash.to_string()))
     .bind(job.time_limit_ms)
+    .bind(job.targets.mse)
+    .bind(job.targets.estimated_mse)
     .bind(job.created_ms)
     .execute(&mut *connection)
     .await?;

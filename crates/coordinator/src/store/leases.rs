@@ -4,12 +4,12 @@
 
 use std::collections::BTreeSet;
 
-use clerestory_api::{JobId, JobState, LeaseId, WorkerId};
+use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 use serde::{Deserialize, Serialize};
 use sqlx::any::AnyRow;
 
-use super::jobs;
+use super::jobs::{self, Ending};
 use super::row::Columns;
 use super::{Connection, Store, StoreError};
 
@@ -308,7 +308,7 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
         if row.integer("failures")? >= MOST_FAILURES {
             let node = address(row)?;
             let why = format!("node ({node}) failed {MOST_FAILURES} times, at last: {}", failure.reason);
-            jobs::end(connection, lease.job, JobState::Failed, Some(&why), failure.now_ms).await?;
+            jobs::end(connection, lease.job, &Ending::Failed(why), failure.now_ms).await?;
             return Ok(Some(lease.job));
         }
     }

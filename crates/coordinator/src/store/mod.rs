@@ -29,7 +29,7 @@ use row::Columns;
 
 pub(crate) use claim::{ClaimTerms, Grant};
 pub(crate) use events::{StoredEvent, StoredKind};
-pub(crate) use jobs::{JobRecord, NewJob};
+pub(crate) use jobs::{Ending, JobRecord, NewJob};
 pub(crate) use leases::{LeaseError, WorkFailure};
 pub(crate) use nodes::{DeliveredNode, Delivery, NodeRow, Work};
 pub(crate) use rounds::CompleteWave;

@@ -220,6 +220,22 @@ async fn accept_node(
     Ok(NodeVerdict::Accepted)
 }
 
+/// Takes away everything that begins at a pass or after it, and answers the names of the blobs that are not needed any more.
+/// Of a job whose last round ends there, nothing else reaches beyond: no node is formed across the end of a round before that is
+/// recorded.
+pub(super) async fn discard(
+    connection: &mut Connection,
+    job: JobId,
+    first_pass: u32,
+) -> Result<Vec<String>, StoreError> {
+    let rows = sqlx::query("delete from nodes where job = $1 and first_pass >= $2 returning blob")
+        .bind(job.to_string())
+        .bind(i64::from(first_pass))
+        .fetch_all(connection)
+        .await?;
+    rows.iter().map(|row| row.text("blob")).collect()
+}
+
 async fn insert(connection: &mut Connection, job: JobId, node: &NodeRow) -> Result<(), StoreError> {
     let NodeRow { address, blob, work } = node;
     let passes = address.passes();

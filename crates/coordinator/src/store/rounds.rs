@@ -1,12 +1,13 @@
 //! Rounds: when all tiles are complete up to the same pass, and the error that was measured there.
 
-use clerestory_api::{ConvergencePoint, JobId, JobState};
+use clerestory_api::{ConvergencePoint, JobId, StopReason};
 use sqlx::any::AnyRow;
 
 use super::events::{self, StoredKind};
-use super::jobs::{self, JobRecord};
+use super::jobs::{self, Ending, JobRecord};
+use super::nodes;
 use super::row::{Columns, big};
-use super::{Store, StoreError};
+use super::{Connection, Store, StoreError};
 
 /// The wave whose completion is to be recorded as the next round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,6 +20,15 @@ pub(crate) struct CompleteWave {
     pub(crate) core_ms: i64,
     /// When the last node up to here was accepted.
     pub(crate) completed_ms: i64,
+}
+
+/// What recording a round has changed.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct RecordedRound {
+    /// Why it was the job's last, if it was.
+    pub(crate) stopped_by: Option<StopReason>,
+    /// Names of blobs that are not needed any more: those of nodes beyond the job's last round.
+    pub(crate) discarded: Vec<String>,
 }
 
 impl Store {
@@ -41,17 +51,19 @@ impl Store {
         Ok(complete.then_some(CompleteWave { round: job.rounds, passes, core_ms, completed_ms }))
     }
 
-    /// Records a round, one point for each frame; the last round ends the job. Answers `false`, and changes nothing, when
-    /// it has been recorded already or the job has failed.
+    /// Records a round, one point for each frame, and ends the job when that is the last one or has reached a target: all at
+    /// once, so that whoever stops the coordinator, at whatever moment, finds the job ended at the same round. Answers `None`,
+    /// and changes nothing, when it has been recorded already or the job has failed.
     pub(crate) async fn record_round(
         &self,
         job: &JobRecord,
         points: Vec<ConvergencePoint>,
         now_ms: i64,
-    ) -> Result<bool, StoreError> {
+    ) -> Result<Option<RecordedRound>, StoreError> {
         let (id, round) = (job.id, job.rounds);
         let passes = job.boundaries().end(round).unwrap_or(job.passes);
-        let is_last = passes == job.passes;
+        let last = (passes == job.passes).then_some(StopReason::Samples);
+        let reason = job.targets.reached(job.samples_per_block, &points).or(last);
         self.write(move |connection| {
             Box::pin(async move {
                 let recorded = sqlx::query(
@@ -64,17 +76,15 @@ impl Store {
                 .execute(&mut *connection)
                 .await?;
                 if recorded.rows_affected() == 0 {
-                    return Ok(false);
+                    return Ok(None);
                 }
                 for point in points {
                     insert(connection, id, &point).await?;
                     let kind = StoredKind::Round { frame: point.frame, round };
                     events::record(connection, kind, id, now_ms).await?;
                 }
-                if is_last {
-                    jobs::end(connection, id, JobState::Done, None, now_ms).await?;
-                }
-                Ok(true)
+                let Some(reason) = reason else { return Ok(Some(RecordedRound::default())) };
+                Ok(Some(end(connection, id, round, passes, reason, now_ms).await?))
             })
         })
         .await
@@ -106,6 +116,27 @@ impl Store {
     }
 }
 
+/// Ends a job with a round, and takes away what has been done beyond it. A job that has ended before keeps what it has.
+async fn end(
+    connection: &mut Connection,
+    job: JobId,
+    round: u32,
+    passes: u32,
+    reason: StopReason,
+    now_ms: i64,
+) -> Result<RecordedRound, StoreError> {
+    if !jobs::end(connection, job, &Ending::Done(reason), now_ms).await? {
+        return Ok(RecordedRound::default());
+    }
+    sqlx::query("delete from waves where job = $1 and round > $2")
+        .bind(job.to_string())
+        .bind(i64::from(round))
+        .execute(&mut *connection)
+        .await?;
+    let discarded = nodes::discard(connection, job, passes).await?;
+    Ok(RecordedRound { stopped_by: Some(reason), discarded })
+}
+
 fn point(row: &AnyRow) -> Result<ConvergencePoint, StoreError> {
     Ok(ConvergencePoint {
         frame: row.number("frame")?,
@@ -123,7 +154,7 @@ fn point(row: &AnyRow) -> Result<ConvergencePoint, StoreError> {
     })
 }
 
-async fn insert(connection: &mut super::Connection, job: JobId, point: &ConvergencePoint) -> Result<(), StoreError> {
+async fn insert(connection: &mut Connection, job: JobId, point: &ConvergencePoint) -> Result<(), StoreError> {
     sqlx::query(
         "insert into rounds (job, frame, round, passes, samples_per_pixel, core_ms, wall_ms, recorded_ms, mse, \
          corrected_mse, rel_mse, psnr, estimated_mse) values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)",

@@ -46,10 +46,17 @@ pub(super) trait Columns {
 
     /// A word of an enumeration, spelled as on the wire.
     fn word<T: DeserializeOwned>(&self, column: &'static str) -> Result<T, StoreError> {
-        let value = self.text(column)?;
-        serde_json::from_value(serde_json::Value::String(value.clone()))
-            .map_err(|_| StoreError::Corrupt { column, value })
+        read_word(column, self.text(column)?)
     }
+
+    /// A word of an enumeration, or null.
+    fn optional_word<T: DeserializeOwned>(&self, column: &'static str) -> Result<Option<T>, StoreError> {
+        self.optional_text(column)?.map(|text| read_word(column, text)).transpose()
+    }
+}
+
+fn read_word<T: DeserializeOwned>(column: &'static str, value: String) -> Result<T, StoreError> {
+    serde_json::from_value(serde_json::Value::String(value.clone())).map_err(|_| StoreError::Corrupt { column, value })
 }
 
 fn parse<T: FromStr>(column: &'static str, text: &str) -> Result<T, StoreError> {

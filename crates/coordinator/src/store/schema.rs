@@ -56,6 +56,7 @@ fn migrations() -> Vec<Migration> {
         migration(1, "first", include_str!("../../migrations/0001_first.sql")),
         migration(2, "counters", include_str!("../../migrations/0002_counters.sql")),
         migration(3, "farm", include_str!("../../migrations/0003_farm.sql")),
+        migration(4, "targets", include_str!("../../migrations/0004_targets.sql")),
     ]
 }
 

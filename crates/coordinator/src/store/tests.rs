@@ -2,7 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use clerestory_api::{JobId, JobState, LeaseId, NodeVerdict, WorkerId, WorkerRegistration};
+use clerestory_api::{
+    ConvergencePoint, JobId, JobState, LeaseId, NodeVerdict, StopReason, WorkerId, WorkerRegistration,
+};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{NodeAddress, TileGrid};
 use clerestory_test_servers::postgres;
@@ -10,10 +12,12 @@ use tempfile::TempDir;
 use uuid::Uuid;
 
 use super::nodes::Acceptance;
+use super::rounds::RecordedRound;
 use super::{
-    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Grant, LeaseError, NewJob, SchemaError, Source, Store,
+    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Ending, Grant, LeaseError, NewJob, SchemaError, Source, Store,
     StoreError, Work, WorkFailure, WorkerError,
 };
+use crate::stop::Targets;
 
 const TTL_MS: i64 = 1000;
 
@@ -60,11 +64,15 @@ impl Farm {
     }
 
     async fn job_with(&self, passes: u32, priority: i32, time_limit_ms: Option<i64>) -> JobId {
+        self.job_like(|job| NewJob { passes, priority, time_limit_ms, ..job }).await
+    }
+
+    async fn job_like(&self, change: impl FnOnce(NewJob) -> NewJob) -> JobId {
         let id = JobId::from(Uuid::now_v7());
         let job = NewJob {
             id,
             name: "window".to_owned(),
-            priority,
+            priority: 0,
             scene: "{}".to_owned(),
             scene_hash: "h".to_owned(),
             integrator: "path".to_owned(),
@@ -72,13 +80,14 @@ impl Farm {
             grid: TileGrid { width: 70, height: 40, tile_size: 16 },
             samples_per_pass: 4,
             samples_per_block: 64,
-            passes,
+            passes: 1,
             reference: None,
-            time_limit_ms,
+            time_limit_ms: None,
+            targets: Targets::default(),
             assets: BTreeMap::new(),
             created_ms: 0,
         };
-        self.store.insert_job(job).await.unwrap();
+        self.store.insert_job(change(job)).await.unwrap();
         id
     }
 
@@ -266,8 +275,8 @@ async fn a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has(farm: Farm) 
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 2, 0).await.unwrap();
     farm.deliver(&grant, &grant.nodes[..1], 0).await.unwrap();
-    assert!(farm.store.end_job(job, JobState::Cancelled, None, 0).await.unwrap());
-    assert!(!farm.store.end_job(job, JobState::Failed, None, 0).await.unwrap());
+    assert!(farm.store.end_job(job, Ending::Cancelled, 0).await.unwrap());
+    assert!(!farm.store.end_job(job, Ending::Failed("late".to_owned()), 0).await.unwrap());
     assert!(matches!(farm.deliver(&grant, &grant.nodes[1..], 0).await, Err(LeaseError::JobNotRunning)));
     assert_eq!(farm.state(job).await, JobState::Cancelled);
     assert_eq!(farm.addresses(job).await, grant.nodes[..1]);
@@ -337,8 +346,8 @@ async fn rounds_complete_in_order_and_the_last_ends_the_job(farm: Farm) {
         assert_eq!((wave.round, wave.passes, wave.completed_ms), (round, passes, 300));
         let record = farm.store.job(job).await.unwrap().unwrap();
         assert_eq!(record.state, JobState::Running);
-        assert!(farm.store.record_round(&record, Vec::new(), 400).await.unwrap());
-        assert!(!farm.store.record_round(&record, Vec::new(), 400).await.unwrap(), "a round is recorded once");
+        assert!(farm.store.record_round(&record, Vec::new(), 400).await.unwrap().is_some());
+        assert_eq!(farm.store.record_round(&record, Vec::new(), 400).await.unwrap(), None, "a round is recorded once");
     }
     assert_eq!(farm.state(job).await, JobState::Done);
 }
@@ -374,6 +383,7 @@ async fn a_time_limit_counts_from_the_first_lease_and_keeps_what_is_complete(far
     assert!(farm.claim(worker, 2, 10_500).await.is_none(), "no work after the limit");
     assert_eq!(farm.store.end_jobs_out_of_time(10_500).await.unwrap(), [job]);
     assert_eq!(farm.state(job).await, JobState::Done);
+    assert_eq!(farm.store.job(job).await.unwrap().unwrap().stopped_by, Some(StopReason::Time));
     let kept: BTreeSet<NodeAddress> = farm.addresses(job).await.into_iter().collect();
     assert_eq!(kept, grant.nodes[..16].iter().copied().collect());
 }
@@ -395,6 +405,76 @@ async fn a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_i
     farm.store.record_round(&farm.store.job(job).await.unwrap().unwrap(), Vec::new(), 20_200).await.unwrap();
     assert_eq!(farm.store.end_jobs_out_of_time(20_300).await.unwrap(), [job]);
     assert_eq!(farm.state(job).await, JobState::Done);
+}
+
+impl Farm {
+    /// A job of 3 passes that a measured error of 1e-3 ends, all of which is delivered but for the last tile of the last pass.
+    async fn job_with_target(&self) -> (JobId, Grant) {
+        let targets = Targets { mse: Some(1e-3), estimated_mse: None };
+        let job = self.job_like(|job| NewJob { passes: 3, targets, ..job }).await;
+        let grant = self.claim(self.worker().await, 256, 0).await.unwrap();
+        self.deliver(&grant, &grant.nodes[..grant.nodes.len() - 1], 100).await.unwrap();
+        (job, grant)
+    }
+
+    /// Records the next round with an error of the only frame.
+    async fn record_error(&self, job: JobId, mse: f64) -> Option<RecordedRound> {
+        let record = self.store.job(job).await.unwrap().unwrap();
+        let round = record.rounds;
+        let point = ConvergencePoint { round, passes: round + 1, mse: Some(mse), ..ConvergencePoint::default() };
+        self.store.record_round(&record, vec![point], 200).await.unwrap()
+    }
+}
+
+async fn a_round_that_reaches_a_target_ends_the_job_and_what_lies_beyond_it_goes(farm: Farm) {
+    let (job, grant) = farm.job_with_target().await;
+    assert_eq!(farm.record_error(job, 2e-3).await, Some(RecordedRound::default()));
+    assert_eq!(farm.state(job).await, JobState::Running);
+    let beyond: BTreeSet<String> = farm
+        .store
+        .nodes(job)
+        .await
+        .unwrap()
+        .into_iter()
+        .filter(|node| node.address.index >= 2)
+        .map(|node| node.blob)
+        .collect();
+    let recorded = farm.record_error(job, 1e-3).await.unwrap();
+    assert_eq!(recorded.stopped_by, Some(StopReason::Mse));
+    assert!(!beyond.is_empty());
+    assert_eq!(recorded.discarded.into_iter().collect::<BTreeSet<_>>(), beyond);
+
+    let farm = farm.reopened().await;
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    assert_eq!((record.state, record.stopped_by, record.complete_passes), (JobState::Done, Some(StopReason::Mse), 2));
+    assert_eq!(record.targets, Targets { mse: Some(1e-3), estimated_mse: None });
+    assert!(farm.addresses(job).await.iter().all(|node| node.passes().first < 2));
+    let late = farm.deliver(&grant, &grant.nodes, 300).await;
+    assert!(matches!(late, Err(LeaseError::JobNotRunning)), "{late:?}");
+    assert_eq!(farm.addresses(job).await.len() as u32, 2 * record.grid.len());
+    assert_eq!(farm.next_wave(job).await, None, "no round follows");
+    assert!(farm.claim(farm.worker().await, 1, 300).await.is_none());
+}
+
+async fn a_target_that_is_not_reached_leaves_the_last_round_to_end_the_job(farm: Farm) {
+    let (job, grant) = farm.job_with_target().await;
+    farm.deliver(&grant, &grant.nodes[grant.nodes.len() - 1..], 100).await.unwrap();
+    for _ in 0..2 {
+        assert_eq!(farm.record_error(job, 2e-3).await, Some(RecordedRound::default()));
+    }
+    let last = RecordedRound { stopped_by: Some(StopReason::Samples), discarded: Vec::new() };
+    assert_eq!(farm.record_error(job, 2e-3).await, Some(last));
+    assert_eq!(farm.store.job(job).await.unwrap().unwrap().stopped_by, Some(StopReason::Samples));
+}
+
+async fn a_target_that_is_reached_after_the_end_changes_nothing(farm: Farm) {
+    let (job, _) = farm.job_with_target().await;
+    farm.store.end_job(job, Ending::Cancelled, 150).await.unwrap();
+    let before = farm.addresses(job).await;
+    assert_eq!(farm.record_error(job, 1e-4).await, Some(RecordedRound::default()));
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    assert_eq!((record.state, record.stopped_by, record.rounds), (JobState::Cancelled, None, 1));
+    assert_eq!(farm.addresses(job).await, before);
 }
 
 async fn an_unknown_worker_gets_no_work_and_is_told(farm: Farm) {
@@ -456,7 +536,7 @@ async fn a_database_of_a_newer_build_is_refused_with_both_versions(farm: Farm) {
     newer.await.unwrap();
     farm.store.close().await;
     let error = Store::open(farm.source).await.unwrap_err();
-    assert!(matches!(error, SchemaError::Newer { found: 99, known: 3, .. }), "{error}");
+    assert!(matches!(error, SchemaError::Newer { found: 99, known: 4, .. }), "{error}");
 }
 
 async fn a_lost_connection_fails_what_was_under_way_and_nothing_after_it(farm: Farm) {
@@ -523,6 +603,9 @@ on_both! {
     times_beyond_all_numbers_leave_the_farm_usable
     a_time_limit_counts_from_the_first_lease_and_keeps_what_is_complete
     a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_is_rendered
+    a_round_that_reaches_a_target_ends_the_job_and_what_lies_beyond_it_goes
+    a_target_that_is_not_reached_leaves_the_last_round_to_end_the_job
+    a_target_that_is_reached_after_the_end_changes_nothing
     an_unknown_worker_gets_no_work_and_is_told
     a_failed_write_takes_nothing_else_with_it
     a_farm_keeps_its_identity

@@ -145,6 +145,16 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
         let body = submission_with("time_limit_ms", json!(limit_ms));
         check(farm, submit(&body), 400, "invalid_field", Some("time_limit_ms")).await;
     }
+    for field in ["target_mse", "target_estimated_mse"] {
+        for target in [json!(0), json!(-1e-3), json!("little")] {
+            check(farm, submit(&submission_with(field, target)), 400, "invalid_field", Some(field)).await;
+        }
+    }
+    let problem =
+        check(farm, submit(&submission_with("target_mse", json!(1e-9))), 400, "invalid_field", Some("target_mse"))
+            .await;
+    assert_eq!(problem.value.as_deref(), Some("1e-9"));
+    assert!(problem.expected.unwrap().contains("a reference"));
     check(farm, submit(&submission_with("reference", json!("abc"))), 400, "invalid_field", Some("reference")).await;
     let surplus = json!({"roof.ply": hash(b"roof")});
     check(farm, submit(&submission_with("assets", surplus)), 400, "invalid_field", Some("assets.roof.ply")).await;

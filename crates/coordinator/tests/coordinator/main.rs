@@ -5,3 +5,4 @@
 mod bad_requests;
 mod farm;
 mod support;
+mod targets;

@@ -177,6 +177,8 @@ pub(crate) fn submission(passes: u32) -> JobSubmission {
         priority: 0,
         reference: None,
         time_limit_ms: None,
+        target_mse: None,
+        target_estimated_mse: None,
     }
 }
 

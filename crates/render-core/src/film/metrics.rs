@@ -60,7 +60,7 @@ pub fn compare(image: &FrameImage, reference: &FrameImage) -> Result<Metrics, Co
         return Err(CompareError::DifferentSizes { image: sizes[0], reference: sizes[1] });
     }
     let image = image.layers().mean.as_flattened();
-    let standard_error = reference.layers().standard_error.as_ref();
+    let noise = mean_squared_standard_error(reference);
     let reference = reference.layers().mean.as_flattened();
     let count = reference.len() as f64;
     let mean_magnitude = reference.iter().map(|r| f64::from(r.abs())).sum::<f64>() / count;
@@ -82,10 +82,6 @@ pub fn compare(image: &FrameImage, reference: &FrameImage) -> Result<Metrics, Co
         peak = peak.max(r.abs());
     }
     let mse = squares / count;
-    let noise = standard_error.map(|errors| {
-        let squares: f64 = errors.as_flattened().iter().map(|&error| f64::from(error) * f64::from(error)).sum();
-        squares / count
-    });
     Ok(Metrics {
         mse,
         corrected_mse: noise.map(|noise| mse - noise),
@@ -95,6 +91,14 @@ pub fn compare(image: &FrameImage, reference: &FrameImage) -> Result<Metrics, Co
         max_abs_diff,
         bit_identical,
     })
+}
+
+/// `1/N sum e^2` with the standard error `e` of an image: what its mean squared error is expected to be, as far as the image
+/// itself knows. `None` when it has no standard error.
+pub fn mean_squared_standard_error(image: &FrameImage) -> Option<f64> {
+    let errors = image.layers().standard_error.as_ref()?.as_flattened();
+    let squares: f64 = errors.iter().map(|&error| f64::from(error) * f64::from(error)).sum();
+    Some(squares / errors.len() as f64)
 }
 
 /// What the error of a reference adds to [`Metrics::rel_mse`].

@@ -25,7 +25,7 @@ pub mod tree;
 pub use address::{NodeAddress, PassRange, Tile, TileGrid};
 pub use decomposition::{Decomposition, decompose};
 pub use image::{FrameImage, ImageError, ImageLayers, ImageMetadata};
-pub use metrics::{CompareError, Metrics, RelativeNoise, compare, relative_noise};
+pub use metrics::{CompareError, Metrics, RelativeNoise, compare, mean_squared_standard_error, relative_noise};
 pub use node::{FirstHitLayers, FirstHitSums, MergeError, Node, NodeError, NodeLayers, NonFinite, PassSums};
 pub use openexr::{DecodeBudget, OpenExrError};
 pub(crate) use openexr::{OpenExr, Plane};

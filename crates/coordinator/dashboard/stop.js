@@ -1,0 +1,29 @@
+// What ends a job, and what has ended it, in words.
+
+import { duration, errorValue } from './format.js';
+
+const REASONS = {
+  samples: 'all its samples',
+  time: 'its time limit',
+  mse: 'its target MSE',
+  estimated_mse: 'its target estimated MSE',
+};
+
+/** What ends `job`, whichever comes first, before the number of samples that stands for as many as that takes; or nothing. */
+export const limits = (job) =>
+  [
+    job.target_mse && `to MSE ${errorValue(job.target_mse)}`,
+    job.target_estimated_mse && `to estimated MSE ${errorValue(job.target_estimated_mse)}`,
+    job.time_limit_ms && `within ${duration(job.time_limit_ms)}`,
+  ]
+    .filter(Boolean)
+    .join(' or ');
+
+/** What ended a job. */
+export const reason = (job) => REASONS[job.stopped_by] ?? job.stopped_by;
+
+/** Samples in a pixel of the image: what was rendered beyond the round that a target ended is not in it. */
+export function samplesInPixel(job) {
+  const isCutOff = job.stopped_by === 'mse' || job.stopped_by === 'estimated_mse';
+  return isCutOff ? job.complete_passes * job.samples_per_pass : job.samples / (job.width * job.height * job.frames);
+}
