@@ -6,6 +6,7 @@ use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use clerestory_api::{Client, ClientError, ConvergenceSeries, JobId, JobView};
+use clerestory_test_servers::Balancer;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use tempfile::TempDir;
@@ -13,15 +14,26 @@ use tempfile::TempDir;
 /// Longest wait for anything that a farm should do.
 const PATIENCE: Duration = Duration::from_secs(240);
 
-/// A coordinator with its data, and the workers that were started for it. They end with the value.
+/// How long a farm that may be under attack is given for an answer.
+const ANSWER: Duration = Duration::from_secs(2);
+
+/// Coordinators with their data, and the workers that were started for them. They end with the value.
 pub struct Farm {
-    data: TempDir,
     token: Option<String>,
     options: Vec<String>,
     environment: Vec<(String, String)>,
+    /// What everybody calls: the coordinator, or what is in front of several.
     address: String,
-    coordinator: Process,
+    coordinators: Vec<Coordinator>,
     workers: Vec<Process>,
+    balancer: Option<Balancer>,
+}
+
+/// A coordinator.
+struct Coordinator {
+    data: TempDir,
+    address: String,
+    process: Process,
 }
 
 impl Farm {
@@ -41,16 +53,53 @@ impl Farm {
     ///
     /// When it does not start.
     pub fn start_in(environment: &[(String, String)], token: Option<&str>, options: &[&str]) -> Self {
-        let data = tempfile::tempdir().expect("a temporary folder");
-        let token = token.map(str::to_owned);
-        let options: Vec<String> = options.iter().map(|&option| option.to_owned()).collect();
-        let environment = environment.to_vec();
-        let mut command = coordinator("127.0.0.1:0", data.path(), token.as_deref(), &options);
-        let (coordinator, address) = Process::serving(command.envs(environment.iter().cloned()));
-        Self { data, token, options, environment, address, coordinator, workers: Vec::new() }
+        let mut farm = Self::nowhere(environment, token, options);
+        farm.coordinators.push(farm.coordinator());
+        farm.address = farm.coordinators[0].address.clone();
+        farm
     }
 
-    /// Address of the coordinator and its page.
+    /// So many coordinators behind a load balancer. Their options name the database and the object store that they share.
+    ///
+    /// # Panics
+    ///
+    /// When they do not start.
+    pub fn start_several(count: usize, environment: &[(String, String)], options: &[&str]) -> Self {
+        let mut farm = Self::nowhere(environment, None, options);
+        farm.coordinators = (0..count).map(|_| farm.coordinator()).collect();
+        let socket = |coordinator: &Coordinator| coordinator.socket().parse().expect("an address");
+        let balancer = Balancer::start(farm.coordinators.iter().map(socket).collect()).expect("a free port");
+        farm.address = format!("http://{}", balancer.address());
+        Self { balancer: Some(balancer), ..farm }
+    }
+
+    fn nowhere(environment: &[(String, String)], token: Option<&str>, options: &[&str]) -> Self {
+        Self {
+            token: token.map(str::to_owned),
+            options: options.iter().map(|&option| option.to_owned()).collect(),
+            environment: environment.to_vec(),
+            address: String::new(),
+            coordinators: Vec::new(),
+            workers: Vec::new(),
+            balancer: None,
+        }
+    }
+
+    /// Another coordinator, on a free port and with a data directory of its own.
+    fn coordinator(&self) -> Coordinator {
+        let data = tempfile::tempdir().expect("a temporary folder");
+        let (process, address) = self.serving("127.0.0.1:0", data.path());
+        Coordinator { data, address, process }
+    }
+
+    fn serving(&self, listen: &str, data: &Path) -> (Process, String) {
+        let mut command = clerestory();
+        command.args(["coordinator", "--listen", listen, "--stop-with-stdin", "--data"]).arg(data).args(&self.options);
+        command.envs(self.token.iter().map(|token| ("CLERESTORY_TOKEN", token)));
+        Process::serving(command.envs(self.environment.iter().cloned()))
+    }
+
+    /// Address of the coordinator and its page, or of what is in front of several.
     pub fn address(&self) -> &str {
         &self.address
     }
@@ -76,6 +125,15 @@ impl Farm {
         self.workers[index].0.wait().expect("the worker ends")
     }
 
+    /// Asks the worker that was started as number `index` to stop.
+    ///
+    /// # Panics
+    ///
+    /// When it does not run.
+    pub fn ask_worker_to_stop(&self, index: usize) {
+        self.signal_worker(index, Signal::SIGTERM);
+    }
+
     /// Suspends the worker that was started as number `index`, as a laptop that goes to sleep, or wakes it up again.
     ///
     /// # Panics
@@ -86,27 +144,26 @@ impl Farm {
     }
 
     fn signal_worker(&self, index: usize, signal: Signal) {
-        let pid = Pid::from_raw(self.workers[index].0.id().try_into().expect("a process number"));
-        kill(pid, signal).expect("the worker runs");
+        self.workers[index].signal(signal);
     }
 
-    /// Number of the coordinator's process; `None` when it has ended.
+    /// Number of the first coordinator's process; `None` when it has ended.
     ///
     /// # Panics
     ///
     /// When the system does not know the process.
     pub fn coordinator_process(&mut self) -> Option<u32> {
-        let child = &mut self.coordinator.0;
+        let child = &mut self.coordinators[0].process.0;
         child.try_wait().expect("a process of ours").is_none().then(|| child.id())
     }
 
-    /// The most memory that the coordinator has had so far.
+    /// The most memory that the first coordinator has had so far.
     ///
     /// # Panics
     ///
     /// When it has ended, or the system does not describe processes as Linux does.
     pub fn coordinator_memory(&self) -> PeakMemory {
-        let file = format!("/proc/{}/status", self.coordinator.0.id());
+        let file = format!("/proc/{}/status", self.coordinators[0].process.0.id());
         let status = std::fs::read_to_string(file).expect("the system describes the coordinator");
         let bytes = |name: &str| {
             let value = status.lines().find_map(|line| line.strip_prefix(name)).expect("the coordinator has memory");
@@ -116,16 +173,24 @@ impl Farm {
         PeakMemory { resident: bytes("VmHWM"), address_space: bytes("VmPeak") }
     }
 
-    /// Kills the coordinator, as a power cut would.
-    pub fn kill_coordinator(&mut self) {
-        self.coordinator.kill();
+    /// Kills the coordinator that was started as number `index`, as a power cut would.
+    pub fn kill_coordinator(&mut self, index: usize) {
+        self.coordinators[index].process.kill();
     }
 
-    /// Starts a coordinator again, on the same port and with the same data.
-    pub fn restart_coordinator(&mut self) {
-        let listen = self.address.trim_start_matches("http://").trim_end_matches('/').to_owned();
-        let mut command = coordinator(&listen, self.data.path(), self.token.as_deref(), &self.options);
-        (self.coordinator, self.address) = Process::serving(command.envs(self.environment.iter().cloned()));
+    /// Starts it again, on the same port and with the same data.
+    pub fn restart_coordinator(&mut self, index: usize) {
+        let (socket, data) = (self.coordinators[index].socket(), self.coordinators[index].data.path().to_owned());
+        self.coordinators[index].process = self.serving(&socket, &data).0;
+    }
+
+    /// Suspends the coordinator that was started as number `index`, or wakes it up again.
+    ///
+    /// # Panics
+    ///
+    /// When it does not run.
+    pub fn suspend_coordinator(&mut self, index: usize, suspended: bool) {
+        self.coordinators[index].process.signal(if suspended { Signal::SIGSTOP } else { Signal::SIGCONT });
     }
 
     /// Submits a scene as a user does, and returns the identity of the job.
@@ -145,7 +210,24 @@ impl Farm {
     ///
     /// When the farm does not answer, or has no job.
     pub fn newest_job(&self) -> JobView {
-        let output = succeeded(&mut self.command(&["jobs", "--json"]));
+        self.newest_job_at(&self.address)
+    }
+
+    /// The newest job; `None` when the farm does not answer.
+    pub fn newest_job_if_any(&self) -> Option<JobView> {
+        self.newest_job_if_it_answers(&self.address)
+    }
+
+    fn newest_job_if_it_answers(&self, address: &str) -> Option<JobView> {
+        let client = Client::new(address, self.token.as_deref()).ok()?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().ok()?;
+        let answer = async { tokio::time::timeout(ANSWER, client.jobs()).await.ok()?.ok() };
+        runtime.block_on(answer)?.into_iter().next()
+    }
+
+    fn newest_job_at(&self, address: &str) -> JobView {
+        let mut command = self.command(&["jobs", "--json"]);
+        let output = succeeded(command.env("CLERESTORY_COORDINATOR", address));
         let jobs: Vec<JobView> = serde_json::from_slice(&output.stdout).expect("a list of jobs");
         jobs.into_iter().next().expect("a job")
     }
@@ -156,11 +238,28 @@ impl Farm {
     ///
     /// When that does not happen within minutes.
     pub fn wait_until(&self, what: &str, enough: impl Fn(&JobView) -> bool) -> JobView {
+        self.wait_until_at(&self.address, what, enough)
+    }
+
+    /// The same, asking the coordinator that was started as number `index`.
+    ///
+    /// # Panics
+    ///
+    /// When that does not happen within minutes.
+    pub fn wait_at(&self, index: usize, what: &str, enough: impl Fn(&JobView) -> bool) -> JobView {
+        self.wait_until_at(&self.coordinators[index].address, what, enough)
+    }
+
+    fn wait_until_at(&self, address: &str, what: &str, enough: impl Fn(&JobView) -> bool) -> JobView {
         let start = Instant::now();
         loop {
-            let job = self.newest_job();
-            if enough(&job) {
-                return job;
+            // A call that one of several coordinators had taken when it was killed is lost with it.
+            let job = match self.balancer {
+                Some(_) => self.newest_job_if_it_answers(address),
+                None => Some(self.newest_job_at(address)),
+            };
+            if let Some(job) = job.as_ref().filter(|job| enough(job)) {
+                return job.clone();
             }
             assert!(start.elapsed() < PATIENCE, "still not {what}: {job:?}");
             std::thread::sleep(Duration::from_millis(20));
@@ -197,6 +296,12 @@ impl Farm {
         command.args(arguments).env("CLERESTORY_COORDINATOR", &self.address);
         command.envs(self.token.iter().map(|token| ("CLERESTORY_TOKEN", token)));
         command
+    }
+}
+
+impl Coordinator {
+    fn socket(&self) -> String {
+        self.address.trim_start_matches("http://").trim_end_matches('/').to_owned()
     }
 }
 
@@ -240,13 +345,6 @@ pub fn succeeded(command: &mut Command) -> Output {
     output
 }
 
-fn coordinator(listen: &str, data: &Path, token: Option<&str>, options: &[String]) -> Command {
-    let mut command = clerestory();
-    command.args(["coordinator", "--listen", listen, "--stop-with-stdin", "--data"]).arg(data).args(options);
-    command.envs(token.map(|token| ("CLERESTORY_TOKEN", token)));
-    command
-}
-
 /// A process that is killed with the value; or, when this process is killed, ends because its standard input does.
 pub struct Process(Child);
 
@@ -271,9 +369,13 @@ impl Process {
     ///
     /// When it does not run, or ends with a failure.
     pub fn ends(&mut self) {
-        kill(Pid::from_raw(self.0.id().cast_signed()), Signal::SIGTERM).expect("the process runs");
+        self.signal(Signal::SIGTERM);
         let status = self.0.wait().expect("the process ends");
         assert!(status.success(), "{status}");
+    }
+
+    fn signal(&self, signal: Signal) {
+        kill(Pid::from_raw(self.0.id().cast_signed()), signal).expect("the process runs");
     }
 
     fn spawn(command: &mut Command) -> Self {

@@ -221,13 +221,13 @@ async fn the_page_outlives_its_coordinator() {
     // Lost if the page were loaded anew.
     browser.script("window.isTheSamePage = true").await;
 
-    farm.kill_coordinator();
+    farm.kill_coordinator(0);
     browser.shows(".connection", "Offline").await;
     browser.shows(".offline", "The coordinator is out of reach").await;
     assert_eq!(browser.text("#job-heading").await, "A long job", "what is known stays on the page");
     let samples = browser.text(".samples").await;
 
-    farm.restart_coordinator();
+    farm.restart_coordinator(0);
     browser.shows(".connection", "Live").await;
     let goes_on = format!("return document.querySelector('.samples').textContent !== {samples:?} || null");
     browser.script_gives(&goes_on).await;

@@ -112,8 +112,8 @@ fn kill_a_worker_and_then_the_coordinator(options: &[&str]) {
 fn kill_the_coordinator(farm: &mut Farm) {
     let before = farm.wait_until("going on", |job| job.progress > 0.3);
     assert_eq!(before.state, JobState::Running, "the job must still run when the coordinator is killed");
-    farm.kill_coordinator();
-    farm.restart_coordinator();
+    farm.kill_coordinator(0);
+    farm.restart_coordinator(0);
     let after = farm.newest_job();
     assert!(after.progress >= before.progress, "acknowledged work was lost: {after:?}");
 }
@@ -167,6 +167,61 @@ fn killing_the_object_server_and_the_coordinator_changes_no_bit_in_postgres_and_
     objects.restart();
     kill_the_coordinator(&mut farm);
     assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
+}
+
+#[test]
+fn killing_any_of_several_coordinators_stops_nothing_and_changes_no_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = WITH_CONE.rendered_alone(&folder);
+    let mut farm = two_coordinators();
+    farm.start_worker("first");
+    farm.start_worker("second");
+    WITH_CONE.submit(&farm, "16");
+    farm.wait_until("begun", |job| job.progress > 0.05);
+    farm.kill_coordinator(0);
+    // The other goes on alone, whichever of them kept the film.
+    farm.wait_until("going on", |job| job.progress > 0.4);
+    farm.restart_coordinator(0);
+    farm.kill_coordinator(1);
+    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
+}
+
+#[test]
+fn a_suspended_coordinator_stops_nothing_and_changes_no_bit_when_it_wakes_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = WITH_CONE.rendered_alone(&folder);
+    let mut farm = two_coordinators();
+    farm.start_worker("first");
+    farm.start_worker("second");
+    WITH_CONE.submit(&farm, "16");
+    let job = farm.wait_until("begun", |job| job.progress > 0.05);
+    farm.suspend_coordinator(0, true);
+    // Calls that it has taken wait for it, and new ones too: no balancer knows. So the other is asked by itself.
+    farm.wait_at(1, "going on", |record| record.id == job.id && record.progress > 0.4);
+    farm.suspend_coordinator(0, false);
+    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
+}
+
+/// Two coordinators on PostgreSQL and S3.
+fn two_coordinators() -> Farm {
+    let (database, bucket) = (postgres().new_database(), format!("s3://{}/farm", s3().new_bucket()));
+    let options = ["--lease-nodes", "4", "--lease-seconds", "2", "--database", &database, "--object-store", &bucket];
+    Farm::start_several(2, &s3().environment(), &options)
+}
+
+#[test]
+fn a_coordinator_that_keeps_blobs_elsewhere_is_refused() {
+    let database = postgres().new_database();
+    let farm = Farm::start(None, &["--database", &database]);
+    succeeded(&mut farm.command(&["jobs"]));
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = clerestory();
+    let output = command.args(["coordinator", "--listen", "127.0.0.1:0", "--database", &database, "--data"]);
+    let output = output.arg(folder.path()).output().unwrap();
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success());
+    assert!(message.contains("has its blobs elsewhere"), "{message}");
+    drop(farm);
 }
 
 #[test]

@@ -172,8 +172,8 @@ fn kill_around_the_last_round(order: &Order, options: &[&str]) {
     for rounds in [3, 5, 6, 7] {
         order.submit(&farm);
         farm.wait_until("going on", |job| job.rounds >= rounds || job.state.is_final());
-        farm.kill_coordinator();
-        farm.restart_coordinator();
+        farm.kill_coordinator(0);
+        farm.restart_coordinator(0);
         order.is_fulfilled_by(&farm);
     }
     farm.kill_worker(0);

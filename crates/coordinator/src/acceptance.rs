@@ -14,6 +14,7 @@ use futures::stream::{self, StreamExt, TryStreamExt};
 
 use crate::farm::Farm;
 use crate::http::ApiError;
+use crate::news::News;
 use crate::store::{DeliveredNode, Delivery, JobRecord, LeaseError, WorkFailure};
 
 /// Nodes that are written at the same time.
@@ -62,11 +63,9 @@ pub(crate) async fn accept(
 pub(crate) async fn fail(farm: &Farm, failure: WorkFailure) -> Result<(), ApiError> {
     if let Some(job) = farm.store.fail_lease(failure).await? {
         tracing::warn!(%job, "the job has failed");
-        farm.job_changed(job);
-        farm.film_grew(job);
+        farm.tell(News::Job(job));
     }
-    farm.events.workers_changed();
-    farm.work.notify_waiters();
+    farm.tell(News::Work);
     Ok(())
 }
 
@@ -107,11 +106,8 @@ async fn store(
     }
     farm.blobs.remove_nodes(unused).await;
     if acceptance.samples > 0 {
-        farm.rates.add(job.id, acceptance.samples, now_ms);
-        farm.events.progressed(job.id);
-        farm.film_grew(job.id);
+        farm.tell(News::Film { job: job.id, samples: acceptance.samples });
     }
-    farm.events.workers_changed();
     Ok(PartialAnswer { nodes: answers, outstanding: acceptance.outstanding })
 }
 

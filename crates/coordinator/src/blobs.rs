@@ -20,6 +20,7 @@ use object_store::{ObjectStore, ObjectStoreExt, PutMode, WriteMultipart};
 use uuid::Uuid;
 
 use crate::bucket::Bucket;
+use crate::store::Identity;
 
 /// Chunks of an upload that may wait for the disk.
 const CHUNKS_IN_FLIGHT: usize = 2;
@@ -49,6 +50,12 @@ pub(crate) enum ClaimError {
     Unknown {
         /// How many.
         nodes: usize,
+        /// Who asked.
+        farm: Uuid,
+    },
+    /// It is nobody's, and the farm has another.
+    #[error("the farm {farm} has its blobs elsewhere")]
+    Elsewhere {
         /// Who asked.
         farm: Uuid,
     },
@@ -113,25 +120,40 @@ impl Blobs {
     }
 
     /// Makes sure that the store is this farm's, whose database names the nodes in `known`. It is marked when it is nobody's: when it holds
-    /// no nodes, or some of these.
-    pub(crate) async fn claim(&self, farm: Uuid, known: &BTreeSet<String>) -> Result<(), ClaimError> {
+    /// no nodes, or some of these, and the farm has no other. Answers whether it was marked now.
+    pub(crate) async fn claim(&self, identity: Identity, known: &BTreeSet<String>) -> Result<bool, ClaimError> {
+        let farm = identity.farm;
+        let mut is_new = false;
         if self.owner().await?.is_none() {
-            let found = self.nodes().await?;
+            let found: Vec<String> = self.nodes().await?.into_iter().map(|node| node.name).collect();
+            if identity.has_blobs {
+                return Err(ClaimError::Elsewhere { farm });
+            }
             if !found.is_empty() && found.iter().all(|name| !known.contains(name)) {
                 return Err(ClaimError::Unknown { nodes: found.len(), farm });
             }
             let marked = self.store.put_opts(&Path::from(OWNER), farm.to_string().into(), PutMode::Create.into()).await;
-            if let Err(error) = marked
-                && !matches!(error, object_store::Error::AlreadyExists { .. })
-            {
-                return Err(BlobError(error).into());
+            match marked {
+                Ok(_) => is_new = true,
+                Err(object_store::Error::AlreadyExists { .. }) => {}
+                Err(error) => return Err(BlobError(error).into()),
             }
         }
         // Not every store keeps two farms that start together from writing both.
         match self.owner().await? {
-            Some(owner) if owner == farm.to_string() => Ok(()),
+            Some(owner) if owner == farm.to_string() => Ok(is_new),
             owner => Err(ClaimError::Foreign { owner: owner.unwrap_or_default(), farm }),
         }
+    }
+
+    /// Takes the mark away that [`Self::claim`] has just made.
+    pub(crate) async fn disclaim(&self) -> Result<(), BlobError> {
+        Ok(self.store.delete(&Path::from(OWNER)).await?)
+    }
+
+    /// Whether the store bears the mark of this farm.
+    pub(crate) async fn is_of(&self, farm: Uuid) -> Result<bool, BlobError> {
+        Ok(self.owner().await?.is_some_and(|owner| owner == farm.to_string()))
     }
 
     /// The farm whose mark the store bears.
@@ -143,10 +165,14 @@ impl Blobs {
         }
     }
 
-    /// The names of all nodes.
-    async fn nodes(&self) -> Result<Vec<String>, BlobError> {
+    /// All nodes.
+    pub(crate) async fn nodes(&self) -> Result<Vec<StoredNode>, BlobError> {
         let found: Vec<_> = self.store.list(Some(&Path::from("nodes"))).try_collect().await?;
-        Ok(found.into_iter().map(|blob| blob.location.to_string()).collect())
+        let node = |blob: object_store::ObjectMeta| StoredNode {
+            name: blob.location.to_string(),
+            stored_ms: blob.last_modified.timestamp_millis(),
+        };
+        Ok(found.into_iter().map(node).collect())
     }
 
     /// Stores the bytes of an asset as they come, if they have the promised hash and are not too many. Answers their
@@ -237,11 +263,21 @@ impl Blobs {
         count
     }
 
-    /// Removes all nodes but those, and answers how many.
-    pub(crate) async fn sweep_nodes(&self, known: &BTreeSet<String>) -> Result<usize, BlobError> {
-        let orphans = self.nodes().await?.into_iter().filter(|name| !known.contains(name)).collect();
-        Ok(self.remove_nodes(orphans).await)
+    /// Removes those of the nodes that were `found` which are not known, and were stored before `before_ms`. Answers how many.
+    pub(crate) async fn sweep_nodes(&self, found: Vec<StoredNode>, known: &BTreeSet<String>, before_ms: i64) -> usize {
+        let is_orphan = |node: &StoredNode| !known.contains(&node.name) && node.stored_ms < before_ms;
+        let orphans = found.into_iter().filter(is_orphan).map(|node| node.name).collect();
+        self.remove_nodes(orphans).await
     }
+}
+
+/// A node as the blob store lists it.
+#[derive(Clone, Debug)]
+pub(crate) struct StoredNode {
+    /// Name of its blob.
+    pub(crate) name: String,
+    /// When it was stored, by the clock of the store.
+    pub(crate) stored_ms: i64,
 }
 
 /// Spread over directories by the first byte, since some file systems are slow with very large directories.
@@ -278,6 +314,10 @@ mod tests {
 
     fn hash(content: &[u8]) -> ContentHash {
         ContentHash::from(*blake3::hash(content).as_bytes())
+    }
+
+    fn a_farm() -> Identity {
+        Identity { farm: Uuid::now_v7(), has_blobs: false }
     }
 
     fn in_a_directory() -> (Blobs, TempDir) {
@@ -328,7 +368,18 @@ mod tests {
         let kept = blobs.put_node(job, b"kept".to_vec()).await.unwrap();
         let orphan = blobs.put_node(job, b"orphan".to_vec()).await.unwrap();
         blobs.put_asset(hash(b"glass"), 100, source(&["glass"])).await.unwrap();
-        assert_eq!(blobs.sweep_nodes(&BTreeSet::from([kept.clone()])).await.unwrap(), 1);
+        let known = BTreeSet::from([kept.clone()]);
+        let found = blobs.nodes().await.unwrap();
+        let stored_ms = found.iter().map(|node| node.stored_ms).min().unwrap();
+        assert_eq!(
+            blobs.sweep_nodes(found.clone(), &known, stored_ms).await,
+            0,
+            "one that is young may be accepted yet"
+        );
+        let late = blobs.put_node(job, b"late".to_vec()).await.unwrap();
+        assert_eq!(blobs.sweep_nodes(found, &known, i64::MAX).await, 1);
+        assert_eq!(blobs.node(&late).await.unwrap(), "late", "it was not there when the nodes were listed");
+        blobs.remove_nodes(vec![late]).await;
         assert_eq!(blobs.node(&kept).await.unwrap(), "kept");
         assert!(blobs.node(&orphan).await.unwrap_err().is_missing());
         assert_eq!(names(&blobs).await.len(), 2);
@@ -337,22 +388,32 @@ mod tests {
     }
 
     async fn a_store_belongs_to_the_first_farm_that_claims_it(blobs: Blobs) {
-        let [ours, theirs] = [(); 2].map(|()| Uuid::now_v7());
+        let [ours, theirs] = [(); 2].map(|()| a_farm());
         let nothing = BTreeSet::new();
-        blobs.claim(ours, &nothing).await.unwrap();
-        blobs.claim(ours, &nothing).await.unwrap();
+        assert!(blobs.claim(ours, &nothing).await.unwrap());
+        assert!(!blobs.claim(ours, &nothing).await.unwrap());
         let refused = blobs.claim(theirs, &nothing).await.unwrap_err();
-        assert!(matches!(&refused, ClaimError::Foreign { owner, .. } if *owner == ours.to_string()), "{refused}");
-        blobs.claim(ours, &nothing).await.unwrap();
+        assert!(matches!(&refused, ClaimError::Foreign { owner, .. } if *owner == ours.farm.to_string()), "{refused}");
+        assert!(!blobs.claim(Identity { has_blobs: true, ..ours }, &nothing).await.unwrap());
+        assert!(blobs.is_of(ours.farm).await.unwrap() && !blobs.is_of(theirs.farm).await.unwrap());
     }
 
     async fn nodes_without_a_mark_are_only_taken_by_a_farm_that_knows_some(blobs: Blobs) {
-        let farm = Uuid::now_v7();
+        let farm = a_farm();
         let node = blobs.put_node(JobId::from(Uuid::now_v7()), b"node".to_vec()).await.unwrap();
         let refused = blobs.claim(farm, &BTreeSet::new()).await.unwrap_err();
         assert!(matches!(refused, ClaimError::Unknown { nodes: 1, .. }), "{refused}");
         blobs.claim(farm, &BTreeSet::from([node.clone()])).await.unwrap();
         assert_eq!(blobs.node(&node).await.unwrap(), "node");
+    }
+
+    async fn a_farm_has_one_store(blobs: Blobs) {
+        let refused = blobs.claim(Identity { has_blobs: true, ..a_farm() }, &BTreeSet::new()).await.unwrap_err();
+        assert!(matches!(refused, ClaimError::Elsewhere { .. }), "{refused}");
+        assert!(names(&blobs).await.is_empty(), "nothing is left behind");
+        assert!(blobs.claim(a_farm(), &BTreeSet::new()).await.unwrap());
+        blobs.disclaim().await.unwrap();
+        assert!(names(&blobs).await.is_empty());
     }
 
     macro_rules! in_both {
@@ -380,6 +441,7 @@ mod tests {
         the_sweep_removes_what_no_row_names,
         a_store_belongs_to_the_first_farm_that_claims_it,
         nodes_without_a_mark_are_only_taken_by_a_farm_that_knows_some,
+        a_farm_has_one_store,
     );
 
     #[tokio::test]
@@ -401,6 +463,6 @@ mod tests {
             (name, value)
         });
         let blobs = Blobs::in_bucket(&Bucket::new(&url, wrong).unwrap()).unwrap();
-        assert!(matches!(blobs.claim(Uuid::now_v7(), &BTreeSet::new()).await, Err(ClaimError::Store(_))));
+        assert!(matches!(blobs.claim(a_farm(), &BTreeSet::new()).await, Err(ClaimError::Store(_))));
     }
 }

@@ -5,12 +5,14 @@ use std::sync::Arc;
 use clerestory_api::JobId;
 use tokio::sync::{Notify, Semaphore, mpsc};
 use tokio_util::sync::CancellationToken;
+use uuid::Uuid;
 
 use crate::blobs::Blobs;
 use crate::config::Config;
 use crate::events::Events;
 use crate::film::FilmReader;
 use crate::images::Images;
+use crate::news::News;
 use crate::rate::Rates;
 use crate::store::Store;
 
@@ -23,6 +25,8 @@ const PARTIALS: usize = 8;
 pub(crate) struct Farm {
     /// How the coordinator is set up.
     pub(crate) config: Config,
+    /// Which of the farm's coordinators this is: the one with this data directory, also after a restart.
+    pub(crate) coordinator: Uuid,
     /// The database.
     pub(crate) store: Store,
     /// Assets and nodes.
@@ -42,19 +46,32 @@ pub(crate) struct Farm {
     /// Permit for building a submitted scene, which may take much memory.
     pub(crate) building: Semaphore,
     /// Rings the keeper for a job whose film has grown.
-    pub(crate) keeper: mpsc::UnboundedSender<JobId>,
+    keeper: mpsc::UnboundedSender<JobId>,
+    /// What the other coordinators are to be told.
+    told: mpsc::UnboundedSender<News>,
     /// Says that the coordinator is stopping.
     pub(crate) stopping: CancellationToken,
 }
 
+/// What the tasks of a farm are rung by.
+#[derive(Debug)]
+pub(crate) struct Bells {
+    /// Jobs whose film has grown, for the keeper.
+    pub(crate) grown: mpsc::UnboundedReceiver<JobId>,
+    /// What the other coordinators are to be told.
+    pub(crate) told: mpsc::UnboundedReceiver<News>,
+}
+
 impl Farm {
-    /// A farm on an open store. The receiver is the keeper's.
-    pub(crate) fn new(config: Config, store: Store, blobs: Blobs) -> (Arc<Self>, mpsc::UnboundedReceiver<JobId>) {
+    /// A farm on an open store.
+    pub(crate) fn new(config: Config, coordinator: Uuid, store: Store, blobs: Blobs) -> (Arc<Self>, Bells) {
         let (keeper, grown) = mpsc::unbounded_channel();
+        let (tell, told) = mpsc::unbounded_channel();
         let film = FilmReader::new(blobs.clone(), config.node_cache_bytes);
         let rates = Rates::new(config.clock.now_ms());
         let farm = Self {
             config,
+            coordinator,
             store,
             blobs,
             film,
@@ -65,20 +82,61 @@ impl Farm {
             partials: Semaphore::new(PARTIALS),
             building: Semaphore::new(1),
             keeper,
+            told: tell,
             stopping: CancellationToken::new(),
         };
-        (Arc::new(farm), grown)
+        (Arc::new(farm), Bells { grown, told })
     }
 
-    /// Tells everybody that a job has changed its state.
-    pub(crate) fn job_changed(&self, job: JobId) {
+    /// Tells everybody, at this coordinator and at the others.
+    pub(crate) fn tell(&self, news: News) {
+        self.hear(news);
+        // The sender is gone only when the coordinator stops.
+        let _ = self.told.send(news);
+    }
+
+    /// Tells everybody at this coordinator.
+    pub(crate) fn hear(&self, news: News) {
+        match news {
+            News::Job(job) => {
+                self.events.stored();
+                self.events.progressed(job);
+                self.work.notify_waiters();
+                self.look_at_film(job);
+            }
+            News::Film { job, samples } => {
+                self.rates.add(job, samples, self.config.clock.now_ms());
+                self.events.progressed(job);
+                self.events.workers_changed();
+                self.look_at_film(job);
+            }
+            News::Lease(job) => {
+                self.events.stored();
+                self.events.progressed(job);
+                self.events.workers_changed();
+            }
+            News::Work => {
+                self.events.workers_changed();
+                self.work.notify_waiters();
+            }
+            News::Workers => self.events.workers_changed(),
+        }
+    }
+
+    /// Looks at everything that other coordinators may have done without being heard.
+    pub(crate) fn look_around(&self) {
         self.events.stored();
-        self.events.progressed(job);
+        self.events.workers_changed();
         self.work.notify_waiters();
     }
 
-    /// Rings the keeper: the film of a job has grown.
-    pub(crate) fn film_grew(&self, job: JobId) {
+    /// What rings the keeper.
+    pub(crate) fn keeper(&self) -> mpsc::UnboundedSender<JobId> {
+        self.keeper.clone()
+    }
+
+    /// Rings the keeper: the film of a job may have grown.
+    pub(crate) fn look_at_film(&self, job: JobId) {
         // The keeper is gone only when the coordinator stops; it looks at all open jobs when it starts again.
         let _ = self.keeper.send(job);
     }

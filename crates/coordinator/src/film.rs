@@ -33,6 +33,14 @@ pub(crate) enum FilmError {
         /// What is wrong, unless it is another node altogether.
         source: Option<film::StoreError>,
     },
+    /// A stored node is not there.
+    #[error("the stored node {blob} is not there")]
+    Lost {
+        /// Name of its blob.
+        blob: String,
+        /// What the blob store says.
+        source: BlobError,
+    },
     /// The rows do not make a film.
     #[error("the accepted nodes do not fit together")]
     Inconsistent(#[from] InsertError),
@@ -109,7 +117,10 @@ impl FilmReader {
         if let Some(node) = cached {
             return Ok(node);
         }
-        let bytes = self.blobs.node(&row.blob).await?;
+        let bytes = self.blobs.node(&row.blob).await.map_err(|error| match error {
+            error if error.is_missing() => FilmError::Lost { blob: row.blob.clone(), source: error },
+            error => error.into(),
+        })?;
         let damaged = |source| FilmError::Damaged { blob: row.blob.clone(), source };
         let node = tokio::task::spawn_blocking(move || film::store::decode(&bytes)).await?;
         let node = node.map_err(|error| damaged(Some(error)))?;

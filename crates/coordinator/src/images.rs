@@ -69,7 +69,7 @@ async fn compute(farm: &Farm, job: &JobRecord) -> Result<FrameImage, FilmError> 
         match farm.film.load(&rows).await {
             Ok(nodes) => break (rows, nodes),
             // The keeper has merged and removed a node between the two reads; the new rows name its parent.
-            Err(FilmError::Blob(error)) if error.is_missing() && tries < TRIES => tries += 1,
+            Err(FilmError::Lost { .. }) if tries < TRIES => tries += 1,
             Err(error) => return Err(error),
         }
     };

@@ -2,7 +2,8 @@
 //!
 //! One task does this, off the path of requests: whoever brings a node waits for its acceptance only. A parent is formed
 //! when the round at its middle has been recorded; before that, the round's image needs the two halves apart. The
-//! parent's blob is on disk before its row replaces the children's, and the children's blobs are removed after that.
+//! parent's blob is on disk before its row replaces the children's, and the children's blobs are removed after that. Of several
+//! coordinators, one at a time keeps the film of a job ([`Claims`]); when it dies, another does.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -16,7 +17,8 @@ use tokio::sync::mpsc;
 use crate::convergence;
 use crate::farm::Farm;
 use crate::film::{Extent, FilmError, assemble, film_tile, metadata};
-use crate::store::{CompleteWave, Ending, JobRecord, NodeRow};
+use crate::news::News;
+use crate::store::{CompleteWave, Ending, JobRecord, Keeping, NodeRow, StoreError};
 
 /// Tiles that are merged at the same time.
 const MERGES: usize = 4;
@@ -24,32 +26,95 @@ const MERGES: usize = 4;
 /// Pause before a job is looked at again after a failure that may pass, such as a full disk.
 const RETRY: Duration = Duration::from_secs(5);
 
+/// How long a coordinator keeps a film without renewing its claim. As long may pass until another goes on when it dies.
+const TERM_MS: i64 = 10_000;
+
 /// Keeps the film until the coordinator stops.
 pub(crate) async fn run(farm: Arc<Farm>, mut grown: mpsc::UnboundedReceiver<JobId>) {
     let mut references = BTreeMap::new();
+    let mut claims = Claims::default();
     let mut waiting = Vec::new();
     while farm.stopping.run_until_cancelled(grown.recv_many(&mut waiting, 1024)).await.is_some_and(|count| count > 0) {
         let jobs: BTreeSet<JobId> = waiting.drain(..).collect();
         for job in jobs {
-            if let Err(error) = advance(&farm, job, &mut references).await {
+            if let Err(error) = advance(&farm, job, &mut claims, &mut references).await {
                 failed(&farm, job, error).await;
             }
         }
     }
+    if let Err(error) = farm.store.keep_nothing(farm.coordinator).await {
+        tracing::warn!(%error, "films that were kept here are kept by nobody for some seconds");
+    }
+}
+
+/// Until when films are kept here, or by others.
+#[derive(Debug, Default)]
+struct Claims(BTreeMap<JobId, (Keeping, i64)>);
+
+impl Claims {
+    /// Whether the film of a job is kept here. Where it is not, the job is looked at again when the other's claim ends.
+    async fn holds(&mut self, farm: &Farm, job: JobId) -> Result<bool, StoreError> {
+        let now_ms = farm.config.clock.now_ms();
+        match self.0.get(&job) {
+            // Renewed when half of the term is over, so that few calls write.
+            Some((Keeping::Ours, until_ms)) if now_ms < until_ms - TERM_MS / 2 => return Ok(true),
+            Some((Keeping::Theirs { .. }, until_ms)) if now_ms < *until_ms => return Ok(false),
+            _ => {}
+        }
+        let until_ms = now_ms.saturating_add(TERM_MS);
+        let keeping = farm.store.keep(job, farm.coordinator, now_ms, until_ms).await?;
+        let until_ms = match keeping {
+            Keeping::Ours => until_ms,
+            Keeping::Theirs { until_ms } => {
+                // Clocks differ: not at once again, and not after a term.
+                let until_ms = until_ms.clamp(now_ms + TERM_MS / 20, now_ms + TERM_MS);
+                let left = Duration::from_millis(u64::try_from(until_ms - now_ms).unwrap_or(0));
+                look_again(farm, job, left);
+                until_ms
+            }
+        };
+        self.0.insert(job, (keeping, until_ms));
+        Ok(keeping == Keeping::Ours)
+    }
+
+    /// Forgets a job that has ended.
+    fn remove(&mut self, job: JobId) {
+        self.0.remove(&job);
+    }
+}
+
+/// Looks at a job again after some time.
+fn look_again(farm: &Farm, job: JobId, after: Duration) {
+    let (grown, stopping) = (farm.keeper(), farm.stopping.clone());
+    tokio::spawn(async move {
+        if stopping.run_until_cancelled(tokio::time::sleep(after)).await.is_some() {
+            // The keeper is gone only when the coordinator stops.
+            let _ = grown.send(job);
+        }
+    });
 }
 
 /// Records every complete round of a job.
-async fn advance(farm: &Farm, job: JobId, references: &mut BTreeMap<JobId, Arc<FrameImage>>) -> Result<(), FilmError> {
+async fn advance(
+    farm: &Farm,
+    job: JobId,
+    claims: &mut Claims,
+    references: &mut BTreeMap<JobId, Arc<FrameImage>>,
+) -> Result<(), FilmError> {
     while !farm.stopping.is_cancelled() {
         let Some(record) = farm.store.job(job).await? else { return Ok(()) };
         // A job that was cancelled or ran out of time may have completed a round just before.
         let Some(wave) = farm.store.complete_wave(&record).await? else {
             if record.state.is_final() {
                 references.remove(&job);
+                claims.remove(job);
                 farm.rates.remove(job);
             }
             return Ok(());
         };
+        if !claims.holds(farm, job).await? {
+            return Ok(());
+        }
         record_round(farm, &record, &wave, references).await?;
         merge(farm, &record, wave.passes).await?;
     }
@@ -86,7 +151,7 @@ async fn record_round(
         if let Some(reason) = recorded.stopped_by {
             tracing::info!(job = %job.id, reason = reason.name(), "job done");
         }
-        farm.job_changed(job.id);
+        farm.tell(News::Job(job.id));
         farm.film.forget(&recorded.discarded);
         farm.blobs.remove_nodes(recorded.discarded).await;
     }
@@ -148,24 +213,31 @@ fn can_merge(job: &JobRecord, rows: &[NodeRow], recorded_passes: u32) -> bool {
 async fn failed(farm: &Farm, job: JobId, error: FilmError) {
     let is_damaged = match &error {
         FilmError::Damaged { .. } | FilmError::Inconsistent(_) | FilmError::Incomplete(_) => true,
-        // Nobody else removes nodes, so one that is not there is lost.
-        FilmError::Blob(error) => error.is_missing(),
+        FilmError::Lost { blob, .. } => is_lost(farm, job, blob).await,
         _ => false,
     };
     tracing::error!(%job, error = &error as &dyn std::error::Error, is_damaged, "keeping the film failed");
     if is_damaged {
         let ending = Ending::Failed(format!("the stored film is damaged: {error}"));
         match farm.store.end_job(job, ending, farm.config.clock.now_ms()).await {
-            Ok(_) => farm.job_changed(job),
+            Ok(_) => farm.tell(News::Job(job)),
             Err(error) => tracing::error!(%job, %error, "the job could not be marked as failed"),
         }
         return;
     }
-    let (grown, stopping) = (farm.keeper.clone(), farm.stopping.clone());
-    tokio::spawn(async move {
-        if stopping.run_until_cancelled(tokio::time::sleep(RETRY)).await.is_some() {
-            // The keeper is gone only when the coordinator stops.
-            let _ = grown.send(job);
-        }
-    });
+    look_again(farm, job, RETRY);
+}
+
+/// Whether a node that was not found is gone for good: its row is still there, so that nobody has merged it meanwhile, and so is the
+/// mark of the blob store, so that it is the farm's store which does not have it.
+async fn is_lost(farm: &Farm, job: JobId, blob: &str) -> bool {
+    let is_named = async {
+        let rows = farm.store.nodes(job).await?;
+        Ok::<_, StoreError>(rows.iter().any(|row| row.blob == blob))
+    };
+    let is_ours = async {
+        let identity = farm.store.identity().await?;
+        Ok::<_, FilmError>(farm.blobs.is_of(identity.farm).await?)
+    };
+    matches!((is_named.await, is_ours.await), (Ok(true), Ok(true)))
 }

@@ -30,6 +30,7 @@ mod film;
 mod http;
 mod images;
 mod keeper;
+mod news;
 mod rate;
 mod schedule;
 pub mod server;

@@ -6,28 +6,30 @@
 use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::future::Future;
-use std::io;
+use std::io::{self, Read, Seek, Write};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::net::TcpListener;
-use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use uuid::Uuid;
 
 use crate::blobs::{BlobError, Blobs, ClaimError};
 use crate::config::{Bucket, Config, ExposedWithoutToken};
-use crate::farm::Farm;
+use crate::farm::{Bells, Farm};
+use crate::news::{self, News};
 use crate::store::{SchemaError, Source, Store, StoreError};
 use crate::{events, http, keeper};
-use clerestory_api::JobId;
 
 /// Longest time between two looks at deadlines.
 const LONGEST_TICK: Duration = Duration::from_secs(1);
 
 /// Ticks between two rounds of tidying.
 const TIDYING_TICKS: u32 = 600;
+
+/// A node that no row names may still be accepted by another coordinator while it is younger than this.
+const YOUNG_MS: i64 = 3_600_000;
 
 /// How long requests that are under way may take to finish when the coordinator stops.
 const GRACE: Duration = Duration::from_secs(10);
@@ -114,11 +116,11 @@ pub async fn run(
 ) -> Result<(), RunError> {
     let address = listener.local_addr()?;
     config.check_exposure(address)?;
-    let lock = lock(&config)?;
-    let (farm, grown) = open(config).await?;
+    let (lock, coordinator) = lock(&config)?;
+    let (farm, bells) = open(config, coordinator).await?;
     tracing::info!(%address, directory = %farm.config.data_directory.display(), "coordinator started");
 
-    let mut tasks = start(&farm, grown).await?;
+    let mut tasks = start(&farm, bells).await?;
     let stopping = farm.stopping.clone();
     let server = axum::serve(listener, http::router(Arc::clone(&farm)))
         .with_graceful_shutdown(async move { stopping.cancelled().await });
@@ -147,7 +149,7 @@ pub async fn run(
 }
 
 /// Opens the farm in its directory and puts it in order after whatever has happened to the last coordinator.
-pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, mpsc::UnboundedReceiver<JobId>), RunError> {
+pub(crate) async fn open(config: Config, coordinator: Uuid) -> Result<(Arc<Farm>, Bells), RunError> {
     let directory = config.data_directory.clone();
     let file = directory.join("farm.sqlite");
     let source = config.database.as_ref().map_or_else(|| Source::file(&file), Source::postgres);
@@ -155,19 +157,24 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, mpsc::UnboundedRe
     let database = source.name().to_owned();
     let store = Store::open(source).await?;
     let known = store.node_blobs().await?.into_iter().collect();
-    let blobs = blobs(&config, store.farm().await?, &known, database).await?;
-    let swept = blobs.sweep_nodes(&known).await?;
+    let blobs = blobs(&config, &store, &known, database).await?;
+    // Nodes are listed before rows are read: one that is stored between is not on the list. What another coordinator has stored and
+    // is about to accept is young.
+    let found = blobs.nodes().await?;
+    let known = store.node_blobs().await?.into_iter().collect();
+    let age_ms = if store.is_shared() { YOUNG_MS } else { 0 };
+    let swept = blobs.sweep_nodes(found, &known, config.clock.now_ms().saturating_sub(age_ms)).await;
     if swept > 0 {
         tracing::info!(swept, "removed nodes that were never accepted or have been merged");
     }
     // Workers have gone on rendering while the coordinator was away; they need a term to say so.
     let ttl_ms = i64::try_from(config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
     store.extend_leases(config.clock.now_ms().saturating_add(ttl_ms)).await?;
-    Ok(Farm::new(config, store, blobs))
+    Ok(Farm::new(config, coordinator, store, blobs))
 }
 
 /// Opens the blobs of a farm.
-async fn blobs(config: &Config, farm: Uuid, known: &BTreeSet<String>, database: String) -> Result<Blobs, RunError> {
+async fn blobs(config: &Config, store: &Store, known: &BTreeSet<String>, database: String) -> Result<Blobs, RunError> {
     let directory = config.data_directory.join("blobs");
     let (opened, place) = match &config.bucket {
         Some(bucket) => {
@@ -180,9 +187,9 @@ async fn blobs(config: &Config, farm: Uuid, known: &BTreeSet<String>, database: 
             (opened.map_err(|source| RunError::Directory { directory, source })?, place)
         }
     };
-    match (opened.claim(farm, known).await, &config.bucket) {
+    match (claimed(&opened, store, known).await?, &config.bucket) {
         (Ok(()), _) => Ok(opened),
-        (Err(error @ (ClaimError::Foreign { .. } | ClaimError::Unknown { .. })), _) => {
+        (Err(error @ (ClaimError::Foreign { .. } | ClaimError::Unknown { .. } | ClaimError::Elsewhere { .. })), _) => {
             Err(RunError::ForeignBlobs { place, database, problem: error.to_string() })
         }
         (Err(ClaimError::Store(source)), Some(bucket)) => {
@@ -192,35 +199,69 @@ async fn blobs(config: &Config, farm: Uuid, known: &BTreeSet<String>, database: 
     }
 }
 
+/// Claims a blob store for a farm, which has one: of two coordinators that start together with new stores, the later one is refused.
+async fn claimed(blobs: &Blobs, store: &Store, known: &BTreeSet<String>) -> Result<Result<(), ClaimError>, StoreError> {
+    let identity = store.identity().await?;
+    let is_new = match blobs.claim(identity, known).await {
+        Ok(is_new) => is_new,
+        Err(error) => return Ok(Err(error)),
+    };
+    if !store.has_blobs_now().await? && is_new {
+        let elsewhere = ClaimError::Elsewhere { farm: identity.farm };
+        return Ok(Err(blobs.disclaim().await.err().map_or(elsewhere, ClaimError::Store)));
+    }
+    Ok(Ok(()))
+}
+
 /// Starts the tasks of a farm.
-pub(crate) async fn start(farm: &Arc<Farm>, grown: mpsc::UnboundedReceiver<JobId>) -> Result<JoinSet<()>, StoreError> {
+pub(crate) async fn start(farm: &Arc<Farm>, bells: Bells) -> Result<JoinSet<()>, StoreError> {
     for job in farm.store.jobs().await? {
         // A round may have been complete when the last coordinator stopped.
-        farm.film_grew(job.id);
+        farm.look_at_film(job.id);
     }
     let last_event = farm.store.last_event_id().await?;
     let mut tasks = JoinSet::new();
-    tasks.spawn(keeper::run(Arc::clone(farm), grown));
+    tasks.spawn(keeper::run(Arc::clone(farm), bells.grown));
+    tasks.spawn(news::send(Arc::clone(farm), bells.told));
+    tasks.spawn(news::hear(Arc::clone(farm)));
     tasks.spawn(events::run(Arc::clone(farm), last_event));
     tasks.spawn(watch_deadlines(Arc::clone(farm)));
     Ok(tasks)
 }
 
-/// Makes sure that no other coordinator works in the same directory. The lock ends with the process, however that ends.
-fn lock(config: &Config) -> Result<File, RunError> {
+/// Makes sure that no other coordinator works in the same directory. The lock ends with the process, however that ends. In the file is the
+/// identity of the coordinator with this directory.
+fn lock(config: &Config) -> Result<(File, Uuid), RunError> {
     let directory = config.data_directory.clone();
     let open = || {
         fs::create_dir_all(&directory)?;
-        File::options().create(true).truncate(false).write(true).open(directory.join("lock"))
+        File::options().create(true).truncate(false).read(true).write(true).open(directory.join("lock"))
     };
     match open() {
         Err(source) => Err(RunError::Directory { directory, source }),
         Ok(file) => match file.try_lock() {
-            Ok(()) => Ok(file),
+            Ok(()) => match identity(&file) {
+                Ok(identity) => Ok((file, identity)),
+                Err(source) => Err(RunError::Directory { directory, source }),
+            },
             Err(TryLockError::WouldBlock) => Err(RunError::InUse { directory }),
             Err(TryLockError::Error(source)) => Err(RunError::Directory { directory, source }),
         },
     }
+}
+
+/// The identity in a file, which is given one where it has none.
+fn identity(mut file: &File) -> io::Result<Uuid> {
+    let mut text = String::new();
+    file.read_to_string(&mut text)?;
+    if let Ok(identity) = text.trim().parse() {
+        return Ok(identity);
+    }
+    let identity = Uuid::now_v7();
+    file.set_len(0)?;
+    file.rewind()?;
+    writeln!(file, "{identity}")?;
+    Ok(identity)
 }
 
 /// Takes back leases that have run out, and ends jobs whose time is up.
@@ -246,14 +287,20 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
     let now_ms = farm.config.clock.now_ms();
     for job in farm.store.end_jobs_out_of_time(now_ms).await? {
         tracing::info!(%job, "time limit reached");
-        farm.job_changed(job);
-        farm.film_grew(job);
+        farm.tell(News::Job(job));
     }
     let expired = farm.store.expire_leases(now_ms).await?;
     if expired > 0 {
         tracing::warn!(expired, "leases ran out; their nodes are in the queue again");
-        farm.events.workers_changed();
-        farm.work.notify_waiters();
+        farm.tell(News::Work);
+    }
+    if farm.store.is_shared() {
+        // What other coordinators did without being heard: they may have died before they told it.
+        farm.events.stored();
+        farm.work.notify_one();
+        for job in farm.store.running_jobs().await? {
+            farm.look_at_film(job);
+        }
     }
     Ok(())
 }

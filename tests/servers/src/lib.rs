@@ -1,7 +1,9 @@
 //! Real servers for tests, each as a process of its own that ends with the test's process.
 
+mod balancer;
 mod postgres;
 mod s3;
 
+pub use balancer::Balancer;
 pub use postgres::{Postgres, postgres};
 pub use s3::{S3Server, s3};

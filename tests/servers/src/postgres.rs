@@ -1,5 +1,6 @@
 //! A PostgreSQL server in a temporary folder.
 
+use std::fs;
 use std::io;
 use std::net::TcpListener;
 use std::os::unix::fs::chown;
@@ -11,7 +12,8 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use nix::unistd::{Uid, User};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::{Pid, Uid, User};
 use tempfile::TempDir;
 
 /// Longest time until a server takes connections.
@@ -29,9 +31,10 @@ pub struct Postgres {
     programs: PathBuf,
     port: u16,
     databases: AtomicU32,
+    owner: Option<User>,
     /// The shell that ends the server.
-    _watch: Child,
-    _folder: TempDir,
+    watch: Child,
+    folder: TempDir,
 }
 
 /// The server that all tests of this process share, started when it is asked for first.
@@ -63,14 +66,40 @@ impl Postgres {
         initialise.args(["-U", "postgres", "--auth=trust", "--no-sync", "--encoding=UTF8", "--locale=C"]);
         run(owned(&mut initialise, owner.as_ref(), folder.path()))?;
         let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
-        let mut server = Command::new("sh");
-        server.args(["-c", WATCH]).arg(programs.join("postgres")).arg("-D").arg(&data);
-        server.args(["-p", &port.to_string(), "-c", "listen_addresses=127.0.0.1", "-c", "unix_socket_directories="]);
-        server.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
-        let watch = owned(&mut server, owner.as_ref(), folder.path()).spawn()?;
-        let server = Self { programs, port, databases: AtomicU32::new(0), _watch: watch, _folder: folder };
+        let watch = launch(&programs, port, owner.as_ref(), folder.path())?;
+        let server = Self { programs, port, databases: AtomicU32::new(0), owner, watch, folder };
         server.wait()?;
         Ok(server)
+    }
+
+    /// Kills the server and all its processes, as a power cut would.
+    ///
+    /// # Panics
+    ///
+    /// When it does not run, or the system does not describe processes as Linux does.
+    pub fn kill(&mut self) {
+        let file = self.folder.path().join("data/postmaster.pid");
+        let text = fs::read_to_string(file).expect("a server that runs has a file with its number");
+        let server: u32 = text.lines().next().and_then(|line| line.parse().ok()).expect("a process number");
+        let children = fs::read_to_string(format!("/proc/{server}/task/{server}/children")).expect("the server runs");
+        let children = children.split_whitespace().filter_map(|number| number.parse::<u32>().ok());
+        for process in [server].into_iter().chain(children) {
+            // A process that has just ended needs no blow.
+            let _ = kill(Pid::from_raw(process.cast_signed()), Signal::SIGKILL);
+        }
+        self.watch.kill().expect("a process of ours");
+        self.watch.wait().expect("a process of ours");
+    }
+
+    /// Starts it again, on the same port and with what it had stored.
+    ///
+    /// # Panics
+    ///
+    /// When it does not start.
+    pub fn restart(&mut self) {
+        let launched = launch(&self.programs, self.port, self.owner.as_ref(), self.folder.path());
+        self.watch = launched.expect("PostgreSQL starts again");
+        self.wait().expect("PostgreSQL starts again");
     }
 
     /// Makes an empty database and returns its address.
@@ -102,10 +131,19 @@ impl Postgres {
     }
 }
 
+/// The server over a folder with a database cluster, in a shell that ends it.
+fn launch(programs: &Path, port: u16, owner: Option<&User>, folder: &Path) -> io::Result<Child> {
+    let mut server = Command::new("sh");
+    server.args(["-c", WATCH]).arg(programs.join("postgres")).arg("-D").arg(folder.join("data"));
+    server.args(["-p", &port.to_string(), "-c", "listen_addresses=127.0.0.1", "-c", "unix_socket_directories="]);
+    server.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
+    owned(&mut server, owner, folder).spawn()
+}
+
 /// The folder with the programs of the newest version.
 fn programs() -> io::Result<PathBuf> {
     let version = |folder: &PathBuf| folder.file_name()?.to_str()?.parse::<u32>().ok();
-    let folders = std::fs::read_dir(VERSIONS).into_iter().flatten().flatten().map(|entry| entry.path());
+    let folders = fs::read_dir(VERSIONS).into_iter().flatten().flatten().map(|entry| entry.path());
     let programs = folders.filter(|folder| folder.join("bin/initdb").exists()).max_by_key(version);
     programs.map(|folder| folder.join("bin")).ok_or_else(|| {
         let message =

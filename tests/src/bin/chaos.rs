@@ -1,6 +1,7 @@
 //! The long version of the farm's tests: jobs of all kinds while processes die, stop and sleep at random moments; every
 //! image has to have the bits that one process makes.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -9,6 +10,7 @@ use clap::Parser;
 use clerestory_api::JobState;
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{DecodeBudget, FrameImage};
+use clerestory_test_servers::{Postgres, S3Server};
 use clerestory_tests::exr_files::same_samples;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::random::Random;
@@ -23,6 +25,9 @@ struct Arguments {
     /// Seed of the moments and of the jobs.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Two coordinators on PostgreSQL and S3, all of which are hit too, instead of one with its own files.
+    #[arg(long)]
+    servers: bool,
     /// Workers at the same time.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..))]
     workers: u8,
@@ -48,39 +53,72 @@ const LONGEST_SLEEP: f64 = 4.0;
 /// Longest time that a job may take, however often its farm is hit.
 const PATIENCE: Duration = Duration::from_secs(600);
 
-/// How often each blow was dealt.
-#[derive(Debug, Default)]
-struct Blows {
-    workers_killed: u32,
-    workers_stopped: u32,
-    workers_suspended: u32,
-    coordinators_killed: u32,
+/// Longest sleep of a coordinator, seconds: longer than PostgreSQL lets a transaction wait.
+const LONGEST_SLEEP_OF_A_COORDINATOR: f64 = 8.0;
+
+/// Who is hit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Victim {
+    Worker,
+    Coordinator,
+    Database,
+    ObjectStore,
+}
+
+/// How.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Blow {
+    /// Killed, as by a power cut, and another started.
+    Killed,
+    /// Asked to stop, and another started.
+    Stopped,
+    /// Suspended for some seconds.
+    Suspended,
+}
+
+/// Every blow on a farm of one coordinator with its own files.
+const ON_FILES: [(Victim, Blow); 5] = [
+    (Victim::Worker, Blow::Killed),
+    (Victim::Worker, Blow::Stopped),
+    (Victim::Worker, Blow::Suspended),
+    (Victim::Coordinator, Blow::Killed),
+    (Victim::Coordinator, Blow::Suspended),
+];
+
+/// Every blow on a farm of two coordinators on PostgreSQL and S3.
+const ON_SERVERS: [(Victim, Blow); 7] = [
+    (Victim::Worker, Blow::Killed),
+    (Victim::Worker, Blow::Stopped),
+    (Victim::Worker, Blow::Suspended),
+    (Victim::Coordinator, Blow::Killed),
+    (Victim::Coordinator, Blow::Suspended),
+    (Victim::Database, Blow::Killed),
+    (Victim::ObjectStore, Blow::Killed),
+];
+
+/// The servers behind several coordinators.
+struct Servers {
+    database: Postgres,
+    objects: S3Server,
 }
 
 /// A farm under attack.
 struct Siege {
     farm: Farm,
+    servers: Option<Servers>,
+    coordinators: usize,
     random: Random,
     /// Numbers of the workers that run, and when they wake up if they are suspended.
     workers: Vec<(usize, Option<Instant>)>,
     started: usize,
-    blows: Blows,
+    /// The coordinator that is suspended, and when it wakes up.
+    asleep: Option<(usize, Instant)>,
+    blows: BTreeMap<(Victim, Blow), u32>,
 }
 
 fn main() -> ExitCode {
     let arguments = Arguments::parse();
-    let lease_nodes = (1 + arguments.seed % 7).to_string();
-    let options = ["--lease-nodes", &lease_nodes, "--lease-seconds", LEASE_SECONDS];
-    let mut siege = Siege {
-        farm: Farm::start(None, &options),
-        random: Random::new(arguments.seed, 0),
-        workers: Vec::new(),
-        started: 0,
-        blows: Blows::default(),
-    };
-    for _ in 0..arguments.workers {
-        siege.start_worker();
-    }
+    let mut siege = Siege::lay(&arguments);
     let end = Instant::now() + Duration::from_secs_f64(arguments.minutes * 60.0);
     let (mut jobs, mut wrong) = (0, 0);
     while Instant::now() < end {
@@ -91,10 +129,10 @@ fn main() -> ExitCode {
             println!("WRONG: {difference}");
         }
     }
-    println!("{jobs} jobs, {wrong} with other bits; {:?}", siege.blows);
-    let Blows { workers_killed, workers_stopped, workers_suspended, coordinators_killed } = siege.blows;
-    if [workers_killed, workers_stopped, workers_suspended, coordinators_killed].contains(&0) {
-        println!("not every blow was dealt: nothing is shown; give it more --minutes");
+    let dealt: u32 = siege.blows.values().sum();
+    println!("{jobs} jobs, {wrong} with other bits or not done; {dealt} faults: {}", siege.told());
+    if let Some(missing) = siege.kinds().iter().find(|kind| !siege.blows.contains_key(kind)) {
+        println!("{missing:?} did not happen: nothing is shown; give it more --minutes");
         return ExitCode::FAILURE;
     }
     if wrong == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
@@ -107,6 +145,54 @@ fn counters(image: &[u8]) -> Option<Counters> {
 }
 
 impl Siege {
+    /// A farm with its workers.
+    fn lay(arguments: &Arguments) -> Self {
+        let lease_nodes = (1 + arguments.seed % 7).to_string();
+        let options = ["--lease-nodes", &lease_nodes, "--lease-seconds", LEASE_SECONDS];
+        let mut siege = if arguments.servers {
+            let (database, objects) = (Postgres::start(), S3Server::start());
+            let servers = Servers {
+                database: database.expect("PostgreSQL starts"),
+                objects: objects.expect("the S3 server starts"),
+            };
+            let bucket = format!("s3://{}/farm", servers.objects.new_bucket());
+            let address = servers.database.new_database();
+            let options = [&options[..], &["--database", &address, "--object-store", &bucket]].concat();
+            let farm = Farm::start_several(2, &servers.objects.environment(), &options);
+            Self::of(farm, Some(servers), 2, arguments.seed)
+        } else {
+            Self::of(Farm::start(None, &options), None, 1, arguments.seed)
+        };
+        for _ in 0..arguments.workers {
+            siege.start_worker();
+        }
+        siege
+    }
+
+    fn of(farm: Farm, servers: Option<Servers>, coordinators: usize, seed: u64) -> Self {
+        Self {
+            farm,
+            servers,
+            coordinators,
+            random: Random::new(seed, 0),
+            workers: Vec::new(),
+            started: 0,
+            asleep: None,
+            blows: BTreeMap::new(),
+        }
+    }
+
+    /// What can happen here.
+    fn kinds(&self) -> &'static [(Victim, Blow)] {
+        if self.servers.is_some() { &ON_SERVERS } else { &ON_FILES }
+    }
+
+    /// What has happened, in words.
+    fn told(&self) -> String {
+        let one = |((victim, blow), count): (&(Victim, Blow), &u32)| format!("{victim:?} {blow:?} {count}");
+        self.blows.iter().map(one).collect::<Vec<_>>().join(", ")
+    }
+
     /// One job under attack; what is wrong with its image.
     fn job(&mut self) -> Result<(), String> {
         let (scene, integrator) = JOBS[self.below(JOBS.len())];
@@ -118,11 +204,14 @@ impl Siege {
         let scene: PathBuf = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(scene);
         let order = ["--integrator", integrator, "--spp", &samples, "--size", &size, "--seed", &seed, "--tile", tile];
         let start = Instant::now();
+        self.rest();
         self.farm.submit(&scene, &order);
         let job = loop {
             let pause = PAUSES[0] + (PAUSES[1] - PAUSES[0]) * self.random.uniform();
             std::thread::sleep(Duration::from_secs_f64(pause));
-            let job = self.farm.newest_job();
+            self.wake();
+            // While a server is away or a coordinator asleep, nobody may answer.
+            let Some(job) = self.farm.newest_job_if_any() else { continue };
             if !matches!(job.state, JobState::Queued | JobState::Running) {
                 break job;
             }
@@ -134,12 +223,13 @@ impl Siege {
         if job.state != JobState::Done {
             return Err(format!("{order:?}: {:?}, {:?}", job.state, job.failure));
         }
+        self.rest();
         let image = self.farm.image(job.id);
         let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
         let alone = folder.path().join("alone.exr");
         succeeded(clerestory().arg("render").arg(&scene).args(order).arg("-o").arg(&alone));
         let alone = std::fs::read(&alone).map_err(|error| error.to_string())?;
-        println!("{} {order:?}: {:.1} s, {:?}", job.id, start.elapsed().as_secs_f64(), self.blows);
+        println!("{} {order:?}: {:.1} s; {}", job.id, start.elapsed().as_secs_f64(), self.told());
         same_samples(&image, &alone).map_err(|difference| format!("{order:?}: {difference}"))?;
         let [ours, alone] = [counters(&image), counters(&alone)];
         if ours == alone { Ok(()) } else { Err(format!("{order:?}: counted {ours:?}, alone {alone:?}")) }
@@ -151,42 +241,90 @@ impl Siege {
         self.started += 1;
     }
 
-    /// Deals one blow at random, and wakes up who has slept enough.
-    fn strike(&mut self) {
+    /// Wakes up who has slept enough.
+    fn wake(&mut self) {
         for (worker, wakes) in &mut self.workers {
             if wakes.is_some_and(|wakes| wakes <= Instant::now()) {
                 self.farm.suspend_worker(*worker, false);
                 *wakes = None;
             }
         }
+        if let Some((coordinator, wakes)) = self.asleep
+            && wakes <= Instant::now()
+        {
+            self.farm.suspend_coordinator(coordinator, false);
+            self.asleep = None;
+        }
+    }
+
+    /// Wakes up all coordinators: what is asked next has to be answered.
+    fn rest(&mut self) {
+        if let Some((coordinator, _)) = self.asleep.take() {
+            self.farm.suspend_coordinator(coordinator, false);
+        }
+    }
+
+    /// Deals one blow at random.
+    fn strike(&mut self) {
+        let kinds = self.kinds();
+        let kind = kinds[self.below(kinds.len())];
         let victim = self.below(self.workers.len());
         let (worker, wakes) = self.workers[victim];
-        match self.below(8) {
-            0 | 1 => {
+        let coordinator = self.below(self.coordinators);
+        match kind {
+            (Victim::Worker, Blow::Killed) => {
                 self.farm.kill_worker(worker);
                 self.workers.remove(victim);
                 self.start_worker();
-                self.blows.workers_killed += 1;
             }
-            2 | 3 if wakes.is_none() => {
-                assert!(self.farm.stop_worker(worker).success(), "a worker that is asked to stop succeeds");
+            // One that sleeps hears nothing.
+            (Victim::Worker, Blow::Stopped | Blow::Suspended) if wakes.is_some() => return,
+            (Victim::Worker, Blow::Stopped) => {
+                self.farm.ask_worker_to_stop(worker);
                 self.workers.remove(victim);
                 self.start_worker();
-                self.blows.workers_stopped += 1;
             }
-            4 | 5 if wakes.is_none() => {
+            (Victim::Worker, Blow::Suspended) => {
                 self.farm.suspend_worker(worker, true);
-                let sleep = LONGEST_SLEEP * self.random.uniform();
-                self.workers[victim].1 = Some(Instant::now() + Duration::from_secs_f64(sleep));
-                self.blows.workers_suspended += 1;
+                self.workers[victim].1 = Some(self.in_up_to(LONGEST_SLEEP));
             }
-            6 => {
-                self.farm.kill_coordinator();
-                self.farm.restart_coordinator();
-                self.blows.coordinators_killed += 1;
+            (Victim::Coordinator, Blow::Suspended) if self.asleep.is_none() => {
+                self.farm.suspend_coordinator(coordinator, true);
+                self.asleep = Some((coordinator, self.in_up_to(LONGEST_SLEEP_OF_A_COORDINATOR)));
             }
-            _ => {}
+            (Victim::Coordinator, Blow::Suspended | Blow::Stopped) => return,
+            (Victim::Coordinator, Blow::Killed) => {
+                self.farm.kill_coordinator(coordinator);
+                if self.asleep.is_some_and(|(asleep, _)| asleep == coordinator) {
+                    self.asleep = None;
+                }
+                self.pause();
+                self.farm.restart_coordinator(coordinator);
+            }
+            (Victim::Database | Victim::ObjectStore, _) => {
+                let Some(mut servers) = self.servers.take() else { return };
+                if kind.0 == Victim::Database {
+                    servers.database.kill();
+                    self.pause();
+                    servers.database.restart();
+                } else {
+                    servers.objects.kill();
+                    self.pause();
+                    servers.objects.restart();
+                }
+                self.servers = Some(servers);
+            }
         }
+        *self.blows.entry(kind).or_default() += 1;
+    }
+
+    /// For how long somebody who was killed is away.
+    fn pause(&mut self) {
+        std::thread::sleep(Duration::from_secs_f64(PAUSES[1] * self.random.uniform()));
+    }
+
+    fn in_up_to(&mut self, seconds: f64) -> Instant {
+        Instant::now() + Duration::from_secs_f64(seconds * self.random.uniform())
     }
 
     fn below(&mut self, end: usize) -> usize {

@@ -10,6 +10,7 @@ use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobSubmission, JobView,
 use super::extract::{PathParameter, StrictJson};
 use super::problem::ApiError;
 use crate::farm::Farm;
+use crate::news::News;
 use crate::store::{Ending, JobRecord};
 use crate::{submit, views};
 
@@ -25,7 +26,7 @@ pub(super) async fn submit(
     let id = job.id;
     tracing::info!(job = %id, name = job.name, scene = job.scene_hash, passes = job.passes, "job submitted");
     farm.store.insert_job(job).await?;
-    farm.job_changed(id);
+    farm.tell(News::Job(id));
     Ok((StatusCode::CREATED, Json(views::job(&farm, find(&farm, id).await?).await?)))
 }
 
@@ -58,8 +59,7 @@ pub(super) async fn cancel(
     find(&farm, job).await?;
     if farm.store.end_job(job, Ending::Cancelled, farm.config.clock.now_ms()).await? {
         tracing::info!(%job, "job cancelled");
-        farm.job_changed(job);
-        farm.film_grew(job);
+        farm.tell(News::Job(job));
     }
     Ok(Json(views::job(&farm, find(&farm, job).await?).await?))
 }

@@ -18,6 +18,7 @@ use super::extract::{PathParameter, StrictJson, number_header, read_body, requir
 use super::problem::ApiError;
 use crate::acceptance;
 use crate::farm::Farm;
+use crate::news::News;
 use crate::store::{ClaimTerms, Grant, LeaseError, WorkFailure};
 
 /// Longest wait for work to appear.
@@ -52,15 +53,20 @@ pub(super) async fn claim(
         return Err(ApiError::invalid_field("wanted_ms", wanted_ms, format!("1 to {LONGEST_WANTED_MS}")));
     }
     let until = Instant::now() + Duration::from_millis(request.wait_ms.into());
+    let mut has_waited = false;
     loop {
         // Listening begins before looking, so that work which appears in between is not slept through.
         let mut work = std::pin::pin!(farm.work.notified());
         work.as_mut().enable();
         if let Some(grant) = farm.store.claim(terms(&farm, &request)).await? {
+            if has_waited {
+                // There may be more, and of what another coordinator did one waiting call is rung, not all.
+                farm.work.notify_one();
+            }
             return Ok((StatusCode::CREATED, Json(lease(&farm, grant))).into_response());
         }
         tokio::select! {
-            () = work => {}
+            () = work => has_waited = true,
             () = tokio::time::sleep_until(until) => return Ok(StatusCode::NO_CONTENT.into_response()),
             () = farm.stopping.cancelled() => return Ok(StatusCode::NO_CONTENT.into_response()),
         }
@@ -86,9 +92,7 @@ fn milliseconds(duration: Duration) -> i64 {
 fn lease(farm: &Farm, grant: Grant) -> Lease {
     let Grant { lease, scene_hash, nodes } = grant;
     tracing::debug!(lease = %lease.id, job = %lease.job, worker = %lease.worker, nodes = nodes.len(), "lease granted");
-    farm.events.progressed(lease.job);
-    farm.events.stored();
-    farm.events.workers_changed();
+    farm.tell(News::Lease(lease.job));
     Lease {
         id: lease.id,
         token: lease.token,
@@ -176,7 +180,6 @@ pub(super) async fn give_back(
             acceptance::fail(&farm, failure).await?;
         }
     }
-    farm.events.workers_changed();
-    farm.work.notify_waiters();
+    farm.tell(News::Work);
     Ok(StatusCode::NO_CONTENT)
 }

@@ -11,6 +11,7 @@ use uuid::Uuid;
 use super::extract::{PathParameter, StrictJson};
 use super::problem::ApiError;
 use crate::farm::Farm;
+use crate::news::News;
 use crate::views;
 
 /// Longest name or build.
@@ -32,7 +33,7 @@ pub(super) async fn register(
     let id = WorkerId::from(Uuid::now_v7());
     tracing::info!(worker = %id, name = registration.name, cores = registration.cores, "worker registered");
     farm.store.register_worker(id, registration, farm.config.clock.now_ms()).await?;
-    farm.events.workers_changed();
+    farm.tell(News::Workers);
     let registered = views::workers(&farm).await?.into_iter().find(|worker| worker.id == id);
     let view = registered.ok_or_else(|| ApiError::from(crate::store::WorkerError::Unknown(id)))?;
     Ok((StatusCode::CREATED, Json(view)))
@@ -62,7 +63,7 @@ pub(super) async fn heartbeat(
     PathParameter(worker): PathParameter<WorkerId>,
 ) -> Result<StatusCode, ApiError> {
     farm.store.touch_worker(worker, farm.config.clock.now_ms()).await?;
-    farm.events.workers_changed();
+    farm.tell(News::Workers);
     Ok(StatusCode::NO_CONTENT)
 }
 

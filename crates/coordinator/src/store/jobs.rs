@@ -280,6 +280,12 @@ impl Store {
         query.fetch_optional(&self.readers).await?.as_ref().map(record).transpose()
     }
 
+    /// The jobs that are being rendered.
+    pub(crate) async fn running_jobs(&self) -> Result<Vec<JobId>, StoreError> {
+        let rows = sqlx::query("select id from jobs where state = 'running'").fetch_all(&self.readers).await?;
+        rows.iter().map(|row| row.parsed("id")).collect()
+    }
+
     /// All jobs, newest first.
     pub(crate) async fn jobs(&self) -> Result<Vec<JobRecord>, StoreError> {
         let query = sqlx::query(sqlx::AssertSqlSafe(format!("{COLUMNS} order by created_ms desc, id desc")));

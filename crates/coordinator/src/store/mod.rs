@@ -10,6 +10,7 @@ mod assets;
 mod claim;
 mod events;
 mod jobs;
+mod keepers;
 mod leases;
 mod nodes;
 mod rounds;
@@ -30,11 +31,12 @@ use row::Columns;
 pub(crate) use claim::{ClaimTerms, Grant};
 pub(crate) use events::{StoredEvent, StoredKind};
 pub(crate) use jobs::{Ending, JobRecord, NewJob};
+pub(crate) use keepers::Keeping;
 pub(crate) use leases::{LeaseError, WorkFailure};
 pub(crate) use nodes::{DeliveredNode, Delivery, NodeRow, Work};
 pub(crate) use rounds::CompleteWave;
 pub use schema::SchemaError;
-pub(crate) use source::Source;
+pub(crate) use source::{Listener, Source};
 pub(crate) use workers::WorkerError;
 pub(crate) use writer::Connection;
 use writer::Writer;
@@ -42,8 +44,18 @@ use writer::Writer;
 /// A handle on the database. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Store {
+    source: Source,
     readers: AnyPool,
     writer: Writer,
+}
+
+/// Which farm a database is that of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Identity {
+    /// Its identity.
+    pub(crate) farm: Uuid,
+    /// Whether a blob store has been marked as its own.
+    pub(crate) has_blobs: bool,
 }
 
 /// The database failed.
@@ -72,21 +84,49 @@ impl From<sqlx::Error> for StoreError {
 }
 
 impl Store {
-    /// Opens the database, which no other coordinator may be using, and brings its schema up to date.
+    /// Opens the database and brings its schema up to date. A SQLite file may not be in use by another coordinator.
     pub(crate) async fn open(source: Source) -> Result<Self, SchemaError> {
         let connection = schema::open(&source).await?;
-        Ok(Self { readers: source.readers(), writer: Writer::start(source, connection) })
+        Ok(Self { readers: source.readers(), writer: Writer::start(source.clone(), connection), source })
+    }
+
+    /// Whether other coordinators may be using it.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.source.is_shared()
+    }
+
+    /// Hears what is sent to all coordinators from now on; `None` where there is one coordinator.
+    pub(crate) async fn listener(&self) -> Result<Option<Listener>, StoreError> {
+        Ok(self.source.listener().await?)
+    }
+
+    /// Sends a text, shorter than 8000 bytes, to all coordinators, where there may be several.
+    pub(crate) async fn notify(&self, text: String) -> Result<(), StoreError> {
+        Ok(self.source.notify(&self.readers, text).await?)
     }
 
     /// Which farm this is. It is given an identity when it is asked for first.
-    pub(crate) async fn farm(&self) -> Result<Uuid, StoreError> {
+    pub(crate) async fn identity(&self) -> Result<Identity, StoreError> {
         self.write(|connection| {
             Box::pin(async move {
                 sqlx::query("insert into farm (single, id) values (1, $1) on conflict (single) do nothing")
                     .bind(Uuid::now_v7().to_string())
                     .execute(&mut *connection)
                     .await?;
-                sqlx::query("select id from farm").fetch_one(connection).await?.parsed("id")
+                let row = sqlx::query("select id, has_blobs from farm").fetch_one(connection).await?;
+                Ok(Identity { farm: row.parsed("id")?, has_blobs: row.integer("has_blobs")? != 0 })
+            })
+        })
+        .await
+    }
+
+    /// Notes that a blob store has been marked as this farm's; `false` when one was before.
+    pub(crate) async fn has_blobs_now(&self) -> Result<bool, StoreError> {
+        self.write(|connection| {
+            Box::pin(async move {
+                let noted =
+                    sqlx::query("update farm set has_blobs = 1 where has_blobs = 0").execute(connection).await?;
+                Ok(noted.rows_affected() > 0)
             })
         })
         .await

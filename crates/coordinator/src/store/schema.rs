@@ -6,7 +6,7 @@ use sqlx::SqlSafeStr;
 use sqlx::migrate::{Migrate, MigrateError, Migration, MigrationType, Migrator};
 
 use super::Connection;
-use super::source::{ConnectError, Source};
+use super::source::Source;
 
 /// The database cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -18,12 +18,6 @@ pub enum SchemaError {
         database: String,
         /// Why.
         source: Box<dyn std::error::Error + Send + Sync>,
-    },
-    /// Another coordinator uses it.
-    #[error("the database `{database}` is in use by another coordinator: stop that one first, or use another database")]
-    InUse {
-        /// What people call the database.
-        database: String,
     },
     /// A newer build has written it.
     #[error(
@@ -57,6 +51,7 @@ fn migrations() -> Vec<Migration> {
         migration(2, "counters", include_str!("../../migrations/0002_counters.sql")),
         migration(3, "farm", include_str!("../../migrations/0003_farm.sql")),
         migration(4, "targets", include_str!("../../migrations/0004_targets.sql")),
+        migration(5, "coordinators", include_str!("../../migrations/0005_coordinators.sql")),
     ]
 }
 
@@ -64,12 +59,12 @@ fn migrations() -> Vec<Migration> {
 pub(super) async fn open(source: &Source) -> Result<Connection, SchemaError> {
     let database = || source.name().to_owned();
     let failed = |source| SchemaError::Migrate { database: database(), source };
-    let mut connection = source.writer().await.map_err(|error| match error {
-        ConnectError::InUse => SchemaError::InUse { database: database() },
-        error => SchemaError::Open { database: database(), source: error.into() },
-    })?;
+    let opened = |source| SchemaError::Open { database: database(), source };
+    let mut connection = source.writer().await.map_err(|error| opened(error.into()))?;
     let migrator = Migrator::with_migrations(migrations());
     let known = migrator.iter().map(|migration| migration.version).max().unwrap_or(0);
+    // Coordinators that start together take turns.
+    connection.lock().await.map_err(failed)?;
     connection.ensure_migrations_table(&migrator.table_name).await.map_err(failed)?;
     let applied = connection.list_applied_migrations(&migrator.table_name).await.map_err(failed)?;
     if let Some(found) = applied.iter().map(|migration| migration.version).max().filter(|found| *found > known) {
@@ -77,5 +72,6 @@ pub(super) async fn open(source: &Source) -> Result<Connection, SchemaError> {
     }
     // `run` takes any `Acquire`, whose future the compiler cannot prove to be `Send` for all lifetimes.
     migrator.run_direct(None, &mut connection, false).await.map_err(failed)?;
+    connection.unlock().await.map_err(failed)?;
     Ok(connection)
 }

@@ -1,7 +1,7 @@
 //! Where the state is kept, and how connections to it are made: a SQLite file, or a PostgreSQL database.
 //!
 //! Both run the same statements. Only this module knows which it is: what a connection has to be told before it is used, how
-//! a transaction begins, and how it is made sure that no other coordinator writes.
+//! a transaction begins, how the writers of several coordinators take turns, and how they tell one another that something happened.
 
 use std::fmt;
 use std::path::Path;
@@ -9,6 +9,7 @@ use std::sync::Once;
 use std::time::Duration;
 
 use sqlx::any::{AnyConnectOptions, AnyPoolOptions, install_default_drivers};
+use sqlx::postgres::PgListener;
 use sqlx::sqlite::SqliteConnectOptions;
 use sqlx::{AnyPool, ConnectOptions};
 
@@ -21,11 +22,12 @@ const READERS: u32 = 4;
 /// How long it may take to reach a database.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 
-/// Number of the PostgreSQL lock that the one coordinator of a database holds: `cleresto` in ASCII.
-const LOCK: i64 = 0x636c_6572_6573_746f;
+/// What begins a transaction in PostgreSQL. The lock, whose number is `cleresto` in ASCII, lets the writers of several coordinators take
+/// turns: what one reads, no other changes before it has committed, as with the one writer of a SQLite file.
+const POSTGRES_BEGIN: &str = "begin; select pg_advisory_xact_lock(7164212649242358895)";
 
-/// What PostgreSQL says when a lock cannot be had in time. A coordinator that was killed keeps its lock until the server has noticed.
-const LOCK_NOT_AVAILABLE: &str = "55P03";
+/// On which channel coordinators of a database tell one another what happened.
+const CHANNEL: &str = "clerestory";
 
 /// What a writing connection to a SQLite file is told. `full` syncs each commit, also in WAL mode. The time to wait is for the lock of another
 /// process, such as a backup.
@@ -36,8 +38,9 @@ const SQLITE_SESSION: [&str; 4] = [
     "pragma foreign_keys = on",
 ];
 
-/// What a writing connection to PostgreSQL is told: whatever a server or a role has as its default, what is acknowledged is on disk.
-const POSTGRES_SESSION: [&str; 1] = ["set synchronous_commit = on"];
+/// What a writing connection to PostgreSQL is told: whatever a server or a role has as its default, what is acknowledged is on disk. A
+/// coordinator that is suspended in the middle of a transaction loses it, so that the others get their turn.
+const POSTGRES_SESSION: [&str; 2] = ["set synchronous_commit = on", "set idle_in_transaction_session_timeout = '5s'"];
 
 /// A database, and how to reach it. Cheap to clone.
 #[derive(Clone)]
@@ -45,6 +48,8 @@ pub(crate) struct Source {
     engine: Engine,
     writing: AnyConnectOptions,
     reading: AnyConnectOptions,
+    /// Address of a PostgreSQL database.
+    postgres: Option<PostgresUrl>,
     name: String,
 }
 
@@ -70,9 +75,6 @@ pub(crate) enum ConnectError {
     /// It does not answer in time.
     #[error("no answer in {} s", CONNECT_TIMEOUT.as_secs())]
     Slow,
-    /// Another coordinator writes to it.
-    #[error("another coordinator uses it")]
-    InUse,
 }
 
 impl From<ConnectError> for StoreError {
@@ -90,6 +92,7 @@ impl Source {
             engine: Engine::Sqlite,
             writing: options(file_options.clone().create_if_missing(true))?,
             reading: options(file_options.read_only(true))?,
+            postgres: None,
             name: file.display().to_string(),
         })
     }
@@ -97,7 +100,13 @@ impl Source {
     /// A PostgreSQL database.
     pub(crate) fn postgres(url: &PostgresUrl) -> Result<Self, sqlx::Error> {
         let options: AnyConnectOptions = url.secret().parse()?;
-        Ok(Self { engine: Engine::Postgres, writing: options.clone(), reading: options, name: url.to_string() })
+        Ok(Self {
+            engine: Engine::Postgres,
+            writing: options.clone(),
+            reading: options,
+            postgres: Some(url.clone()),
+            name: url.to_string(),
+        })
     }
 
     /// What people call it; without a password.
@@ -105,7 +114,12 @@ impl Source {
         &self.name
     }
 
-    /// A connection to write with, of which there is one at a time.
+    /// Whether several coordinators may use it at the same time.
+    pub(crate) fn is_shared(&self) -> bool {
+        self.engine == Engine::Postgres
+    }
+
+    /// A connection to write with, of which each coordinator has one.
     pub(super) async fn writer(&self) -> Result<Connection, ConnectError> {
         install_drivers();
         let connect = tokio::time::timeout(CONNECT_TIMEOUT, self.writing.connect());
@@ -116,17 +130,6 @@ impl Source {
         };
         for statement in session {
             sqlx::query(*statement).execute(&mut connection).await?;
-        }
-        if self.engine == Engine::Postgres {
-            sqlx::query("set lock_timeout = '5s'").execute(&mut connection).await?;
-            let locked = sqlx::query("select pg_advisory_lock($1)").bind(LOCK).execute(&mut connection).await;
-            locked.map_err(|error| match &error {
-                sqlx::Error::Database(cause) if cause.code().as_deref() == Some(LOCK_NOT_AVAILABLE) => {
-                    ConnectError::InUse
-                }
-                _ => ConnectError::Database(error),
-            })?;
-            sqlx::query("set lock_timeout = 0").execute(&mut connection).await?;
         }
         Ok(connection)
     }
@@ -143,7 +146,41 @@ impl Source {
     pub(super) fn begin(&self) -> &'static str {
         match self.engine {
             Engine::Sqlite => "begin immediate",
-            Engine::Postgres => "begin",
+            Engine::Postgres => POSTGRES_BEGIN,
+        }
+    }
+
+    /// Hears what is sent to all coordinators of the database from now on; `None` where there is one coordinator.
+    pub(super) async fn listener(&self) -> Result<Option<Listener>, ConnectError> {
+        let Some(url) = &self.postgres else { return Ok(None) };
+        let connect = async {
+            let mut listener = PgListener::connect(url.secret()).await?;
+            listener.listen(CHANNEL).await?;
+            Ok::<_, sqlx::Error>(listener)
+        };
+        let connected = tokio::time::timeout(CONNECT_TIMEOUT, connect).await.map_err(|_| ConnectError::Slow)?;
+        Ok(Some(Listener(connected?)))
+    }
+
+    /// Sends a text, shorter than 8000 bytes, to all coordinators of the database, where there may be several.
+    pub(super) async fn notify(&self, readers: &AnyPool, text: String) -> Result<(), sqlx::Error> {
+        if self.engine == Engine::Postgres {
+            sqlx::query("select pg_notify($1, $2)").bind(CHANNEL).bind(text).execute(readers).await?;
+        }
+        Ok(())
+    }
+}
+
+/// Hears what is sent to all coordinators of a database.
+#[derive(Debug)]
+pub(crate) struct Listener(PgListener);
+
+impl Listener {
+    /// The next text. An error when the connection was lost, with whatever was sent since.
+    pub(crate) async fn next(&mut self) -> Result<String, StoreError> {
+        match self.0.try_recv().await? {
+            Some(notification) => Ok(notification.payload().to_owned()),
+            None => Err(StoreError::Database("the connection was lost".to_owned())),
         }
     }
 }

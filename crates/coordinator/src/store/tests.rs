@@ -14,8 +14,8 @@ use uuid::Uuid;
 use super::nodes::Acceptance;
 use super::rounds::RecordedRound;
 use super::{
-    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Ending, Grant, LeaseError, NewJob, SchemaError, Source, Store,
-    StoreError, Work, WorkFailure, WorkerError,
+    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Ending, Grant, Keeping, LeaseError, NewJob, SchemaError, Source,
+    Store, StoreError, Work, WorkFailure, WorkerError,
 };
 use crate::stop::Targets;
 
@@ -519,9 +519,9 @@ async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
 }
 
 async fn a_farm_keeps_its_identity(farm: Farm) {
-    let identity = farm.store.farm().await.unwrap();
-    assert_eq!(farm.store.farm().await.unwrap(), identity);
-    assert_eq!(farm.reopened().await.store.farm().await.unwrap(), identity);
+    let identity = farm.store.identity().await.unwrap();
+    assert_eq!(farm.store.identity().await.unwrap(), identity);
+    assert_eq!(farm.reopened().await.store.identity().await.unwrap(), identity);
 }
 
 async fn a_database_of_a_newer_build_is_refused_with_both_versions(farm: Farm) {
@@ -536,15 +536,15 @@ async fn a_database_of_a_newer_build_is_refused_with_both_versions(farm: Farm) {
     newer.await.unwrap();
     farm.store.close().await;
     let error = Store::open(farm.source).await.unwrap_err();
-    assert!(matches!(error, SchemaError::Newer { found: 99, known: 4, .. }), "{error}");
+    assert!(matches!(error, SchemaError::Newer { found: 99, known: 5, .. }), "{error}");
 }
 
 async fn a_lost_connection_fails_what_was_under_way_and_nothing_after_it(farm: Farm) {
     let job = farm.job(1).await;
     // The writer's own connection is ended from outside, where there is an outside.
     let ended = sqlx::query(
-        "select pg_terminate_backend(pid) from pg_locks where locktype = 'advisory' and granted and database = \
-         (select oid from pg_database where datname = current_database())",
+        "select pg_terminate_backend(pid) from pg_stat_activity where datname = current_database() \
+         and pid <> pg_backend_pid()",
     );
     let has_server = ended.fetch_all(&farm.store.readers).await.is_ok();
     assert_eq!(has_server, farm._directory.is_none());
@@ -553,12 +553,100 @@ async fn a_lost_connection_fails_what_was_under_way_and_nothing_after_it(farm: F
     assert_eq!(farm.state(job).await, JobState::Running);
 }
 
-#[tokio::test]
-async fn a_second_coordinator_on_a_database_is_refused() {
-    let farm = Farm::in_postgres().await;
-    let error = Store::open(farm.source.clone()).await.unwrap_err();
-    assert!(matches!(error, SchemaError::InUse { .. }), "{error}");
-    farm.reopened().await;
+async fn a_film_is_kept_by_one_coordinator_until_its_term_is_over(farm: Farm) {
+    let job = farm.job(1).await;
+    let [one, other] = [(); 2].map(|()| Uuid::now_v7());
+    let keep = |coordinator, now_ms| farm.store.keep(job, coordinator, now_ms, now_ms + 100);
+    assert_eq!(keep(one, 0).await.unwrap(), Keeping::Ours);
+    assert_eq!(keep(other, 50).await.unwrap(), Keeping::Theirs { until_ms: 100 });
+    assert_eq!(keep(one, 60).await.unwrap(), Keeping::Ours);
+    assert_eq!(keep(other, 159).await.unwrap(), Keeping::Theirs { until_ms: 160 });
+    assert_eq!(keep(other, 160).await.unwrap(), Keeping::Ours);
+    assert_eq!(keep(one, 170).await.unwrap(), Keeping::Theirs { until_ms: 260 });
+    farm.store.keep_nothing(one).await.unwrap();
+    assert_eq!(keep(one, 180).await.unwrap(), Keeping::Theirs { until_ms: 260 });
+    farm.store.keep_nothing(other).await.unwrap();
+    assert_eq!(keep(one, 190).await.unwrap(), Keeping::Ours);
+    let gone = JobId::from(Uuid::now_v7());
+    assert_eq!(farm.store.keep(gone, one, 0, 100).await.unwrap(), Keeping::Ours, "a job that is gone is no obstacle");
+}
+
+/// Several coordinators on one PostgreSQL database.
+mod several {
+    use futures::future::join_all;
+
+    use super::*;
+
+    async fn coordinators(count: usize) -> Vec<Farm> {
+        let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap();
+        // They start together, and each finds the schema as it should be.
+        join_all((0..count).map(|_| async {
+            Farm { store: Store::open(source.clone()).await.unwrap(), source: source.clone(), _directory: None }
+        }))
+        .await
+    }
+
+    #[tokio::test]
+    async fn eight_claimants_share_a_job_and_none_is_sent_away_while_there_is_work() {
+        let farms = coordinators(4).await;
+        // 300 nodes: more than are cut ahead at once.
+        let job = farms[0].job_like(|job| NewJob { passes: 20, ..job }).await;
+        let workers = join_all((0..8).map(|k| farms[k % 4].worker())).await;
+        let claims = workers.iter().enumerate().map(|(k, worker)| {
+            // What it brings goes to another coordinator than the one that gave the work.
+            let (farm, other) = (&farms[k % 4], &farms[(k + 1) % 4]);
+            async move {
+                let mut nodes = Vec::new();
+                while let Some(grant) = farm.claim(*worker, 3, 0).await {
+                    let acceptance = other.deliver(&grant, &grant.nodes, 1).await.unwrap();
+                    assert!(acceptance.verdicts.iter().all(|verdict| *verdict == NodeVerdict::Accepted));
+                    nodes.extend(grant.nodes);
+                }
+                nodes
+            }
+        });
+        let brought: Vec<Vec<NodeAddress>> = join_all(claims).await;
+        assert!(brought.iter().all(|nodes| !nodes.is_empty()), "every claimant has had work");
+        let passes: Vec<_> = brought.iter().flatten().map(|node| (node.tile, node.passes())).collect();
+        let rendered: u32 = passes.iter().map(|(_, passes)| passes.count).sum();
+        assert_eq!(rendered, 15 * 20, "each pass of each tile once");
+        let record = farms[3].store.job(job).await.unwrap().unwrap();
+        assert_eq!(record.samples, record.total_samples());
+        assert!(farms[1].store.complete_wave(&record).await.unwrap().is_some());
+    }
+
+    #[tokio::test]
+    async fn a_coordinator_that_is_suspended_in_a_transaction_does_not_hold_up_the_others() {
+        let farms = coordinators(2).await;
+        let (begun, has_begun) = tokio::sync::oneshot::channel();
+        let (go_on, wait) = tokio::sync::oneshot::channel::<()>();
+        let suspended = farms[0].store.clone();
+        let suspended = tokio::spawn(async move {
+            suspended
+                .write::<(), StoreError, _>(|_| {
+                    Box::pin(async move {
+                        begun.send(()).unwrap();
+                        wait.await.unwrap();
+                        Ok(())
+                    })
+                })
+                .await
+        });
+        has_begun.await.unwrap();
+        let job = farms[1].job(1).await;
+        go_on.send(()).unwrap();
+        assert!(suspended.await.unwrap().is_err(), "it has lost its transaction, and says so");
+        assert_eq!(farms[0].state(job).await, JobState::Queued);
+        farms[0].job(1).await;
+    }
+
+    #[tokio::test]
+    async fn what_one_sends_the_others_hear() {
+        let farms = coordinators(2).await;
+        let mut listener = farms[1].store.listener().await.unwrap().unwrap();
+        farms[0].store.notify("news".to_owned()).await.unwrap();
+        assert_eq!(listener.next().await.unwrap(), "news");
+    }
 }
 
 /// One test for each engine.
@@ -585,6 +673,7 @@ macro_rules! on_both {
 }
 
 on_both! {
+    a_film_is_kept_by_one_coordinator_until_its_term_is_over
     concurrent_claimants_never_get_the_same_node
     jobs_are_served_by_priority_and_then_by_age
     an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing

@@ -1,4 +1,4 @@
-//! The one writer: groups the writes that wait into one transaction.
+//! The one writer of a coordinator: groups the writes that wait into one transaction.
 //!
 //! A commit costs a sync of the disk, whatever it holds. So all writes that have gathered while the last commit ran go
 //! into the next one, each in a savepoint of its own: a write that fails takes nothing else with it. A caller is answered
@@ -166,13 +166,13 @@ async fn commit(
 /// A connection on which a transaction has begun: the one at hand, or a new one where that is lost.
 async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, StoreError> {
     if let Some(mut connection) = held {
-        match execute(&mut connection, source.begin()).await {
+        match begin(&mut connection, source).await {
             Ok(()) => return Ok(connection),
             Err(error) => tracing::warn!(%error, "the connection to the database is lost"),
         }
     }
     let mut connection = source.writer().await?;
-    execute(&mut connection, source.begin()).await?;
+    begin(&mut connection, source).await?;
     Ok(connection)
 }
 
@@ -184,6 +184,12 @@ async fn run_all(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> 
         }
         execute(connection, "release savepoint one_write").await?;
     }
+    Ok(())
+}
+
+/// Begins a transaction, and waits for its turn.
+async fn begin(connection: &mut Connection, source: &Source) -> Result<(), StoreError> {
+    sqlx::raw_sql(source.begin()).execute(connection).await?;
     Ok(())
 }
 

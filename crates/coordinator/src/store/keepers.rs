@@ -1,0 +1,73 @@
+//! Who keeps the film of a job: one coordinator at a time, for a term that it renews.
+//!
+//! Two that kept the same film would change no bit, since rounds are recorded once and every merge has the same sum; they would
+//! only do the same work twice. So a claim need not be exact to the millisecond, and clocks may differ.
+
+use clerestory_api::JobId;
+use uuid::Uuid;
+
+use super::row::Columns;
+use super::{Store, StoreError};
+
+/// What became of a claim.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Keeping {
+    /// The film is the claimant's.
+    Ours,
+    /// It is another coordinator's, which has to renew its claim until then.
+    Theirs {
+        /// When the claim of the other ends.
+        until_ms: i64,
+    },
+}
+
+impl Store {
+    /// Claims the film of a job for a coordinator, or renews its claim.
+    pub(crate) async fn keep(
+        &self,
+        job: JobId,
+        coordinator: Uuid,
+        now_ms: i64,
+        until_ms: i64,
+    ) -> Result<Keeping, StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                let claimed = sqlx::query(
+                    "insert into keepers (job, coordinator, until_ms) select id, $2, $4 from jobs where id = $1 \
+                     on conflict (job) do update set coordinator = excluded.coordinator, until_ms = excluded.until_ms \
+                     where keepers.coordinator = excluded.coordinator or keepers.until_ms <= $3",
+                )
+                .bind(job.to_string())
+                .bind(coordinator.to_string())
+                .bind(now_ms)
+                .bind(until_ms)
+                .execute(&mut *connection)
+                .await?;
+                if claimed.rows_affected() > 0 {
+                    return Ok(Keeping::Ours);
+                }
+                let held = sqlx::query("select until_ms from keepers where job = $1").bind(job.to_string());
+                match held.fetch_optional(connection).await? {
+                    Some(row) => Ok(Keeping::Theirs { until_ms: row.integer("until_ms")? }),
+                    // There is no such job, and nothing to keep.
+                    None => Ok(Keeping::Ours),
+                }
+            })
+        })
+        .await
+    }
+
+    /// Lets go of all films that a coordinator keeps.
+    pub(crate) async fn keep_nothing(&self, coordinator: Uuid) -> Result<(), StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                sqlx::query("delete from keepers where coordinator = $1")
+                    .bind(coordinator.to_string())
+                    .execute(connection)
+                    .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+}
