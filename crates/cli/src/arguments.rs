@@ -66,7 +66,7 @@ pub(crate) enum Command {
     Cancel(CancelArguments),
     /// Measure how far an image is from a reference.
     Compare(CompareArguments),
-    /// Measure again what papers show.
+    /// Measure again what papers show, or how much a coordinator takes.
     Bench(BenchArguments),
     /// Write a scene that is computed.
     Scene(SceneArguments),

@@ -96,6 +96,12 @@ pub(crate) enum Failure {
     /// A process of the farm could not be started at all.
     #[error("cannot start a process of the farm")]
     Spawn(#[source] io::Error),
+    /// A database that is measured cannot be used.
+    #[error("cannot measure the database")]
+    Database(#[source] sqlx::Error),
+    /// The speed of HTTP cannot be measured.
+    #[error("an exchange with a server of this process failed")]
+    Echo(#[source] reqwest::Error),
     /// A job or a render ended before it was done.
     #[error("{0}")]
     Job(String),

@@ -13,6 +13,7 @@ mod failure;
 mod follow;
 mod image_file;
 mod like;
+mod load;
 mod local_farm;
 mod local_render;
 mod logging;

@@ -1,10 +1,11 @@
 //! `clerestory bench`: measurements that anybody can repeat.
 
 use std::fs;
-use std::num::NonZeroUsize;
+use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 
 use clap::{Args, Subcommand};
 use rayon::ThreadPoolBuilder;
@@ -17,13 +18,18 @@ use crate::experiments::farm::Farm;
 use crate::experiments::session::{Session, Settings};
 use crate::experiments::{self, Experiment};
 use crate::failure::Failure;
+use crate::load;
 use crate::local_render::Control;
+use crate::output_file::check_outputs;
 use crate::scene_overrides::{Size, parse_seconds};
 use crate::shutdown::{self, Parent};
 use crate::terminal::print_line;
 
 /// Most renders of a variant, and most samples of a reference: more would not end.
 const MOST: i64 = 1 << 24;
+
+/// Most simulated workers: each has ports of its own, of which a machine has 65 536.
+const MOST_WORKERS: i64 = 20_000;
 
 /// Options of `clerestory bench`.
 #[derive(Debug, Args)]
@@ -37,6 +43,45 @@ pub(crate) struct BenchArguments {
 enum BenchCommand {
     /// Measure again what a paper shows, and write JSON, CSV, OpenEXR images and a page with figures.
     Experiment(ExperimentArguments),
+    /// Put a coordinator on this machine under load: simulated workers lease and upload noise, and the rates, times and sizes are
+    /// printed beside what the bare machine does.
+    Farm(FarmArguments),
+}
+
+/// Options of `clerestory bench farm`.
+#[derive(Debug, Args)]
+struct FarmArguments {
+    /// Connected workers, such as 10,1000: a line of the report for each.
+    #[arg(
+        long, value_name = "N", value_delimiter = ',', default_value = "10,100,1000,5000",
+        value_parser = clap::value_parser!(u32).range(1..=MOST_WORKERS)
+    )]
+    workers: Vec<u32>,
+    /// How long each number of workers is measured. Before it comes a ramp, and after it the rest of the work.
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = parse_seconds)]
+    seconds: Duration,
+    /// Edge of a tile in pixels.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=256))]
+    tile: u32,
+    /// Nodes in a lease.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=256))]
+    nodes_per_lease: u32,
+    /// Nodes a second that all workers together offer, holding each lease as if they rendered meanwhile [default: as many as the
+    /// coordinator takes].
+    #[arg(long, value_name = "NODES", value_parser = positive::<NonZeroU32>)]
+    rate: Option<NonZeroU32>,
+    /// Empty folder for the data of the coordinator, on the disk that is to be measured [default: a temporary one].
+    #[arg(long, value_name = "FOLDER")]
+    data: Option<PathBuf>,
+    /// Empty PostgreSQL database for the coordinator.
+    #[arg(long, value_name = "URL")]
+    database: Option<String>,
+    /// Empty bucket, or prefix in one, for the coordinator.
+    #[arg(long, value_name = "URL")]
+    object_store: Option<String>,
+    /// Write the report as JSON.
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
 }
 
 /// Options of `clerestory bench experiment`.
@@ -53,7 +98,7 @@ struct ExperimentArguments {
     output: Option<PathBuf>,
     /// Render times, seconds, such as 1,2,4,8.
     #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = parse_seconds)]
-    times: Vec<std::time::Duration>,
+    times: Vec<Duration>,
     /// Independent renders of each variant.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
     seeds: Option<u32>,
@@ -74,7 +119,35 @@ struct ExperimentArguments {
 }
 
 pub(crate) async fn run(arguments: BenchArguments) -> Result<(), Failure> {
-    let BenchCommand::Experiment(arguments) = arguments.command;
+    match arguments.command {
+        BenchCommand::Experiment(arguments) => run_experiment(arguments).await,
+        BenchCommand::Farm(arguments) => run_farm(arguments).await,
+    }
+}
+
+async fn run_farm(arguments: FarmArguments) -> Result<(), Failure> {
+    check_outputs(&[("--output", arguments.output.as_deref())])?;
+    let settings = load::Settings {
+        workers: arguments.workers,
+        time: arguments.seconds,
+        tile_size: arguments.tile,
+        nodes_per_lease: arguments.nodes_per_lease,
+        rate: arguments.rate,
+        data: arguments.data,
+        database: arguments.database,
+        object_store: arguments.object_store,
+    };
+    let stop = shutdown::token(Parent::None);
+    let (report, outcome) = tokio::select! {
+        report = load::run(&settings) => report?,
+        () = stop.cancelled() => return Err(Failure::Job("interrupted".to_owned())),
+    };
+    print_line(&report.table())?;
+    arguments.output.map_or(Ok(()), |file| report.write(&file))?;
+    outcome
+}
+
+async fn run_experiment(arguments: ExperimentArguments) -> Result<(), Failure> {
     let Some(experiment) = arguments.experiment else { return list() };
     let settings = interpret(experiment, &arguments)?;
     let folder = arguments.output.unwrap_or_else(|| PathBuf::from(format!("experiment-{}", experiment.name)));
@@ -126,7 +199,7 @@ fn interpret(experiment: &Experiment, arguments: &ExperimentArguments) -> Result
             experiment.name
         )));
     }
-    let mut times: Vec<f64> = arguments.times.iter().map(std::time::Duration::as_secs_f64).collect();
+    let mut times: Vec<f64> = arguments.times.iter().map(Duration::as_secs_f64).collect();
     if times.is_empty() {
         times.extend(defaults.times.unwrap_or_default());
     }

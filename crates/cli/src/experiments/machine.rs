@@ -9,7 +9,7 @@ use crate::commands::worker::{BUILD, cores};
 
 /// What a reader must know of the machine to judge times.
 #[derive(Debug, Serialize)]
-pub(super) struct Machine {
+pub(crate) struct Machine {
     /// The program.
     build: &'static str,
     /// Operating system and instruction set.
@@ -21,7 +21,8 @@ pub(super) struct Machine {
 }
 
 impl Machine {
-    pub(super) fn this() -> Self {
+    /// The machine that this process runs on.
+    pub(crate) fn this() -> Self {
         let system = format!("{} {}", std::env::consts::OS, std::env::consts::ARCH);
         Self { build: BUILD, system, processor: processor(), cores: cores().get() }
     }

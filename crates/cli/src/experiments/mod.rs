@@ -13,7 +13,7 @@ pub(crate) mod farm;
 mod figure;
 mod fine_detail;
 mod flicker;
-mod machine;
+pub(crate) mod machine;
 mod manifold;
 mod measure;
 mod page;

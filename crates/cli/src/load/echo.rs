@@ -1,0 +1,84 @@
+//! The ceiling of HTTP: exchanges with a server that does nothing, through the same crates as those of workers and coordinator.
+
+use std::net::Ipv4Addr;
+use std::time::{Duration, Instant};
+
+use axum::Router;
+use axum::extract::DefaultBodyLimit;
+use axum::routing::put;
+use backon::{ExponentialBuilder, Retryable};
+use bytes::Bytes;
+use tokio::net::TcpListener;
+use tokio::task::JoinSet;
+use tokio_util::task::AbortOnDropHandle;
+
+use crate::failure::Failure;
+
+/// Most connections: both ends of each are open files of this process, and more are not faster.
+const MOST_CONNECTIONS: u32 = 1000;
+
+/// How long it is measured.
+const TIME: Duration = Duration::from_secs(2);
+
+/// Exchanges per second over so many connections at the same time, though 1000 at most, each of which sends a body of so many bytes and waits for an
+/// answer, which is short as that of the coordinator. Server and clients are in this process.
+pub(super) async fn exchanges_per_second(connections: u32, bytes: usize) -> Result<f64, Failure> {
+    let address = format!("{}:0", Ipv4Addr::LOCALHOST);
+    let failure = |source| Failure::Listen { address: address.clone(), source };
+    let listener = TcpListener::bind(&address).await.map_err(failure)?;
+    let url = format!("http://{}/", listener.local_addr().map_err(failure)?);
+    let router =
+        Router::new().route("/", put(async |body: Bytes| body.len().to_string())).layer(DefaultBodyLimit::disable());
+    let _server = AbortOnDropHandle::new(tokio::spawn(axum::serve(listener, router).into_future()));
+    let client = reqwest::Client::new();
+    let body = Bytes::from(vec![7; bytes]);
+    let connections = connections.min(MOST_CONNECTIONS);
+    // Connections are made before the time starts.
+    exchange_until(&client, &url, connections, &body, Instant::now()).await?;
+    let start = Instant::now();
+    let exchanges = exchange_until(&client, &url, connections, &body, start + TIME).await?;
+    Ok(exchanges as f64 / start.elapsed().as_secs_f64())
+}
+
+/// Exchanges over all connections until then, at least one over each, and answers how many there were.
+async fn exchange_until(
+    client: &reqwest::Client,
+    url: &str,
+    connections: u32,
+    body: &Bytes,
+    end: Instant,
+) -> Result<u64, Failure> {
+    let mut clients = JoinSet::new();
+    for _ in 0..connections {
+        let (client, url, body) = (client.clone(), url.to_owned(), body.clone());
+        clients.spawn(async move {
+            let exchange = async || client.put(&url).body(body.clone()).send().await?.error_for_status()?.bytes().await;
+            let mut exchanges = 0;
+            loop {
+                // As for workers, a connection that cannot be made at once is tried again.
+                exchange.retry(ExponentialBuilder::default().with_jitter()).await?;
+                exchanges += 1;
+                if Instant::now() >= end {
+                    return Ok::<u64, reqwest::Error>(exchanges);
+                }
+            }
+        });
+    }
+    let mut exchanges = 0;
+    while let Some(ended) = clients.join_next().await {
+        let ended = ended.map_err(|panic| Failure::Job(format!("a measurement failed: {panic}")))?;
+        exchanges += ended.map_err(Failure::Echo)?;
+    }
+    Ok(exchanges)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn every_connection_exchanges_at_least_once() {
+        let rate = exchanges_per_second(3, 1000).await.unwrap();
+        assert!(rate.is_finite() && rate > 0.0, "{rate}");
+    }
+}

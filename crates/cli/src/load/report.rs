@@ -1,0 +1,187 @@
+//! What came out, for people and for programs.
+
+use std::num::NonZeroU32;
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::Settings;
+use super::ceilings::Ceilings;
+use super::statistics::Latency;
+use crate::experiments::machine::Machine;
+use crate::failure::Failure;
+use crate::output_file;
+
+/// Characters of the names and of the numbers of the table.
+const WIDTHS: [usize; 2] = [46, 11];
+
+/// The measurements of a run.
+#[derive(Debug, Serialize)]
+pub(crate) struct Report {
+    machine: Machine,
+    /// `sqlite` or `postgres`.
+    state: &'static str,
+    /// `folder` or `bucket`.
+    blobs: &'static str,
+    ceilings: Ceilings,
+    lines: Vec<Line>,
+}
+
+/// What so many workers came to. Rates are those of the measured time unless they say otherwise; a megabyte is 10^6 bytes.
+#[derive(Debug, Serialize)]
+pub(super) struct Line {
+    /// Connected workers.
+    pub(super) workers: u32,
+    /// Edge of a tile in pixels.
+    pub(super) tile_size: u32,
+    /// Nodes in a lease.
+    pub(super) nodes_per_lease: u32,
+    /// What the workers offered together; absent where that is as much as the coordinator takes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) offered_nodes_per_second: Option<NonZeroU32>,
+    /// Jobs that were submitted.
+    pub(super) jobs: u64,
+    /// The measured time.
+    pub(super) load_seconds: f64,
+    /// From the end of the measured time until all work was uploaded and merged and the coordinator at rest.
+    pub(super) drain_seconds: f64,
+    /// Until all workers were registered, 100 at a time.
+    pub(super) registration_seconds: f64,
+    /// Nodes leased.
+    pub(super) leased_per_second: f64,
+    /// Nodes accepted.
+    pub(super) uploaded_per_second: f64,
+    /// Nodes whose round was recorded.
+    pub(super) merged_per_second: f64,
+    /// All nodes, over the time from the first claim until the coordinator was at rest.
+    pub(super) sustained_per_second: f64,
+    /// Partials answered.
+    pub(super) partials_per_second: f64,
+    /// Their bytes.
+    pub(super) partial_megabytes_per_second: f64,
+    /// Exchanges with a bare server over as many connections, 1000 at most, with bodies as large.
+    pub(super) exchanges_per_second: f64,
+    /// Bytes of a partial with all nodes of a lease.
+    pub(super) partial_bytes: u64,
+    /// From the request for a lease to the lease, while there was work.
+    pub(super) claim: Latency,
+    /// From the start of an upload to its answer.
+    pub(super) upload: Latency,
+    /// Encoding of a partial by the generator.
+    pub(super) encoding: Latency,
+    /// Leases granted, from the first claim to the end, as all counts below.
+    pub(super) leases: u64,
+    /// Nodes in them.
+    pub(super) leased_nodes: u64,
+    /// Nodes accepted.
+    pub(super) uploaded_nodes: u64,
+    /// Nodes in recorded rounds at the end.
+    pub(super) merged_nodes: u64,
+    /// Nodes that were there already.
+    pub(super) duplicate_nodes: u64,
+    /// Nodes that the coordinator did not take.
+    pub(super) refused_nodes: u64,
+    /// Nodes whose lease had run out.
+    pub(super) late_nodes: u64,
+    /// Nodes that were accepted and are in no recorded round at the end.
+    pub(super) lost_nodes: u64,
+    /// Calls that were repeated because they failed in a way that may pass.
+    pub(super) repeated_calls: u64,
+    /// Camera samples that the accepted nodes stand for.
+    pub(super) samples: u64,
+    /// Most memory that the coordinator had.
+    pub(super) coordinator_peak_megabytes: f64,
+    /// Memory that it had at the end of the measured time.
+    pub(super) coordinator_megabytes_under_load: f64,
+    /// Its sockets then.
+    pub(super) coordinator_sockets: u64,
+    /// Its processor time, from the first claim to the end.
+    pub(super) coordinator_processor_seconds: f64,
+    /// That of the generator in the same time.
+    pub(super) generator_processor_seconds: f64,
+    /// Bytes that the coordinator made the system write, for each byte of a partial. Those that a database server writes are not in it.
+    pub(super) write_amplification: f64,
+    /// Growth of the state and of the blobs that are not in a bucket, for each camera sample.
+    pub(super) stored_bytes_per_sample: f64,
+}
+
+impl Report {
+    /// The report of a run.
+    pub(super) fn new(settings: &Settings, ceilings: Ceilings, lines: Vec<Line>) -> Self {
+        let state = if settings.database.is_some() { "postgres" } else { "sqlite" };
+        let blobs = if settings.object_store.is_some() { "bucket" } else { "folder" };
+        Self { machine: Machine::this(), state, blobs, ceilings, lines }
+    }
+
+    /// Writes it as JSON.
+    pub(crate) fn write(&self, file: &Path) -> Result<(), Failure> {
+        output_file::write(file, &serde_json::to_vec_pretty(self).expect("a report has a form in JSON"))
+    }
+
+    /// It as a table: a column for each number of workers, and below it what the bare machine does.
+    pub(crate) fn table(&self) -> String {
+        let mut table = String::new();
+        let Some(first) = self.lines.first() else { return table };
+        let Line { tile_size, nodes_per_lease, partial_bytes, .. } = first;
+        let offered = first.offered_nodes_per_second.map_or_else(
+            || "as many nodes as the coordinator takes".to_owned(),
+            |rate| format!("{rate} nodes/s offered"),
+        );
+        let Self { state, blobs, .. } = self;
+        table.push_str(&format!(
+            "state: {state}, blobs: {blobs}; tiles of {tile_size} x {tile_size} pixels, {nodes_per_lease} nodes in a lease, partials of \
+             {partial_bytes} bytes, {offered}\n"
+        ));
+        let [names, numbers] = WIDTHS;
+        for (name, digits, value) in ROWS {
+            table.push_str(&format!("{name:<names$}"));
+            table.extend(self.lines.iter().map(|line| format!("{:>numbers$.digits$}", value(line))));
+            table.push('\n');
+        }
+        table.push_str("the bare machine:\n");
+        for (name, value) in self.ceilings.lines() {
+            let indented = format!("  {name}");
+            table.push_str(&format!("{indented:<names$}{value:>numbers$.0}\n"));
+        }
+        table.truncate(table.trim_end().len());
+        table
+    }
+}
+
+/// A row of the table: its name, digits after the point, and where the number comes from.
+type Row = (&'static str, usize, fn(&Line) -> f64);
+
+const ROWS: [Row; 26] = [
+    ("workers", 0, |line| line.workers.into()),
+    ("nodes leased, /s", 0, |line| line.leased_per_second),
+    ("nodes uploaded, /s", 0, |line| line.uploaded_per_second),
+    ("nodes merged, /s", 0, |line| line.merged_per_second),
+    ("nodes sustained (load and drain), /s", 0, |line| line.sustained_per_second),
+    ("partials, /s", 0, |line| line.partials_per_second),
+    ("  bare HTTP exchanges of that size, /s", 0, |line| line.exchanges_per_second),
+    ("partials, MB/s", 1, |line| line.partial_megabytes_per_second),
+    ("claim until lease, p50, ms", 1, |line| line.claim.p50_ms),
+    ("  p99, ms", 1, |line| line.claim.p99_ms),
+    ("  max, ms", 1, |line| line.claim.max_ms),
+    ("upload until answer, p50, ms", 1, |line| line.upload.p50_ms),
+    ("  p99, ms", 1, |line| line.upload.p99_ms),
+    ("  max, ms", 1, |line| line.upload.max_ms),
+    ("measured, s", 1, |line| line.load_seconds),
+    ("drain until all is merged, s", 1, |line| line.drain_seconds),
+    ("registration of all workers, s", 1, |line| line.registration_seconds),
+    ("nodes lost, refused, late or there already", 0, |line| {
+        (line.lost_nodes + line.refused_nodes + line.late_nodes + line.duplicate_nodes) as f64
+    }),
+    ("calls repeated", 0, |line| line.repeated_calls as f64),
+    ("coordinator, most memory, MB", 0, |line| line.coordinator_peak_megabytes),
+    ("coordinator, sockets", 0, |line| line.coordinator_sockets as f64),
+    ("coordinator, processor ms for each node", 3, |line| processor_ms(line, line.coordinator_processor_seconds)),
+    ("generator, processor ms for each node", 3, |line| processor_ms(line, line.generator_processor_seconds)),
+    ("  of which encoding, p50, ms", 3, |line| line.encoding.p50_ms / f64::from(line.nodes_per_lease)),
+    ("written for each byte of partials, bytes", 2, |line| line.write_amplification),
+    ("stored for each camera sample, bytes", 3, |line| line.stored_bytes_per_sample),
+];
+
+fn processor_ms(line: &Line, seconds: f64) -> f64 {
+    seconds * 1000.0 / line.uploaded_nodes.max(1) as f64
+}

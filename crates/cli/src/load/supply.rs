@@ -1,0 +1,203 @@
+//! The work of a load: jobs that are submitted as the last ones are used up, and followed until all their rounds are recorded.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Duration;
+
+use clerestory_api::{JobId, JobState};
+use clerestory_render_core::film::{Sampling, TileGrid};
+use clerestory_render_core::scene::{SceneBundle, SceneDescription};
+use serde_json::json;
+use tokio::time::Instant;
+
+use super::tally::Tally;
+use crate::commands::submit::{Order, submit};
+use crate::connection::Connection;
+use crate::failure::Failure;
+
+/// Passes of a job: five rounds, and one block, so that every node has its first-hit layers.
+pub(super) const PASSES: u32 = 16;
+
+/// Samples of a pixel in a pass, and in a block: those of scenes that say nothing else.
+const SAMPLES: [u32; 2] = [16, 256];
+
+/// Least and most tiles of a job.
+const TILES: [u64; 2] = [64, 1024];
+
+/// Most pixels of a job's image, so that large tiles do not make images that nobody renders.
+const MOST_PIXELS: u64 = 1 << 20;
+
+/// Time between looks at how much work is left, and at jobs.
+const PERIOD: Duration = Duration::from_millis(20);
+
+/// How long nothing may come of all jobs before they are given up; much longer than a lease lasts, or the merging after a round takes.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// The image of every job for so many nodes that are leased at the same time, in tiles of this edge in pixels: about as many nodes in a
+/// job, so that few jobs are worked on at the same time.
+pub(super) fn grid(tile_size: u32, leased_nodes: u64) -> TileGrid {
+    let most = (MOST_PIXELS / (u64::from(tile_size) * u64::from(tile_size))).clamp(1, TILES[1]);
+    let tiles = (leased_nodes / u64::from(PASSES)).next_power_of_two().clamp(TILES[0].min(most), most);
+    let doublings = tiles.ilog2();
+    TileGrid { width: tile_size << doublings.div_ceil(2), height: tile_size << (doublings / 2), tile_size }
+}
+
+/// How the samples of every job are grouped.
+pub(super) fn sampling() -> Sampling {
+    let [pass, block] = SAMPLES;
+    Sampling::new(pass, block).expect("a block is a power of two of passes")
+}
+
+/// Submits jobs and follows them.
+#[derive(Debug)]
+pub(super) struct Supply<'a> {
+    connection: &'a Connection,
+    tally: &'a Tally,
+    grid: TileGrid,
+    bundle: SceneBundle,
+    /// All jobs of the load, with the passes that every tile had at the last look.
+    jobs: BTreeMap<JobId, u32>,
+}
+
+impl<'a> Supply<'a> {
+    /// A supply of jobs with this image.
+    pub(super) fn new(connection: &'a Connection, tally: &'a Tally, grid: TileGrid) -> Result<Self, Failure> {
+        let bundle = bundle(grid)?;
+        Ok(Self { connection, tally, grid, bundle, jobs: BTreeMap::new() })
+    }
+
+    /// Passes of tiles in a job.
+    pub(super) fn job_passes(&self) -> u64 {
+        u64::from(self.grid.len()) * u64::from(PASSES)
+    }
+
+    /// Jobs that have been submitted.
+    pub(super) fn jobs(&self) -> u64 {
+        self.jobs.len() as u64
+    }
+
+    /// Submits jobs until at least so many passes of tiles are free.
+    pub(super) async fn fill(&mut self, passes: u64) -> Result<(), Failure> {
+        while self.tally.free_passes() < passes {
+            let order = Order {
+                name: None,
+                samples_per_pixel: PASSES * SAMPLES[0],
+                time_limit_ms: None,
+                tile_size: self.grid.tile_size,
+                priority: 0,
+                reference: None,
+            };
+            let job = submit(self.connection, &self.bundle, order).await?;
+            self.jobs.insert(job.id, 0);
+            self.tally.supply(self.job_passes());
+        }
+        Ok(())
+    }
+
+    /// Sees to it, for so long, that more than a job's work is free.
+    pub(super) async fn keep_full(&mut self, time: Duration) -> Result<(), Failure> {
+        let end = Instant::now() + time;
+        while Instant::now() < end {
+            self.fill(self.job_passes()).await?;
+            self.check_workers()?;
+            tokio::time::sleep(PERIOD.min(end - Instant::now())).await;
+        }
+        Ok(())
+    }
+
+    /// Passes of tiles that are in recorded rounds now.
+    pub(super) async fn merged_passes(&mut self) -> Result<u64, Failure> {
+        let unfinished: Vec<JobId> =
+            self.jobs.iter().filter(|(_, passes)| **passes < PASSES).map(|(&job, _)| job).collect();
+        for job in unfinished {
+            let passes = self.look(job).await?;
+            self.jobs.insert(job, passes);
+        }
+        Ok(self.jobs.values().map(|passes| u64::from(*passes) * u64::from(self.grid.len())).sum())
+    }
+
+    /// Waits until every round of every job is recorded.
+    pub(super) async fn finish(&mut self) -> Result<(), Failure> {
+        let mut last = ((0, 0), Instant::now());
+        loop {
+            self.check_workers()?;
+            let merged = self.merged_passes().await?;
+            let left = self.jobs.len() as u64 * self.job_passes() - merged;
+            if left == 0 {
+                return Ok(());
+            }
+            let now = (self.tally.counts().accepted, merged);
+            if now != last.0 {
+                last = (now, Instant::now());
+            } else if last.1.elapsed() > PATIENCE {
+                return Err(Failure::Job(format!(
+                    "nothing was uploaded and no round recorded for {} s: {left} passes of tiles are not merged, {} not leased",
+                    PATIENCE.as_secs(),
+                    self.tally.free_passes()
+                )));
+            }
+            tokio::time::sleep(PERIOD).await;
+        }
+    }
+
+    /// Looks at a job, and answers how many of its passes are in recorded rounds.
+    async fn look(&self, id: JobId) -> Result<u32, Failure> {
+        let job = self.connection.client.job(id).await.map_err(|error| self.connection.failure(error))?;
+        if job.state.is_final() && job.state != JobState::Done {
+            let reason = job.failure.unwrap_or_else(|| job.state.name().to_owned());
+            return Err(Failure::Job(format!("a job of the load has ended before it was done: {reason}")));
+        }
+        Ok(job.complete_passes)
+    }
+
+    fn check_workers(&self) -> Result<(), Failure> {
+        self.tally
+            .failure()
+            .map_or(Ok(()), |reason| Err(Failure::Job(format!("a simulated worker has ended: {reason}"))))
+    }
+}
+
+/// A scene that could be rendered: a wall and a lamp.
+fn bundle(grid: TileGrid) -> Result<SceneBundle, Failure> {
+    let scene = json!({
+        "version": 1,
+        "name": "noise",
+        "film": {"width": grid.width, "height": grid.height},
+        "camera": {"perspective": {
+            "position": [0, 0, 3], "look_at": [0, 0, 0], "up": [0, 1, 0], "vertical_field_of_view": 60
+        }},
+        "integrator": {"path": {}},
+        "sampling": {"samples_per_pass": SAMPLES[0], "samples_per_block": SAMPLES[1]},
+        "materials": {"white": {"diffuse": {"reflectance": {"colour": [0.8, 0.8, 0.8]}}}},
+        "meshes": [{"name": "wall", "material": "white", "source": {"inline": {
+            "positions": [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]],
+            "triangles": [[0, 1, 2], [0, 2, 3]]
+        }}}],
+        "lights": [{"point": {"name": "lamp", "position": [1, 1, 2], "intensity": [5, 5, 5]}}]
+    });
+    let description = SceneDescription::parse(scene.to_string().as_bytes());
+    let bundle = description.and_then(|description| SceneBundle::from_parts(description, BTreeMap::new()));
+    bundle.map_err(|source| Failure::scene(Path::new("noise"), source))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_are_cut_without_remainder_and_grow_with_what_is_leased() {
+        #[track_caller]
+        fn check(tile: u32, leased: u64, width: u32, height: u32) {
+            let grid = grid(tile, leased);
+            assert_eq!((grid.width, grid.height, grid.tile_size), (width, height, tile));
+            assert_eq!(u64::from(grid.len()) * u64::from(tile) * u64::from(tile), u64::from(width) * u64::from(height));
+            bundle(grid).unwrap();
+        }
+        check(16, 4, 128, 128);
+        check(16, 1600, 256, 128);
+        check(16, 16_000, 512, 512);
+        check(16, 80_000, 512, 512);
+        check(64, 16_000, 1024, 1024);
+        check(256, 16_000, 1024, 1024);
+    }
+}

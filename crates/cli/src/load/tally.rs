@@ -1,0 +1,231 @@
+//! What the workers of a load count together, and which of their times are measured.
+//!
+//! A claim's time is measured only if work was there all the while: one that was sent when all nodes were leased, or met the moment when
+//! the last one went, has waited for work and not for the coordinator.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use clerestory_api::{NodeAddress, NodeVerdict, PartialAnswer};
+
+/// What has been counted so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Counts {
+    /// Leases granted.
+    pub(super) leases: u64,
+    /// Nodes in them.
+    pub(super) leased: u64,
+    /// Partials answered.
+    pub(super) partials: u64,
+    /// Bytes of these.
+    pub(super) bytes: u64,
+    /// Nodes accepted.
+    pub(super) accepted: u64,
+    /// Passes of a tile in these; a node has at least one.
+    pub(super) accepted_passes: u64,
+    /// Nodes that were there already.
+    pub(super) duplicate: u64,
+    /// Nodes that were not taken.
+    pub(super) refused: u64,
+    /// Nodes whose lease was over before they were answered.
+    pub(super) late: u64,
+    /// Calls that were repeated because they failed in a way that may pass.
+    pub(super) repeated: u64,
+}
+
+/// When a claim was sent, if its time is to be measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Asked(Option<u64>);
+
+/// Whether the time of an upload is to be measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sent(bool);
+
+/// The counters that all workers of a load share.
+#[derive(Debug, Default)]
+pub(super) struct Tally {
+    state: Mutex<State>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    counts: Counts,
+    /// Passes of tiles in all jobs that were submitted, less those that are leased or done.
+    free_passes: u64,
+    /// How often the last free pass has been leased.
+    droughts: u64,
+    is_measuring: bool,
+    times: Times,
+    failure: Option<String>,
+}
+
+/// Measured times.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Times {
+    /// From the request for a lease to the lease.
+    pub(super) claims: Vec<Duration>,
+    /// From the first byte of a partial to its answer.
+    pub(super) uploads: Vec<Duration>,
+    /// Encoding of a partial.
+    pub(super) encodings: Vec<Duration>,
+}
+
+impl Tally {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What has been counted so far.
+    pub(super) fn counts(&self) -> Counts {
+        self.state().counts
+    }
+
+    /// Begins or ends the measurement of times.
+    pub(super) fn measure(&self, is_measuring: bool) {
+        self.state().is_measuring = is_measuring;
+    }
+
+    /// The measured times.
+    pub(super) fn times(&self) -> Times {
+        self.state().times.clone()
+    }
+
+    /// Passes of tiles that nobody has leased yet.
+    pub(super) fn free_passes(&self) -> u64 {
+        self.state().free_passes
+    }
+
+    /// A job has been submitted.
+    pub(super) fn supply(&self, passes: u64) {
+        self.state().free_passes += passes;
+    }
+
+    /// A claim is about to be sent.
+    pub(super) fn asks(&self) -> Asked {
+        let state = self.state();
+        Asked((state.is_measuring && state.free_passes > 0).then_some(state.droughts))
+    }
+
+    /// It was granted after so long.
+    pub(super) fn granted(&self, asked: Asked, time: Duration, nodes: &[NodeAddress]) {
+        let mut state = self.state();
+        state.counts.leases += 1;
+        state.counts.leased += nodes.len() as u64;
+        if asked.0 == Some(state.droughts) {
+            state.times.claims.push(time);
+        }
+        state.free_passes = state.free_passes.saturating_sub(passes(nodes.iter()));
+        if state.free_passes == 0 {
+            state.droughts += 1;
+        }
+    }
+
+    /// A partial is about to be sent, which took so long to encode.
+    pub(super) fn sends(&self, encoding: Duration) -> Sent {
+        let mut state = self.state();
+        if state.is_measuring {
+            state.times.encodings.push(encoding);
+        }
+        Sent(state.is_measuring)
+    }
+
+    /// It was answered after so long.
+    pub(super) fn answered(&self, sent: Sent, time: Duration, bytes: u64, answer: &PartialAnswer) {
+        let with = |verdict| answer.nodes.iter().filter(move |node| node.verdict == verdict).map(|node| &node.node);
+        let mut state = self.state();
+        if sent.0 {
+            state.times.uploads.push(time);
+        }
+        let counts = &mut state.counts;
+        counts.partials += 1;
+        counts.bytes += bytes;
+        counts.accepted += with(NodeVerdict::Accepted).count() as u64;
+        counts.accepted_passes += passes(with(NodeVerdict::Accepted));
+        counts.duplicate += with(NodeVerdict::Duplicate).count() as u64;
+        counts.refused += with(NodeVerdict::Refused).count() as u64;
+        state.free_passes += passes(with(NodeVerdict::Refused));
+    }
+
+    /// These nodes are back in the queue: their lease was over before they were answered.
+    pub(super) fn came_late(&self, nodes: &[NodeAddress]) {
+        let mut state = self.state();
+        state.counts.late += nodes.len() as u64;
+        state.free_passes += passes(nodes.iter());
+    }
+
+    /// A call is repeated.
+    pub(super) fn repeats(&self) {
+        self.state().counts.repeated += 1;
+    }
+
+    /// A worker has ended for this reason. The first one is kept.
+    pub(super) fn fails(&self, reason: String) {
+        self.state().failure.get_or_insert(reason);
+    }
+
+    /// Why a worker has ended, if one has.
+    pub(super) fn failure(&self) -> Option<String> {
+        self.state().failure.clone()
+    }
+}
+
+fn passes<'a>(nodes: impl Iterator<Item = &'a NodeAddress>) -> u64 {
+    nodes.map(|node| 1_u64.checked_shl(node.level).unwrap_or(0)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn nodes(count: u32) -> Vec<NodeAddress> {
+        (0..count).map(|index| NodeAddress { frame: 0, tile: 0, level: 0, index }).collect()
+    }
+
+    #[test]
+    fn only_claims_for_which_there_was_work_all_the_while_are_measured() {
+        let tally = Tally::default();
+        let time = Duration::from_millis(5);
+        let measured = || tally.times().claims.len();
+        tally.supply(4);
+        let before = tally.asks();
+        tally.measure(true);
+        tally.granted(before, time, &nodes(1));
+        assert_eq!(measured(), 0, "sent before the measurement");
+        let (first, second, third) = (tally.asks(), tally.asks(), tally.asks());
+        tally.granted(first, time, &nodes(1));
+        tally.granted(second, time, &nodes(2));
+        assert_eq!((measured(), tally.free_passes()), (2, 0));
+        let idle = tally.asks();
+        tally.supply(4);
+        tally.granted(third, time, &nodes(1));
+        tally.granted(idle, time, &nodes(1));
+        assert_eq!(measured(), 2, "waited for work");
+        tally.granted(tally.asks(), time, &nodes(1));
+        assert_eq!((measured(), tally.counts().leased, tally.counts().leases), (3, 7, 6));
+    }
+
+    #[test]
+    fn nodes_are_counted_by_verdict_and_those_that_are_not_taken_are_free_again() {
+        let tally = Tally::default();
+        let answer = |verdict, level| clerestory_api::NodeAnswer {
+            node: NodeAddress { frame: 0, tile: 0, level, index: 0 },
+            verdict,
+            reason: None,
+        };
+        let verdicts = [(NodeVerdict::Accepted, 2), (NodeVerdict::Duplicate, 0), (NodeVerdict::Refused, 3)];
+        let nodes = verdicts.map(|(verdict, level)| answer(verdict, level)).to_vec();
+        let sent = tally.sends(Duration::ZERO);
+        tally.answered(sent, Duration::ZERO, 100, &PartialAnswer { nodes, outstanding: 0 });
+        let expected = Counts {
+            partials: 1,
+            bytes: 100,
+            accepted: 1,
+            accepted_passes: 4,
+            duplicate: 1,
+            refused: 1,
+            ..Counts::default()
+        };
+        assert_eq!((tally.counts(), tally.free_passes()), (expected, 8));
+        assert!(tally.times().uploads.is_empty());
+    }
+}

@@ -1,0 +1,200 @@
+//! A simulated worker: it speaks to the coordinator as a real one does, and brings noise.
+//!
+//! It registers, sends signs of life, waits for leases, renews them while it holds them, uploads all nodes of a lease as the real one does that
+//! has them within a second, and repeats calls that fail in a way that may pass. Two things are left out: it does not fetch the scene,
+//! which real ones do once for each job; and it claims only after its upload was answered, where real ones claim meanwhile.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use backon::{ExponentialBuilder, Retryable};
+use bytes::Bytes;
+use clerestory_api::{
+    Client, ClientError, Lease, LeaseRequest, LeaseReturn, NodeAddress, PartialUpload, ProblemCode, WorkerId,
+    WorkerRegistration,
+};
+use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
+
+use super::partials::{Noise, NoiseError};
+use super::tally::Tally;
+use crate::commands::worker::BUILD;
+
+/// How long the coordinator may let a claim wait for work, as real workers do, milliseconds.
+const LONG_POLL_MS: u32 = 15_000;
+
+/// Time between signs of life, as real workers send them.
+const HEARTBEAT_PERIOD: Duration = Duration::from_secs(5);
+
+/// What a pass of a tile is said to have taken, milliseconds of one core: as long as the work of a whole lease should take, so that
+/// the coordinator cuts no larger nodes.
+const PASS_CORE_MS: u64 = 10_000;
+
+/// What the workers of a load have in common.
+#[derive(Debug)]
+pub(super) struct Load {
+    /// The connections; each call that is under way has one of its own.
+    pub(super) client: Client,
+    /// What they bring.
+    pub(super) noise: Noise,
+    /// What they count.
+    pub(super) tally: Tally,
+    /// Time from one lease of a worker to its next; without one, the next follows at once.
+    pub(super) cycle: Option<Duration>,
+    /// Cancelled when the measured time is over: leases that are held are worked off at once.
+    pub(super) hurry: CancellationToken,
+}
+
+/// A simulated worker fails.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum WorkerFailure {
+    #[error("the coordinator refuses a simulated worker")]
+    Call(#[from] ClientError),
+    #[error("cannot make a partial")]
+    Noise(#[from] NoiseError),
+}
+
+impl Load {
+    /// Registers the worker with this number.
+    pub(super) async fn register(&self, number: u32) -> Result<WorkerId, ClientError> {
+        let name = format!("simulated-{number}");
+        let registration = WorkerRegistration { name, cores: 1, build: BUILD.to_owned(), probe_digest: None };
+        Ok(self.until_answered(|| self.client.register_worker(&registration)).await?.id)
+    }
+
+    /// Works as a registered worker for as long as it is polled, from `start` on. Ends only for a failure, which is noted.
+    pub(super) async fn work(self: Arc<Self>, worker: WorkerId, start: Instant) {
+        let failure = tokio::select! {
+            failure = self.leases(worker, start) => failure,
+            () = self.heartbeats(worker) => return,
+        };
+        self.tally.fails(with_causes(&failure));
+    }
+
+    async fn leases(&self, worker: WorkerId, start: Instant) -> WorkerFailure {
+        tokio::time::sleep_until(start).await;
+        let mut turn = start;
+        loop {
+            match self.claim(worker).await {
+                Err(failure) => return failure.into(),
+                Ok(None) => turn = Instant::now(),
+                Ok(Some(lease)) => {
+                    // Who is late does not catch up: a farm that cannot follow is offered less.
+                    turn = Instant::now().max(turn + self.cycle.unwrap_or_default());
+                    tokio::select! {
+                        worked_off = self.work_off(&lease, turn) => {
+                            if let Err(failure) = worked_off {
+                                return failure;
+                            }
+                        }
+                        () = self.renew(&lease) => {}
+                    }
+                }
+            }
+        }
+    }
+
+    async fn claim(&self, worker: WorkerId) -> Result<Option<Lease>, ClientError> {
+        let request = LeaseRequest { worker, max_nodes: None, wanted_ms: None, wait_ms: LONG_POLL_MS };
+        let asked = self.tally.asks();
+        let start = Instant::now();
+        let lease = self.until_answered(|| self.client.claim_lease(&request)).await?;
+        if let Some(lease) = &lease {
+            self.tally.granted(asked, start.elapsed(), &lease.nodes);
+        }
+        Ok(lease)
+    }
+
+    /// Holds a lease until `due`, as if it were rendered meanwhile, and uploads its nodes.
+    async fn work_off(&self, lease: &Lease, due: Instant) -> Result<(), WorkerFailure> {
+        self.hurry.run_until_cancelled(tokio::time::sleep_until(due)).await;
+        let mut outstanding = 0;
+        for nodes in lease.nodes.chunks(self.noise.nodes_per_parcel()) {
+            match self.upload(lease, nodes).await? {
+                Some(left) => outstanding = left,
+                None => return Ok(()),
+            }
+        }
+        if outstanding > 0 {
+            let body = LeaseReturn { token: lease.token, failure: None };
+            self.until_answered(|| self.client.return_lease(lease.id, &body)).await?;
+        }
+        Ok(())
+    }
+
+    /// Uploads nodes of a lease, and answers how many of it are still wanted; `None` when it is over.
+    async fn upload(&self, lease: &Lease, nodes: &[NodeAddress]) -> Result<Option<u32>, WorkerFailure> {
+        let start = Instant::now();
+        let body = Bytes::from(self.noise.partial(lease.job.to_string(), lease.scene_hash.clone(), nodes)?);
+        let sent = self.tally.sends(start.elapsed());
+        let (bytes, core_ms) = (body.len() as u64, PASS_CORE_MS.saturating_mul(nodes.len() as u64));
+        let upload = PartialUpload { lease: lease.id, token: lease.token, core_ms, body };
+        let start = Instant::now();
+        match self.until_answered(|| self.client.upload_partial(upload.clone())).await {
+            Ok(answer) => {
+                self.tally.answered(sent, start.elapsed(), bytes, &answer);
+                Ok(Some(answer.outstanding))
+            }
+            Err(failure) if is_lease_over(&failure) => {
+                self.tally.came_late(nodes);
+                Ok(None)
+            }
+            Err(failure) => Err(failure.into()),
+        }
+    }
+
+    /// Renews a lease for as long as it is polled. When that is over, the upload hears of it.
+    async fn renew(&self, lease: &Lease) {
+        let mut expires_in_ms = lease.expires_in_ms;
+        loop {
+            let term = Duration::from_millis(u64::try_from(expires_in_ms).unwrap_or(0));
+            tokio::time::sleep((term / 3).max(Duration::from_millis(50))).await;
+            match self.until_answered(|| self.client.renew_lease(lease.id, lease.token)).await {
+                Ok(renewal) => expires_in_ms = renewal.expires_in_ms,
+                Err(_) => std::future::pending().await,
+            }
+        }
+    }
+
+    async fn heartbeats(&self, worker: WorkerId) {
+        loop {
+            tokio::time::sleep(HEARTBEAT_PERIOD).await;
+            // The next one is due soon.
+            if self.client.heartbeat(worker).await.is_err() {
+                self.tally.repeats();
+            }
+        }
+    }
+
+    /// Repeats a call until it is answered for good, with the pauses of a real worker.
+    async fn until_answered<T, Answer>(&self, call: impl FnMut() -> Answer) -> Result<T, ClientError>
+    where
+        Answer: Future<Output = Result<T, ClientError>>,
+    {
+        let pauses = ExponentialBuilder::default()
+            .with_min_delay(Duration::from_millis(100))
+            .with_max_delay(Duration::from_secs(3))
+            .with_jitter()
+            .without_max_times();
+        call.retry(pauses)
+            .when(ClientError::is_transient)
+            .adjust(|error, pause| pause.map(|pause| error.pause(pause)))
+            .notify(|error, _| {
+                tracing::info!(error = error as &dyn std::error::Error, "a call is repeated");
+                self.tally.repeats();
+            })
+            .await
+    }
+}
+
+/// Whether the nodes of a lease are somebody else's by now.
+fn is_lease_over(failure: &ClientError) -> bool {
+    failure
+        .problem()
+        .is_some_and(|problem| matches!(problem.code, ProblemCode::LeaseExpired | ProblemCode::LeaseReturned))
+}
+
+fn with_causes(error: &dyn std::error::Error) -> String {
+    let causes = std::iter::successors(Some(error), |error| error.source());
+    causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
+}
