@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 /// Pixels across and down; tiles do not divide them.
-const SIZE: [&str; 2] = ["--size", "40x40"];
+const SIZE: [&str; 2] = ["--size", "24x24"];
 
 /// Samples in a pixel at which the targets are reached: whole blocks, more than the four before which no estimate counts, and a
 /// round of 48 passes.
@@ -144,7 +144,7 @@ fn an_estimated_error_ends_a_job_at_the_first_round_that_reaches_it() {
 fn samples_and_time_end_a_job_before_a_target_that_is_out_of_reach() {
     let order = Order::by_estimated_error();
     let farm = farm(&[]);
-    let unreachable = ["--size", "40x40", "--target-estimated-mse", "1e-30"];
+    let unreachable = ["--size", "24x24", "--target-estimated-mse", "1e-30"];
     for (limit, reason) in [(["--spp", "80"], StopReason::Samples), (["--time", "1"], StopReason::Time)] {
         farm.submit(&scene(&order.folder), &[&unreachable[..], &limit].concat());
         assert_eq!(ended(&farm).stopped_by, Some(reason));

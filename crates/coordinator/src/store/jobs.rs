@@ -361,6 +361,8 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(job.targets.mse)
     .bind(job.targets.estimated_mse)
     .bind(job.created_ms)
+    // As with rounds: sqlx declares an absent double as a float.
+    .persistent(false)
     .execute(&mut *connection)
     .await?;
     for (path, hash) in &job.assets {

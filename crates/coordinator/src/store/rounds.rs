@@ -172,6 +172,8 @@ async fn insert(connection: &mut Connection, job: JobId, point: &ConvergencePoin
     .bind(point.rel_mse)
     .bind(point.psnr)
     .bind(point.estimated_mse)
+    // sqlx declares an absent double as a float, and PostgreSQL would keep to that in the next execution of a prepared statement.
+    .persistent(false)
     .execute(connection)
     .await?;
     Ok(())

@@ -1,0 +1,102 @@
+//! Errors as they are stored, and jobs that they end.
+
+use std::collections::BTreeSet;
+
+use clerestory_api::{ConvergencePoint, JobId, JobState, StopReason};
+
+use super::Farm;
+use crate::stop::Targets;
+use crate::store::jobs::Ending;
+use crate::store::rounds::RecordedRound;
+use crate::store::{Grant, LeaseError, NewJob};
+
+impl Farm {
+    /// A job of 3 passes that a measured error of 1e-3 ends, all of which is delivered but for the last tile of the last pass.
+    async fn job_with_target(&self) -> (JobId, Grant) {
+        let targets = Targets { mse: Some(1e-3), estimated_mse: None };
+        let job = self.job_like(|job| NewJob { passes: 3, targets, ..job }).await;
+        let grant = self.claim(self.worker().await, 256, 0).await.unwrap();
+        self.deliver(&grant, &grant.nodes[..grant.nodes.len() - 1], 100).await.unwrap();
+        (job, grant)
+    }
+
+    /// Records the next round with an error of the only frame.
+    async fn record_error(&self, job: JobId, mse: f64) -> Option<RecordedRound> {
+        let record = self.store.job(job).await.unwrap().unwrap();
+        let round = record.rounds;
+        let point = ConvergencePoint { round, passes: round + 1, mse: Some(mse), ..ConvergencePoint::default() };
+        self.store.record_round(&record, vec![point], 200).await.unwrap()
+    }
+}
+
+pub(super) async fn errors_and_targets_that_were_absent_at_first_are_stored_later(farm: Farm) {
+    farm.job(1).await;
+    let (job, _) = farm.job_with_target().await;
+    let exact = 0.1 + 0.2;
+    let known = ConvergencePoint {
+        mse: Some(exact),
+        corrected_mse: Some(-exact),
+        rel_mse: Some(1e-300),
+        psnr: Some(exact),
+        estimated_mse: Some(1e300),
+        ..ConvergencePoint::default()
+    };
+    for (round, point) in (0..).zip([ConvergencePoint::default(), known]) {
+        let point = ConvergencePoint { round, ..point };
+        let record = farm.store.job(job).await.unwrap().unwrap();
+        farm.store.record_round(&record, vec![point.clone()], 0).await.unwrap().unwrap();
+        assert_eq!(farm.store.convergence_point(job, 0, round).await.unwrap(), Some(point));
+    }
+    assert_eq!(farm.store.job(job).await.unwrap().unwrap().targets.mse, Some(1e-3));
+}
+
+pub(super) async fn a_round_that_reaches_a_target_ends_the_job_and_what_lies_beyond_it_goes(farm: Farm) {
+    let (job, grant) = farm.job_with_target().await;
+    assert_eq!(farm.record_error(job, 2e-3).await, Some(RecordedRound::default()));
+    assert_eq!(farm.state(job).await, JobState::Running);
+    let beyond: BTreeSet<String> = farm
+        .store
+        .nodes(job)
+        .await
+        .unwrap()
+        .into_iter()
+        .filter(|node| node.address.index >= 2)
+        .map(|node| node.blob)
+        .collect();
+    let recorded = farm.record_error(job, 1e-3).await.unwrap();
+    assert_eq!(recorded.stopped_by, Some(StopReason::Mse));
+    assert!(!beyond.is_empty());
+    assert_eq!(recorded.discarded.into_iter().collect::<BTreeSet<_>>(), beyond);
+
+    let farm = farm.reopened().await;
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    assert_eq!((record.state, record.stopped_by, record.complete_passes), (JobState::Done, Some(StopReason::Mse), 2));
+    assert_eq!(record.targets, Targets { mse: Some(1e-3), estimated_mse: None });
+    assert!(farm.addresses(job).await.iter().all(|node| node.passes().first < 2));
+    let late = farm.deliver(&grant, &grant.nodes, 300).await;
+    assert!(matches!(late, Err(LeaseError::JobNotRunning)), "{late:?}");
+    assert_eq!(farm.addresses(job).await.len() as u32, 2 * record.grid.len());
+    assert_eq!(farm.next_wave(job).await, None, "no round follows");
+    assert!(farm.claim(farm.worker().await, 1, 300).await.is_none());
+}
+
+pub(super) async fn a_target_that_is_not_reached_leaves_the_last_round_to_end_the_job(farm: Farm) {
+    let (job, grant) = farm.job_with_target().await;
+    farm.deliver(&grant, &grant.nodes[grant.nodes.len() - 1..], 100).await.unwrap();
+    for _ in 0..2 {
+        assert_eq!(farm.record_error(job, 2e-3).await, Some(RecordedRound::default()));
+    }
+    let last = RecordedRound { stopped_by: Some(StopReason::Samples), discarded: Vec::new() };
+    assert_eq!(farm.record_error(job, 2e-3).await, Some(last));
+    assert_eq!(farm.store.job(job).await.unwrap().unwrap().stopped_by, Some(StopReason::Samples));
+}
+
+pub(super) async fn a_target_that_is_reached_after_the_end_changes_nothing(farm: Farm) {
+    let (job, _) = farm.job_with_target().await;
+    farm.store.end_job(job, Ending::Cancelled, 150).await.unwrap();
+    let before = farm.addresses(job).await;
+    assert_eq!(farm.record_error(job, 1e-4).await, Some(RecordedRound::default()));
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    assert_eq!((record.state, record.stopped_by, record.rounds), (JobState::Cancelled, None, 1));
+    assert_eq!(farm.addresses(job).await, before);
+}
