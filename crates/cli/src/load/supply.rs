@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use clerestory_api::{JobId, JobState};
+use clerestory_coordinator::Targets;
 use clerestory_render_core::film::{Sampling, TileGrid};
 use clerestory_render_core::scene::{SceneBundle, SceneDescription};
 use serde_json::json;
@@ -83,6 +84,7 @@ impl<'a> Supply<'a> {
                 name: None,
                 samples_per_pixel: PASSES * SAMPLES[0],
                 time_limit_ms: None,
+                targets: Targets::default(),
                 tile_size: self.grid.tile_size,
                 priority: 0,
                 reference: None,
