@@ -11,6 +11,7 @@ pub mod frame;
 pub mod height_field;
 mod hierarchy;
 pub mod interval;
+pub(crate) mod large_pages;
 pub mod pane;
 mod pyramid;
 pub mod ray;

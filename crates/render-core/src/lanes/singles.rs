@@ -33,7 +33,7 @@ pub(crate) struct Singles2<S> {
 
 /// Tells the processor that numbers will be needed soon.
 #[inline(always)]
-pub(crate) fn prefetch<T>(values: &[T; SINGLES]) {
+pub(crate) fn prefetch<T>(values: &T) {
     #[cfg(target_arch = "x86_64")]
     safe_arch::prefetch_t0(values);
     #[cfg(not(target_arch = "x86_64"))]

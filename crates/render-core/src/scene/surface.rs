@@ -8,6 +8,7 @@ use super::Scene;
 use super::texture::Texture;
 use crate::geometry::SurfaceDifferential;
 use crate::optics::{Interface, interface::Normals};
+use crate::lanes::singles::prefetch;
 use crate::specular::conic::{Facet, FacetTree, Neighbours};
 
 /// The triangles of one mesh, which follow one another in the scene.
@@ -143,6 +144,15 @@ impl Scene {
         let interpolated = self.smooth_of(mesh, triangle).and_then(|(mesh, index)| mesh.normals(index)).copied();
         let normals = interpolated.unwrap_or_else(|| [self.triangle_normal(triangle); 3]);
         Facet { corners: *self.accelerator().corners(triangle), normals }
+    }
+
+    /// Tells the processor that a triangle of a mesh with its normals will be looked at soon.
+    pub(crate) fn prefetch_facet(&self, mesh: u32, triangle: u32) {
+        let normals = self.smooth_of(mesh, triangle).and_then(|(mesh, index)| mesh.normals(index));
+        for corners in [Some(self.accelerator().corners(triangle)), normals].into_iter().flatten() {
+            prefetch(&corners[0].x);
+            prefetch(&corners[2].z);
+        }
     }
 
     /// The triangles of a smooth mesh by place and normal, sorted when they are asked for first; `None` when it has none.

@@ -5,6 +5,7 @@
 //! bound, and Cramer's rule says how far outside each edge that can be, by the two coordinates of the defect across the axis along which
 //! normals are longest.
 
+use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::{
@@ -19,7 +20,7 @@ use crate::lanes::{
 };
 
 /// At most eight triangles, in single precision relative to the middle of the mesh.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub(super) struct FacetLeaf {
     /// Their middles.
@@ -42,6 +43,8 @@ pub(super) struct FacetLeaf {
     axis: u32,
     /// Their numbers.
     pub(super) triangles: [u32; SINGLES],
+    /// Nothing, to the end of the last cache line.
+    rest: [u32; 14],
 }
 
 impl FacetLeaf {
@@ -65,6 +68,7 @@ impl FacetLeaf {
             triangles: std::array::from_fn(|lane| facets.get(lane).map_or(0, |(triangle, _)| *triangle)),
             missing: missing(facets),
             axis: axis as u32,
+            rest: [0; 14],
         }
     }
 
@@ -88,6 +92,7 @@ impl FacetLeaf {
         }
         prefetch(&self.reach);
         prefetch(&self.away);
+        prefetch(&self.triangles);
     }
 
     /// On which triangles a path may be, as the bits of a number.

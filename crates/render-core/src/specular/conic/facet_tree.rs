@@ -15,7 +15,9 @@
 
 use std::ops::Range;
 
+use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3};
+use arrayvec::ArrayVec;
 use smallvec::{SmallVec, smallvec};
 
 use super::{
@@ -28,6 +30,7 @@ use crate::lanes::{
     Instructions,
     singles::{SINGLES, Singles, Singles2, Singles3, prefetch},
 };
+use crate::geometry::large_pages::LargePages;
 use crate::specular::widest::{self, Computation};
 
 /// Boxes in a node.
@@ -40,7 +43,7 @@ const IS_LEAF: u32 = 1 << 31;
 const USUAL: usize = 64;
 
 /// A node: the boxes of its children, in single precision relative to the middle of the mesh.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C, align(64))]
 struct Node {
     /// Their middles c.
@@ -65,6 +68,8 @@ struct Node {
     missing: u32,
     /// The axis whose coordinate comes last in all vectors.
     axis: u32,
+    /// Nothing, to the end of the last cache line.
+    rest: [u32; 6],
 }
 
 /// What bounds the places and normals of some triangles.
@@ -78,10 +83,10 @@ struct FacetBox {
 }
 
 /// The triangles of a mesh by place and normal.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub(crate) struct FacetTree {
-    nodes: Vec<Node>,
-    leaves: Vec<FacetLeaf>,
+    nodes: LargePages<Node>,
+    leaves: LargePages<FacetLeaf>,
     /// Number of the root, as those of children.
     root: u32,
     /// The middle of the mesh.
@@ -102,8 +107,10 @@ impl FacetTree {
         let middle = 0.5 * (low + high);
         let farthest = |&(triangle, _): &(u32, DVec3)| facet(triangle).corners.map(|corner| (corner - middle).length());
         let radius = order.iter().flat_map(farthest).fold(0.0, f64::max);
-        let mut tree = Self { nodes: Vec::new(), leaves: Vec::new(), root: 0, middle, radius };
-        tree.root = tree.build(&mut order, &facet, &mut Vec::new());
+        let Sizes { nodes, leaves } = Sizes::over(order.len());
+        let (nodes, leaves) = (LargePages::zeroed(nodes), LargePages::zeroed(leaves));
+        let mut tree = Self { nodes, leaves, root: 0, middle, radius };
+        tree.root = tree.build(&mut order, &facet, &mut Vec::new(), &mut Sizes::default());
         Some(tree)
     }
 
@@ -141,12 +148,13 @@ impl FacetTree {
         of_whole: Option<(&Ends, f64)>,
         mut open: impl FnMut(u32, May),
     ) -> usize {
+        let (nodes, all_leaves) = (&self.nodes[..], &self.leaves[..]);
         let mut ends = SeenEnds::<S, NEAR>::new(simd, ends, self.middle, self.radius);
         let mut looks = 0;
         let (mut level, mut below): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![], smallvec![]);
         let (mut masks, mut leaves): (SmallVec<[u32; USUAL]>, SmallVec<[u32; USUAL]>) = (smallvec![], smallvec![]);
         if self.root & IS_LEAF == 0 {
-            let root = &self.nodes[self.root as usize];
+            let root = &nodes[self.root as usize];
             let sides = root.sides(simd, &ends);
             if ends.has_side && root.missing | sides.wrong == ALL {
                 return 1;
@@ -162,19 +170,19 @@ impl FacetTree {
             // All nodes of a level before any of the next: no look waits for another.
             masks.clear();
             for &number in &level {
-                masks.push(self.nodes[number as usize].may_hold(simd, &ends));
+                masks.push(nodes[number as usize].may_hold(simd, &ends));
             }
             for (&number, &mask) in level.iter().zip(&masks) {
                 let mut may = mask;
                 while may != 0 {
-                    let child = self.nodes[number as usize].children[may.trailing_zeros() as usize];
+                    let child = nodes[number as usize].children[may.trailing_zeros() as usize];
                     may &= may - 1;
                     if child & IS_LEAF == 0 {
-                        self.nodes[child as usize].prefetch();
+                        nodes[child as usize].prefetch();
                         below.push(child);
                     } else {
                         let leaf = child & !IS_LEAF;
-                        self.leaves[leaf as usize].prefetch();
+                        all_leaves[leaf as usize].prefetch();
                         leaves.push(leaf);
                     }
                 }
@@ -183,39 +191,41 @@ impl FacetTree {
             below.clear();
         }
         looks += leaves.len();
-        masks.clear();
-        if let Some((drawn, strongly)) = of_whole {
-            let drawn = SeenEnds::<S, NEAR>::new(simd, drawn, self.middle, self.radius);
-            for &number in &leaves {
-                let leaf = &self.leaves[number as usize];
-                let [holding, focusing] = leaf.may_hold_and_focus(simd, &ends, &drawn, strongly);
-                masks.push(holding | focusing << WIDTH);
-            }
-        } else {
-            for &number in &leaves {
-                masks.push(self.leaves[number as usize].may_hold(simd, &ends));
-            }
-        }
-        for (&number, &mask) in leaves.iter().zip(&masks) {
-            let (holding, focusing) = (mask & ALL, mask >> WIDTH);
+        let drawn = of_whole.map(|(drawn, strongly)| {
+            (SeenEnds::<S, NEAR>::new(simd, drawn, self.middle, self.radius), strongly)
+        });
+        for &number in &leaves {
+            let leaf = &all_leaves[number as usize];
+            let [holding, focusing] = match &drawn {
+                Some((drawn, strongly)) => leaf.may_hold_and_focus(simd, &ends, drawn, *strongly),
+                None => [leaf.may_hold(simd, &ends), 0],
+            };
             let mut may = holding | focusing;
             while may != 0 {
                 let lane = may.trailing_zeros();
                 may &= may - 1;
                 let is_in = |lanes: u32| lanes >> lane & 1 != 0;
-                let triangle = self.leaves[number as usize].triangles[lane as usize];
-                open(triangle, May { hold: is_in(holding), focus: is_in(focusing) });
+                open(leaf.triangles[lane as usize], May { hold: is_in(holding), focus: is_in(focusing) });
             }
         }
         looks
     }
 
-    /// Appends the node or leaf over `order`, and all below it, and to `corners` those of its triangles. Returns its number, as those of
-    /// children.
-    fn build(&mut self, order: &mut [(u32, DVec3)], facet: &impl Fn(u32) -> Facet, corners: &mut Vec<Corner>) -> u32 {
+    /// Makes the node or leaf over `order`, and all below it, behind those that are `made`, and appends the corners of its triangles to
+    /// `corners`. Returns its number, as those of children.
+    fn build(
+        &mut self,
+        order: &mut [(u32, DVec3)],
+        facet: &impl Fn(u32) -> Facet,
+        corners: &mut Vec<Corner>,
+        made: &mut Sizes,
+    ) -> u32 {
         if order.len() <= WIDTH {
-            let facets: Vec<(u32, Facet)> = order.iter().map(|&(triangle, _)| (triangle, facet(triangle))).collect();
-            self.leaves.push(FacetLeaf::over(&facets, self.middle));
+            let facets: ArrayVec<(u32, Facet), WIDTH> =
+                order.iter().map(|&(triangle, _)| (triangle, facet(triangle))).collect();
+            let leaf = made.leaves;
+            self.leaves[leaf] = FacetLeaf::over(&facets, self.middle);
+            made.leaves += 1;
             let first = corners.len();
             for (_, Facet { corners: places, normals }) in &facets {
                 for (place, normal) in places.iter().zip(normals) {
@@ -226,26 +236,71 @@ impl FacetTree {
                     }
                 }
             }
-            return (self.leaves.len() - 1) as u32 | IS_LEAF;
+            return leaf as u32 | IS_LEAF;
         }
-        // As few children as can hold the triangles at this height: all nodes are about full.
-        let mut most_in_child = WIDTH;
-        while most_in_child * WIDTH < order.len() {
-            most_in_child *= WIDTH;
-        }
-        let mut parts = Vec::with_capacity(WIDTH);
-        let count = order.len().div_ceil(most_in_child);
-        cut(order, count, &mut parts);
+        let mut parts = ArrayVec::new();
+        cut(order, children(order.len()), &mut parts);
         let mut children = [0; WIDTH];
-        let mut boxes = Vec::with_capacity(WIDTH);
+        let mut boxes: ArrayVec<FacetBox, WIDTH> = ArrayVec::new();
         for (child, part) in children.iter_mut().zip(parts) {
             let first = corners.len();
-            *child = self.build(part, facet, corners);
+            *child = self.build(part, facet, corners, made);
             boxes.push(FacetBox::around(&corners[first..], GRAIN * self.radius));
         }
-        self.nodes.push(Node { children, ..Node::over(&boxes) });
-        (self.nodes.len() - 1) as u32
+        let node = made.nodes;
+        self.nodes[node] = Node { children, ..Node::over(&boxes) };
+        made.nodes += 1;
+        node as u32
     }
+}
+
+/// How many nodes and leaves there are.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sizes {
+    nodes: usize,
+    leaves: usize,
+}
+
+impl Sizes {
+    /// Those of the tree over so many triangles.
+    fn over(triangles: usize) -> Self {
+        if triangles <= WIDTH {
+            return Self { nodes: 0, leaves: 1 };
+        }
+        let mut sizes = Self { nodes: 1, leaves: 0 };
+        let mut parts: ArrayVec<usize, WIDTH> = ArrayVec::new();
+        share(triangles, children(triangles), &mut parts);
+        for part in parts {
+            let Self { nodes, leaves } = Self::over(part);
+            sizes = Self { nodes: sizes.nodes + nodes, leaves: sizes.leaves + leaves };
+        }
+        sizes
+    }
+}
+
+/// As few children as can hold so many triangles at their height: all nodes are about full.
+fn children(triangles: usize) -> usize {
+    let mut most_in_child = WIDTH;
+    while most_in_child * WIDTH < triangles {
+        most_in_child *= WIDTH;
+    }
+    triangles.div_ceil(most_in_child)
+}
+
+/// How many triangles are in the first half of so many parts.
+fn first_half(triangles: usize, parts: usize) -> usize {
+    triangles * (parts / 2) / parts
+}
+
+/// How many triangles are in each of so many parts.
+fn share(triangles: usize, count: usize, parts: &mut ArrayVec<usize, WIDTH>) {
+    if count <= 1 {
+        parts.push(triangles);
+        return;
+    }
+    let first = first_half(triangles, count);
+    share(first, count / 2, parts);
+    share(triangles - first, count - count / 2, parts);
 }
 
 /// A corner of a triangle relative to the middle of the mesh, with its normal.
@@ -282,7 +337,7 @@ impl<F: FnMut(u32, May)> Computation for Visit<'_, F> {
 }
 
 /// Cuts some triangles into `count` parts of about equal numbers, each time along the longest extent.
-fn cut<'a>(order: &'a mut [(u32, DVec3)], count: usize, parts: &mut Vec<&'a mut [(u32, DVec3)]>) {
+fn cut<'a>(order: &'a mut [(u32, DVec3)], count: usize, parts: &mut ArrayVec<&'a mut [(u32, DVec3)], WIDTH>) {
     if count <= 1 {
         parts.push(order);
         return;
@@ -290,7 +345,7 @@ fn cut<'a>(order: &'a mut [(u32, DVec3)], count: usize, parts: &mut Vec<&'a mut 
     let [low, high] = bounds(order);
     let extent = high - low;
     let axis = (0..3).fold(0, |longest, axis| if extent[axis] > extent[longest] { axis } else { longest });
-    let first = order.len() * (count / 2) / count;
+    let first = first_half(order.len(), count);
     order.select_nth_unstable_by(first, |a, b| a.1[axis].total_cmp(&b.1[axis]).then(a.0.cmp(&b.0)));
     let (low, high) = order.split_at_mut(first);
     cut(low, count / 2, parts);
@@ -349,6 +404,7 @@ impl Node {
             children: [0; WIDTH],
             missing: missing(boxes),
             axis: axis as u32,
+            rest: [0; 6],
         }
     }
 

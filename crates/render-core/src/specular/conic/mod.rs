@@ -30,9 +30,11 @@ mod walk;
 
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
+use smallvec::SmallVec;
 
 use self::{
     ends::Ends,
+    facet_tree::May,
     focus::{Focus, STRONG},
     walk::first_path,
 };
@@ -121,8 +123,28 @@ impl Connection<'_> {
             whole.iter().flat_map(|(source, spread)| ways(*source).into_iter().map(|ends| ends.spread(*spread)));
         let mut paths: Vec<SolvedChain> = Vec::new();
         let mut focus = Focus::default();
+        let mut opened: SmallVec<[(u32, May); USUAL]> = SmallVec::new();
         for ends in &ways(source) {
-            let mut solve = |triangle, facet: Facet| {
+            // Triangles lie all over the memory: all are on their way before the first is looked at.
+            let mut open = |triangle, may| {
+                scene.prefetch_facet(self.mesh, triangle);
+                opened.push((triangle, may));
+            };
+            let whole = wholes.next();
+            match &whole {
+                Some(whole) => tree.visit_whole(whole, ends, STRONG, open),
+                None => tree.visit(ends, |triangle| open(triangle, May { hold: true, focus: false })),
+            };
+            for (triangle, may) in opened.drain(..) {
+                let facet = scene.facet_of(self.mesh, triangle);
+                if may.focus
+                    && let Some(whole) = &whole
+                {
+                    focus.consider(triangle, &facet, whole);
+                }
+                if !may.hold {
+                    continue;
+                }
                 for weights in facet.paths(ends) {
                     if let Some(path) = self.walk.path_over(triangle, facet.place(weights), weights, counters)
                         && !paths.iter().any(|known| known.same(&path))
@@ -130,19 +152,7 @@ impl Connection<'_> {
                         paths.push(path);
                     }
                 }
-            };
-            match wholes.next() {
-                Some(whole) => tree.visit_whole(&whole, ends, STRONG, |triangle, may| {
-                    let facet = scene.facet_of(self.mesh, triangle);
-                    if may.focus {
-                        focus.consider(triangle, &facet, &whole);
-                    }
-                    if may.hold {
-                        solve(triangle, facet);
-                    }
-                }),
-                None => tree.visit(ends, |triangle| solve(triangle, scene.facet_of(self.mesh, triangle))),
-            };
+            }
         }
         for path in &paths {
             self.weighted(path, self.sample, &focus, counters, arrive);
@@ -231,6 +241,9 @@ impl Connection<'_> {
         }
     }
 }
+
+/// Triangles that are opened without allocating memory.
+const USUAL: usize = 16;
 
 /// Lights that look larger than this from the shading point, radians about, get no rays: what they would be sent to is most of the mesh, and
 /// the folds of their caustics are blurred.
