@@ -7,8 +7,8 @@ use glam::{DVec2, DVec3};
 use super::Scene;
 use super::texture::Texture;
 use crate::geometry::SurfaceDifferential;
-use crate::optics::{Interface, interface::Normals};
 use crate::lanes::singles::prefetch;
+use crate::optics::{Interface, interface::Normals};
 use crate::specular::conic::{Facet, FacetTree, Neighbours};
 
 /// The triangles of one mesh, which follow one another in the scene.

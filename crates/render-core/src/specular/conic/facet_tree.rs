@@ -15,9 +15,9 @@
 
 use std::ops::Range;
 
+use arrayvec::ArrayVec;
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3};
-use arrayvec::ArrayVec;
 use smallvec::{SmallVec, smallvec};
 
 use super::{
@@ -26,11 +26,11 @@ use super::{
     facet_leaf::FacetLeaf,
     seen_ends::{ALL, ByLane, GRAIN, ROUNDING, SeenEnds, Vectors, in_order, missing, numbers, steepest_axis, vectors},
 };
+use crate::geometry::large_pages::LargePages;
 use crate::lanes::{
     Instructions,
     singles::{SINGLES, Singles, Singles2, Singles3, prefetch},
 };
-use crate::geometry::large_pages::LargePages;
 use crate::specular::widest::{self, Computation};
 
 /// Boxes in a node.
@@ -191,9 +191,8 @@ impl FacetTree {
             below.clear();
         }
         looks += leaves.len();
-        let drawn = of_whole.map(|(drawn, strongly)| {
-            (SeenEnds::<S, NEAR>::new(simd, drawn, self.middle, self.radius), strongly)
-        });
+        let drawn = of_whole
+            .map(|(drawn, strongly)| (SeenEnds::<S, NEAR>::new(simd, drawn, self.middle, self.radius), strongly));
         for &number in &leaves {
             let leaf = &all_leaves[number as usize];
             let [holding, focusing] = match &drawn {
