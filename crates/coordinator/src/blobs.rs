@@ -120,10 +120,9 @@ impl Blobs {
     }
 
     /// Makes sure that the store is this farm's, whose database names the nodes in `known`. It is marked when it is nobody's: when it holds
-    /// no nodes, or some of these, and the farm has no other. Answers whether it was marked now.
-    pub(crate) async fn claim(&self, identity: Identity, known: &BTreeSet<String>) -> Result<bool, ClaimError> {
+    /// no nodes, or some of these, and the farm has no other.
+    pub(crate) async fn claim(&self, identity: Identity, known: &BTreeSet<String>) -> Result<(), ClaimError> {
         let farm = identity.farm;
-        let mut is_new = false;
         if self.owner().await?.is_none() {
             let found: Vec<String> = self.nodes().await?.into_iter().map(|node| node.name).collect();
             if identity.has_blobs {
@@ -133,22 +132,17 @@ impl Blobs {
                 return Err(ClaimError::Unknown { nodes: found.len(), farm });
             }
             let marked = self.store.put_opts(&Path::from(OWNER), farm.to_string().into(), PutMode::Create.into()).await;
-            match marked {
-                Ok(_) => is_new = true,
-                Err(object_store::Error::AlreadyExists { .. }) => {}
-                Err(error) => return Err(BlobError(error).into()),
+            if let Err(error) = marked
+                && !matches!(error, object_store::Error::AlreadyExists { .. })
+            {
+                return Err(BlobError(error).into());
             }
         }
         // Not every store keeps two farms that start together from writing both.
         match self.owner().await? {
-            Some(owner) if owner == farm.to_string() => Ok(is_new),
+            Some(owner) if owner == farm.to_string() => Ok(()),
             owner => Err(ClaimError::Foreign { owner: owner.unwrap_or_default(), farm }),
         }
-    }
-
-    /// Takes the mark away that [`Self::claim`] has just made.
-    pub(crate) async fn disclaim(&self) -> Result<(), BlobError> {
-        Ok(self.store.delete(&Path::from(OWNER)).await?)
     }
 
     /// Whether the store bears the mark of this farm.
@@ -390,11 +384,11 @@ mod tests {
     async fn a_store_belongs_to_the_first_farm_that_claims_it(blobs: Blobs) {
         let [ours, theirs] = [(); 2].map(|()| a_farm());
         let nothing = BTreeSet::new();
-        assert!(blobs.claim(ours, &nothing).await.unwrap());
-        assert!(!blobs.claim(ours, &nothing).await.unwrap());
+        blobs.claim(ours, &nothing).await.unwrap();
+        blobs.claim(ours, &nothing).await.unwrap();
         let refused = blobs.claim(theirs, &nothing).await.unwrap_err();
         assert!(matches!(&refused, ClaimError::Foreign { owner, .. } if *owner == ours.farm.to_string()), "{refused}");
-        assert!(!blobs.claim(Identity { has_blobs: true, ..ours }, &nothing).await.unwrap());
+        blobs.claim(Identity { has_blobs: true, ..ours }, &nothing).await.unwrap();
         assert!(blobs.is_of(ours.farm).await.unwrap() && !blobs.is_of(theirs.farm).await.unwrap());
     }
 
@@ -411,9 +405,7 @@ mod tests {
         let refused = blobs.claim(Identity { has_blobs: true, ..a_farm() }, &BTreeSet::new()).await.unwrap_err();
         assert!(matches!(refused, ClaimError::Elsewhere { .. }), "{refused}");
         assert!(names(&blobs).await.is_empty(), "nothing is left behind");
-        assert!(blobs.claim(a_farm(), &BTreeSet::new()).await.unwrap());
-        blobs.disclaim().await.unwrap();
-        assert!(names(&blobs).await.is_empty());
+        blobs.claim(a_farm(), &BTreeSet::new()).await.unwrap();
     }
 
     macro_rules! in_both {

@@ -199,18 +199,10 @@ async fn blobs(config: &Config, store: &Store, known: &BTreeSet<String>, databas
     }
 }
 
-/// Claims a blob store for a farm, which has one: of two coordinators that start together with new stores, the later one is refused.
+/// Claims a blob store for a farm, which has one. Coordinators that start together take turns.
 async fn claimed(blobs: &Blobs, store: &Store, known: &BTreeSet<String>) -> Result<Result<(), ClaimError>, StoreError> {
-    let identity = store.identity().await?;
-    let is_new = match blobs.claim(identity, known).await {
-        Ok(is_new) => is_new,
-        Err(error) => return Ok(Err(error)),
-    };
-    if !store.has_blobs_now().await? && is_new {
-        let elsewhere = ClaimError::Elsewhere { farm: identity.farm };
-        return Ok(Err(blobs.disclaim().await.err().map_or(elsewhere, ClaimError::Store)));
-    }
-    Ok(Ok(()))
+    let (blobs, known) = (blobs.clone(), known.clone());
+    store.claim_blobs(|identity| Box::pin(async move { blobs.claim(identity, &known).await })).await
 }
 
 /// Starts the tasks of a farm.

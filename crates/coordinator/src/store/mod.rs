@@ -107,26 +107,23 @@ impl Store {
 
     /// Which farm this is. It is given an identity when it is asked for first.
     pub(crate) async fn identity(&self) -> Result<Identity, StoreError> {
-        self.write(|connection| {
-            Box::pin(async move {
-                sqlx::query("insert into farm (single, id) values (1, $1) on conflict (single) do nothing")
-                    .bind(Uuid::now_v7().to_string())
-                    .execute(&mut *connection)
-                    .await?;
-                let row = sqlx::query("select id, has_blobs from farm").fetch_one(connection).await?;
-                Ok(Identity { farm: row.parsed("id")?, has_blobs: row.integer("has_blobs")? != 0 })
-            })
-        })
-        .await
+        self.write(|connection| Box::pin(async move { identity(connection).await })).await
     }
 
-    /// Notes that a blob store has been marked as this farm's; `false` when one was before.
-    pub(crate) async fn has_blobs_now(&self) -> Result<bool, StoreError> {
+    /// Claims a blob store for the farm while no other coordinator can, and notes that the farm has one. What is wrong with the
+    /// claim is answered as it is.
+    pub(crate) async fn claim_blobs<E, F>(&self, claim: F) -> Result<Result<(), E>, StoreError>
+    where
+        E: Send + 'static,
+        F: FnOnce(Identity) -> BoxFuture<'static, Result<(), E>> + Send + 'static,
+    {
         self.write(|connection| {
             Box::pin(async move {
-                let noted =
+                let claimed = claim(identity(connection).await?).await;
+                if claimed.is_ok() {
                     sqlx::query("update farm set has_blobs = 1 where has_blobs = 0").execute(connection).await?;
-                Ok(noted.rows_affected() > 0)
+                }
+                Ok(claimed)
             })
         })
         .await
@@ -153,4 +150,13 @@ impl Store {
     pub(crate) async fn is_usable(&self) -> bool {
         sqlx::query("select 1").execute(&self.readers).await.is_ok()
     }
+}
+
+async fn identity(connection: &mut Connection) -> Result<Identity, StoreError> {
+    sqlx::query("insert into farm (single, id) values (1, $1) on conflict (single) do nothing")
+        .bind(Uuid::now_v7().to_string())
+        .execute(&mut *connection)
+        .await?;
+    let row = sqlx::query("select id, has_blobs from farm").fetch_one(connection).await?;
+    Ok(Identity { farm: row.parsed("id")?, has_blobs: row.integer("has_blobs")? != 0 })
 }

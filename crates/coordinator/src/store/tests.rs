@@ -11,8 +11,8 @@ use uuid::Uuid;
 
 use super::nodes::Acceptance;
 use super::{
-    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Ending, Grant, Keeping, LeaseError, NewJob, SchemaError, Source,
-    Store, StoreError, Work, WorkFailure, WorkerError,
+    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Ending, Grant, Identity, Keeping, LeaseError, NewJob,
+    SchemaError, Source, Store, StoreError, Work, WorkFailure, WorkerError,
 };
 use crate::stop::Targets;
 
@@ -509,7 +509,7 @@ async fn a_film_is_kept_by_one_coordinator_until_its_term_is_over(farm: Farm) {
 
 /// Several coordinators on one PostgreSQL database.
 mod several {
-    use futures::future::join_all;
+    use futures::future::{BoxFuture, join_all};
 
     use super::*;
 
@@ -574,6 +574,20 @@ mod several {
         assert!(suspended.await.unwrap().is_err(), "it has lost its transaction, and says so");
         assert_eq!(farms[0].state(job).await, JobState::Queued);
         farms[0].job(1).await;
+    }
+
+    #[tokio::test]
+    async fn coordinators_that_start_together_claim_blobs_in_turn() {
+        let farms = coordinators(4).await;
+        let claims = join_all(farms.iter().map(|farm| async {
+            let claim = |identity: Identity| -> BoxFuture<'static, Result<(), bool>> {
+                Box::pin(async move { if identity.has_blobs { Err(true) } else { Ok(()) } })
+            };
+            farm.store.claim_blobs(claim).await.unwrap()
+        }))
+        .await;
+        assert_eq!(claims.iter().filter(|claim| claim.is_ok()).count(), 1, "one is the first: {claims:?}");
+        assert!(farms[0].store.identity().await.unwrap().has_blobs);
     }
 
     #[tokio::test]
