@@ -87,7 +87,10 @@ async fn store(
     let acceptance = match farm.store.accept(delivery).await {
         Ok(acceptance) => acceptance,
         Err(error) => {
-            farm.blobs.remove_nodes(delivered.into_iter().map(|node| node.blob).collect()).await;
+            // Where the database failed, it may have accepted them before: what it has not is left for the sweep.
+            if !matches!(error, LeaseError::Store(_)) {
+                farm.blobs.remove_nodes(delivered.into_iter().map(|node| node.blob).collect()).await;
+            }
             return Err(error.into());
         }
     };

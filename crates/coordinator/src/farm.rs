@@ -25,7 +25,7 @@ const PARTIALS: usize = 8;
 pub(crate) struct Farm {
     /// How the coordinator is set up.
     pub(crate) config: Config,
-    /// Which of the farm's coordinators this is: the one with this data directory, also after a restart.
+    /// Which of the farm's coordinators this is.
     pub(crate) coordinator: Uuid,
     /// The database.
     pub(crate) store: Store,

@@ -73,6 +73,13 @@ pub(crate) enum FilmError {
     Stopped(#[from] tokio::task::JoinError),
 }
 
+impl FilmError {
+    /// Whether the film itself is wrong, as far as what was read belongs together.
+    pub(crate) fn is_damage(&self) -> bool {
+        matches!(self, Self::Damaged { .. } | Self::Inconsistent(_) | Self::Incomplete(_))
+    }
+}
+
 impl JobRecord {
     /// How its samples are grouped.
     pub(crate) fn sampling(&self) -> Result<Sampling, SamplingError> {

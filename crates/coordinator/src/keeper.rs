@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clerestory_api::JobId;
 use clerestory_render_core::film::{self, FrameImage, Node};
@@ -37,7 +37,17 @@ pub(crate) async fn run(farm: Arc<Farm>, mut grown: mpsc::UnboundedReceiver<JobI
     while farm.stopping.run_until_cancelled(grown.recv_many(&mut waiting, 1024)).await.is_some_and(|count| count > 0) {
         let jobs: BTreeSet<JobId> = waiting.drain(..).collect();
         for job in jobs {
-            if let Err(error) = advance(&farm, job, &mut claims, &mut references).await {
+            if claims.rests.get(&job).is_some_and(|until| Instant::now() < *until) {
+                continue;
+            }
+            claims.rests.remove(&job);
+            let mut outcome = advance(&farm, job, &mut claims, &mut references).await;
+            if outcome.as_ref().is_err_and(FilmError::is_damage) {
+                // Another coordinator may have recorded and merged in between: what is damaged is so when all is read again.
+                outcome = advance(&farm, job, &mut claims, &mut references).await;
+            }
+            if let Err(error) = outcome {
+                claims.rests.insert(job, Instant::now() + RETRY);
                 failed(&farm, job, error).await;
             }
         }
@@ -49,13 +59,17 @@ pub(crate) async fn run(farm: Arc<Farm>, mut grown: mpsc::UnboundedReceiver<JobI
 
 /// Until when films are kept here, or by others.
 #[derive(Debug, Default)]
-struct Claims(BTreeMap<JobId, (Keeping, i64)>);
+struct Claims {
+    films: BTreeMap<JobId, (Keeping, i64)>,
+    /// Jobs that failed lately, and when they are looked at again.
+    rests: BTreeMap<JobId, Instant>,
+}
 
 impl Claims {
     /// Whether the film of a job is kept here. Where it is not, the job is looked at again when the other's claim ends.
     async fn holds(&mut self, farm: &Farm, job: JobId) -> Result<bool, StoreError> {
         let now_ms = farm.config.clock.now_ms();
-        match self.0.get(&job) {
+        match self.films.get(&job) {
             // Renewed when half of the term is over, so that few calls write.
             Some((Keeping::Ours, until_ms)) if now_ms < until_ms - TERM_MS / 2 => return Ok(true),
             Some((Keeping::Theirs { .. }, until_ms)) if now_ms < *until_ms => return Ok(false),
@@ -73,13 +87,14 @@ impl Claims {
                 until_ms
             }
         };
-        self.0.insert(job, (keeping, until_ms));
+        self.films.insert(job, (keeping, until_ms));
         Ok(keeping == Keeping::Ours)
     }
 
     /// Forgets a job that has ended.
     fn remove(&mut self, job: JobId) {
-        self.0.remove(&job);
+        self.films.remove(&job);
+        self.rests.remove(&job);
     }
 }
 
@@ -115,18 +130,21 @@ async fn advance(
         if !claims.holds(farm, job).await? {
             return Ok(());
         }
-        record_round(farm, &record, &wave, references).await?;
-        merge(farm, &record, wave.passes).await?;
+        // Where another has recorded it, that one merges too.
+        if record_round(farm, &record, &wave, references).await? {
+            merge(farm, &record, wave.passes).await?;
+        }
     }
     Ok(())
 }
 
+/// Records a round; `false` when that has been done.
 async fn record_round(
     farm: &Farm,
     job: &JobRecord,
     wave: &CompleteWave,
     references: &mut BTreeMap<JobId, Arc<FrameImage>>,
-) -> Result<(), FilmError> {
+) -> Result<bool, FilmError> {
     if let Some(hash) = job.reference
         && let std::collections::btree_map::Entry::Vacant(vacant) = references.entry(job.id)
     {
@@ -146,7 +164,9 @@ async fn record_round(
         });
         points.push(point.await??);
     }
-    if let Some(recorded) = farm.store.record_round(job, points, farm.config.clock.now_ms()).await? {
+    let recorded = farm.store.record_round(job, points, farm.config.clock.now_ms()).await?;
+    let is_new = recorded.is_some();
+    if let Some(recorded) = recorded {
         tracing::info!(job = %job.id, round = wave.round, passes = wave.passes, "round complete");
         if let Some(reason) = recorded.stopped_by {
             tracing::info!(job = %job.id, reason = reason.name(), "job done");
@@ -155,7 +175,7 @@ async fn record_round(
         farm.film.forget(&recorded.discarded);
         farm.blobs.remove_nodes(recorded.discarded).await;
     }
-    Ok(())
+    Ok(is_new)
 }
 
 /// Merges the nodes of every tile as far as no later round needs them apart.
@@ -212,7 +232,7 @@ fn can_merge(job: &JobRecord, rows: &[NodeRow], recorded_passes: u32) -> bool {
 /// A job whose stored film is damaged can never be finished; everything else may pass.
 async fn failed(farm: &Farm, job: JobId, error: FilmError) {
     let is_damaged = match &error {
-        FilmError::Damaged { .. } | FilmError::Inconsistent(_) | FilmError::Incomplete(_) => true,
+        error if error.is_damage() => true,
         FilmError::Lost { blob, .. } => is_lost(farm, job, blob).await,
         _ => false,
     };

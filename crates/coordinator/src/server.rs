@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::future::Future;
-use std::io::{self, Read, Seek, Write};
+use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
@@ -30,6 +30,9 @@ const TIDYING_TICKS: u32 = 600;
 
 /// A node that no row names may still be accepted by another coordinator while it is younger than this.
 const YOUNG_MS: i64 = 3_600_000;
+
+/// Ticks between two looks for nodes that no row names.
+const SWEEPING_TICKS: u32 = 3600;
 
 /// How long requests that are under way may take to finish when the coordinator stops.
 const GRACE: Duration = Duration::from_secs(10);
@@ -116,8 +119,8 @@ pub async fn run(
 ) -> Result<(), RunError> {
     let address = listener.local_addr()?;
     config.check_exposure(address)?;
-    let (lock, coordinator) = lock(&config)?;
-    let (farm, bells) = open(config, coordinator).await?;
+    let lock = lock(&config)?;
+    let (farm, bells) = open(config).await?;
     tracing::info!(%address, directory = %farm.config.data_directory.display(), "coordinator started");
 
     let mut tasks = start(&farm, bells).await?;
@@ -149,7 +152,7 @@ pub async fn run(
 }
 
 /// Opens the farm in its directory and puts it in order after whatever has happened to the last coordinator.
-pub(crate) async fn open(config: Config, coordinator: Uuid) -> Result<(Arc<Farm>, Bells), RunError> {
+pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, Bells), RunError> {
     let directory = config.data_directory.clone();
     let file = directory.join("farm.sqlite");
     let source = config.database.as_ref().map_or_else(|| Source::file(&file), Source::postgres);
@@ -158,19 +161,30 @@ pub(crate) async fn open(config: Config, coordinator: Uuid) -> Result<(Arc<Farm>
     let store = Store::open(source).await?;
     let known = store.node_blobs().await?.into_iter().collect();
     let blobs = blobs(&config, &store, &known, database).await?;
-    // Nodes are listed before rows are read: one that is stored between is not on the list. What another coordinator has stored and
-    // is about to accept is young.
+    // What another coordinator has stored and is about to accept is young.
+    let age_ms = if store.is_shared() { YOUNG_MS } else { 0 };
+    sweep(&store, &blobs, config.clock.now_ms().saturating_sub(age_ms)).await?;
+    // Workers have gone on rendering while the coordinator was away; they need a term to say so.
+    let ttl_ms = i64::try_from(config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
+    // Not where another coordinator has heard them meanwhile.
+    let now_ms = config.clock.now_ms();
+    let heard_ms = if store.is_shared() { now_ms.saturating_sub(ttl_ms) } else { i64::MAX };
+    store.extend_leases(now_ms.saturating_add(ttl_ms), heard_ms).await?;
+    // A SQLite file has one coordinator, which is the same after a restart.
+    let coordinator = if store.is_shared() { Uuid::now_v7() } else { Uuid::nil() };
+    Ok(Farm::new(config, coordinator, store, blobs))
+}
+
+/// Removes nodes that no row names and that were stored before `before_ms`. They are listed before rows are read: one that is stored
+/// between is not on the list.
+async fn sweep(store: &Store, blobs: &Blobs, before_ms: i64) -> Result<(), RunError> {
     let found = blobs.nodes().await?;
     let known = store.node_blobs().await?.into_iter().collect();
-    let age_ms = if store.is_shared() { YOUNG_MS } else { 0 };
-    let swept = blobs.sweep_nodes(found, &known, config.clock.now_ms().saturating_sub(age_ms)).await;
+    let swept = blobs.sweep_nodes(found, &known, before_ms).await;
     if swept > 0 {
         tracing::info!(swept, "removed nodes that were never accepted or have been merged");
     }
-    // Workers have gone on rendering while the coordinator was away; they need a term to say so.
-    let ttl_ms = i64::try_from(config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
-    store.extend_leases(config.clock.now_ms().saturating_add(ttl_ms)).await?;
-    Ok(Farm::new(config, coordinator, store, blobs))
+    Ok(())
 }
 
 /// Opens the blobs of a farm.
@@ -201,6 +215,11 @@ async fn blobs(config: &Config, store: &Store, known: &BTreeSet<String>, databas
 
 /// Claims a blob store for a farm, which has one. Coordinators that start together take turns.
 async fn claimed(blobs: &Blobs, store: &Store, known: &BTreeSet<String>) -> Result<Result<(), ClaimError>, StoreError> {
+    let identity = store.identity().await?;
+    if identity.has_blobs {
+        // Nothing is marked any more.
+        return Ok(blobs.claim(identity, known).await);
+    }
     let (blobs, known) = (blobs.clone(), known.clone());
     store.claim_blobs(|identity| Box::pin(async move { blobs.claim(identity, &known).await })).await
 }
@@ -221,39 +240,21 @@ pub(crate) async fn start(farm: &Arc<Farm>, bells: Bells) -> Result<JoinSet<()>,
     Ok(tasks)
 }
 
-/// Makes sure that no other coordinator works in the same directory. The lock ends with the process, however that ends. In the file is the
-/// identity of the coordinator with this directory.
-fn lock(config: &Config) -> Result<(File, Uuid), RunError> {
+/// Makes sure that no other coordinator works in the same directory. The lock ends with the process, however that ends.
+fn lock(config: &Config) -> Result<File, RunError> {
     let directory = config.data_directory.clone();
     let open = || {
         fs::create_dir_all(&directory)?;
-        File::options().create(true).truncate(false).read(true).write(true).open(directory.join("lock"))
+        File::options().create(true).truncate(false).write(true).open(directory.join("lock"))
     };
     match open() {
         Err(source) => Err(RunError::Directory { directory, source }),
         Ok(file) => match file.try_lock() {
-            Ok(()) => match identity(&file) {
-                Ok(identity) => Ok((file, identity)),
-                Err(source) => Err(RunError::Directory { directory, source }),
-            },
+            Ok(()) => Ok(file),
             Err(TryLockError::WouldBlock) => Err(RunError::InUse { directory }),
             Err(TryLockError::Error(source)) => Err(RunError::Directory { directory, source }),
         },
     }
-}
-
-/// The identity in a file, which is given one where it has none.
-fn identity(mut file: &File) -> io::Result<Uuid> {
-    let mut text = String::new();
-    file.read_to_string(&mut text)?;
-    if let Ok(identity) = text.trim().parse() {
-        return Ok(identity);
-    }
-    let identity = Uuid::now_v7();
-    file.set_len(0)?;
-    file.rewind()?;
-    writeln!(file, "{identity}")?;
-    Ok(identity)
 }
 
 /// Takes back leases that have run out, and ends jobs whose time is up.
@@ -269,6 +270,12 @@ async fn watch_deadlines(farm: Arc<Farm>) {
             && let Err(error) = tidy(&farm).await
         {
             tracing::error!(%error, "old rows could not be removed");
+        }
+        if ticks % SWEEPING_TICKS == SWEEPING_TICKS - 1 {
+            let before_ms = farm.config.clock.now_ms().saturating_sub(YOUNG_MS);
+            if let Err(error) = sweep(&farm.store, &farm.blobs, before_ms).await {
+                tracing::error!(%error, "nodes that nobody needs could not be removed");
+            }
         }
         ticks = ticks.wrapping_add(1);
     }

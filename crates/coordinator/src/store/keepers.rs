@@ -1,7 +1,8 @@
 //! Who keeps the film of a job: one coordinator at a time, for a term that it renews.
 //!
-//! Two that kept the same film would change no bit, since rounds are recorded once and every merge has the same sum; they would
-//! only do the same work twice. So a claim need not be exact to the millisecond, and clocks may differ.
+//! Two that keep the same film for a while change no bit, since rounds are recorded once and every merge has the same sum. What one finds
+//! that does not fit together it reads again, since the other may have gone on in between. So a claim need not be exact, and clocks
+//! may differ.
 
 use clerestory_api::JobId;
 use uuid::Uuid;

@@ -242,14 +242,19 @@ impl Store {
         .await
     }
 
-    /// Lets every active lease last at least until `deadline_ms`: after a restart, workers need time to come back.
-    pub(crate) async fn extend_leases(&self, deadline_ms: i64) -> Result<(), StoreError> {
+    /// Lets every active lease last at least until `deadline_ms`, unless a worker was heard after `heard_ms`: when no coordinator was
+    /// there, workers need time to come back.
+    pub(crate) async fn extend_leases(&self, deadline_ms: i64, heard_ms: i64) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
-                sqlx::query("update leases set deadline_ms = $1 where state = 'active' and deadline_ms < $1")
-                    .bind(deadline_ms)
-                    .execute(connection)
-                    .await?;
+                sqlx::query(
+                    "update leases set deadline_ms = $1 where state = 'active' and deadline_ms < $1 \
+                     and not exists (select 1 from workers where seen_ms > $2)",
+                )
+                .bind(deadline_ms)
+                .bind(heard_ms)
+                .execute(connection)
+                .await?;
                 Ok(())
             })
         })

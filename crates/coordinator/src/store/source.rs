@@ -22,9 +22,12 @@ const READERS: u32 = 4;
 /// How long it may take to reach a database.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 
+/// How long a writer waits for its turn before it takes its connection for dead.
+pub(super) const TURN_TIMEOUT: Duration = Duration::from_secs(60);
+
 /// What begins a transaction in PostgreSQL. The lock, whose number is `cleresto` in ASCII, lets the writers of several coordinators take
 /// turns: what one reads, no other changes before it has committed, as with the one writer of a SQLite file.
-const POSTGRES_BEGIN: &str = "begin; select pg_advisory_xact_lock(7164212649242358895)";
+const POSTGRES_BEGIN: &str = "begin isolation level read committed; select pg_advisory_xact_lock(7164212649242358895)";
 
 /// On which channel coordinators of a database tell one another what happened.
 const CHANNEL: &str = "clerestory";

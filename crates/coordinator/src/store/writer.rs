@@ -11,7 +11,7 @@ use futures::future::BoxFuture;
 use tokio::sync::{mpsc, oneshot};
 
 use super::StoreError;
-use super::source::Source;
+use super::source::{Source, TURN_TIMEOUT};
 
 /// The connection that a write runs on.
 pub(crate) type Connection = sqlx::AnyConnection;
@@ -189,7 +189,8 @@ async fn run_all(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> 
 
 /// Begins a transaction, and waits for its turn.
 async fn begin(connection: &mut Connection, source: &Source) -> Result<(), StoreError> {
-    sqlx::raw_sql(source.begin()).execute(connection).await?;
+    let turn = tokio::time::timeout(TURN_TIMEOUT, sqlx::raw_sql(source.begin()).execute(connection)).await;
+    turn.map_err(|_| StoreError::Database(format!("no turn in {} s", TURN_TIMEOUT.as_secs())))??;
     Ok(())
 }
 

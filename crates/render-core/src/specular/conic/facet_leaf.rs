@@ -92,7 +92,7 @@ impl FacetLeaf {
         }
         prefetch(&self.reach);
         prefetch(&self.away);
-        prefetch(&self.triangles);
+        prefetch(&self.triangles[SINGLES - 1]);
     }
 
     /// On which triangles a path may be, as the bits of a number.
