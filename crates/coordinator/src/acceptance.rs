@@ -1,24 +1,20 @@
 //! Partials: decoded with distrust, stored, and accepted.
 //!
-//! The order makes the promise: the nodes' blobs are synced to disk, then one transaction accepts them, then the worker
-//! is told. A crash anywhere in between leaves blobs that nobody names, or a worker that uploads again and hears that all
+//! The order makes the promise: the blob of the nodes is synced to disk, then one transaction accepts them, then the worker
+//! is told. A crash anywhere in between leaves a blob that nobody names, or a worker that uploads again and hears that all
 //! is there.
 
 use std::sync::Arc;
 
 use bytes::Bytes;
 use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, ProblemCode};
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{self, Expectation, Node, NodeAddress, Rendered, partial};
-use futures::stream::{self, StreamExt, TryStreamExt};
+use clerestory_render_core::film::{self, Expectation, NodeAddress, Rendered, partial};
 
+use crate::blobs::Place;
 use crate::farm::Farm;
 use crate::http::ApiError;
 use crate::news::News;
 use crate::store::{DeliveredNode, Delivery, JobRecord, LeaseError, WorkFailure};
-
-/// Nodes that are written at the same time.
-const WRITES: usize = 8;
 
 /// A node as the wire names it.
 pub(crate) fn wire_address(address: &NodeAddress) -> clerestory_api::NodeAddress {
@@ -36,13 +32,12 @@ pub(crate) async fn accept(
 ) -> Result<PartialAnswer, ApiError> {
     let record = farm.store.lease(lease).await?;
     let job = farm.store.job(record.job).await?.ok_or(LeaseError::JobNotRunning)?;
-    let allowed = farm.store.leased_nodes(lease).await?;
     let expectation = Expectation {
         job: job.id.to_string(),
         scene_hash: job.scene_hash.clone(),
         grid: job.grid,
         sampling: job.sampling().map_err(ApiError::internal)?,
-        allowed,
+        allowed: record.nodes,
     };
     let decoded = tokio::task::spawn_blocking(move || partial::decode(&body, &expectation, expectation.budget()));
     let nodes = match decoded.await.map_err(ApiError::internal)? {
@@ -77,45 +72,53 @@ async fn store(
     core_ms: u64,
     rendered: Vec<Rendered>,
 ) -> Result<PartialAnswer, ApiError> {
-    let (nodes, counters): (Vec<Arc<Node>>, Vec<Counters>) =
-        rendered.into_iter().map(|Rendered { node, counters }| (Arc::new(node), counters)).unzip();
-    let writes = nodes.iter().zip(counters).map(|(node, counters)| write(farm, job, Arc::clone(node), counters));
-    let delivered: Vec<DeliveredNode> = stream::iter(writes.collect::<Vec<_>>()).buffered(WRITES).try_collect().await?;
+    let encode = move || {
+        let encoded: Vec<Vec<u8>> = rendered.iter().map(|rendered| film::store::encode(&rendered.node)).collect();
+        (rendered, encoded)
+    };
+    let (rendered, encoded) = tokio::task::spawn_blocking(encode).await.map_err(ApiError::internal)?;
+    let places = farm.blobs.put_nodes(job.id, encoded).await?;
+    let blob = places.first().map(|place| place.blob.clone());
+    let delivered = |(Rendered { node, counters }, place): (&Rendered, &Place)| DeliveredNode {
+        address: node.address(),
+        place: place.clone(),
+        counters: *counters,
+    };
+    let nodes = rendered.iter().zip(&places).map(delivered).collect();
     let now_ms = farm.config.clock.now_ms();
     let core_ms = i64::try_from(core_ms).unwrap_or(i64::MAX);
-    let delivery = Delivery { lease, token, nodes: delivered.clone(), core_ms, now_ms };
+    let delivery = Delivery { lease, token, nodes, core_ms, now_ms };
     let acceptance = match farm.store.accept(delivery).await {
         Ok(acceptance) => acceptance,
         Err(error) => {
             // Where the database failed, it may have accepted them before: what it has not is left for the sweep.
             if !matches!(error, LeaseError::Store(_)) {
-                farm.blobs.remove_nodes(delivered.into_iter().map(|node| node.blob).collect()).await;
+                farm.blobs.remove(blob.into_iter().collect()).await;
             }
             return Err(error.into());
         }
     };
-    let mut answers = Vec::with_capacity(nodes.len());
-    let mut unused = Vec::new();
-    for ((node, delivered), verdict) in nodes.into_iter().zip(delivered).zip(acceptance.verdicts) {
+    let mut answers = Vec::with_capacity(rendered.len());
+    let mut is_used = false;
+    for ((Rendered { node, .. }, place), verdict) in rendered.into_iter().zip(places).zip(acceptance.verdicts) {
         let reason = match verdict {
-            NodeVerdict::Refused => Some("the node is not pending under this lease".to_owned()),
+            NodeVerdict::Refused => Some("the node was not leased, or is not pending".to_owned()),
             NodeVerdict::Accepted | NodeVerdict::Duplicate => None,
         };
-        answers.push(NodeAnswer { node: wire_address(&delivered.address), verdict, reason });
-        match verdict {
-            NodeVerdict::Accepted => farm.film.keep(delivered.blob, node),
-            NodeVerdict::Duplicate | NodeVerdict::Refused => unused.push(delivered.blob),
+        answers.push(NodeAnswer { node: wire_address(&node.address()), verdict, reason });
+        if verdict == NodeVerdict::Accepted {
+            is_used = true;
+            farm.film.keep(place, Arc::new(node));
         }
     }
-    farm.blobs.remove_nodes(unused).await;
+    if !is_used {
+        farm.blobs.remove(blob.into_iter().collect()).await;
+    }
     if acceptance.samples > 0 {
         farm.tell(News::Film { job: job.id, samples: acceptance.samples });
     }
+    if acceptance.completes_wave {
+        farm.tell(News::Wave(job.id));
+    }
     Ok(PartialAnswer { nodes: answers, outstanding: acceptance.outstanding })
-}
-
-async fn write(farm: &Farm, job: &JobRecord, node: Arc<Node>, counters: Counters) -> Result<DeliveredNode, ApiError> {
-    let address = node.address();
-    let bytes = tokio::task::spawn_blocking(move || film::store::encode(&node)).await.map_err(ApiError::internal)?;
-    Ok(DeliveredNode { address, blob: farm.blobs.put_node(job.id, bytes).await?, counters })
 }

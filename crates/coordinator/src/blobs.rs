@@ -1,6 +1,7 @@
 //! The blob store: bytes that are written once and never changed.
 //!
-//! Assets are named by their content, nodes by an identity of their own. A blob is on disk, synced, or acknowledged by the object
+//! Assets are named by their content. Nodes that are stored together lie one after the other in one blob with an identity of its own, so that
+//! they cost one sync or one request together; a blob goes when the last of its nodes has. A blob is on disk, synced, or acknowledged by the object
 //! store before its name is written into the database; that row is the commit. A blob without a row belongs to nobody: it is left by a
 //! crash between the two, and swept away when the coordinator starts. So that this never takes what another farm's database
 //! names, a store is marked with the farm that it belongs to.
@@ -16,7 +17,7 @@ use clerestory_api::{ContentHash, JobId};
 use futures::stream::{self, BoxStream, Stream, StreamExt, TryStreamExt};
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
-use object_store::{ObjectStore, ObjectStoreExt, PutMode, WriteMultipart};
+use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutPayload, WriteMultipart};
 use uuid::Uuid;
 
 use crate::bucket::Bucket;
@@ -29,6 +30,17 @@ const CHUNKS_IN_FLIGHT: usize = 2;
 #[derive(Clone, Debug)]
 pub(crate) struct Blobs {
     store: Arc<dyn ObjectStore>,
+}
+
+/// Where the bytes of a node lie.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Place {
+    /// Name of the blob.
+    pub(crate) blob: String,
+    /// Where in it they begin.
+    pub(crate) offset: u64,
+    /// Their number; none for all of a blob, as older builds stored nodes.
+    pub(crate) length: Option<u64>,
 }
 
 /// Name of the blob that says whose blobs these are.
@@ -124,7 +136,7 @@ impl Blobs {
     pub(crate) async fn claim(&self, identity: Identity, known: &BTreeSet<String>) -> Result<(), ClaimError> {
         let farm = identity.farm;
         if self.owner().await?.is_none() {
-            let found: Vec<String> = self.nodes().await?.into_iter().map(|node| node.name).collect();
+            let found: Vec<String> = self.node_blobs().await?.into_iter().map(|blob| blob.name).collect();
             if identity.has_blobs {
                 return Err(ClaimError::Elsewhere { farm });
             }
@@ -159,14 +171,14 @@ impl Blobs {
         }
     }
 
-    /// All nodes.
-    pub(crate) async fn nodes(&self) -> Result<Vec<StoredNode>, BlobError> {
+    /// All blobs of nodes.
+    pub(crate) async fn node_blobs(&self) -> Result<Vec<NodeBlob>, BlobError> {
         let found: Vec<_> = self.store.list(Some(&Path::from("nodes"))).try_collect().await?;
-        let node = |blob: object_store::ObjectMeta| StoredNode {
+        let blob = |blob: object_store::ObjectMeta| NodeBlob {
             name: blob.location.to_string(),
             stored_ms: blob.last_modified.timestamp_millis(),
         };
-        Ok(found.into_iter().map(node).collect())
+        Ok(found.into_iter().map(blob).collect())
     }
 
     /// Stores the bytes of an asset as they come, if they have the promised hash and are not too many. Answers their
@@ -230,20 +242,32 @@ impl Blobs {
         Ok((asset.meta.size, asset.into_stream().map_err(BlobError).boxed()))
     }
 
-    /// Stores a node under a new name, which is answered when the bytes are safe on disk.
-    pub(crate) async fn put_node(&self, job: JobId, bytes: Vec<u8>) -> Result<String, BlobError> {
-        let name = format!("nodes/{job}/{}", Uuid::now_v7());
-        self.store.put(&Path::from(name.as_str()), bytes.into()).await?;
-        Ok(name)
+    /// Stores nodes in one blob with a new name. Answers where each lies when the bytes are safe on disk.
+    pub(crate) async fn put_nodes(&self, job: JobId, nodes: Vec<Vec<u8>>) -> Result<Vec<Place>, BlobError> {
+        let blob = format!("nodes/{job}/{}", Uuid::now_v7());
+        let mut end = 0;
+        let place = |node: &Vec<u8>| {
+            let (offset, length) = (end, node.len() as u64);
+            end += length;
+            Place { blob: blob.clone(), offset, length: Some(length) }
+        };
+        let places = nodes.iter().map(place).collect();
+        let bytes: PutPayload = nodes.into_iter().map(Bytes::from).collect();
+        self.store.put(&Path::from(blob.as_str()), bytes).await?;
+        Ok(places)
     }
 
     /// The bytes of a node.
-    pub(crate) async fn node(&self, name: &str) -> Result<Bytes, BlobError> {
-        Ok(self.store.get(&Path::from(name)).await?.bytes().await?)
+    pub(crate) async fn node(&self, place: &Place) -> Result<Bytes, BlobError> {
+        let path = Path::from(place.blob.as_str());
+        Ok(match place.length {
+            Some(length) => self.store.get_range(&path, place.offset..place.offset + length).await?,
+            None => self.store.get(&path).await?.bytes().await?,
+        })
     }
 
-    /// Removes nodes. One that cannot be removed is left for the sweep at the next start. Answers how many are gone.
-    pub(crate) async fn remove_nodes(&self, names: Vec<String>) -> usize {
+    /// Removes blobs of nodes. One that cannot be removed is left for the next sweep. Answers how many are gone.
+    pub(crate) async fn remove(&self, names: Vec<String>) -> usize {
         let paths = stream::iter(names.into_iter().map(|name| Ok(Path::from(name)))).boxed();
         let mut removed = self.store.delete_stream(paths);
         let mut count = 0;
@@ -251,24 +275,24 @@ impl Blobs {
             match outcome {
                 Ok(_) => count += 1,
                 // The store's message names the blob.
-                Err(error) => tracing::warn!(%error, "a node that is not needed any more could not be removed"),
+                Err(error) => tracing::warn!(%error, "a blob that is not needed any more could not be removed"),
             }
         }
         count
     }
 
-    /// Removes those of the nodes that were `found` which are not known, and were stored before `before_ms`. Answers how many.
-    pub(crate) async fn sweep_nodes(&self, found: Vec<StoredNode>, known: &BTreeSet<String>, before_ms: i64) -> usize {
-        let is_orphan = |node: &StoredNode| !known.contains(&node.name) && node.stored_ms < before_ms;
-        let orphans = found.into_iter().filter(is_orphan).map(|node| node.name).collect();
-        self.remove_nodes(orphans).await
+    /// Removes those of the blobs that were `found` which are not known, and were stored before `before_ms`. Answers how many.
+    pub(crate) async fn sweep(&self, found: Vec<NodeBlob>, known: &BTreeSet<String>, before_ms: i64) -> usize {
+        let is_orphan = |blob: &NodeBlob| !known.contains(&blob.name) && blob.stored_ms < before_ms;
+        let orphans = found.into_iter().filter(is_orphan).map(|blob| blob.name).collect();
+        self.remove(orphans).await
     }
 }
 
-/// A node as the blob store lists it.
+/// A blob of nodes as the store lists it.
 #[derive(Clone, Debug)]
-pub(crate) struct StoredNode {
-    /// Name of its blob.
+pub(crate) struct NodeBlob {
+    /// Its name.
     pub(crate) name: String,
     /// When it was stored, by the clock of the store.
     pub(crate) stored_ms: i64,
@@ -357,27 +381,37 @@ mod tests {
         assert!(blobs.asset(hash(&content)).await.unwrap() == content);
     }
 
+    async fn put(blobs: &Blobs, node: &str) -> Place {
+        let mut places = blobs.put_nodes(JobId::from(Uuid::now_v7()), vec![node.as_bytes().to_vec()]).await.unwrap();
+        places.pop().unwrap()
+    }
+
+    async fn nodes_that_are_stored_together_are_read_one_by_one(blobs: Blobs) {
+        let nodes = ["nave", "", "choir"].map(|node| node.as_bytes().to_vec());
+        let places = blobs.put_nodes(JobId::from(Uuid::now_v7()), nodes.to_vec()).await.unwrap();
+        assert_eq!(names(&blobs).await, BTreeSet::from([places[0].blob.clone()]));
+        assert_eq!(blobs.node(&places[2]).await.unwrap(), "choir");
+        assert_eq!(blobs.node(&places[0]).await.unwrap(), "nave");
+        let whole = Place { offset: 0, length: None, ..places[0].clone() };
+        assert_eq!(blobs.node(&whole).await.unwrap(), "navechoir");
+    }
+
     async fn the_sweep_removes_what_no_row_names(blobs: Blobs) {
-        let job = JobId::from(Uuid::now_v7());
-        let kept = blobs.put_node(job, b"kept".to_vec()).await.unwrap();
-        let orphan = blobs.put_node(job, b"orphan".to_vec()).await.unwrap();
+        let kept = put(&blobs, "kept").await;
+        let orphan = put(&blobs, "orphan").await;
         blobs.put_asset(hash(b"glass"), 100, source(&["glass"])).await.unwrap();
-        let known = BTreeSet::from([kept.clone()]);
-        let found = blobs.nodes().await.unwrap();
-        let stored_ms = found.iter().map(|node| node.stored_ms).min().unwrap();
-        assert_eq!(
-            blobs.sweep_nodes(found.clone(), &known, stored_ms).await,
-            0,
-            "one that is young may be accepted yet"
-        );
-        let late = blobs.put_node(job, b"late".to_vec()).await.unwrap();
-        assert_eq!(blobs.sweep_nodes(found, &known, i64::MAX).await, 1);
+        let known = BTreeSet::from([kept.blob.clone()]);
+        let found = blobs.node_blobs().await.unwrap();
+        let stored_ms = found.iter().map(|blob| blob.stored_ms).min().unwrap();
+        assert_eq!(blobs.sweep(found.clone(), &known, stored_ms).await, 0, "one that is young may be accepted yet");
+        let late = put(&blobs, "late").await;
+        assert_eq!(blobs.sweep(found, &known, i64::MAX).await, 1);
         assert_eq!(blobs.node(&late).await.unwrap(), "late", "it was not there when the nodes were listed");
-        blobs.remove_nodes(vec![late]).await;
+        blobs.remove(vec![late.blob]).await;
         assert_eq!(blobs.node(&kept).await.unwrap(), "kept");
         assert!(blobs.node(&orphan).await.unwrap_err().is_missing());
         assert_eq!(names(&blobs).await.len(), 2);
-        blobs.remove_nodes(vec![kept.clone(), orphan]).await;
+        blobs.remove(vec![kept.blob.clone(), orphan.blob]).await;
         assert!(blobs.node(&kept).await.unwrap_err().is_missing(), "one that is gone already is no obstacle");
     }
 
@@ -394,10 +428,10 @@ mod tests {
 
     async fn nodes_without_a_mark_are_only_taken_by_a_farm_that_knows_some(blobs: Blobs) {
         let farm = a_farm();
-        let node = blobs.put_node(JobId::from(Uuid::now_v7()), b"node".to_vec()).await.unwrap();
+        let node = put(&blobs, "node").await;
         let refused = blobs.claim(farm, &BTreeSet::new()).await.unwrap_err();
         assert!(matches!(refused, ClaimError::Unknown { nodes: 1, .. }), "{refused}");
-        blobs.claim(farm, &BTreeSet::from([node.clone()])).await.unwrap();
+        blobs.claim(farm, &BTreeSet::from([node.blob.clone()])).await.unwrap();
         assert_eq!(blobs.node(&node).await.unwrap(), "node");
     }
 
@@ -430,6 +464,7 @@ mod tests {
     in_both!(
         an_asset_is_kept_only_when_it_is_what_its_name_says,
         an_asset_of_many_pieces_comes_back_whole,
+        nodes_that_are_stored_together_are_read_one_by_one,
         the_sweep_removes_what_no_row_names,
         a_store_belongs_to_the_first_farm_that_claims_it,
         nodes_without_a_mark_are_only_taken_by_a_farm_that_knows_some,
@@ -439,8 +474,8 @@ mod tests {
     #[tokio::test]
     async fn what_was_half_written_in_a_directory_is_removed_when_it_is_opened() {
         let (blobs, directory) = in_a_directory();
-        let kept = blobs.put_node(JobId::from(Uuid::now_v7()), b"kept".to_vec()).await.unwrap();
-        let half = directory.path().join(format!("{kept}#1"));
+        let kept = put(&blobs, "kept").await;
+        let half = directory.path().join(format!("{}#1", kept.blob));
         fs::write(&half, b"half").unwrap();
         let blobs = Blobs::in_directory(directory.path().to_owned()).unwrap();
         assert!(!half.exists());

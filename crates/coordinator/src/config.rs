@@ -57,7 +57,7 @@ impl Config {
             lease_nodes: None,
             max_asset_bytes: 256 << 20,
             max_partial_bytes: 256 << 20,
-            node_cache_bytes: 512 << 20,
+            node_cache_bytes: 128 << 20,
             clock: Clock::System,
             build: env!("CARGO_PKG_VERSION").to_owned(),
         }

@@ -16,8 +16,8 @@ use crate::news::News;
 use crate::rate::Rates;
 use crate::store::Store;
 
-/// Partials that are received and decoded at the same time: each is held in memory, and may be as large as the limit allows.
-const PARTIALS: usize = 8;
+/// Megabytes of partials that are received and decoded at the same time. A larger one is received alone.
+pub(crate) const PARTIAL_MEGABYTES: u32 = 64;
 
 /// The farm, as its coordinator holds it. All that must not be lost is in `store` and `blobs`; the rest is caches and
 /// bells.
@@ -41,11 +41,11 @@ pub(crate) struct Farm {
     pub(crate) rates: Rates,
     /// Rings when work may have become available.
     pub(crate) work: Notify,
-    /// Permits for receiving a partial.
+    /// Permits for receiving partials, one for each megabyte.
     pub(crate) partials: Semaphore,
     /// Permit for building a submitted scene, which may take much memory.
     pub(crate) building: Semaphore,
-    /// Rings the keeper for a job whose film has grown.
+    /// Rings the keeper for a job of which a round may be complete.
     keeper: mpsc::UnboundedSender<JobId>,
     /// What the other coordinators are to be told.
     told: mpsc::UnboundedSender<News>,
@@ -56,7 +56,7 @@ pub(crate) struct Farm {
 /// What the tasks of a farm are rung by.
 #[derive(Debug)]
 pub(crate) struct Bells {
-    /// Jobs whose film has grown, for the keeper.
+    /// Jobs of which a round may be complete, for the keeper.
     pub(crate) grown: mpsc::UnboundedReceiver<JobId>,
     /// What the other coordinators are to be told.
     pub(crate) told: mpsc::UnboundedReceiver<News>,
@@ -79,7 +79,7 @@ impl Farm {
             events: Events::default(),
             rates,
             work: Notify::new(),
-            partials: Semaphore::new(PARTIALS),
+            partials: Semaphore::new(PARTIAL_MEGABYTES as usize),
             building: Semaphore::new(1),
             keeper,
             told: tell,
@@ -108,8 +108,8 @@ impl Farm {
                 self.rates.add(job, samples, self.config.clock.now_ms());
                 self.events.progressed(job);
                 self.events.workers_changed();
-                self.look_at_film(job);
             }
+            News::Wave(job) => self.look_at_film(job),
             News::Lease(job) => {
                 self.events.stored();
                 self.events.progressed(job);
@@ -135,7 +135,7 @@ impl Farm {
         self.keeper.clone()
     }
 
-    /// Rings the keeper: the film of a job may have grown.
+    /// Rings the keeper: a round of a job may have become complete.
     pub(crate) fn look_at_film(&self, job: JobId) {
         // The keeper is gone only when the coordinator stops; it looks at all open jobs when it starts again.
         let _ = self.keeper.send(job);

@@ -1,18 +1,18 @@
 //! The film of a job: from rows and blobs to nodes, and from nodes to an image.
 //!
-//! The rows say which nodes there are; their blobs never change. So decoded nodes can be kept by the names of their
-//! blobs without ever being wrong, and everything else is computed from them when it is asked for.
+//! The rows say which nodes there are; their blobs never change. So decoded nodes can be kept by where they lie
+//! without ever being wrong, and everything else is computed from them when it is asked for.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use clerestory_render_core::film::{
-    self, FilmTile, FrameImage, ImageError, ImageMetadata, InsertError, Node, Sampling, SamplingError, SumError,
-    TileSum,
+    self, FilmTile, FrameImage, ImageError, ImageMetadata, InsertError, Node, NodeAddress, Sampling, SamplingError,
+    SumError, TileSum,
 };
 use futures::stream::{self, StreamExt, TryStreamExt};
 
-use crate::blobs::{BlobError, Blobs};
+use crate::blobs::{BlobError, Blobs, Place};
 use crate::farm::Farm;
 use crate::store::{JobRecord, NodeRow, StoreError, Work};
 
@@ -26,16 +26,20 @@ pub(crate) enum FilmError {
     #[error("there is no node yet")]
     Empty,
     /// A stored node has lost bits, or is not the one that its row names.
-    #[error("the stored node {blob} cannot be used")]
+    #[error("the stored node {node} in {blob} cannot be used")]
     Damaged {
+        /// The node.
+        node: NodeAddress,
         /// Name of its blob.
         blob: String,
         /// What is wrong, unless it is another node altogether.
         source: Option<film::StoreError>,
     },
     /// A stored node is not there.
-    #[error("the stored node {blob} is not there")]
+    #[error("the stored node {node} is not there: {blob} is missing")]
     Lost {
+        /// The node.
+        node: NodeAddress,
         /// Name of its blob.
         blob: String,
         /// What the blob store says.
@@ -107,66 +111,68 @@ impl FilmReader {
     }
 
     /// Keeps a node that has just been stored.
-    pub(crate) fn keep(&self, blob: String, node: Arc<Node>) {
-        self.cache.lock().unwrap_or_else(PoisonError::into_inner).insert(blob, node);
+    pub(crate) fn keep(&self, place: Place, node: Arc<Node>) {
+        self.cache.lock().unwrap_or_else(PoisonError::into_inner).insert(place, node);
     }
 
-    /// Lets go of nodes whose blobs are removed.
-    pub(crate) fn forget(&self, blobs: &[String]) {
+    /// Lets go of nodes that are not needed any more.
+    pub(crate) fn forget<'a>(&self, places: impl IntoIterator<Item = &'a Place>) {
         let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
-        for blob in blobs {
-            cache.remove(blob);
+        for place in places {
+            cache.remove(place);
         }
     }
 
     async fn node(&self, row: &NodeRow) -> Result<Arc<Node>, FilmError> {
-        let cached = self.cache.lock().unwrap_or_else(PoisonError::into_inner).get(&row.blob);
+        let cached = self.cache.lock().unwrap_or_else(PoisonError::into_inner).get(&row.place);
         if let Some(node) = cached {
             return Ok(node);
         }
-        let bytes = self.blobs.node(&row.blob).await.map_err(|error| match error {
-            error if error.is_missing() => FilmError::Lost { blob: row.blob.clone(), source: error },
+        let (address, place) = (row.address, &row.place);
+        let bytes = self.blobs.node(place).await.map_err(|error| match error {
+            error if error.is_missing() => FilmError::Lost { node: address, blob: place.blob.clone(), source: error },
             error => error.into(),
         })?;
-        let damaged = |source| FilmError::Damaged { blob: row.blob.clone(), source };
+        let damaged = |source| FilmError::Damaged { node: address, blob: place.blob.clone(), source };
         let node = tokio::task::spawn_blocking(move || film::store::decode(&bytes)).await?;
         let node = node.map_err(|error| damaged(Some(error)))?;
-        if node.address() != row.address {
+        if node.address() != address {
             return Err(damaged(None));
         }
         let node = Arc::new(node);
-        self.keep(row.blob.clone(), Arc::clone(&node));
+        self.keep(place.clone(), Arc::clone(&node));
         Ok(node)
     }
 }
 
-/// Nodes by blob, the longest unused of which go first when there are too many.
+/// Nodes by place, the longest unused of which go first when there are too many.
 #[derive(Debug, Default)]
 struct NodeCache {
-    nodes: BTreeMap<String, (u64, Arc<Node>)>,
-    by_use: BTreeMap<u64, String>,
+    nodes: BTreeMap<Place, (u64, Arc<Node>)>,
+    by_use: BTreeMap<u64, Place>,
     uses: u64,
     bytes: usize,
     limit: usize,
 }
 
 impl NodeCache {
-    fn get(&mut self, blob: &str) -> Option<Arc<Node>> {
-        let (used, node) = self.nodes.get_mut(blob)?;
+    fn get(&mut self, place: &Place) -> Option<Arc<Node>> {
+        let (used, node) = self.nodes.get_mut(place)?;
         let node = Arc::clone(node);
         self.uses += 1;
-        self.by_use.remove(used);
+        if let Some(place) = self.by_use.remove(used) {
+            self.by_use.insert(self.uses, place);
+        }
         *used = self.uses;
-        self.by_use.insert(self.uses, blob.to_owned());
         Some(node)
     }
 
-    fn insert(&mut self, blob: String, node: Arc<Node>) {
-        self.remove(&blob);
+    fn insert(&mut self, place: Place, node: Arc<Node>) {
+        self.remove(&place);
         self.uses += 1;
         self.bytes += node.bytes();
-        self.by_use.insert(self.uses, blob.clone());
-        self.nodes.insert(blob, (self.uses, node));
+        self.by_use.insert(self.uses, place.clone());
+        self.nodes.insert(place, (self.uses, node));
         while self.bytes > self.limit {
             let Some((_, oldest)) = self.by_use.pop_first() else { break };
             if let Some((_, node)) = self.nodes.remove(&oldest) {
@@ -175,8 +181,8 @@ impl NodeCache {
         }
     }
 
-    fn remove(&mut self, blob: &str) {
-        if let Some((used, node)) = self.nodes.remove(blob) {
+    fn remove(&mut self, place: &Place) {
+        if let Some((used, node)) = self.nodes.remove(place) {
             self.by_use.remove(&used);
             self.bytes -= node.bytes();
         }

@@ -2,7 +2,7 @@
 //!
 //! One task does this, off the path of requests: whoever brings a node waits for its acceptance only. A parent is formed
 //! when the round at its middle has been recorded; before that, the round's image needs the two halves apart. The
-//! parent's blob is on disk before its row replaces the children's, and the children's blobs are removed after that. Of several
+//! parent is on disk before its row replaces the children's, and a blob is removed when the last node in it has been replaced. Of several
 //! coordinators, one at a time keeps the film of a job ([`Claims`]); when it dies, another does.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clerestory_api::JobId;
-use clerestory_render_core::film::{self, FrameImage, Node};
+use clerestory_render_core::film::{self, FrameImage, Node, NodeAddress};
 use futures::stream::{self, StreamExt, TryStreamExt};
 use tokio::sync::mpsc;
 
@@ -18,10 +18,16 @@ use crate::convergence;
 use crate::farm::Farm;
 use crate::film::{Extent, FilmError, assemble, film_tile, metadata};
 use crate::news::News;
-use crate::store::{CompleteWave, Ending, JobRecord, Keeping, NodeRow, StoreError};
+use crate::store::{CompleteWave, Ending, JobRecord, Keeping, Merge, NodeRow, Removed, StoreError};
 
-/// Tiles that are merged at the same time.
-const MERGES: usize = 4;
+/// Batches of tiles that are merged at the same time: while one is computed, another waits for the disk.
+const MERGES: usize = 2;
+
+/// Bytes of nodes in a batch of tiles, unless it is one tile. Its merged nodes are stored together, at the price of one sync.
+const BATCH_BYTES: u64 = 8 << 20;
+
+/// Nodes in a batch, unless it is one tile.
+const BATCH_NODES: usize = 4096;
 
 /// Pause before a job is looked at again after a failure that may pass, such as a full disk.
 const RETRY: Duration = Duration::from_secs(5);
@@ -172,8 +178,7 @@ async fn record_round(
             tracing::info!(job = %job.id, reason = reason.name(), "job done");
         }
         farm.tell(News::Job(job.id));
-        farm.film.forget(&recorded.discarded);
-        farm.blobs.remove_nodes(recorded.discarded).await;
+        let_go(farm, recorded.discarded).await;
     }
     Ok(is_new)
 }
@@ -182,31 +187,80 @@ async fn record_round(
 async fn merge(farm: &Farm, job: &JobRecord, recorded_passes: u32) -> Result<(), FilmError> {
     let rows = farm.store.nodes(job.id).await?;
     let tiles = rows.chunk_by(|a, b| (a.address.frame, a.address.tile) == (b.address.frame, b.address.tile));
-    let merges: Vec<_> = tiles.map(|rows| merge_tile(farm, job, rows, recorded_passes)).collect();
+    let tiles: Vec<&[NodeRow]> = tiles.filter(|rows| can_merge(job, rows, recorded_passes)).collect();
+    let merges: Vec<_> =
+        batches(tiles).into_iter().map(|tiles| merge_tiles(farm, job, tiles, recorded_passes)).collect();
     stream::iter(merges).buffer_unordered(MERGES).try_collect::<()>().await
 }
 
-async fn merge_tile(farm: &Farm, job: &JobRecord, rows: &[NodeRow], recorded_passes: u32) -> Result<(), FilmError> {
-    if !can_merge(job, rows, recorded_passes) {
-        return Ok(());
+/// Tiles in batches whose nodes fit into memory together.
+fn batches(tiles: Vec<&[NodeRow]>) -> Vec<Vec<&[NodeRow]>> {
+    let mut batches: Vec<Vec<&[NodeRow]>> = Vec::new();
+    let (mut bytes, mut nodes) = (0, 0);
+    for rows in tiles {
+        // Only nodes that older builds stored do not say how long they are.
+        let tile_bytes: u64 = rows.iter().map(|row| row.place.length.unwrap_or(BATCH_BYTES)).sum();
+        (bytes, nodes) = (bytes + tile_bytes, nodes + rows.len());
+        match batches.last_mut() {
+            Some(batch) if bytes <= BATCH_BYTES && nodes <= BATCH_NODES => batch.push(rows),
+            _ => {
+                (bytes, nodes) = (tile_bytes, rows.len());
+                batches.push(vec![rows]);
+            }
+        }
     }
-    let nodes = farm.film.load(rows).await?;
-    let holds: Vec<u32> = held(job, rows, recorded_passes).collect();
-    let (id, record, known) = (job.id, job.clone(), rows.to_vec());
-    let parents = tokio::task::spawn_blocking(move || {
-        let Some(tile) = film_tile(&record, &nodes, holds)? else { return Ok(Vec::new()) };
-        let is_new = |node: &&Node| !known.iter().any(|row| row.address == node.address());
-        Ok::<_, FilmError>(tile.nodes().filter(is_new).map(|node| (film::store::encode(node), node.clone())).collect())
+    batches
+}
+
+async fn merge_tiles(
+    farm: &Farm,
+    job: &JobRecord,
+    tiles: Vec<&[NodeRow]>,
+    recorded_passes: u32,
+) -> Result<(), FilmError> {
+    let mut loaded = Vec::with_capacity(tiles.len());
+    for rows in tiles {
+        loaded.push((rows.to_vec(), farm.film.load(rows).await?));
+    }
+    let record = job.clone();
+    let merged = tokio::task::spawn_blocking(move || {
+        let tiles = loaded.iter().map(|(rows, nodes)| merged_nodes(&record, rows, nodes, recorded_passes));
+        let nodes: Vec<(Node, Vec<NodeAddress>)> =
+            tiles.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
+        let encoded: Vec<Vec<u8>> = nodes.iter().map(|(node, _)| film::store::encode(node)).collect();
+        Ok::<_, FilmError>((nodes, encoded))
     });
-    for (bytes, node) in parents.await?? {
-        let address = node.address();
-        let blob = farm.blobs.put_node(id, bytes).await?;
-        farm.film.keep(blob.clone(), Arc::new(node));
-        let removed = farm.store.replace_descendants(id, address, blob).await?;
-        farm.film.forget(&removed);
-        farm.blobs.remove_nodes(removed).await;
+    let (nodes, encoded) = merged.await??;
+    let places = farm.blobs.put_nodes(job.id, encoded).await?;
+    let mut merges = Vec::with_capacity(nodes.len());
+    for ((node, children), place) in nodes.into_iter().zip(places) {
+        merges.push(Merge { parent: node.address(), place: place.clone(), children });
+        farm.film.keep(place, Arc::new(node));
     }
+    let_go(farm, farm.store.replace(job.id, merges).await?).await;
     Ok(())
+}
+
+/// What the nodes of a tile make when they are merged, without those that stay as they are, each with the nodes that it is the sum of.
+fn merged_nodes(
+    job: &JobRecord,
+    rows: &[NodeRow],
+    nodes: &[Arc<Node>],
+    recorded_passes: u32,
+) -> Result<Vec<(Node, Vec<NodeAddress>)>, FilmError> {
+    let Some(tile) = film_tile(job, nodes, held(job, rows, recorded_passes))? else { return Ok(Vec::new()) };
+    let merged = tile.nodes().filter(|node| !rows.iter().any(|row| row.address == node.address()));
+    let with_children = merged.map(|node| {
+        let children = rows.iter().map(|row| row.address).filter(|row| node.address().overlaps(row));
+        (node.clone(), children.collect())
+    });
+    Ok(with_children.collect())
+}
+
+/// Lets go of what has been taken out of the film.
+async fn let_go(farm: &Farm, removed: Removed) {
+    farm.film.forget(&removed.places);
+    farm.blobs.remove(removed.blobs).await;
 }
 
 /// Boundaries of rounds that are still to be recorded, as far as the nodes reach.
@@ -233,7 +287,7 @@ fn can_merge(job: &JobRecord, rows: &[NodeRow], recorded_passes: u32) -> bool {
 async fn failed(farm: &Farm, job: JobId, error: FilmError) {
     let is_damaged = match &error {
         error if error.is_damage() => true,
-        FilmError::Lost { blob, .. } => is_lost(farm, job, blob).await,
+        FilmError::Lost { node, blob, .. } => is_lost(farm, job, *node, blob).await,
         _ => false,
     };
     tracing::error!(%job, error = &error as &dyn std::error::Error, is_damaged, "keeping the film failed");
@@ -250,10 +304,10 @@ async fn failed(farm: &Farm, job: JobId, error: FilmError) {
 
 /// Whether a node that was not found is gone for good: its row is still there, so that nobody has merged it meanwhile, and so is the
 /// mark of the blob store, so that it is the farm's store which does not have it.
-async fn is_lost(farm: &Farm, job: JobId, blob: &str) -> bool {
+async fn is_lost(farm: &Farm, job: JobId, node: NodeAddress, blob: &str) -> bool {
     let is_named = async {
         let rows = farm.store.nodes(job).await?;
-        Ok::<_, StoreError>(rows.iter().any(|row| row.blob == blob))
+        Ok::<_, StoreError>(rows.iter().any(|row| row.address == node && row.place.blob == blob))
     };
     let is_ours = async {
         let identity = farm.store.identity().await?;

@@ -37,6 +37,8 @@ pub(crate) enum News {
         /// Their camera samples.
         samples: u64,
     },
+    /// A wave of a job has become complete.
+    Wave(JobId),
     /// A lease was granted.
     Lease(JobId),
     /// Work went back to the queue.

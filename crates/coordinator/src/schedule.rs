@@ -87,6 +87,11 @@ impl Pace {
         level
     }
 
+    /// How long the worker needs for some samples, in seconds; as long as a lease should take while that is not known.
+    pub(crate) fn seconds(&self, samples: f64) -> f64 {
+        self.samples_per_second.map_or(self.target_seconds, |rate| samples / rate)
+    }
+
     /// Samples that a lease should hold: what the worker renders in the wanted time, but towards the end of a job no more
     /// than half of an equal share of what is left, so that all workers finish together.
     pub(crate) fn lease_samples(&self, samples_left: f64) -> f64 {

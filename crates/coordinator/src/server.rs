@@ -159,7 +159,7 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, Bells), RunError>
     let source = source.map_err(|source| RunError::DatabaseAddress { source })?;
     let database = source.name().to_owned();
     let store = Store::open(source).await?;
-    let known = store.node_blobs().await?.into_iter().collect();
+    let known = store.node_blobs().await?;
     let blobs = blobs(&config, &store, &known, database).await?;
     // What another coordinator has stored and is about to accept is young.
     let age_ms = if store.is_shared() { YOUNG_MS } else { 0 };
@@ -175,14 +175,14 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, Bells), RunError>
     Ok(Farm::new(config, coordinator, store, blobs))
 }
 
-/// Removes nodes that no row names and that were stored before `before_ms`. They are listed before rows are read: one that is stored
+/// Removes blobs of nodes that no row names and that were stored before `before_ms`. They are listed before rows are read: one that is stored
 /// between is not on the list.
 async fn sweep(store: &Store, blobs: &Blobs, before_ms: i64) -> Result<(), RunError> {
-    let found = blobs.nodes().await?;
-    let known = store.node_blobs().await?.into_iter().collect();
-    let swept = blobs.sweep_nodes(found, &known, before_ms).await;
+    let found = blobs.node_blobs().await?;
+    let known = store.node_blobs().await?;
+    let swept = blobs.sweep(found, &known, before_ms).await;
     if swept > 0 {
-        tracing::info!(swept, "removed nodes that were never accepted or have been merged");
+        tracing::info!(swept, "removed blobs of nodes that were never accepted or have been merged");
     }
     Ok(())
 }
@@ -293,11 +293,16 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
         tracing::warn!(expired, "leases ran out; their nodes are in the queue again");
         farm.tell(News::Work);
     }
+    let running = farm.store.running_jobs().await?;
+    if !running.is_empty() {
+        // With time alone, work that another holds becomes work to be taken over.
+        farm.work.notify_one();
+    }
     if farm.store.is_shared() {
         // What other coordinators did without being heard: they may have died before they told it.
         farm.events.stored();
         farm.work.notify_one();
-        for job in farm.store.running_jobs().await? {
+        for job in running {
             farm.look_at_film(job);
         }
     }

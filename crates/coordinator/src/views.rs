@@ -1,10 +1,10 @@
 //! What callers see of jobs and workers.
 
-use clerestory_api::{ConvergencePoint, JobState, JobView, WorkerView};
+use clerestory_api::{ConvergencePoint, JobState, JobView, WorkerId, WorkerView};
 use clerestory_render_core::counters::Counters;
 
 use crate::farm::Farm;
-use crate::store::{JobRecord, StoreError};
+use crate::store::{JobRecord, StoreError, WorkerError};
 
 /// Workers that have been silent for longer are not shown any more.
 const SHOWN_MS: i64 = 24 * 3600 * 1000;
@@ -117,7 +117,17 @@ pub(crate) async fn jobs(farm: &Farm) -> Result<Vec<JobView>, StoreError> {
 
 /// All workers that were heard of within a day, in order of registration.
 pub(crate) async fn workers(farm: &Farm) -> Result<Vec<WorkerView>, StoreError> {
-    let now_ms = farm.config.clock.now_ms();
+    let since_ms = farm.config.clock.now_ms() - SHOWN_MS;
+    farm.store.workers(since_ms, silent_before_ms(farm)).await
+}
+
+/// One worker.
+pub(crate) async fn worker(farm: &Farm, worker: WorkerId) -> Result<WorkerView, WorkerError> {
+    farm.store.worker(worker, silent_before_ms(farm)).await
+}
+
+/// A worker that was last heard of before this is silent.
+fn silent_before_ms(farm: &Farm) -> i64 {
     let silent_ms = i64::try_from(farm.config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
-    farm.store.workers(now_ms - SHOWN_MS, now_ms.saturating_sub(silent_ms)).await
+    farm.config.clock.now_ms().saturating_sub(silent_ms)
 }

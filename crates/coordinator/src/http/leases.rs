@@ -6,6 +6,7 @@ use std::time::Duration;
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
+use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
 use clerestory_api::{
     CORE_MILLISECONDS_HEADER, EXR_MEDIA_TYPE, FENCING_TOKEN_HEADER, Lease, LeaseId, LeaseRenewal, LeaseRequest,
@@ -17,7 +18,7 @@ use uuid::Uuid;
 use super::extract::{PathParameter, StrictJson, number_header, read_body, require_media_type};
 use super::problem::ApiError;
 use crate::acceptance;
-use crate::farm::Farm;
+use crate::farm::{Farm, PARTIAL_MEGABYTES};
 use crate::news::News;
 use crate::store::{ClaimTerms, Grant, LeaseError, WorkFailure};
 
@@ -149,9 +150,17 @@ pub(super) async fn partial(
         LeaseError::StaleToken(_) => ApiError::from(error).field(FENCING_TOKEN_HEADER),
         error => error.into(),
     })?;
-    let _permit = farm.partials.acquire().await.map_err(ApiError::internal)?;
+    let _permits = farm.partials.acquire_many(megabytes(&request)).await.map_err(ApiError::internal)?;
     let body = read_body(request, farm.config.max_partial_bytes).await?;
     Ok(Json(acceptance::accept(&farm, lease, token, core_ms, body).await?))
+}
+
+/// Permits that a partial needs. One of unknown size, which workers do not send, is received alone.
+fn megabytes(request: &Request) -> u32 {
+    let bytes = request.headers().get(CONTENT_LENGTH).and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
+    let megabytes =
+        bytes.map(|bytes| bytes.div_ceil(1 << 20).max(1)).and_then(|megabytes| u32::try_from(megabytes).ok());
+    megabytes.unwrap_or(u32::MAX).min(PARTIAL_MEGABYTES)
 }
 
 /// Gives the rest of a lease back.

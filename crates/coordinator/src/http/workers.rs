@@ -34,9 +34,7 @@ pub(super) async fn register(
     tracing::info!(worker = %id, name = registration.name, cores = registration.cores, "worker registered");
     farm.store.register_worker(id, registration, farm.config.clock.now_ms()).await?;
     farm.tell(News::Workers);
-    let registered = views::workers(&farm).await?.into_iter().find(|worker| worker.id == id);
-    let view = registered.ok_or_else(|| ApiError::from(crate::store::WorkerError::Unknown(id)))?;
-    Ok((StatusCode::CREATED, Json(view)))
+    Ok((StatusCode::CREATED, Json(views::worker(&farm, id).await?)))
 }
 
 fn check(registration: &WorkerRegistration) -> Result<(), ApiError> {

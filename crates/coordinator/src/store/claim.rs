@@ -4,6 +4,9 @@
 //! of them see the same free row. Pending rows exist only for the near future: a claim that finds few of them cuts more
 //! from where the job's cursor stands. A job whose time is up before its first round is complete is served with the nodes
 //! of that round alone.
+//!
+//! A worker for whom nothing is free takes over what another has held for longer than it would need itself ([`take_over`]). The other's
+//! lease goes on, and the first result wins.
 
 use clerestory_api::{LeaseId, WorkerId};
 use clerestory_render_core::film::{NodeAddress, PassRange};
@@ -11,10 +14,16 @@ use clerestory_render_core::film::{NodeAddress, PassRange};
 use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};
 use super::leases::{self, LeaseRecord, LeaseState, address};
-use super::row::Columns;
+use super::row::{Columns, bind_nodes, placeholders};
 use super::workers::{self, Claimant};
 use super::{Connection, Store, StoreError, WorkerError};
 use crate::schedule::{Pace, cut};
+
+/// How often a node is leased while another lease has it: whatever the first taker meets with, another may take it once more.
+const MOST_REPEATS: i64 = 2;
+
+/// How long a worker may keep what it has rendered before it brings it, in seconds.
+const GATHERING_SECONDS: f64 = 1.0;
 
 /// Free rows that a claim can choose from; also the largest lease.
 const STOCK: u32 = 256;
@@ -36,6 +45,13 @@ pub(crate) struct ClaimTerms {
     pub(crate) ttl_ms: i64,
     /// Now.
     pub(crate) now_ms: i64,
+}
+
+impl ClaimTerms {
+    /// Most nodes that the lease may have.
+    fn most_nodes(&self) -> u32 {
+        self.fixed_nodes.or(self.max_nodes).unwrap_or(STOCK).clamp(1, STOCK)
+    }
 }
 
 /// A granted lease.
@@ -61,13 +77,21 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
     if claimant.rests_until_ms > terms.now_ms {
         return Ok(None);
     }
-    for job in jobs::open_jobs(connection).await? {
-        if job.is_out_of_time(terms.now_ms) {
-            continue;
-        }
-        let nodes = choose(connection, &job, &claimant, terms).await?;
+    let mut jobs = jobs::open_jobs(connection).await?;
+    jobs.retain(|job| !job.is_out_of_time(terms.now_ms));
+    let mut paces = Vec::with_capacity(jobs.len());
+    for job in &jobs {
+        let pace = pace(connection, job, &claimant, terms).await?;
+        let nodes = choose(connection, job, &pace, terms).await?;
         if !nodes.is_empty() {
-            return Ok(Some(grant(connection, &job, nodes, terms).await?));
+            return Ok(Some(grant(connection, job, nodes, terms).await?));
+        }
+        paces.push(pace);
+    }
+    for (job, pace) in jobs.iter().zip(&paces) {
+        let nodes = take_over(connection, job, pace, terms).await?;
+        if !nodes.is_empty() {
+            return Ok(Some(grant(connection, job, nodes, terms).await?));
         }
     }
     Ok(None)
@@ -77,20 +101,17 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
 async fn choose(
     connection: &mut Connection,
     job: &JobRecord,
-    claimant: &Claimant,
+    pace: &Pace,
     terms: &ClaimTerms,
 ) -> Result<Vec<NodeAddress>, StoreError> {
-    let pace = pace(connection, job, claimant, terms).await?;
-    let most = terms.fixed_nodes.or(terms.max_nodes).unwrap_or(STOCK).clamp(1, STOCK);
-    stock(connection, job, &pace).await?;
-    // Past its limit, a job needs its first round to end, and nothing else.
-    let last_round = if job.is_past_limit(terms.now_ms) { 0 } else { u32::MAX };
+    let most = terms.most_nodes();
+    stock(connection, job, pace).await?;
     let rows = sqlx::query(
         "select frame, tile, level, idx from pending where job = $1 and lease is null and round <= $2 \
          order by round, frame, tile, idx limit $3",
     )
     .bind(job.id.to_string())
-    .bind(i64::from(last_round))
+    .bind(last_round(job, terms))
     .bind(i64::from(most))
     .fetch_all(connection)
     .await?;
@@ -108,6 +129,59 @@ async fn choose(
         nodes.push(node);
     }
     Ok(nodes)
+}
+
+/// The last round of a job for which nodes are given out: past its limit, it needs its first to end, and nothing else.
+fn last_round(job: &JobRecord, terms: &ClaimTerms) -> i64 {
+    if job.is_past_limit(terms.now_ms) { 0 } else { i64::from(u32::MAX) }
+}
+
+/// Nodes of a job that another worker has held for longer than this one would need for all that is left of that lease: the later half of
+/// them, since the other renders them in their order. A node is taken over [`MOST_REPEATS`] times at most.
+async fn take_over(
+    connection: &mut Connection,
+    job: &JobRecord,
+    pace: &Pace,
+    terms: &ClaimTerms,
+) -> Result<Vec<NodeAddress>, StoreError> {
+    let lease = sqlx::query(
+        "select id, granted_ms from leases where job = $1 and state = 'active' and worker <> $2 and exists \
+         (select 1 from pending where lease = leases.id and repeats < $3 and round <= $4) order by granted_ms, token limit 1",
+    )
+    .bind(job.id.to_string())
+    .bind(terms.worker.to_string())
+    .bind(MOST_REPEATS)
+    .bind(last_round(job, terms))
+    .fetch_optional(&mut *connection)
+    .await?;
+    let Some(lease) = lease else { return Ok(Vec::new()) };
+    let held_seconds = terms.now_ms.saturating_sub(lease.integer("granted_ms")?) as f64 / 1000.0;
+    let rows = sqlx::query(
+        "select frame, tile, level, idx from pending where lease = $1 and repeats < $2 and round <= $3 \
+         order by round desc, frame desc, tile desc, idx desc",
+    )
+    .bind(lease.text("id")?)
+    .bind(MOST_REPEATS)
+    .bind(last_round(job, terms))
+    .fetch_all(&mut *connection)
+    .await?;
+    let held = rows.iter().map(address).collect::<Result<Vec<_>, _>>()?;
+    let samples: u64 = held.iter().map(|node| job.node_samples(node)).sum();
+    if held_seconds < pace.seconds(samples as f64) + GATHERING_SECONDS {
+        return Ok(Vec::new());
+    }
+    let count = held.len().div_ceil(2).min(terms.most_nodes() as usize);
+    let mut taken = held;
+    taken.truncate(count);
+    taken.reverse();
+    let statement = format!(
+        "update pending set repeats = repeats + 1 where job = $1 and (frame, tile, level, idx) in (values {})",
+        placeholders(1, taken.len(), 4)
+    );
+    bind_nodes(sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.id.to_string()), &taken)
+        .execute(connection)
+        .await?;
+    Ok(taken)
 }
 
 /// How fast the worker renders this job; before its first partial, how fast others do for each of their cores.
@@ -148,6 +222,7 @@ async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Res
         .await?;
     let mut free: u32 = free.number("free")?;
     let [mut round, mut frame, mut tile] = job.cursor;
+    let mut pending = Vec::new();
     while free < STOCK {
         let Some(wave) = job.boundaries().wave(round) else { break };
         if tile == 0 {
@@ -155,10 +230,10 @@ async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Res
         }
         let samples = job.node_samples(&NodeAddress { frame, tile, level: 0, index: 0 });
         let level = pace.largest_level(wave, job.grid.len(), samples as f64);
-        for (level, index) in cut(wave, level) {
-            insert_pending(connection, job, round, &NodeAddress { frame, tile, level, index }).await?;
-            free += 1;
-        }
+        let nodes = cut(wave, level).map(|(level, index)| (round, NodeAddress { frame, tile, level, index }));
+        let before = pending.len();
+        pending.extend(nodes);
+        free += (pending.len() - before) as u32;
         tile += 1;
         if tile == job.grid.len() {
             (tile, frame) = (0, frame + 1);
@@ -166,6 +241,9 @@ async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Res
         if frame == job.frames {
             (frame, round) = (0, round + 1);
         }
+    }
+    for pending in pending.chunks(STOCK as usize) {
+        insert_pending(connection, job, pending).await?;
     }
     if [round, frame, tile] != job.cursor {
         sqlx::query("update jobs set cursor_round = $2, cursor_frame = $3, cursor_tile = $4 where id = $1")
@@ -200,18 +278,18 @@ async fn open_wave(
 async fn insert_pending(
     connection: &mut Connection,
     job: &JobRecord,
-    round: u32,
-    node: &NodeAddress,
+    nodes: &[(u32, NodeAddress)],
 ) -> Result<(), StoreError> {
-    sqlx::query("insert into pending (job, round, frame, tile, level, idx) values ($1, $2, $3, $4, $5, $6)")
-        .bind(job.id.to_string())
-        .bind(i64::from(round))
-        .bind(i64::from(node.frame))
-        .bind(i64::from(node.tile))
-        .bind(i64::from(node.level))
-        .bind(i64::from(node.index))
-        .execute(connection)
-        .await?;
+    let rows = placeholders(0, nodes.len(), 6);
+    let statement = format!("insert into pending (job, round, frame, tile, level, idx) values {rows}");
+    let mut query = sqlx::query(sqlx::AssertSqlSafe(statement));
+    for (round, node) in nodes {
+        query = query.bind(job.id.to_string()).bind(i64::from(*round));
+        for number in [node.frame, node.tile, node.level, node.index] {
+            query = query.bind(i64::from(number));
+        }
+    }
+    query.execute(connection).await?;
     Ok(())
 }
 
@@ -236,19 +314,11 @@ async fn grant(
     .bind(deadline_ms)
     .execute(&mut *connection)
     .await?;
-    for node in &nodes {
-        sqlx::query(
-            "update pending set lease = $1 where job = $2 and frame = $3 and tile = $4 and level = $5 and idx = $6",
-        )
-        .bind(terms.lease.to_string())
-        .bind(job.id.to_string())
-        .bind(i64::from(node.frame))
-        .bind(i64::from(node.tile))
-        .bind(i64::from(node.level))
-        .bind(i64::from(node.index))
-        .execute(&mut *connection)
-        .await?;
-    }
+    let rows = placeholders(2, nodes.len(), 4);
+    let statement =
+        format!("update pending set lease = $1 where job = $2 and (frame, tile, level, idx) in (values {rows})");
+    let query = sqlx::query(sqlx::AssertSqlSafe(statement)).bind(terms.lease.to_string()).bind(job.id.to_string());
+    bind_nodes(query, &nodes).execute(&mut *connection).await?;
     let started = sqlx::query("update jobs set state = 'running', started_ms = $2 where id = $1 and state = 'queued'")
         .bind(job.id.to_string())
         .bind(terms.now_ms)
@@ -258,7 +328,14 @@ async fn grant(
         events::record(connection, StoredKind::Job, job.id, terms.now_ms).await?;
     }
     let token = u64::try_from(token).map_err(|_| StoreError::Corrupt { column: "value", value: token.to_string() })?;
-    let state = LeaseState::Active;
-    let lease = LeaseRecord { id: terms.lease, token, job: job.id, worker: terms.worker, state, deadline_ms };
+    let lease = LeaseRecord {
+        id: terms.lease,
+        token,
+        job: job.id,
+        worker: terms.worker,
+        state: LeaseState::Active,
+        deadline_ms,
+        nodes: nodes.iter().copied().collect(),
+    };
     Ok(Grant { lease, scene_hash: job.scene_hash.clone(), nodes })
 }

@@ -50,6 +50,8 @@ pub(crate) struct LeaseRecord {
     pub(crate) state: LeaseState,
     /// When it runs out.
     pub(crate) deadline_ms: i64,
+    /// All nodes that were leased, whatever has become of them since.
+    pub(crate) nodes: BTreeSet<NodeAddress>,
 }
 
 /// A call under a lease failed, and changed nothing.
@@ -114,9 +116,10 @@ pub(crate) struct WorkFailure {
     pub(crate) now_ms: i64,
 }
 
-const LEASE: &str = "select id, token, job, worker, state, deadline_ms from leases where id = $1";
+const LEASE: &str = "select id, token, job, worker, state, deadline_ms, nodes from leases where id = $1";
 
 fn record(row: &AnyRow) -> Result<LeaseRecord, StoreError> {
+    let nodes: Vec<[u32; 4]> = row.json("nodes")?;
     Ok(LeaseRecord {
         id: row.parsed("id")?,
         token: row.number("token")?,
@@ -124,6 +127,7 @@ fn record(row: &AnyRow) -> Result<LeaseRecord, StoreError> {
         worker: row.parsed("worker")?,
         state: row.word("state")?,
         deadline_ms: row.integer("deadline_ms")?,
+        nodes: nodes.into_iter().map(|[frame, tile, level, index]| NodeAddress { frame, tile, level, index }).collect(),
     })
 }
 
@@ -166,16 +170,6 @@ impl Store {
     pub(crate) async fn lease(&self, lease: LeaseId) -> Result<LeaseRecord, LeaseError> {
         let row = sqlx::query(LEASE).bind(lease.to_string()).fetch_optional(&self.readers).await?;
         Ok(record(&row.ok_or(LeaseError::Unknown(lease))?)?)
-    }
-
-    /// All nodes that were leased, whatever has become of them since.
-    pub(crate) async fn leased_nodes(&self, lease: LeaseId) -> Result<BTreeSet<NodeAddress>, LeaseError> {
-        let row = sqlx::query("select nodes from leases where id = $1")
-            .bind(lease.to_string())
-            .fetch_optional(&self.readers)
-            .await?;
-        let rows: Vec<[u32; 4]> = row.ok_or(LeaseError::Unknown(lease))?.json("nodes")?;
-        Ok(rows.into_iter().map(|[frame, tile, level, index]| NodeAddress { frame, tile, level, index }).collect())
     }
 
     /// Keeps a lease until `deadline_ms`. A lease whose nodes are all accepted stays as it is.

@@ -6,6 +6,7 @@
 //! `bigint` milliseconds, `returning`, times bound by the caller), and one suite of tests holds both to the same behaviour. Bytes live
 //! in the [blob store](crate::blobs); a row here is what makes a blob part of the farm.
 
+mod accept;
 mod assets;
 mod claim;
 mod events;
@@ -28,12 +29,13 @@ use uuid::Uuid;
 
 use row::Columns;
 
+pub(crate) use accept::{DeliveredNode, Delivery};
 pub(crate) use claim::{ClaimTerms, Grant};
 pub(crate) use events::{StoredEvent, StoredKind};
 pub(crate) use jobs::{Ending, JobRecord, NewJob};
 pub(crate) use keepers::Keeping;
 pub(crate) use leases::{LeaseError, WorkFailure};
-pub(crate) use nodes::{DeliveredNode, Delivery, NodeRow, Work};
+pub(crate) use nodes::{Merge, NodeRow, Removed, Work};
 pub(crate) use rounds::CompleteWave;
 pub use schema::SchemaError;
 pub(crate) use source::{Listener, Source};

@@ -5,7 +5,7 @@ use sqlx::any::AnyRow;
 
 use super::events::{self, StoredKind};
 use super::jobs::{self, Ending, JobRecord};
-use super::nodes;
+use super::nodes::{self, Removed};
 use super::row::{Columns, big};
 use super::{Connection, Store, StoreError};
 
@@ -27,8 +27,8 @@ pub(crate) struct CompleteWave {
 pub(crate) struct RecordedRound {
     /// Why it was the job's last, if it was.
     pub(crate) stopped_by: Option<StopReason>,
-    /// Names of blobs that are not needed any more: those of nodes beyond the job's last round.
-    pub(crate) discarded: Vec<String>,
+    /// What lay beyond the job's last round.
+    pub(crate) discarded: Removed,
 }
 
 impl Store {

@@ -1,7 +1,8 @@
-//! Reading columns: from the few types of SQL to ours.
+//! Columns and rows: from the few types of SQL to ours, and statements about many rows at once.
 
 use std::str::FromStr;
 
+use clerestory_render_core::film::NodeAddress;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use sqlx::Row;
@@ -85,6 +86,25 @@ impl Columns for AnyRow {
     }
 }
 
+/// Placeholders for so many rows of so many columns, as `($1, $2), ($3, $4)`; the first has the number after `before`. A statement about many
+/// rows costs little more than one about one: most of it is the way to the database and back.
+pub(super) fn placeholders(before: usize, rows: usize, columns: usize) -> String {
+    let row = |row: usize| {
+        let numbers = (1..=columns).map(|column| format!("${}", before + row * columns + column));
+        format!("({})", numbers.collect::<Vec<_>>().join(", "))
+    };
+    (0..rows).map(row).collect::<Vec<_>>().join(", ")
+}
+
+/// A statement of any engine, with its parameters.
+pub(super) type Query<'q> = sqlx::query::Query<'q, sqlx::Any, sqlx::any::AnyArguments>;
+
+/// Binds frame, tile, level and index of each of some nodes.
+pub(super) fn bind_nodes<'q, 'n>(query: Query<'q>, nodes: impl IntoIterator<Item = &'n NodeAddress>) -> Query<'q> {
+    let numbers = nodes.into_iter().flat_map(|node| [node.frame, node.tile, node.level, node.index]);
+    numbers.fold(query, |query, number| query.bind(i64::from(number)))
+}
+
 /// A value as the JSON of a text column.
 pub(super) fn to_json(value: &impl Serialize) -> Result<String, StoreError> {
     serde_json::to_string(value).map_err(|error| StoreError::Database(error.to_string()))
@@ -93,4 +113,15 @@ pub(super) fn to_json(value: &impl Serialize) -> Result<String, StoreError> {
 /// A count as SQL holds it.
 pub(super) fn big(count: u64) -> i64 {
     i64::try_from(count).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::placeholders;
+
+    #[test]
+    fn placeholders_are_numbered_through() {
+        assert_eq!(placeholders(0, 2, 3), "($1, $2, $3), ($4, $5, $6)");
+        assert_eq!(placeholders(2, 1, 2), "($3, $4)");
+    }
 }

@@ -52,6 +52,8 @@ fn migrations() -> Vec<Migration> {
         migration(3, "farm", include_str!("../../migrations/0003_farm.sql")),
         migration(4, "targets", include_str!("../../migrations/0004_targets.sql")),
         migration(5, "coordinators", include_str!("../../migrations/0005_coordinators.sql")),
+        migration(6, "places", include_str!("../../migrations/0006_places.sql")),
+        migration(7, "repeats", include_str!("../../migrations/0007_repeats.sql")),
     ]
 }
 

@@ -27,6 +27,12 @@ impl From<sqlx::Error> for WorkerError {
     }
 }
 
+const VIEW: &str = "select w.*, \
+    (select count(*) from pending p join leases l on p.lease = l.id \
+     where l.worker = w.id and l.state = 'active') as leased_nodes, \
+    (select job from leases l where l.worker = w.id and l.state = 'active' order by token desc limit 1) as job \
+    from workers w";
+
 /// What a claim has to know of the worker that asks.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Claimant {
@@ -89,18 +95,16 @@ impl Store {
     /// All workers heard of since `since_ms`, in order of registration. A worker is silent when it was last heard of
     /// before `silent_before_ms`.
     pub(crate) async fn workers(&self, since_ms: i64, silent_before_ms: i64) -> Result<Vec<WorkerView>, StoreError> {
-        let rows = sqlx::query(
-            "select w.*, \
-             (select count(*) from pending p join leases l on p.lease = l.id \
-              where l.worker = w.id and l.state = 'active') as leased_nodes, \
-             (select job from leases l where l.worker = w.id and l.state = 'active' \
-              order by token desc limit 1) as job \
-             from workers w where seen_ms >= $1 order by registered_ms, id",
-        )
-        .bind(since_ms)
-        .fetch_all(&self.readers)
-        .await?;
+        let query = format!("{VIEW} where seen_ms >= $1 order by registered_ms, id");
+        let rows = sqlx::query(sqlx::AssertSqlSafe(query)).bind(since_ms).fetch_all(&self.readers).await?;
         rows.iter().map(|row| view(row, silent_before_ms)).collect()
+    }
+
+    /// One worker.
+    pub(crate) async fn worker(&self, worker: WorkerId, silent_before_ms: i64) -> Result<WorkerView, WorkerError> {
+        let query = sqlx::query(sqlx::AssertSqlSafe(format!("{VIEW} where id = $1"))).bind(worker.to_string());
+        let row = query.fetch_optional(&self.readers).await?.ok_or(WorkerError::Unknown(worker))?;
+        Ok(view(&row, silent_before_ms)?)
     }
 }
 

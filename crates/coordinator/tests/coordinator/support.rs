@@ -104,7 +104,7 @@ impl TestFarm {
         FrameImage::decode(&bytes, DecodeBudget { pixel_bytes: 1 << 24 }).unwrap()
     }
 
-    /// Names of the stored nodes.
+    /// How many blobs of nodes are stored.
     pub(crate) fn node_blobs(&self) -> usize {
         fn files(directory: &Path) -> usize {
             let Ok(entries) = std::fs::read_dir(directory) else { return 0 };
@@ -142,7 +142,8 @@ impl TestWorker {
         while let Some(lease) = self.claim().await {
             for node in addresses(&lease).into_iter().rev() {
                 let answer = self.upload(&lease, noise_partial(&lease, &[node])).await.unwrap();
-                assert_eq!(answer.nodes[0].verdict, NodeVerdict::Accepted);
+                // A worker that has nothing else to do may have taken it over.
+                assert_ne!(answer.nodes[0].verdict, NodeVerdict::Refused);
             }
         }
     }

@@ -5,10 +5,11 @@ use std::collections::BTreeSet;
 use clerestory_api::{ConvergencePoint, JobId, JobState, StopReason};
 
 use super::Farm;
+use crate::blobs::Place;
 use crate::stop::Targets;
 use crate::store::jobs::Ending;
 use crate::store::rounds::RecordedRound;
-use crate::store::{Grant, LeaseError, NewJob};
+use crate::store::{Grant, LeaseError, NewJob, Removed};
 
 impl Farm {
     /// A job of 3 passes that a measured error of 1e-3 ends, all of which is delivered but for the last tile of the last pass.
@@ -54,19 +55,20 @@ pub(super) async fn a_round_that_reaches_a_target_ends_the_job_and_what_lies_bey
     let (job, grant) = farm.job_with_target().await;
     assert_eq!(farm.record_error(job, 2e-3).await, Some(RecordedRound::default()));
     assert_eq!(farm.state(job).await, JobState::Running);
-    let beyond: BTreeSet<String> = farm
+    let beyond: BTreeSet<Place> = farm
         .store
         .nodes(job)
         .await
         .unwrap()
         .into_iter()
         .filter(|node| node.address.index >= 2)
-        .map(|node| node.blob)
+        .map(|node| node.place)
         .collect();
     let recorded = farm.record_error(job, 1e-3).await.unwrap();
     assert_eq!(recorded.stopped_by, Some(StopReason::Mse));
     assert!(!beyond.is_empty());
-    assert_eq!(recorded.discarded.into_iter().collect::<BTreeSet<_>>(), beyond);
+    assert_eq!(recorded.discarded.places.into_iter().collect::<BTreeSet<_>>(), beyond);
+    assert_eq!(recorded.discarded.blobs.len(), beyond.len());
 
     let farm = farm.reopened().await;
     let record = farm.store.job(job).await.unwrap().unwrap();
@@ -86,7 +88,7 @@ pub(super) async fn a_target_that_is_not_reached_leaves_the_last_round_to_end_th
     for _ in 0..2 {
         assert_eq!(farm.record_error(job, 2e-3).await, Some(RecordedRound::default()));
     }
-    let last = RecordedRound { stopped_by: Some(StopReason::Samples), discarded: Vec::new() };
+    let last = RecordedRound { stopped_by: Some(StopReason::Samples), discarded: Removed::default() };
     assert_eq!(farm.record_error(job, 2e-3).await, Some(last));
     assert_eq!(farm.store.job(job).await.unwrap().unwrap().stopped_by, Some(StopReason::Samples));
 }

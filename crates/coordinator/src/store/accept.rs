@@ -1,0 +1,321 @@
+//! Acceptance: what becomes of nodes that a worker brings.
+//!
+//! A node is accepted in one transaction, only under a valid lease that it was leased with, only if no row of its tile shares a pass with it (no
+//! ancestor, no descendant, not itself), and only if all of its passes are pending. Those may be pending as smaller nodes, or leased to somebody
+//! else by now: the first result wins. Its bytes are on disk before the transaction begins.
+//!
+//! Sums of times saturate at the largest integer, as those of counters do: their terms were measured by others, and a sum
+//! that overflows would be a number that no reader takes.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use clerestory_api::{JobId, LeaseId, NodeVerdict, WorkerId};
+use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::NodeAddress;
+
+use super::jobs;
+use super::leases::{self, LeaseError, LeaseRecord, address};
+use super::nodes::{self, NodeRow, Work};
+use super::row::{Columns, big, bind_nodes, placeholders};
+use super::{Connection, Store, StoreError};
+use crate::blobs::Place;
+
+/// A node that was brought and whose blob is on disk.
+#[derive(Clone, Debug)]
+pub(crate) struct DeliveredNode {
+    /// The node.
+    pub(crate) address: NodeAddress,
+    /// Where its bytes lie.
+    pub(crate) place: Place,
+    /// What was counted while rendering it.
+    pub(crate) counters: Counters,
+}
+
+/// What came with one partial.
+#[derive(Clone, Debug)]
+pub(crate) struct Delivery {
+    /// The lease.
+    pub(crate) lease: LeaseId,
+    /// Its fencing token.
+    pub(crate) token: u64,
+    /// The nodes.
+    pub(crate) nodes: Vec<DeliveredNode>,
+    /// Time spent rendering all of them, summed over cores.
+    pub(crate) core_ms: i64,
+    /// Now.
+    pub(crate) now_ms: i64,
+}
+
+/// What became of a delivery.
+#[derive(Clone, Debug)]
+pub(crate) struct Acceptance {
+    /// One verdict for each node, in their order.
+    pub(crate) verdicts: Vec<NodeVerdict>,
+    /// Nodes of the lease that are still pending.
+    pub(crate) outstanding: u32,
+    /// Camera samples accepted.
+    pub(crate) samples: u64,
+    /// Whether a wave of the job has become complete.
+    pub(crate) completes_wave: bool,
+}
+
+impl Store {
+    /// Accepts what came with a partial. Places of nodes that were not accepted are nobody's afterwards.
+    pub(crate) async fn accept(&self, delivery: Delivery) -> Result<Acceptance, LeaseError> {
+        self.write(move |connection| Box::pin(async move { accept(connection, &delivery).await })).await
+    }
+}
+
+async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acceptance, LeaseError> {
+    let lease = leases::valid(connection, delivery.lease, delivery.token, delivery.now_ms).await?;
+    let job = jobs::job_in(connection, lease.job).await?.ok_or(LeaseError::JobNotRunning)?;
+    let build = build(connection, lease.worker).await?;
+    let brought: u64 = delivery.nodes.iter().map(|node| job.node_samples(&node.address)).sum();
+    let taken = take_all(connection, &lease, &delivery.nodes).await?;
+    let (mut samples, mut core_ms, mut counters) = (0, 0_i64, Counters::default());
+    let mut accepted = Vec::new();
+    let mut waves: BTreeMap<(u32, i64), Wave> = BTreeMap::new();
+    for (node, taken) in delivery.nodes.iter().zip(&taken) {
+        let Taken::From { round } = *taken else { continue };
+        let own_samples = job.node_samples(&node.address);
+        let own_core_ms = (delivery.core_ms as f64 * own_samples as f64 / brought.max(1) as f64) as i64;
+        counters += node.counters;
+        samples += own_samples;
+        core_ms = core_ms.saturating_add(own_core_ms);
+        let wave = waves.entry((node.address.frame, round)).or_default();
+        wave.passes += i64::from(node.address.passes().count);
+        wave.core_ms = wave.core_ms.saturating_add(own_core_ms);
+        let work = Work { counters: node.counters, builds: BTreeSet::from([build.clone()]) };
+        accepted.push(NodeRow { address: node.address, place: node.place.clone(), work });
+    }
+    nodes::insert(connection, job.id, &accepted).await?;
+    let mut completes_wave = false;
+    for ((frame, round), wave) in waves {
+        completes_wave |= count_down(connection, job.id, frame, round, wave, delivery.now_ms).await? == 0;
+    }
+    if !accepted.is_empty() {
+        let count = accepted.len() as u64;
+        jobs::add_accepted(connection, &job, count, samples, core_ms, counters).await?;
+        credit_worker(connection, lease.worker, job.id, count, samples, core_ms).await?;
+    }
+    let outstanding = sqlx::query("select count(*) as outstanding from pending where lease = $1")
+        .bind(delivery.lease.to_string())
+        .fetch_one(&mut *connection)
+        .await?
+        .number("outstanding")?;
+    if outstanding == 0 {
+        sqlx::query("update leases set state = 'complete' where id = $1 and state = 'active'")
+            .bind(delivery.lease.to_string())
+            .execute(connection)
+            .await?;
+    }
+    let verdicts = taken.into_iter().map(Taken::verdict).collect();
+    Ok(Acceptance { verdicts, outstanding, samples, completes_wave })
+}
+
+/// What becomes of a node that was brought.
+#[derive(Clone, Copy, Debug)]
+enum Taken {
+    /// It is accepted, as work of this round.
+    From { round: i64 },
+    /// An accepted node shares a pass with it.
+    Duplicate,
+    /// It was not leased, or not all of its passes are pending.
+    Refused,
+}
+
+impl Taken {
+    fn verdict(self) -> NodeVerdict {
+        match self {
+            Self::From { .. } => NodeVerdict::Accepted,
+            Self::Duplicate => NodeVerdict::Duplicate,
+            Self::Refused => NodeVerdict::Refused,
+        }
+    }
+}
+
+/// What has been accepted of a wave.
+#[derive(Clone, Copy, Debug, Default)]
+struct Wave {
+    passes: i64,
+    core_ms: i64,
+}
+
+/// Takes the nodes that were brought from the pending ones, as far as they are to be accepted.
+async fn take_all(
+    connection: &mut Connection,
+    lease: &LeaseRecord,
+    nodes: &[DeliveredNode],
+) -> Result<Vec<Taken>, StoreError> {
+    let mut covered = covered(connection, lease.job, nodes).await?;
+    let is_new = |address: &NodeAddress| lease.nodes.contains(address) && !is_covered(&covered, address);
+    let new: Vec<NodeAddress> = nodes.iter().map(|node| node.address).filter(is_new).collect();
+    let whole = take(connection, lease.job, &new).await?;
+    let mut taken = Vec::with_capacity(nodes.len());
+    for DeliveredNode { address, .. } in nodes {
+        if is_covered(&covered, address) {
+            taken.push(Taken::Duplicate);
+            continue;
+        }
+        let round = match whole.get(address) {
+            Some(round) => Some(*round),
+            None if lease.nodes.contains(address) => take_parts(connection, lease.job, address).await?,
+            None => None,
+        };
+        match round {
+            Some(round) => {
+                covered.entry((address.frame, address.tile)).or_default().push(nodes::ends(address));
+                taken.push(Taken::From { round });
+            }
+            None => taken.push(Taken::Refused),
+        }
+    }
+    Ok(taken)
+}
+
+/// Passes of accepted nodes, from the first to before the end, by frame and tile.
+type Covered = BTreeMap<(u32, u32), Vec<[i64; 2]>>;
+
+fn is_covered(covered: &Covered, address: &NodeAddress) -> bool {
+    let [first, end] = nodes::ends(address);
+    let mut known = covered.get(&(address.frame, address.tile)).into_iter().flatten();
+    known.any(|[known_first, known_end]| *known_first < end && *known_end > first)
+}
+
+/// Which passes of the tiles of some nodes are accepted.
+async fn covered(connection: &mut Connection, job: JobId, nodes: &[DeliveredNode]) -> Result<Covered, StoreError> {
+    let tiles: BTreeSet<(u32, u32)> = nodes.iter().map(|node| (node.address.frame, node.address.tile)).collect();
+    let mut covered = Covered::new();
+    if tiles.is_empty() {
+        return Ok(covered);
+    }
+    let statement = format!(
+        "select frame, tile, first_pass, end_pass from nodes where job = $1 and (frame, tile) in (values {})",
+        placeholders(1, tiles.len(), 2)
+    );
+    let mut query = sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.to_string());
+    for (frame, tile) in tiles {
+        query = query.bind(i64::from(frame)).bind(i64::from(tile));
+    }
+    for row in query.fetch_all(connection).await? {
+        let passes = [row.integer("first_pass")?, row.integer("end_pass")?];
+        covered.entry((row.number("frame")?, row.number("tile")?)).or_default().push(passes);
+    }
+    Ok(covered)
+}
+
+/// Removes those of some nodes that are pending from the pending ones, and answers them with their rounds.
+async fn take(
+    connection: &mut Connection,
+    job: JobId,
+    nodes: &[NodeAddress],
+) -> Result<BTreeMap<NodeAddress, i64>, StoreError> {
+    if nodes.is_empty() {
+        return Ok(BTreeMap::new());
+    }
+    let statement = format!(
+        "delete from pending where job = $1 and (frame, tile, level, idx) in (values {}) \
+         returning frame, tile, level, idx, round",
+        placeholders(1, nodes.len(), 4)
+    );
+    let query = bind_nodes(sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.to_string()), nodes);
+    let rows = query.fetch_all(connection).await?;
+    rows.iter().map(|row| Ok((address(row)?, row.integer("round")?))).collect()
+}
+
+/// Removes what is pending of the passes of a node that is not pending itself, if they all are, and answers their round.
+async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress) -> Result<Option<i64>, StoreError> {
+    const PARTS: &str = "from pending where job = $1 and frame = $2 and tile = $3 \
+         and (idx << cast(level as integer)) >= $4 and ((idx + 1) << cast(level as integer)) <= $5";
+    let [first, end] = nodes::ends(node);
+    let rows = sqlx::query(sqlx::AssertSqlSafe(format!("select level, round {PARTS}")))
+        .bind(job.to_string())
+        .bind(i64::from(node.frame))
+        .bind(i64::from(node.tile))
+        .bind(first)
+        .bind(end)
+        .fetch_all(&mut *connection)
+        .await?;
+    let mut passes = 0;
+    for row in &rows {
+        passes += 1_i64 << row.integer("level")?;
+    }
+    // The passes of a node are those of one round.
+    let Some(round) = rows.first().filter(|_| passes == end - first) else { return Ok(None) };
+    let round = round.integer("round")?;
+    sqlx::query(sqlx::AssertSqlSafe(format!("delete {PARTS}")))
+        .bind(job.to_string())
+        .bind(i64::from(node.frame))
+        .bind(i64::from(node.tile))
+        .bind(first)
+        .bind(end)
+        .execute(connection)
+        .await?;
+    Ok(Some(round))
+}
+
+/// Notes what has been accepted of a wave, and answers how many passes of it are not.
+async fn count_down(
+    connection: &mut Connection,
+    job: JobId,
+    frame: u32,
+    round: i64,
+    wave: Wave,
+    now_ms: i64,
+) -> Result<i64, StoreError> {
+    sqlx::query(
+        "update waves set outstanding = outstanding - $4, \
+         core_ms = case when core_ms > 9223372036854775807 - $5 then 9223372036854775807 else core_ms + $5 end, \
+         completed_ms = case when outstanding = $4 then $6 else null end \
+         where job = $1 and frame = $2 and round = $3 returning outstanding",
+    )
+    .bind(job.to_string())
+    .bind(i64::from(frame))
+    .bind(round)
+    .bind(wave.passes)
+    .bind(wave.core_ms)
+    .bind(now_ms)
+    .fetch_one(connection)
+    .await?
+    .integer("outstanding")
+}
+
+/// The build of a worker, as it introduced itself.
+async fn build(connection: &mut Connection, worker: WorkerId) -> Result<String, StoreError> {
+    let query = sqlx::query("select build from workers where id = $1").bind(worker.to_string());
+    query.fetch_one(connection).await?.text("build")
+}
+
+async fn credit_worker(
+    connection: &mut Connection,
+    worker: WorkerId,
+    job: JobId,
+    nodes: u64,
+    samples: u64,
+    core_ms: i64,
+) -> Result<(), StoreError> {
+    sqlx::query(
+        "update workers set accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
+         core_ms = case when core_ms > 9223372036854775807 - $4 then 9223372036854775807 else core_ms + $4 end, \
+         failures_in_a_row = 0 where id = $1",
+    )
+    .bind(worker.to_string())
+    .bind(big(nodes))
+    .bind(big(samples))
+    .bind(core_ms)
+    .execute(&mut *connection)
+    .await?;
+    sqlx::query(
+        "insert into rates (worker, job, samples, core_ms) values ($1, $2, $3, $4) on conflict (worker, job) \
+         do update set samples = rates.samples + excluded.samples, \
+         core_ms = case when rates.core_ms > 9223372036854775807 - excluded.core_ms then 9223372036854775807 \
+         else rates.core_ms + excluded.core_ms end",
+    )
+    .bind(worker.to_string())
+    .bind(job.to_string())
+    .bind(big(samples))
+    .bind(core_ms)
+    .execute(connection)
+    .await?;
+    Ok(())
+}

@@ -1,0 +1,147 @@
+//! Workers that get slow: who has nothing to do takes over what they hold, and the first result wins.
+
+use std::collections::BTreeSet;
+
+use clerestory_api::{JobId, NodeVerdict, WorkerId};
+use clerestory_render_core::film::{NodeAddress, TileGrid};
+
+use super::{Farm, delivered};
+use crate::store::{ClaimTerms, Delivery, Grant, JobRecord, NewJob};
+
+pub(super) async fn what_a_worker_sits_on_is_taken_over_and_the_first_result_wins(farm: Farm) {
+    let job = farm.job(1).await;
+    let [slow, quick, third] = [farm.worker().await, farm.worker().await, farm.worker().await];
+    let first = farm.claim(slow, 100, 0).await.unwrap();
+    assert_eq!(first.nodes.len(), 15);
+    farm.store.renew(first.lease.id, first.lease.token, 0, 6000).await.unwrap();
+    assert!(farm.claim(quick, 100, 1999).await.is_none(), "it may still be at it");
+    let second = farm.claim(quick, 100, 2000).await.unwrap();
+    assert_eq!(second.nodes, first.nodes[7..], "the later half, in order");
+    let verdicts = farm.deliver(&second, &second.nodes[1..], 2000).await.unwrap().verdicts;
+    assert_eq!(verdicts, [NodeVerdict::Accepted; 7]);
+    let answer = farm.deliver(&first, &first.nodes[6..9], 2100).await.unwrap();
+    assert_eq!(answer.verdicts, [NodeVerdict::Accepted, NodeVerdict::Accepted, NodeVerdict::Duplicate]);
+    assert_eq!(answer.outstanding, 6);
+    let late = farm.deliver(&second, &second.nodes[..1], 2200).await.unwrap();
+    assert_eq!((late.verdicts, late.outstanding), (vec![NodeVerdict::Duplicate], 0));
+    let rest = farm.claim(third, 2, 5000).await.unwrap();
+    assert_eq!(rest.nodes, first.nodes[4..6], "no more than is asked for");
+    farm.deliver(&rest, &rest.nodes, 5000).await.unwrap();
+    farm.deliver(&first, &first.nodes[..4], 5100).await.unwrap();
+    assert_eq!(farm.addresses(job).await, first.nodes, "each once");
+}
+
+pub(super) async fn a_node_is_not_leased_again_without_end(farm: Farm) {
+    farm.job_like(|job| NewJob { passes: 1, grid: TileGrid { width: 8, height: 8, tile_size: 16 }, ..job }).await;
+    for time in 0..3 {
+        let grant = farm.claim(farm.worker().await, 1, time * 2000).await.unwrap();
+        farm.store.renew(grant.lease.id, grant.lease.token, time * 2000, 100_000).await.unwrap();
+    }
+    assert!(farm.claim(farm.worker().await, 1, 50_000).await.is_none());
+}
+
+/// A worker of the simulation.
+struct Worker {
+    id: WorkerId,
+    grant: Option<Grant>,
+    /// Nodes of the grant that are rendered; the last `unsent` of them have not been brought.
+    rendered: usize,
+    unsent: usize,
+    /// Samples of the next node that are rendered.
+    samples: f64,
+}
+
+/// A farm of which a tenth gets twenty times slower in the middle of the job ends it not much later than it could.
+///
+/// Time is counted in tenths of a second; a worker brings what it has rendered once a second, as real ones do.
+pub(super) async fn stragglers_do_not_hold_up_the_end(farm: Farm) {
+    const WORKERS: usize = 20;
+    const STRAGGLERS: usize = 2;
+    const RATE: f64 = 100_000.0;
+    let grid = TileGrid { width: 1024, height: 1024, tile_size: 64 };
+    let job =
+        farm.job_like(|job| NewJob { passes: 8, samples_per_pass: 16, samples_per_block: 256, grid, ..job }).await;
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    let mut workers = Vec::new();
+    for _ in 0..WORKERS {
+        workers.push(Worker { id: farm.worker().await, grant: None, rendered: 0, unsent: 0, samples: 0.0 });
+    }
+    // When the stragglers get slow, the others would be half done.
+    let slow_from = record.total_samples() as f64 / RATE / WORKERS as f64 / 2.0;
+    let rate =
+        |number: usize, seconds: f64| if number < STRAGGLERS && seconds >= slow_from { RATE / 20.0 } else { RATE };
+    let done_by_then = slow_from * RATE * WORKERS as f64;
+    let ideal_rate = RATE * (WORKERS - STRAGGLERS) as f64 + RATE / 20.0 * STRAGGLERS as f64;
+    let ideal = slow_from + (record.total_samples() as f64 - done_by_then) / ideal_rate;
+
+    let mut repeated = 0;
+    let mut tenths = 0_i64;
+    while !is_complete(&farm, job).await {
+        let seconds = tenths as f64 / 10.0;
+        for (number, worker) in workers.iter_mut().enumerate() {
+            // Each has its own moment in a second.
+            let turn = (tenths as usize + number).is_multiple_of(10);
+            if worker.grant.is_none() && turn {
+                worker.grant = claim(&farm, worker.id, tenths * 100).await;
+                (worker.rendered, worker.unsent, worker.samples) = (0, 0, 0.0);
+            }
+            let Some(grant) = &worker.grant else { continue };
+            worker.samples += rate(number, seconds) / 10.0;
+            while let Some(node) = grant.nodes.get(worker.rendered)
+                && worker.samples >= record.node_samples(node) as f64
+            {
+                worker.samples -= record.node_samples(node) as f64;
+                worker.rendered += 1;
+                worker.unsent += 1;
+            }
+            let is_over = worker.rendered == grant.nodes.len();
+            if worker.unsent > 0 && (turn || is_over) {
+                let nodes = &grant.nodes[worker.rendered - worker.unsent..worker.rendered];
+                repeated += bring(&farm, grant, nodes, &record, rate(number, seconds), tenths * 100).await;
+                worker.unsent = 0;
+            }
+            if is_over {
+                worker.grant = claim(&farm, worker.id, tenths * 100).await;
+                (worker.rendered, worker.unsent) = (0, 0);
+            }
+        }
+        tenths += 1;
+        assert!(tenths < 100_000, "the job does not end");
+    }
+    let seconds = tenths as f64 / 10.0;
+    let wasted = repeated as f64 / record.total_samples() as f64;
+    println!(
+        "{seconds} s, {:.3} of the ideal {ideal:.1} s; {wasted:.4} of all samples rendered twice",
+        seconds / ideal
+    );
+    assert!(seconds <= 1.2 * ideal, "{seconds} s in place of {ideal} s");
+    assert!(wasted < 0.05, "{wasted} of all samples were rendered for nothing");
+}
+
+async fn is_complete(farm: &Farm, job: JobId) -> bool {
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    record.samples == record.total_samples()
+}
+
+async fn claim(farm: &Farm, worker: WorkerId, now_ms: i64) -> Option<Grant> {
+    let terms = ClaimTerms {
+        worker,
+        lease: clerestory_api::LeaseId::from(uuid::Uuid::now_v7()),
+        max_nodes: None,
+        fixed_nodes: None,
+        target_ms: 10_000,
+        ttl_ms: 1_000_000,
+        now_ms,
+    };
+    farm.store.claim(terms).await.unwrap()
+}
+
+/// Brings nodes that were rendered at some samples a second with both cores, and answers the samples that were not needed.
+async fn bring(farm: &Farm, grant: &Grant, nodes: &[NodeAddress], job: &JobRecord, rate: f64, now_ms: i64) -> u64 {
+    let samples: u64 = nodes.iter().map(|node| job.node_samples(node)).sum();
+    let core_ms = (samples as f64 / rate * 2000.0) as i64;
+    let nodes: BTreeSet<NodeAddress> = nodes.iter().copied().collect();
+    let nodes = nodes.into_iter().map(delivered).collect();
+    let delivery = Delivery { lease: grant.lease.id, token: grant.lease.token, nodes, core_ms, now_ms };
+    samples - farm.store.accept(delivery).await.unwrap().samples
+}
