@@ -243,6 +243,12 @@ impl Client {
         Ok(())
     }
 
+    /// Gives work again to a worker that was quarantined, and to all of the same name.
+    pub async fn release_worker(&self, worker: WorkerId) -> Result<WorkerView, ClientError> {
+        let response = self.request(Method::POST, &format!("/workers/{worker}/release")).send().await?;
+        Ok(check(response).await?.json().await?)
+    }
+
     /// All workers.
     pub async fn workers(&self) -> Result<Vec<WorkerView>, ClientError> {
         self.get("/workers").await

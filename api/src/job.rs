@@ -120,6 +120,9 @@ pub struct JobView {
     pub remaining_ms: Option<i64>,
     /// Time spent rendering what was accepted, summed over cores.
     pub core_ms: i64,
+    /// Accepted nodes that were rendered again, because a worker that may have rendered them was found to be wrong.
+    #[serde(default)]
+    pub redone_nodes: u64,
     /// What was counted while rendering what was accepted.
     pub counters: Counters,
     /// Time limit, counted from `started_ms`.

@@ -43,7 +43,7 @@ pub use preview::{PreviewExposure, PreviewQuery, ToneCurve};
 pub use problem::{PROBLEM_MEDIA_TYPE, Problem, ProblemCode};
 pub use session::SessionRequest;
 pub use submission::JobSubmission;
-pub use worker::{WorkerRegistration, WorkerState, WorkerView};
+pub use worker::{Quarantine, WorkerRegistration, WorkerState, WorkerView};
 
 /// Path under which every endpoint of this version of the API lies.
 pub const API_PREFIX: &str = "/api/v1";

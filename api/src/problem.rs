@@ -26,6 +26,8 @@ pub enum ProblemCode {
     UnknownJob,
     /// There is no such worker; it registers again.
     UnknownWorker,
+    /// What a worker of this name has rendered was found to be wrong.
+    WorkerQuarantined,
     /// There is no such lease.
     UnknownLease,
     /// There is no such asset.

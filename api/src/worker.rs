@@ -30,6 +30,19 @@ pub enum WorkerState {
     Idle,
     /// It has not been heard of for longer than a lease lasts.
     Silent,
+    /// It gets no work, since what it rendered was found to be wrong.
+    Quarantined,
+}
+
+/// Why a worker gets no work.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Quarantine {
+    /// Since when.
+    pub since_ms: i64,
+    /// What was found.
+    pub reason: String,
+    /// Jobs that had ended by then, of which it has rendered nodes: their images may be wrong.
+    pub ended_jobs: Vec<JobId>,
 }
 
 /// A worker as the coordinator knows it.
@@ -43,6 +56,12 @@ pub struct WorkerView {
     pub cores: u32,
     /// Which build of Clerestory it runs.
     pub build: String,
+    /// Digest of the probe image that it has rendered; absent if it sent none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub probe_digest: Option<String>,
+    /// Jobs that it is given no nodes of, since a worker with another digest began them: their images would have the bits of two builds.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub passed_over: Vec<JobId>,
     /// Where it stands.
     pub state: WorkerState,
     /// The job of its newest lease.
@@ -61,6 +80,9 @@ pub struct WorkerView {
     /// Camera samples a second while it renders with all cores; absent before its first partial.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_per_second: Option<f64>,
+    /// Why it gets no work; absent for a worker that does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub quarantine: Option<Quarantine>,
     /// When it registered.
     pub registered_ms: i64,
     /// When it was last heard of.

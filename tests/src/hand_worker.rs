@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
-use clerestory_api::{JobId, Lease, LeaseRequest, LeaseReturn, WorkerId, WorkerRegistration};
+use clerestory_api::{ClientError, JobId, Lease, LeaseRequest, LeaseReturn, WorkerId, WorkerRegistration};
 use clerestory_render_core::film::{NodeAddress, PartialHeader, Rendered, TileGrid, partial};
 use clerestory_render_core::integrator::render_node;
+use clerestory_render_core::probe;
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
 
 use crate::calls::Caller;
@@ -39,7 +40,7 @@ impl<'a> HandWorker<'a> {
             name: "by hand".to_owned(),
             cores: 1,
             build: "by hand".to_owned(),
-            probe_digest: None,
+            probe_digest: Some(probe::digest().expect("a probe")),
         };
         let id = caller.wait(client.register_worker(&registration)).expect("a registration").id;
         let order = caller.wait(client.job_scene(job)).expect("the scene of the job");
@@ -66,8 +67,25 @@ impl<'a> HandWorker<'a> {
     ///
     /// When there is no work, or it cannot be done.
     pub fn claim(&self) -> Delivery {
+        self.try_claim().expect("an answer").expect("work")
+    }
+
+    /// Claims a lease, if there is work, and renders its nodes.
+    ///
+    /// # Errors
+    ///
+    /// What the farm says against it.
+    ///
+    /// # Panics
+    ///
+    /// When they cannot be rendered.
+    pub fn try_claim(&self) -> Result<Option<Delivery>, ClientError> {
         let request = LeaseRequest { worker: self.id, max_nodes: None, wanted_ms: None, wait_ms: 0 };
-        let lease = self.caller.wait(self.caller.client().claim_lease(&request)).expect("an answer").expect("work");
+        let claimed = self.caller.wait(self.caller.client().claim_lease(&request))?;
+        Ok(claimed.map(|lease| self.rendered(lease)))
+    }
+
+    fn rendered(&self, lease: Lease) -> Delivery {
         let nodes: Vec<Rendered> = lease.nodes.iter().map(|node| self.render(node)).collect();
         let header = PartialHeader {
             job: lease.job.to_string(),

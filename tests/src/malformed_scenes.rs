@@ -1,6 +1,7 @@
 //! A scene with files of every kind, and what authors of scenes get wrong.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 use clerestory_api::ProblemCode::InvalidScene;
 use serde_json::{Value, json};
@@ -21,6 +22,20 @@ const HUGE_PNG: &[u8] =
 
 /// The files of a scene by name.
 pub type Files = BTreeMap<&'static str, Vec<u8>>;
+
+/// Writes a scene and its files into a folder, and answers the scene file.
+///
+/// # Panics
+///
+/// When the folder cannot be written.
+pub fn write_scene(folder: &Path, scene: &Value, files: &Files) -> PathBuf {
+    for (name, content) in files {
+        std::fs::write(folder.join(name), content).expect("a writable folder");
+    }
+    let file = folder.join("scene.json");
+    std::fs::write(&file, scene.to_string()).expect("a writable folder");
+    file
+}
 
 /// A scene without a fault: a floor with a texture and a stone on it, under a pane with a measured face.
 pub fn sound_scene() -> Value {

@@ -1,6 +1,6 @@
 //! Bad input of every kind, sent to one farm of real processes: each gets a clear answer, and the farm goes on working.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 use clerestory_api::{JobState, NodeVerdict, PartialUpload, ProblemCode};
@@ -10,7 +10,7 @@ use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::hand_worker::{Delivery, HandWorker};
 use clerestory_tests::malformed_calls::bad_calls;
 use clerestory_tests::malformed_partials::{BadDelivery, bad_deliveries};
-use clerestory_tests::malformed_scenes::{Files, bad_scenes, sound_files, sound_scene};
+use clerestory_tests::malformed_scenes::{bad_scenes, sound_files, sound_scene, write_scene};
 use serde_json::Value;
 
 /// Memory for decoded nodes that the farm may keep.
@@ -40,16 +40,6 @@ impl Faults {
     fn assert_none(&self) {
         assert!(self.0.is_empty(), "{}", self.0.join("\n"));
     }
-}
-
-/// Writes a scene and its files into a folder, and answers the scene file.
-fn write_scene(folder: &Path, scene: &Value, files: &Files) -> PathBuf {
-    for (name, content) in files {
-        std::fs::write(folder.join(name), content).expect("a writable folder");
-    }
-    let file = folder.join("scene.json");
-    std::fs::write(&file, scene.to_string()).expect("a writable folder");
-    file
 }
 
 /// A farm that gives out two nodes with each lease and takes no body of more than a megabyte.

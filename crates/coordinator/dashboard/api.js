@@ -35,6 +35,9 @@ export const jobs = () => json('GET', '/jobs');
 /** All workers. */
 export const workers = () => json('GET', '/workers');
 
+/** Gives work again to a worker that was quarantined, and to all of the same name. */
+export const releaseWorker = (worker) => json('POST', `/workers/${encodeURIComponent(worker)}/release`);
+
 /** The convergence series of a job. */
 export const convergence = (job) => json('GET', `/jobs/${encodeURIComponent(job)}/convergence`);
 

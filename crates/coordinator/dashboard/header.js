@@ -44,7 +44,7 @@ export function OfflineNotice({ farm }) {
 
 function farmStatus({ jobs, workers }) {
   if (jobs === null) return '';
-  const present = [...workers.values()].filter((worker) => worker.state !== 'silent');
+  const present = [...workers.values()].filter((worker) => !['silent', 'quarantined'].includes(worker.state));
   const cores = present.reduce((sum, worker) => sum + worker.cores, 0);
   const running = [...jobs.values()].filter((job) => job.state === 'running');
   const speed = running.reduce((sum, job) => sum + (job.samples_per_second ?? 0), 0);

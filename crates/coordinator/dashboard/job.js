@@ -54,6 +54,7 @@ function Facts({ job }) {
     ...(job.stopped_by ? [['ended by', html`<span class="reason">${reason(job)}</span>`]] : []),
     ['rate', job.state === 'running' ? rate(job.samples_per_second) : '–'],
     ['core time', duration(job.core_ms)],
+    ...(job.redone_nodes > 0 ? [['rendered again', `${counted(job.redone_nodes, 'node')} of a worker that was wrong`]] : []),
     ['rounds', job.rounds],
     ['size', `${job.width} × ${job.height}, ${counted(job.tiles, 'tile')}`],
     ['integrator', job.integrator],

@@ -1,11 +1,13 @@
 // The table of workers.
 
-import { html } from './vendor/htm-preact.js';
+import { releaseWorker } from './api.js';
+import { html, useState } from './vendor/htm-preact.js';
 import { ago, count, moment, rate } from './format.js';
+import { ProblemText } from './problem.js';
 import { useCoordinatorTime } from './time.js';
 
-const STATE_WORDS = { rendering: 'Rendering', idle: 'Idle', silent: 'Silent' };
-const STATE_ORDER = ['rendering', 'idle', 'silent'];
+const STATE_WORDS = { rendering: 'Rendering', idle: 'Idle', silent: 'Silent', quarantined: 'Quarantined' };
+const STATE_ORDER = ['quarantined', 'rendering', 'idle', 'silent'];
 
 /** All workers; or how to start the first one. */
 export function WorkerTable({ farm }) {
@@ -42,6 +44,10 @@ function WorkerRow({ worker, jobs, now }) {
         ${worker.name}
         ${worker.refused_partials > 0 && html`
           <span class="failure"> ${worker.refused_partials} refused</span>`}
+        ${worker.passed_over?.length > 0 && html`
+          <p class="quiet">Computes other bits than the workers that began ${worker.passed_over.map((id) => html`
+            <a href=${`#/jobs/${id}`}>${jobs.get(id)?.name ?? id}</a> `)}and gets none of their nodes.</p>`}
+        ${worker.quarantine && html`<${Quarantine} worker=${worker} jobs=${jobs} />`}
       </th>
       <td><span class="state" data-state=${worker.state}>${STATE_WORDS[worker.state] ?? worker.state}</span></td>
       <td>${job ? html`<a href=${`#/jobs/${job.id}`}>${job.name}</a>` : '–'}</td>
@@ -51,6 +57,28 @@ function WorkerRow({ worker, jobs, now }) {
       <td title=${moment(worker.seen_ms)}>${ago(now - worker.seen_ms)}</td>
       <td><code class="build">${worker.build}</code></td>
     </tr>`;
+}
+
+/** Why a worker gets no work, what it may have spoilt, and the way back. */
+function Quarantine({ worker, jobs }) {
+  const [problem, setProblem] = useState(null);
+  const { reason, ended_jobs: ended } = worker.quarantine;
+  async function release() {
+    try {
+      await releaseWorker(worker.id);
+    } catch (error) {
+      setProblem(error.problem ?? { title: error.message });
+    }
+  }
+  return html`
+    <div class="quarantine">
+      <p class="failure">Gets no work: ${reason}.</p>
+      ${ended.length > 0 && html`
+        <p class="failure">Jobs that had ended with its work: ${ended.map((id) => html`
+          <a href=${`#/jobs/${id}`}>${jobs.get(id)?.name ?? id}</a> `)}</p>`}
+      ${problem && html`<div role="alert"><${ProblemText} problem=${problem} /></div>`}
+      <button type="button" onClick=${release}>Give it work again</button>
+    </div>`;
 }
 
 const NoWorkers = () => html`

@@ -7,14 +7,14 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
-use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, ProblemCode};
+use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, ProblemCode, Quarantine};
 use clerestory_render_core::film::{self, Expectation, NodeAddress, Rendered, partial};
 
 use crate::blobs::Place;
 use crate::farm::Farm;
 use crate::http::ApiError;
 use crate::news::News;
-use crate::store::{DeliveredNode, Delivery, JobRecord, LeaseError, WorkFailure};
+use crate::store::{DeliveredNode, Delivery, JobRecord, LeaseError, Outcome, WorkFailure, is_chosen};
 
 /// A node as the wire names it.
 pub(crate) fn wire_address(address: &NodeAddress) -> clerestory_api::NodeAddress {
@@ -64,6 +64,21 @@ pub(crate) async fn fail(farm: &Farm, failure: WorkFailure) -> Result<(), ApiErr
     Ok(())
 }
 
+/// Tells what checks have come to.
+async fn checked(farm: &Farm, outcome: Outcome) {
+    for (worker, Quarantine { reason, ended_jobs, .. }) in &outcome.quarantined {
+        let ended_jobs: Vec<String> = ended_jobs.iter().map(ToString::to_string).collect();
+        tracing::error!(%worker, reason, ?ended_jobs, "worker quarantined; its work in jobs that have not ended is done again");
+    }
+    for job in outcome.redone {
+        farm.tell(News::Job(job));
+    }
+    if outcome.has_work {
+        farm.tell(News::Work);
+    }
+    farm.let_go(outcome.removed).await;
+}
+
 async fn store(
     farm: &Farm,
     job: &JobRecord,
@@ -72,22 +87,25 @@ async fn store(
     core_ms: u64,
     rendered: Vec<Rendered>,
 ) -> Result<PartialAnswer, ApiError> {
+    let (id, checked_fraction) = (job.id, farm.config.checked_fraction);
     let encode = move || {
         let encoded: Vec<Vec<u8>> = rendered.iter().map(|rendered| film::store::encode(&rendered.node)).collect();
-        (rendered, encoded)
+        let digest = |(Rendered { node, .. }, bytes): (&Rendered, &Vec<u8>)| {
+            is_chosen(id, &node.address(), checked_fraction).then(|| blake3::hash(bytes).to_hex().to_string())
+        };
+        let digests: Vec<Option<String>> = rendered.iter().zip(&encoded).map(digest).collect();
+        (rendered, encoded, digests)
     };
-    let (rendered, encoded) = tokio::task::spawn_blocking(encode).await.map_err(ApiError::internal)?;
+    let (rendered, encoded, digests) = tokio::task::spawn_blocking(encode).await.map_err(ApiError::internal)?;
     let places = farm.blobs.put_nodes(job.id, encoded).await?;
     let blob = places.first().map(|place| place.blob.clone());
-    let delivered = |(Rendered { node, counters }, place): (&Rendered, &Place)| DeliveredNode {
-        address: node.address(),
-        place: place.clone(),
-        counters: *counters,
+    let delivered = |((Rendered { node, counters }, place), digest): ((&Rendered, &Place), Option<String>)| {
+        DeliveredNode { address: node.address(), place: place.clone(), counters: *counters, digest }
     };
-    let nodes = rendered.iter().zip(&places).map(delivered).collect();
-    let now_ms = farm.config.clock.now_ms();
+    let nodes = rendered.iter().zip(&places).zip(digests).map(delivered).collect();
+    let (now_ms, alive_ms) = (farm.config.clock.now_ms(), farm.alive_ms());
     let core_ms = i64::try_from(core_ms).unwrap_or(i64::MAX);
-    let delivery = Delivery { lease, token, nodes, core_ms, now_ms };
+    let delivery = Delivery { lease, token, nodes, core_ms, now_ms, alive_ms };
     let acceptance = match farm.store.accept(delivery).await {
         Ok(acceptance) => acceptance,
         Err(error) => {
@@ -117,8 +135,9 @@ async fn store(
     if acceptance.samples > 0 {
         farm.tell(News::Film { job: job.id, samples: acceptance.samples });
     }
-    if acceptance.completes_wave {
+    if acceptance.completes_wave || acceptance.checks.has_ended {
         farm.tell(News::Wave(job.id));
     }
+    checked(farm, acceptance.checks).await;
     Ok(PartialAnswer { nodes: answers, outstanding: acceptance.outstanding })
 }

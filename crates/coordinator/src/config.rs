@@ -30,6 +30,8 @@ pub struct Config {
     pub lease_ttl: Duration,
     /// How long the work of a lease should take.
     pub lease_target: Duration,
+    /// Fraction of nodes that a second worker renders too, to be compared, 0 to 1.
+    pub checked_fraction: f64,
     /// Exactly this many nodes in a lease, whatever they take; for experiments and tests.
     pub lease_nodes: Option<u32>,
     /// Largest asset or reference.
@@ -54,6 +56,7 @@ impl Config {
             token: None,
             lease_ttl: Duration::from_secs(60),
             lease_target: Duration::from_secs(10),
+            checked_fraction: 0.01,
             lease_nodes: None,
             max_asset_bytes: 256 << 20,
             max_partial_bytes: 256 << 20,

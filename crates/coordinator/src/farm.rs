@@ -14,7 +14,7 @@ use crate::film::FilmReader;
 use crate::images::Images;
 use crate::news::News;
 use crate::rate::Rates;
-use crate::store::Store;
+use crate::store::{Removed, Store};
 
 /// Megabytes of partials that are received and decoded at the same time. A larger one is received alone.
 pub(crate) const PARTIAL_MEGABYTES: u32 = 64;
@@ -121,6 +121,18 @@ impl Farm {
             }
             News::Workers => self.events.workers_changed(),
         }
+    }
+
+    /// Lets go of what has been taken out of films.
+    pub(crate) async fn let_go(&self, removed: Removed) {
+        self.film.forget(&removed.places);
+        self.blobs.remove(removed.blobs).await;
+    }
+
+    /// A worker that was last heard of before this is silent, milliseconds since 1970.
+    pub(crate) fn alive_ms(&self) -> i64 {
+        let silent_ms = i64::try_from(self.config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
+        self.config.clock.now_ms().saturating_sub(silent_ms)
     }
 
     /// Looks at everything that other coordinators may have done without being heard.

@@ -18,7 +18,7 @@ use crate::convergence;
 use crate::farm::Farm;
 use crate::film::{Extent, FilmError, assemble, film_tile, metadata};
 use crate::news::News;
-use crate::store::{CompleteWave, Ending, JobRecord, Keeping, Merge, NodeRow, Removed, StoreError};
+use crate::store::{CompleteWave, Ending, JobRecord, Keeping, Merge, NodeRow, StoreError};
 
 /// Batches of tiles that are merged at the same time: while one is computed, another waits for the disk.
 const MERGES: usize = 2;
@@ -178,7 +178,7 @@ async fn record_round(
             tracing::info!(job = %job.id, reason = reason.name(), "job done");
         }
         farm.tell(News::Job(job.id));
-        let_go(farm, recorded.discarded).await;
+        farm.let_go(recorded.discarded).await;
     }
     Ok(is_new)
 }
@@ -237,7 +237,7 @@ async fn merge_tiles(
         merges.push(Merge { parent: node.address(), place: place.clone(), children });
         farm.film.keep(place, Arc::new(node));
     }
-    let_go(farm, farm.store.replace(job.id, merges).await?).await;
+    farm.let_go(farm.store.replace(job.id, merges).await?).await;
     Ok(())
 }
 
@@ -255,12 +255,6 @@ fn merged_nodes(
         (node.clone(), children.collect())
     });
     Ok(with_children.collect())
-}
-
-/// Lets go of what has been taken out of the film.
-async fn let_go(farm: &Farm, removed: Removed) {
-    farm.film.forget(&removed.places);
-    farm.blobs.remove(removed.blobs).await;
 }
 
 /// Boundaries of rounds that are still to be recorded, as far as the nodes reach.

@@ -53,6 +53,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         samples_per_second,
         remaining_ms,
         core_ms: job.core_ms,
+        redone_nodes: job.redone_nodes,
         counters: counters(job.counters),
         time_limit_ms: job.time_limit_ms,
         target_mse: job.targets.mse,
@@ -118,16 +119,10 @@ pub(crate) async fn jobs(farm: &Farm) -> Result<Vec<JobView>, StoreError> {
 /// All workers that were heard of within a day, in order of registration.
 pub(crate) async fn workers(farm: &Farm) -> Result<Vec<WorkerView>, StoreError> {
     let since_ms = farm.config.clock.now_ms() - SHOWN_MS;
-    farm.store.workers(since_ms, silent_before_ms(farm)).await
+    farm.store.workers(since_ms, farm.alive_ms()).await
 }
 
 /// One worker.
 pub(crate) async fn worker(farm: &Farm, worker: WorkerId) -> Result<WorkerView, WorkerError> {
-    farm.store.worker(worker, silent_before_ms(farm)).await
-}
-
-/// A worker that was last heard of before this is silent.
-fn silent_before_ms(farm: &Farm) -> i64 {
-    let silent_ms = i64::try_from(farm.config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
-    farm.config.clock.now_ms().saturating_sub(silent_ms)
+    farm.store.worker(worker, farm.alive_ms()).await
 }

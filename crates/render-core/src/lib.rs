@@ -9,6 +9,8 @@
 //! - [`integrator`]: the path tracer, which asks [`specular`] for the light that next event estimation cannot see;
 //! - [`film`]: sampler, passes, tiles, nodes, the merge tree, OpenEXR and error metrics.
 //!
+//! [`probe`] renders a small scene in all ways, to tell machines and builds apart that compute other bits.
+//!
 //! # Invariants
 //!
 //! - A sample is a pure function of (scene, frame, pixel, sample index). No state is carried from sample to sample.
@@ -21,5 +23,6 @@ pub mod geometry;
 pub mod integrator;
 mod lanes;
 pub mod optics;
+pub mod probe;
 pub mod scene;
 pub mod specular;

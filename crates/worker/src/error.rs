@@ -3,6 +3,7 @@
 use std::error::Error;
 
 use clerestory_api::ClientError;
+use clerestory_render_core::probe::ProbeError;
 
 /// Why a worker cannot work. Everything that may pass (a coordinator that is away, a lease that is lost, a scene that
 /// cannot be built) is not an error of the worker: it goes on.
@@ -14,6 +15,12 @@ pub enum WorkerError {
     /// The coordinator does not let this worker in.
     #[error("the coordinator refuses this worker")]
     Refused(#[source] ClientError),
+    /// The probe image cannot be rendered.
+    #[error("cannot render the probe image")]
+    Probe(#[from] ProbeError),
+    /// Rendering the probe image panicked.
+    #[error("rendering the probe image failed")]
+    ProbePanic(#[source] tokio::task::JoinError),
     /// The threads that render could not be started.
     #[error("cannot start the threads that render")]
     Threads(#[from] rayon::ThreadPoolBuildError),

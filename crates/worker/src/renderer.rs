@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use clerestory_render_core::film::{NodeAddress, Rendered};
 use clerestory_render_core::integrator::{RenderError, render_node};
+use clerestory_render_core::probe::{self, ProbeError};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use tokio::sync::mpsc;
 use tracing::info;
@@ -44,6 +45,11 @@ impl Renderer {
     pub(crate) fn new(threads: NonZeroUsize) -> Result<Self, ThreadPoolBuildError> {
         let name = |index| format!("render-{index}");
         Ok(Self { pool: ThreadPoolBuilder::new().num_threads(threads.get()).thread_name(name).build()? })
+    }
+
+    /// The digest of the probe, as these threads render it.
+    pub(crate) fn probe(&self) -> Result<String, ProbeError> {
+        self.pool.install(probe::digest)
     }
 
     /// Renders `nodes` in their order and sends each as it is complete. Blocks; call it from a thread that may.

@@ -46,11 +46,13 @@ pub async fn run(config: Config, shutdown: impl Future<Output = ()> + Send + 'st
         signal.cancel();
     }));
 
+    let probing = Arc::clone(&renderer);
+    let digest = tokio::task::spawn_blocking(move || probing.probe()).await.map_err(WorkerError::ProbePanic)??;
     let introduction = WorkerRegistration {
         name: config.name,
         cores: u32::try_from(config.threads.get()).unwrap_or(u32::MAX),
         build: config.build.clone(),
-        probe_digest: None,
+        probe_digest: Some(digest),
     };
     let Some(registration) = stop.run_until_cancelled(Registration::new(client.clone(), introduction)).await else {
         return Ok(());
@@ -120,7 +122,7 @@ impl Worker {
                 self.registration.replace(worker).await.map_err(WorkerError::Refused)?;
                 Ok(None)
             }
-            Err(failure) if is_unauthorized(&failure) => Err(WorkerError::Refused(failure)),
+            Err(failure) if is_shut_out(&failure) => Err(WorkerError::Refused(failure)),
             Err(failure) => {
                 error!(reason = with_causes(&failure), "the coordinator refused a claim");
                 tokio::time::sleep(LONG_POLL).await;
@@ -130,6 +132,8 @@ impl Worker {
     }
 }
 
-fn is_unauthorized(failure: &ClientError) -> bool {
-    failure.problem().is_some_and(|problem| problem.code == ProblemCode::Unauthorized)
+/// Whether the coordinator wants no work of this worker, now or later.
+fn is_shut_out(failure: &ClientError) -> bool {
+    let codes = [ProblemCode::Unauthorized, ProblemCode::WorkerQuarantined];
+    failure.problem().is_some_and(|problem| codes.contains(&problem.code))
 }

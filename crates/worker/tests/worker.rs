@@ -193,6 +193,9 @@ async fn register(State(farm): State<Farm>, Json(registration): Json<WorkerRegis
         samples: 0,
         core_ms: 0,
         samples_per_second: None,
+        quarantine: None,
+        probe_digest: None,
+        passed_over: Vec::new(),
         registered_ms: 0,
         seen_ms: 0,
     })

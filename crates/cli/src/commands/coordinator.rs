@@ -53,6 +53,10 @@ pub(crate) struct CoordinatorArguments {
     /// How long the work of a lease should take [default: 10].
     #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_WORK_SECONDS", value_parser = positive::<NonZeroU32>)]
     lease_work_seconds: Option<NonZeroU32>,
+    /// Fraction of nodes that a second worker renders too, to be compared; a worker with other bits than two others is given no work
+    /// any more [default: 0.01].
+    #[arg(long, value_name = "FRACTION", env = "CLERESTORY_CHECKED_FRACTION", value_parser = fraction)]
+    checked_fraction: Option<f64>,
     /// Give out exactly this many nodes with each lease, whatever they take; for experiments.
     #[arg(long, value_name = "N", env = "CLERESTORY_LEASE_NODES", value_parser = positive::<NonZeroU32>)]
     lease_nodes: Option<NonZeroU32>,
@@ -65,7 +69,7 @@ pub(crate) struct CoordinatorArguments {
 }
 
 /// The settings, as the configuration file has them.
-#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Settings {
     listen: String,
@@ -75,6 +79,7 @@ struct Settings {
     token_file: Option<PathBuf>,
     lease_seconds: NonZeroU32,
     lease_work_seconds: NonZeroU32,
+    checked_fraction: f64,
     lease_nodes: Option<NonZeroU32>,
     max_asset_bytes: u64,
     max_partial_bytes: u64,
@@ -96,6 +101,7 @@ impl Default for Settings {
             token_file: None,
             lease_seconds: seconds(config.lease_ttl),
             lease_work_seconds: seconds(config.lease_target),
+            checked_fraction: config.checked_fraction,
             lease_nodes: None,
             max_asset_bytes: config.max_asset_bytes,
             max_partial_bytes: config.max_partial_bytes,
@@ -137,6 +143,7 @@ fn interpret(arguments: &CoordinatorArguments) -> Result<Settings, Failure> {
         token_file: arguments.token_file.clone().or_else(named_token_file).or(file.token_file),
         lease_seconds: arguments.lease_seconds.unwrap_or(file.lease_seconds),
         lease_work_seconds: arguments.lease_work_seconds.unwrap_or(file.lease_work_seconds),
+        checked_fraction: arguments.checked_fraction.unwrap_or(file.checked_fraction),
         lease_nodes: arguments.lease_nodes.or(file.lease_nodes),
         ..file
     })
@@ -149,7 +156,10 @@ impl Settings {
         let token = token(token_option, self.token_file.as_deref())?.map(|token| token.parse::<Token>()).transpose();
         let database = self.database.as_deref().map(str::parse::<PostgresUrl>).transpose();
         let bucket = self.object_store.as_deref().map(|url| Bucket::new(url, environment())).transpose();
+        let checked_fraction = fraction(&self.checked_fraction.to_string());
         Ok(Config {
+            checked_fraction: checked_fraction
+                .map_err(|error| Failure::Usage(format!("checked_fraction: {}: {error}", self.checked_fraction)))?,
             bucket: bucket.map_err(|error| Failure::Usage(format!("object_store: {error}")))?,
             database: database.map_err(|error| Failure::Usage(format!("database: {error}")))?,
             token: token.map_err(|error| Failure::Usage(error.to_string()))?,
@@ -163,6 +173,12 @@ impl Settings {
             ..Config::new(&self.data)
         })
     }
+}
+
+/// Reads a fraction of a whole.
+fn fraction(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|value| (0.0..=1.0).contains(value));
+    value.ok_or_else(|| "expected a number from 0 to 1".to_owned())
 }
 
 /// The variables of the environment that are text.
@@ -214,6 +230,14 @@ mod tests {
     fn what_print_config_prints_is_a_configuration_file_with_the_same_meaning() {
         let settings = interpreted("lease_nodes = 5\ntoken_file = \"secret\"\n", &["--data", "elsewhere"]);
         assert_eq!(interpreted(&toml::to_string(&settings).unwrap(), &[]), settings);
+    }
+
+    #[test]
+    fn a_fraction_beyond_the_whole_is_refused_wherever_it_stands() {
+        assert!(fraction("1.01").is_err() && fraction("NaN").is_err() && fraction("-0.1").is_err());
+        let error = interpreted("checked_fraction = 2.0\n", &[]).config(None).unwrap_err().to_string();
+        assert!(error.contains("checked_fraction: 2: expected a number from 0 to 1"), "{error}");
+        assert_eq!(interpreted("checked_fraction = 0.5\n", &["--checked-fraction", "0"]).checked_fraction, 0.0);
     }
 
     #[test]

@@ -47,6 +47,7 @@ pub(super) fn small() -> OpenApiRouter<Arc<Farm>> {
         .routes(routes!(events::of_job))
         .routes(routes!(workers::list, workers::register))
         .routes(routes!(workers::heartbeat))
+        .routes(routes!(workers::release))
         .routes(routes!(leases::claim))
         .routes(routes!(leases::renew))
         .routes(routes!(leases::give_back))

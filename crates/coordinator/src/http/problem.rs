@@ -110,6 +110,7 @@ fn status_and_title(code: ProblemCode) -> (StatusCode, &'static str) {
         ProblemCode::MethodNotAllowed => (StatusCode::METHOD_NOT_ALLOWED, "Method not allowed"),
         ProblemCode::UnknownJob => (StatusCode::NOT_FOUND, "No such job"),
         ProblemCode::UnknownWorker => (StatusCode::NOT_FOUND, "No such worker"),
+        ProblemCode::WorkerQuarantined => (StatusCode::FORBIDDEN, "Worker is quarantined"),
         ProblemCode::UnknownLease => (StatusCode::NOT_FOUND, "No such lease"),
         ProblemCode::UnknownAsset => (StatusCode::NOT_FOUND, "No such asset"),
         ProblemCode::NoImageYet => (StatusCode::NOT_FOUND, "No image yet"),
@@ -148,6 +149,9 @@ impl From<WorkerError> for ApiError {
             WorkerError::Unknown(worker) => {
                 let detail = "no worker has registered under this identity; register again";
                 Self::new(ProblemCode::UnknownWorker, detail).field("worker").value(worker)
+            }
+            error @ WorkerError::Quarantined { worker, .. } => {
+                Self::new(ProblemCode::WorkerQuarantined, error.to_string()).field("worker").value(worker)
             }
             WorkerError::Store(error) => error.into(),
         }

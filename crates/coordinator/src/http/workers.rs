@@ -31,8 +31,9 @@ pub(super) async fn register(
 ) -> Result<(StatusCode, Json<WorkerView>), ApiError> {
     check(&registration)?;
     let id = WorkerId::from(Uuid::now_v7());
-    tracing::info!(worker = %id, name = registration.name, cores = registration.cores, "worker registered");
+    let (name, cores) = (registration.name.clone(), registration.cores);
     farm.store.register_worker(id, registration, farm.config.clock.now_ms()).await?;
+    tracing::info!(worker = %id, name, cores, "worker registered");
     farm.tell(News::Workers);
     Ok((StatusCode::CREATED, Json(views::worker(&farm, id).await?)))
 }
@@ -63,6 +64,21 @@ pub(super) async fn heartbeat(
     farm.store.touch_worker(worker, farm.config.clock.now_ms()).await?;
     farm.tell(News::Workers);
     Ok(StatusCode::NO_CONTENT)
+}
+
+/// Gives work again to a worker that was quarantined, and to all of the same name.
+#[utoipa::path(
+    post, path = "/workers/{worker}/release", tag = "workers", params(("worker" = WorkerId, Path)),
+    responses((status = 200, body = WorkerView))
+)]
+pub(super) async fn release(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(worker): PathParameter<WorkerId>,
+) -> Result<Json<WorkerView>, ApiError> {
+    farm.store.release_worker(worker).await?;
+    tracing::info!(%worker, "worker released");
+    farm.tell(News::Work);
+    Ok(Json(views::worker(&farm, worker).await?))
 }
 
 /// All workers that were heard of within a day, in order of registration.

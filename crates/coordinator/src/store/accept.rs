@@ -13,6 +13,7 @@ use clerestory_api::{JobId, LeaseId, NodeVerdict, WorkerId};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::NodeAddress;
 
+use super::checks::{self, Brought, Outcome};
 use super::jobs;
 use super::leases::{self, LeaseError, LeaseRecord, address};
 use super::nodes::{self, NodeRow, Work};
@@ -29,6 +30,8 @@ pub(crate) struct DeliveredNode {
     pub(crate) place: Place,
     /// What was counted while rendering it.
     pub(crate) counters: Counters,
+    /// Hash of its bytes, if it is [checked](super::is_chosen).
+    pub(crate) digest: Option<String>,
 }
 
 /// What came with one partial.
@@ -44,6 +47,8 @@ pub(crate) struct Delivery {
     pub(crate) core_ms: i64,
     /// Now.
     pub(crate) now_ms: i64,
+    /// A worker that was heard of since then is there.
+    pub(crate) alive_ms: i64,
 }
 
 /// What became of a delivery.
@@ -57,6 +62,8 @@ pub(crate) struct Acceptance {
     pub(crate) samples: u64,
     /// Whether a wave of the job has become complete.
     pub(crate) completes_wave: bool,
+    /// What checks have come to.
+    pub(crate) checks: Outcome,
 }
 
 impl Store {
@@ -70,15 +77,21 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     let lease = leases::valid(connection, delivery.lease, delivery.token, delivery.now_ms).await?;
     let job = jobs::job_in(connection, lease.job).await?.ok_or(LeaseError::JobNotRunning)?;
     let build = build(connection, lease.worker).await?;
-    let brought: u64 = delivery.nodes.iter().map(|node| job.node_samples(&node.address)).sum();
+    let all_samples: u64 = delivery.nodes.iter().map(|node| job.node_samples(&node.address)).sum();
     let taken = take_all(connection, &lease, &delivery.nodes).await?;
     let (mut samples, mut core_ms, mut counters) = (0, 0_i64, Counters::default());
     let mut accepted = Vec::new();
+    let (mut to_be_checked, mut checked) = (Vec::new(), Vec::new());
     let mut waves: BTreeMap<(u32, i64), Wave> = BTreeMap::new();
     for (node, taken) in delivery.nodes.iter().zip(&taken) {
-        let Taken::From { round } = *taken else { continue };
+        let brought = node.digest.clone().map(|digest| Brought { address: node.address, digest });
+        let Taken::From { round } = *taken else {
+            checked.extend(brought);
+            continue;
+        };
+        to_be_checked.extend(brought.map(|brought| (round, brought)));
         let own_samples = job.node_samples(&node.address);
-        let own_core_ms = (delivery.core_ms as f64 * own_samples as f64 / brought.max(1) as f64) as i64;
+        let own_core_ms = (delivery.core_ms as f64 * own_samples as f64 / all_samples.max(1) as f64) as i64;
         counters += node.counters;
         samples += own_samples;
         core_ms = core_ms.saturating_add(own_core_ms);
@@ -98,11 +111,22 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
         jobs::add_accepted(connection, &job, count, samples, core_ms, counters).await?;
         credit_worker(connection, lease.worker, job.id, count, samples, core_ms).await?;
     }
-    let outstanding = sqlx::query("select count(*) as outstanding from pending where lease = $1")
-        .bind(delivery.lease.to_string())
-        .fetch_one(&mut *connection)
-        .await?
-        .number("outstanding")?;
+    let mut checks = Outcome::default();
+    if !to_be_checked.is_empty() {
+        checks = checks::open(connection, &lease, &to_be_checked, delivery.alive_ms).await?;
+    }
+    if !checked.is_empty() {
+        let answered = checks::answer(connection, &lease, &checked, delivery.now_ms).await?;
+        checks = Outcome { has_work: checks.has_work || answered.has_work, ..answered };
+    }
+    let outstanding = sqlx::query(
+        "select (select count(*) from pending where lease = $1) + (select count(*) from checks where lease = $1) \
+         as outstanding",
+    )
+    .bind(delivery.lease.to_string())
+    .fetch_one(&mut *connection)
+    .await?
+    .number("outstanding")?;
     if outstanding == 0 {
         sqlx::query("update leases set state = 'complete' where id = $1 and state = 'active'")
             .bind(delivery.lease.to_string())
@@ -110,7 +134,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
             .await?;
     }
     let verdicts = taken.into_iter().map(Taken::verdict).collect();
-    Ok(Acceptance { verdicts, outstanding, samples, completes_wave })
+    Ok(Acceptance { verdicts, outstanding, samples, completes_wave, checks })
 }
 
 /// What becomes of a node that was brought.

@@ -5,16 +5,19 @@
 //! from where the job's cursor stands. A job whose time is up before its first round is complete is served with the nodes
 //! of that round alone.
 //!
+//! Nodes that are to be [checked](super::checks) come first, since a round waits for them.
+//!
 //! A worker for whom nothing is free takes over what another has held for longer than it would need itself ([`take_over`]). The other's
 //! lease goes on, and the first result wins.
 
 use clerestory_api::{LeaseId, WorkerId};
 use clerestory_render_core::film::{NodeAddress, PassRange};
 
+use super::checks;
 use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};
 use super::leases::{self, LeaseRecord, LeaseState, address};
-use super::row::{Columns, bind_nodes, placeholders};
+use super::row::{Columns, MOST_ROWS, bind_nodes, placeholders};
 use super::workers::{self, Claimant};
 use super::{Connection, Store, StoreError, WorkerError};
 use crate::schedule::{Pace, cut};
@@ -78,23 +81,41 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
         return Ok(None);
     }
     let mut jobs = jobs::open_jobs(connection).await?;
-    jobs.retain(|job| !job.is_out_of_time(terms.now_ms));
+    jobs.retain(|job| !job.is_out_of_time(terms.now_ms) && has_bits_of(job, &claimant));
     let mut paces = Vec::with_capacity(jobs.len());
     for job in &jobs {
         let pace = pace(connection, job, &claimant, terms).await?;
+        if claimant.has_checks {
+            let nodes = choose_checks(connection, job, &pace, terms, None).await?;
+            if !nodes.is_empty() {
+                return Ok(Some(grant(connection, job, nodes, Leased::Checks, &claimant, terms).await?));
+            }
+        }
         let nodes = choose(connection, job, &pace, terms).await?;
         if !nodes.is_empty() {
-            return Ok(Some(grant(connection, job, nodes, terms).await?));
+            return Ok(Some(grant(connection, job, nodes, Leased::Work, &claimant, terms).await?));
         }
         paces.push(pace);
     }
     for (job, pace) in jobs.iter().zip(&paces) {
         let nodes = take_over(connection, job, pace, terms).await?;
         if !nodes.is_empty() {
-            return Ok(Some(grant(connection, job, nodes, terms).await?));
+            return Ok(Some(grant(connection, job, nodes, Leased::Work, &claimant, terms).await?));
+        }
+        if claimant.has_checks {
+            let held_before_ms = terms.now_ms.saturating_sub((pace.target_seconds * 1000.0) as i64);
+            let nodes = choose_checks(connection, job, pace, terms, Some(held_before_ms)).await?;
+            if !nodes.is_empty() {
+                return Ok(Some(grant(connection, job, nodes, Leased::Checks, &claimant, terms).await?));
+            }
         }
     }
     Ok(None)
+}
+
+/// Whether a worker computes the bits that a job has so far.
+fn has_bits_of(job: &JobRecord, claimant: &Claimant) -> bool {
+    job.probe_digest.as_ref().is_none_or(|digest| *digest == claimant.probe_digest)
 }
 
 /// Free nodes of a job for this worker; none when all work is leased or done.
@@ -115,20 +136,35 @@ async fn choose(
     .bind(i64::from(most))
     .fetch_all(connection)
     .await?;
+    let nodes = rows.iter().map(address).collect::<Result<_, _>>()?;
+    Ok(first_of(nodes, job, pace, terms))
+}
+
+/// Nodes of a job that this worker is to check, [as it can](checks::choose).
+async fn choose_checks(
+    connection: &mut Connection,
+    job: &JobRecord,
+    pace: &Pace,
+    terms: &ClaimTerms,
+    held_before_ms: Option<i64>,
+) -> Result<Vec<NodeAddress>, StoreError> {
+    let nodes = checks::choose(connection, job, terms.worker, terms.most_nodes(), held_before_ms).await?;
+    Ok(first_of(nodes, job, pace, terms))
+}
+
+/// As many of some nodes as a lease should have.
+fn first_of(mut nodes: Vec<NodeAddress>, job: &JobRecord, pace: &Pace, terms: &ClaimTerms) -> Vec<NodeAddress> {
     let left = job.total_samples().saturating_sub(job.samples);
     let wanted = if terms.fixed_nodes.is_some() { f64::INFINITY } else { pace.lease_samples(left as f64) };
-    let mut nodes = Vec::new();
     let mut samples = 0;
-    for row in &rows {
-        let node = address(row)?;
-        samples += job.node_samples(&node);
-        // One node always fits.
-        if !nodes.is_empty() && samples as f64 > wanted {
-            break;
-        }
-        nodes.push(node);
-    }
-    Ok(nodes)
+    let fitting = nodes.iter().take_while(|node| {
+        samples += job.node_samples(node);
+        samples as f64 <= wanted
+    });
+    // One node always fits.
+    let count = fitting.count().max(1);
+    nodes.truncate(count);
+    nodes
 }
 
 /// The last round of a job for which nodes are given out: past its limit, it needs its first to end, and nothing else.
@@ -242,9 +278,7 @@ async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Res
             (frame, round) = (0, round + 1);
         }
     }
-    for pending in pending.chunks(STOCK as usize) {
-        insert_pending(connection, job, pending).await?;
-    }
+    insert_pending(connection, job, &pending).await?;
     if [round, frame, tile] != job.cursor {
         sqlx::query("update jobs set cursor_round = $2, cursor_frame = $3, cursor_tile = $4 where id = $1")
             .bind(job.id.to_string())
@@ -275,28 +309,39 @@ async fn open_wave(
     Ok(())
 }
 
-async fn insert_pending(
+/// Puts nodes into the queue, each as work of a round.
+pub(super) async fn insert_pending(
     connection: &mut Connection,
     job: &JobRecord,
     nodes: &[(u32, NodeAddress)],
 ) -> Result<(), StoreError> {
-    let rows = placeholders(0, nodes.len(), 6);
-    let statement = format!("insert into pending (job, round, frame, tile, level, idx) values {rows}");
-    let mut query = sqlx::query(sqlx::AssertSqlSafe(statement));
-    for (round, node) in nodes {
-        query = query.bind(job.id.to_string()).bind(i64::from(*round));
-        for number in [node.frame, node.tile, node.level, node.index] {
-            query = query.bind(i64::from(number));
+    for nodes in nodes.chunks(MOST_ROWS) {
+        let rows = placeholders(0, nodes.len(), 6);
+        let statement = format!("insert into pending (job, round, frame, tile, level, idx) values {rows}");
+        let mut query = sqlx::query(sqlx::AssertSqlSafe(statement));
+        for (round, node) in nodes {
+            query = bind_nodes(query.bind(job.id.to_string()).bind(i64::from(*round)), [node]);
         }
+        query.execute(&mut *connection).await?;
     }
-    query.execute(connection).await?;
     Ok(())
+}
+
+/// What the nodes of a lease are to the farm.
+#[derive(Clone, Copy, Debug)]
+enum Leased {
+    /// Pending.
+    Work,
+    /// Accepted, and to be checked.
+    Checks,
 }
 
 async fn grant(
     connection: &mut Connection,
     job: &JobRecord,
     nodes: Vec<NodeAddress>,
+    leased: Leased,
+    claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Grant, StoreError> {
     let token = events::next_value(connection, "fencing_token").await?;
@@ -314,18 +359,17 @@ async fn grant(
     .bind(deadline_ms)
     .execute(&mut *connection)
     .await?;
+    let table = match leased {
+        Leased::Work => "pending",
+        Leased::Checks => "checks",
+    };
     let rows = placeholders(2, nodes.len(), 4);
     let statement =
-        format!("update pending set lease = $1 where job = $2 and (frame, tile, level, idx) in (values {rows})");
+        format!("update {table} set lease = $1 where job = $2 and (frame, tile, level, idx) in (values {rows})");
     let query = sqlx::query(sqlx::AssertSqlSafe(statement)).bind(terms.lease.to_string()).bind(job.id.to_string());
     bind_nodes(query, &nodes).execute(&mut *connection).await?;
-    let started = sqlx::query("update jobs set state = 'running', started_ms = $2 where id = $1 and state = 'queued'")
-        .bind(job.id.to_string())
-        .bind(terms.now_ms)
-        .execute(&mut *connection)
-        .await?;
-    if started.rows_affected() > 0 {
-        events::record(connection, StoredKind::Job, job.id, terms.now_ms).await?;
+    if job.probe_digest.is_none() {
+        start(connection, job, claimant, terms).await?;
     }
     let token = u64::try_from(token).map_err(|_| StoreError::Corrupt { column: "value", value: token.to_string() })?;
     let lease = LeaseRecord {
@@ -338,4 +382,23 @@ async fn grant(
         nodes: nodes.iter().copied().collect(),
     };
     Ok(Grant { lease, scene_hash: job.scene_hash.clone(), nodes })
+}
+
+/// Notes on a job that its first nodes have been given out, and to whom.
+async fn start(
+    connection: &mut Connection,
+    job: &JobRecord,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<(), StoreError> {
+    // One that an older build has started goes on with whoever comes first.
+    sqlx::query(
+        "update jobs set state = 'running', started_ms = coalesce(started_ms, $2), probe_digest = $3 where id = $1",
+    )
+    .bind(job.id.to_string())
+    .bind(terms.now_ms)
+    .bind(&claimant.probe_digest)
+    .execute(&mut *connection)
+    .await?;
+    events::record(connection, StoredKind::Job, job.id, terms.now_ms).await
 }

@@ -83,6 +83,8 @@ pub(crate) struct JobRecord {
     pub(crate) passes: u32,
     /// The reference image.
     pub(crate) reference: Option<ContentHash>,
+    /// Which bits it has: the probe's digest of the first worker that was given nodes of it, empty if it sent none.
+    pub(crate) probe_digest: Option<String>,
     /// Time limit from the first lease on.
     pub(crate) time_limit_ms: Option<i64>,
     /// Errors at which it ends.
@@ -101,11 +103,13 @@ pub(crate) struct JobRecord {
     pub(crate) complete_passes: u32,
     /// Accepted nodes; rises with every change of the film.
     pub(crate) accepted_nodes: u64,
+    /// Accepted nodes that were taken out of the film again, to be rendered once more.
+    pub(crate) redone_nodes: u64,
     /// Camera samples accepted.
     pub(crate) samples: u64,
-    /// Time spent on them, summed over cores.
+    /// Time spent on them, and on what was rendered again, summed over cores.
     pub(crate) core_ms: i64,
-    /// What was counted while rendering them.
+    /// What was counted meanwhile.
     pub(crate) counters: Counters,
 }
 
@@ -181,9 +185,9 @@ impl Ending {
 }
 
 const COLUMNS: &str = "select id, name, state, stopped_by, failure, priority, scene_hash, integrator, missing_light, frames, width, \
-     height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
-     target_estimated_mse, created_ms, started_ms, finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, samples, core_ms, \
-     counters from jobs";
+     height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
+     target_mse, target_estimated_mse, created_ms, started_ms, finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
+     redone_nodes, samples, core_ms, counters from jobs";
 
 fn record(row: &AnyRow) -> Result<JobRecord, StoreError> {
     Ok(JobRecord {
@@ -206,6 +210,7 @@ fn record(row: &AnyRow) -> Result<JobRecord, StoreError> {
         samples_per_block: row.number("samples_per_block")?,
         passes: row.number("passes")?,
         reference: row.optional_parsed("reference")?,
+        probe_digest: row.optional_text("probe_digest")?,
         time_limit_ms: row.optional_integer("time_limit_ms")?,
         targets: Targets {
             mse: row.optional_float("target_mse")?,
@@ -218,6 +223,7 @@ fn record(row: &AnyRow) -> Result<JobRecord, StoreError> {
         rounds: row.number("rounds")?,
         complete_passes: row.number("complete_passes")?,
         accepted_nodes: row.number("accepted_nodes")?,
+        redone_nodes: row.number("redone_nodes")?,
         samples: row.number("samples")?,
         core_ms: row.integer("core_ms")?,
         counters: row.json("counters")?,
@@ -259,7 +265,9 @@ pub(super) async fn end(
     if ended.rows_affected() == 0 {
         return Ok(false);
     }
-    sqlx::query("delete from pending where job = $1").bind(job.to_string()).execute(&mut *connection).await?;
+    for statement in ["delete from pending where job = $1", "delete from checks where job = $1"] {
+        sqlx::query(statement).bind(job.to_string()).execute(&mut *connection).await?;
+    }
     sqlx::query("update leases set state = 'ended' where job = $1 and state = 'active'")
         .bind(job.to_string())
         .execute(&mut *connection)

@@ -119,7 +119,6 @@ pub(crate) struct WorkFailure {
 const LEASE: &str = "select id, token, job, worker, state, deadline_ms, nodes from leases where id = $1";
 
 fn record(row: &AnyRow) -> Result<LeaseRecord, StoreError> {
-    let nodes: Vec<[u32; 4]> = row.json("nodes")?;
     Ok(LeaseRecord {
         id: row.parsed("id")?,
         token: row.number("token")?,
@@ -127,8 +126,14 @@ fn record(row: &AnyRow) -> Result<LeaseRecord, StoreError> {
         worker: row.parsed("worker")?,
         state: row.word("state")?,
         deadline_ms: row.integer("deadline_ms")?,
-        nodes: nodes.into_iter().map(|[frame, tile, level, index]| NodeAddress { frame, tile, level, index }).collect(),
+        nodes: nodes_of(row)?,
     })
+}
+
+/// The nodes of a lease's row.
+pub(super) fn nodes_of(row: &AnyRow) -> Result<BTreeSet<NodeAddress>, StoreError> {
+    let nodes: Vec<[u32; 4]> = row.json("nodes")?;
+    Ok(nodes.into_iter().map(|[frame, tile, level, index]| NodeAddress { frame, tile, level, index }).collect())
 }
 
 /// The lease, if work may be brought under it now. Its worker counts as heard of.
@@ -225,10 +230,7 @@ impl Store {
                 .fetch_all(&mut *connection)
                 .await?;
                 for row in &expired {
-                    sqlx::query("update pending set lease = null where lease = $1")
-                        .bind(row.text("id")?)
-                        .execute(&mut *connection)
-                        .await?;
+                    free(connection, row.parsed("id")?).await?;
                 }
                 Ok(expired.len() as u64)
             })
@@ -255,14 +257,17 @@ impl Store {
         .await
     }
 
-    /// Drops leases that ended long ago.
+    /// Drops leases that ended long ago. Those of a job that goes on tell who may have rendered what.
     pub(crate) async fn prune_leases(&self, now_ms: i64) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
-                sqlx::query("delete from leases where state <> 'active' and deadline_ms < $1")
-                    .bind(now_ms - LEASES_KEPT_MS)
-                    .execute(connection)
-                    .await?;
+                sqlx::query(
+                    "delete from leases where state <> 'active' and deadline_ms < $1 \
+                     and job not in (select id from jobs where state in ('queued', 'running'))",
+                )
+                .bind(now_ms - LEASES_KEPT_MS)
+                .execute(connection)
+                .await?;
                 Ok(())
             })
         })
@@ -270,12 +275,19 @@ impl Store {
     }
 }
 
-/// Frees the pending rows of a lease and closes it.
-async fn release(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
-    sqlx::query("update pending set lease = null where lease = $1")
-        .bind(lease.to_string())
-        .execute(&mut *connection)
-        .await?;
+/// Lets go of what a lease has: of work, and of checks.
+async fn free(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    for statement in
+        ["update pending set lease = null where lease = $1", "update checks set lease = null where lease = $1"]
+    {
+        sqlx::query(statement).bind(lease.to_string()).execute(&mut *connection).await?;
+    }
+    Ok(())
+}
+
+/// Lets go of what a lease has, and closes it.
+pub(super) async fn release(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    free(connection, lease).await?;
     sqlx::query("update leases set state = 'returned' where id = $1")
         .bind(lease.to_string())
         .execute(connection)

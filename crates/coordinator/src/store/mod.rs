@@ -8,12 +8,14 @@
 
 mod accept;
 mod assets;
+mod checks;
 mod claim;
 mod events;
 mod jobs;
 mod keepers;
 mod leases;
 mod nodes;
+mod redo;
 mod rounds;
 mod row;
 mod schema;
@@ -30,6 +32,7 @@ use uuid::Uuid;
 use row::Columns;
 
 pub(crate) use accept::{DeliveredNode, Delivery};
+pub(crate) use checks::{Outcome, is_chosen};
 pub(crate) use claim::{ClaimTerms, Grant};
 pub(crate) use events::{StoredEvent, StoredKind};
 pub(crate) use jobs::{Ending, JobRecord, NewJob};

@@ -9,12 +9,9 @@ use clerestory_render_core::film::NodeAddress;
 use sqlx::any::AnyRow;
 
 use super::leases::address;
-use super::row::{Columns, big, bind_nodes, placeholders, to_json};
+use super::row::{Columns, MOST_ROWS, big, bind_nodes, placeholders, to_json};
 use super::{Connection, Store, StoreError};
 use crate::blobs::Place;
-
-/// Rows that one statement is about at most: an engine takes only so many parameters.
-const ROWS: usize = 1000;
 
 /// An accepted node.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,6 +58,13 @@ pub(crate) struct Removed {
     pub(crate) places: Vec<Place>,
     /// Blobs that hold no accepted node any more.
     pub(crate) blobs: Vec<String>,
+}
+
+impl AddAssign for Removed {
+    fn add_assign(&mut self, other: Self) {
+        self.places.extend(other.places);
+        self.blobs.extend(other.blobs);
+    }
 }
 
 fn work(row: &AnyRow) -> Result<Work, StoreError> {
@@ -122,9 +126,52 @@ pub(super) async fn discard(connection: &mut Connection, job: JobId, first_pass:
     removed(connection, rows.iter().map(place).collect::<Result<_, _>>()?).await
 }
 
+/// Takes out all nodes that share a pass with one of some others.
+pub(super) async fn take_out(
+    connection: &mut Connection,
+    job: JobId,
+    others: &BTreeSet<NodeAddress>,
+) -> Result<(Vec<NodeAddress>, Removed), StoreError> {
+    let mut by_tile: BTreeMap<(u32, u32), Vec<NodeAddress>> = BTreeMap::new();
+    for node in others {
+        by_tile.entry((node.frame, node.tile)).or_default().push(*node);
+    }
+    let tiles: Vec<(u32, u32)> = by_tile.keys().copied().collect();
+    let mut taken = Vec::new();
+    for tiles in tiles.chunks(MOST_ROWS) {
+        let statement = format!(
+            "select frame, tile, level, idx from nodes where job = $1 and (frame, tile) in (values {})",
+            placeholders(1, tiles.len(), 2)
+        );
+        let query = sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.to_string());
+        let query =
+            tiles.iter().flat_map(|(frame, tile)| [*frame, *tile]).fold(query, |query, n| query.bind(i64::from(n)));
+        for row in query.fetch_all(&mut *connection).await? {
+            let node = address(&row)?;
+            let others = by_tile.get(&(node.frame, node.tile));
+            if others.is_some_and(|others| others.iter().any(|other| other.overlaps(&node))) {
+                taken.push(node);
+            }
+        }
+    }
+    let mut places = Vec::with_capacity(taken.len());
+    for nodes in taken.chunks(MOST_ROWS) {
+        let statement = format!(
+            "delete from nodes where job = $1 and (frame, tile, level, idx) in (values {}) \
+             returning blob, blob_offset, blob_length",
+            placeholders(1, nodes.len(), 4)
+        );
+        let query = bind_nodes(sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.to_string()), nodes);
+        for row in query.fetch_all(&mut *connection).await? {
+            places.push(place(&row)?);
+        }
+    }
+    Ok((taken, removed(connection, places).await?))
+}
+
 /// Stores accepted nodes.
 pub(super) async fn insert(connection: &mut Connection, job: JobId, nodes: &[NodeRow]) -> Result<(), StoreError> {
-    for nodes in nodes.chunks(ROWS) {
+    for nodes in nodes.chunks(MOST_ROWS) {
         let statement = format!(
             "insert into nodes (job, frame, tile, level, idx, first_pass, end_pass, blob, blob_offset, blob_length, \
              counters, builds) values {}",
@@ -152,7 +199,7 @@ async fn replace(connection: &mut Connection, job: JobId, merges: &[Merge]) -> R
     let parents: BTreeMap<NodeAddress, usize> = children.iter().copied().collect();
     let mut sums = vec![(0, Work::default()); merges.len()];
     let mut places = Vec::with_capacity(children.len());
-    for children in children.chunks(ROWS) {
+    for children in children.chunks(MOST_ROWS) {
         let statement = format!(
             "delete from nodes where job = $1 and (frame, tile, level, idx) in (values {}) \
              returning frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds",
@@ -188,7 +235,7 @@ async fn removed(connection: &mut Connection, places: Vec<Place>) -> Result<Remo
     let mut blobs: BTreeSet<&str> = places.iter().map(|place| &*place.blob).collect();
     let all: Vec<String> = blobs.iter().map(|blob| (*blob).to_owned()).collect();
     let mut used = Vec::new();
-    for blobs in all.chunks(ROWS) {
+    for blobs in all.chunks(MOST_ROWS) {
         let numbers: Vec<String> = (1..=blobs.len()).map(|number| format!("${number}")).collect();
         let statement = format!("select distinct blob from nodes where blob in ({})", numbers.join(", "));
         let query = blobs.iter().fold(sqlx::query(sqlx::AssertSqlSafe(statement)), |query, blob| query.bind(blob));

@@ -3,6 +3,7 @@
 use clerestory_api::{ConvergencePoint, JobId, StopReason};
 use sqlx::any::AnyRow;
 
+use super::checks;
 use super::events::{self, StoredKind};
 use super::jobs::{self, Ending, JobRecord};
 use super::nodes::{self, Removed};
@@ -47,20 +48,22 @@ impl Store {
             core_ms = core_ms.saturating_add(wave.integer("core_ms")?);
             completed_ms = completed_ms.max(wave.optional_integer("completed_ms")?.unwrap_or(0));
         }
+        let checks = sqlx::query(checks::OPEN).bind(job.id.to_string()).bind(i64::from(job.rounds));
+        outstanding += checks.fetch_one(&self.readers).await?.integer("open")?;
         let complete = opened && outstanding == 0;
         Ok(complete.then_some(CompleteWave { round: job.rounds, passes, core_ms, completed_ms }))
     }
 
     /// Records a round, one point for each frame, and ends the job when that is the last one or has reached a target: all at
     /// once, so that whoever stops the coordinator, at whatever moment, finds the job ended at the same round. Answers `None`,
-    /// and changes nothing, when it has been recorded already or the job has failed.
+    /// and changes nothing, when it has been recorded already, nodes have been taken out since the job was read, or it has failed.
     pub(crate) async fn record_round(
         &self,
         job: &JobRecord,
         points: Vec<ConvergencePoint>,
         now_ms: i64,
     ) -> Result<Option<RecordedRound>, StoreError> {
-        let (id, round) = (job.id, job.rounds);
+        let (id, round, redone) = (job.id, job.rounds, job.redone_nodes);
         let passes = job.boundaries().end(round).unwrap_or(job.passes);
         let last = (passes == job.passes).then_some(StopReason::Samples);
         let reason = job.targets.reached(job.samples_per_block, &points).or(last);
@@ -68,11 +71,12 @@ impl Store {
             Box::pin(async move {
                 let recorded = sqlx::query(
                     "update jobs set rounds = rounds + 1, complete_passes = $3 \
-                     where id = $1 and rounds = $2 and state <> 'failed'",
+                     where id = $1 and rounds = $2 and redone_nodes = $4 and state <> 'failed'",
                 )
                 .bind(id.to_string())
                 .bind(i64::from(round))
                 .bind(i64::from(passes))
+                .bind(big(redone))
                 .execute(&mut *connection)
                 .await?;
                 if recorded.rows_affected() == 0 {

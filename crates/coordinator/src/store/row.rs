@@ -45,6 +45,12 @@ pub(super) trait Columns {
         serde_json::from_str(&value).map_err(|_| StoreError::Corrupt { column, value })
     }
 
+    /// A text that holds JSON, or null.
+    fn optional_json<T: DeserializeOwned>(&self, column: &'static str) -> Result<Option<T>, StoreError> {
+        let Some(value) = self.optional_text(column)? else { return Ok(None) };
+        serde_json::from_str(&value).map(Some).map_err(|_| StoreError::Corrupt { column, value })
+    }
+
     /// A word of an enumeration, spelled as on the wire.
     fn word<T: DeserializeOwned>(&self, column: &'static str) -> Result<T, StoreError> {
         read_word(column, self.text(column)?)
@@ -85,6 +91,9 @@ impl Columns for AnyRow {
         Ok(self.try_get(column)?)
     }
 }
+
+/// Rows that one statement is about at most: an engine takes only so many parameters.
+pub(super) const MOST_ROWS: usize = 1000;
 
 /// Placeholders for so many rows of so many columns, as `($1, $2), ($3, $4)`; the first has the number after `before`. A statement about many
 /// rows costs little more than one about one: most of it is the way to the database and back.

@@ -54,6 +54,7 @@ fn migrations() -> Vec<Migration> {
         migration(5, "coordinators", include_str!("../../migrations/0005_coordinators.sql")),
         migration(6, "places", include_str!("../../migrations/0006_places.sql")),
         migration(7, "repeats", include_str!("../../migrations/0007_repeats.sql")),
+        migration(8, "checks", include_str!("../../migrations/0008_checks.sql")),
     ]
 }
 

@@ -18,10 +18,17 @@ use super::{
 use crate::blobs::Place;
 use crate::stop::Targets;
 
+mod checks;
 mod model;
 mod stragglers;
 mod targets;
 
+use checks::{
+    a_check_that_nobody_can_do_does_not_hold_up_the_round, a_job_keeps_to_the_bits_that_it_was_begun_with,
+    a_round_that_was_measured_with_wrong_nodes_is_taken_back,
+    a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again,
+    checks_of_a_worker_that_is_gone_go_to_another, two_who_agree_end_a_check,
+};
 use stragglers::{
     a_node_is_not_leased_again_without_end, stragglers_do_not_hold_up_the_end,
     what_a_worker_sits_on_is_taken_over_and_the_first_result_wins,
@@ -38,7 +45,7 @@ const TTL_MS: i64 = 1000;
 /// A node that is on disk, with counters of its own.
 fn delivered(address: NodeAddress) -> DeliveredNode {
     let counters = Counters { rays: 1 + u64::from(address.index), ..Counters::default() };
-    DeliveredNode { address, place: place(&Uuid::now_v7().to_string(), 0), counters }
+    DeliveredNode { address, place: place(&Uuid::now_v7().to_string(), 0), counters, digest: None }
 }
 
 fn place(blob: &str, offset: u64) -> Place {
@@ -75,11 +82,19 @@ impl Farm {
     }
 
     async fn worker(&self) -> WorkerId {
+        self.worker_named("w").await.unwrap()
+    }
+
+    async fn worker_named(&self, name: &str) -> Result<WorkerId, WorkerError> {
+        self.worker_with(name, None).await
+    }
+
+    async fn worker_with(&self, name: &str, probe_digest: Option<&str>) -> Result<WorkerId, WorkerError> {
         let id = WorkerId::from(Uuid::now_v7());
-        let registration =
-            WorkerRegistration { name: "w".to_owned(), cores: 2, build: "b".to_owned(), probe_digest: None };
-        self.store.register_worker(id, registration, 0).await.unwrap();
-        id
+        let (name, build) = (name.to_owned(), "b".to_owned());
+        let registration = WorkerRegistration { name, cores: 2, build, probe_digest: probe_digest.map(str::to_owned) };
+        self.store.register_worker(id, registration, 0).await?;
+        Ok(id)
     }
 
     async fn job(&self, passes: u32) -> JobId {
@@ -129,8 +144,12 @@ impl Farm {
 
     async fn deliver(&self, grant: &Grant, nodes: &[NodeAddress], now_ms: i64) -> Result<Acceptance, LeaseError> {
         let nodes = nodes.iter().map(|address| delivered(*address)).collect();
-        let delivery = Delivery { lease: grant.lease.id, token: grant.lease.token, nodes, core_ms: 100, now_ms };
-        self.store.accept(delivery).await
+        self.bring(grant, nodes, now_ms).await
+    }
+
+    async fn bring(&self, grant: &Grant, nodes: Vec<DeliveredNode>, now_ms: i64) -> Result<Acceptance, LeaseError> {
+        let (lease, token) = (grant.lease.id, grant.lease.token);
+        self.store.accept(Delivery { lease, token, nodes, core_ms: 100, now_ms, alive_ms: now_ms - TTL_MS }).await
     }
 
     async fn addresses(&self, job: JobId) -> Vec<NodeAddress> {
@@ -292,8 +311,7 @@ async fn a_blob_is_needed_until_the_last_of_its_nodes_has_been_replaced(farm: Fa
     };
     let nodes: Vec<DeliveredNode> = children.iter().zip((0..).step_by(10)).map(together).collect();
     let places: Vec<Place> = nodes.iter().map(|node| node.place.clone()).collect();
-    let delivery = Delivery { lease: grant.lease.id, token: grant.lease.token, nodes, core_ms: 100, now_ms: 0 };
-    assert_eq!(farm.store.accept(delivery).await.unwrap().verdicts, [NodeVerdict::Accepted; 4]);
+    assert_eq!(farm.bring(&grant, nodes, 0).await.unwrap().verdicts, [NodeVerdict::Accepted; 4]);
     let rows = farm.store.nodes(job).await.unwrap();
     assert!(rows.iter().map(|row| &row.place).eq(&places));
 
@@ -407,7 +425,8 @@ async fn times_beyond_all_numbers_leave_the_farm_usable(farm: Farm) {
     let grant = farm.claim(worker, 256, 0).await.unwrap();
     for node in &grant.nodes {
         let (lease, token) = (grant.lease.id, grant.lease.token);
-        let delivery = Delivery { lease, token, nodes: vec![delivered(*node)], core_ms: i64::MAX, now_ms: 0 };
+        let delivery =
+            Delivery { lease, token, nodes: vec![delivered(*node)], core_ms: i64::MAX, now_ms: 0, alive_ms: 0 };
         farm.store.accept(delivery).await.unwrap();
     }
     for _ in 0..2 {
@@ -681,6 +700,12 @@ on_both! {
     a_blob_is_needed_until_the_last_of_its_nodes_has_been_replaced
     what_a_worker_sits_on_is_taken_over_and_the_first_result_wins
     a_node_is_not_leased_again_without_end
+    two_who_agree_end_a_check
+    a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again
+    a_round_that_was_measured_with_wrong_nodes_is_taken_back
+    a_check_that_nobody_can_do_does_not_hold_up_the_round
+    checks_of_a_worker_that_is_gone_go_to_another
+    a_job_keeps_to_the_bits_that_it_was_begun_with
     stragglers_do_not_hold_up_the_end
     returned_work_is_free_at_once_and_returning_twice_is_harmless
     a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has

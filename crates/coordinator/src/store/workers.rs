@@ -1,6 +1,6 @@
 //! Workers: who has registered, and when they were last heard of.
 
-use clerestory_api::{WorkerId, WorkerRegistration, WorkerState, WorkerView};
+use clerestory_api::{JobId, Quarantine, WorkerId, WorkerRegistration, WorkerState, WorkerView};
 use sqlx::Row;
 use sqlx::any::AnyRow;
 
@@ -16,6 +16,14 @@ pub(crate) enum WorkerError {
     /// It never registered here.
     #[error("there is no worker {0}")]
     Unknown(WorkerId),
+    /// What it renders is wrong.
+    #[error("the worker {worker} is quarantined: {reason}")]
+    Quarantined {
+        /// The worker.
+        worker: WorkerId,
+        /// Why.
+        reason: String,
+    },
     /// The database failed.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -34,41 +42,65 @@ const VIEW: &str = "select w.*, \
     from workers w";
 
 /// What a claim has to know of the worker that asks.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Claimant {
     /// Threads that render.
     pub(super) cores: u32,
+    /// Digest of its probe, empty if it sent none.
+    pub(super) probe_digest: String,
     /// Until when it is given no work, because what it brought could not be used.
     pub(super) rests_until_ms: i64,
+    /// Whether there are nodes to be checked.
+    pub(super) has_checks: bool,
 }
 
-/// Marks a worker as heard of.
+/// Marks a worker as heard of. One that is quarantined is told so.
 pub(super) async fn touch(connection: &mut Connection, worker: WorkerId, now_ms: i64) -> Result<Claimant, WorkerError> {
-    let row =
-        sqlx::query("update workers set seen_ms = $2 where id = $1 returning cores, failures_in_a_row, failed_ms")
-            .bind(worker.to_string())
-            .bind(now_ms)
-            .fetch_optional(connection)
-            .await?
-            .ok_or(WorkerError::Unknown(worker))?;
+    let row = sqlx::query(
+        "update workers set seen_ms = $2 where id = $1 \
+         returning cores, probe_digest, failures_in_a_row, failed_ms, quarantine, (select count(*) from (select 1 from checks limit 1) as any_check) as checks",
+    )
+    .bind(worker.to_string())
+    .bind(now_ms)
+    .fetch_optional(connection)
+    .await?
+    .ok_or(WorkerError::Unknown(worker))?;
+    if let Some(Quarantine { reason, .. }) = row.optional_json("quarantine")? {
+        return Err(WorkerError::Quarantined { worker, reason });
+    }
     let failures: u32 = row.number("failures_in_a_row")?;
     let rest_ms = match failures.checked_sub(1) {
         None => 0,
         Some(doublings) => (1000_i64 << doublings.min(10)).min(LONGEST_REST_MS),
     };
-    Ok(Claimant { cores: row.number("cores")?, rests_until_ms: row.integer("failed_ms")? + rest_ms })
+    Ok(Claimant {
+        cores: row.number("cores")?,
+        probe_digest: row.optional_text("probe_digest")?.unwrap_or_default(),
+        rests_until_ms: row.integer("failed_ms")? + rest_ms,
+        has_checks: row.integer("checks")? > 0,
+    })
 }
 
 impl Store {
-    /// Registers a worker.
+    /// Registers a worker. One that has the name of a quarantined one is not let in: it has been started again on the same machine.
     pub(crate) async fn register_worker(
         &self,
         id: WorkerId,
         registration: WorkerRegistration,
         now_ms: i64,
-    ) -> Result<(), StoreError> {
+    ) -> Result<(), WorkerError> {
         self.write(move |connection| {
             Box::pin(async move {
+                let known = sqlx::query(
+                    "select id, quarantine from workers where name = $1 and quarantine is not null order by id limit 1",
+                )
+                .bind(&registration.name)
+                .fetch_optional(&mut *connection)
+                .await?;
+                if let Some(known) = known {
+                    let Quarantine { reason, .. } = known.json("quarantine")?;
+                    return Err(WorkerError::Quarantined { worker: known.parsed("id")?, reason });
+                }
                 sqlx::query(
                     "insert into workers (id, name, cores, build, probe_digest, registered_ms, seen_ms) \
                      values ($1, $2, $3, $4, $5, $6, $6)",
@@ -87,6 +119,22 @@ impl Store {
         .await
     }
 
+    /// Gives work again to a worker that was quarantined, and to all of the same name.
+    pub(crate) async fn release_worker(&self, worker: WorkerId) -> Result<(), WorkerError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                let released = sqlx::query(
+                    "update workers set quarantine = null where name = (select name from workers where id = $1)",
+                )
+                .bind(worker.to_string())
+                .execute(connection)
+                .await?;
+                if released.rows_affected() == 0 { Err(WorkerError::Unknown(worker)) } else { Ok(()) }
+            })
+        })
+        .await
+    }
+
     /// Notes that a worker is alive.
     pub(crate) async fn touch_worker(&self, worker: WorkerId, now_ms: i64) -> Result<(), WorkerError> {
         self.write(move |connection| Box::pin(async move { touch(connection, worker, now_ms).await.map(|_| ()) })).await
@@ -97,29 +145,47 @@ impl Store {
     pub(crate) async fn workers(&self, since_ms: i64, silent_before_ms: i64) -> Result<Vec<WorkerView>, StoreError> {
         let query = format!("{VIEW} where seen_ms >= $1 order by registered_ms, id");
         let rows = sqlx::query(sqlx::AssertSqlSafe(query)).bind(since_ms).fetch_all(&self.readers).await?;
-        rows.iter().map(|row| view(row, silent_before_ms)).collect()
+        let pinned = self.pinned_jobs().await?;
+        rows.iter().map(|row| view(row, silent_before_ms, &pinned)).collect()
     }
 
     /// One worker.
     pub(crate) async fn worker(&self, worker: WorkerId, silent_before_ms: i64) -> Result<WorkerView, WorkerError> {
         let query = sqlx::query(sqlx::AssertSqlSafe(format!("{VIEW} where id = $1"))).bind(worker.to_string());
         let row = query.fetch_optional(&self.readers).await?.ok_or(WorkerError::Unknown(worker))?;
-        Ok(view(&row, silent_before_ms)?)
+        Ok(view(&row, silent_before_ms, &self.pinned_jobs().await?)?)
+    }
+
+    /// Jobs that are only for workers with a certain digest of the probe, with that.
+    async fn pinned_jobs(&self) -> Result<Vec<(JobId, String)>, StoreError> {
+        let rows = sqlx::query(
+            "select id, probe_digest from jobs where state in ('queued', 'running') and probe_digest is not null order by id",
+        )
+        .fetch_all(&self.readers)
+        .await?;
+        rows.iter().map(|row| Ok((row.parsed("id")?, row.text("probe_digest")?))).collect()
     }
 }
 
-fn view(row: &AnyRow, silent_before_ms: i64) -> Result<WorkerView, StoreError> {
+fn view(row: &AnyRow, silent_before_ms: i64, pinned: &[(JobId, String)]) -> Result<WorkerView, StoreError> {
     let cores: u32 = row.number("cores")?;
     let samples: u64 = row.number("samples")?;
     let core_ms = row.integer("core_ms")?;
     let seen_ms = row.integer("seen_ms")?;
     let leased_nodes: u32 = row.number("leased_nodes")?;
+    let quarantine: Option<Quarantine> = row.optional_json("quarantine")?;
     let state = match leased_nodes {
+        _ if quarantine.is_some() => WorkerState::Quarantined,
         _ if seen_ms < silent_before_ms => WorkerState::Silent,
         0 => WorkerState::Idle,
         _ => WorkerState::Rendering,
     };
+    let probe_digest = row.optional_text("probe_digest")?;
+    let own = probe_digest.as_deref().unwrap_or_default();
+    let passed_over = pinned.iter().filter(|(_, digest)| digest != own).map(|(job, _)| *job).collect();
     Ok(WorkerView {
+        probe_digest,
+        passed_over,
         id: row.parsed("id")?,
         name: row.try_get("name")?,
         cores,
@@ -132,6 +198,7 @@ fn view(row: &AnyRow, silent_before_ms: i64) -> Result<WorkerView, StoreError> {
         samples,
         core_ms,
         samples_per_second: rate(samples, core_ms, cores),
+        quarantine,
         registered_ms: row.integer("registered_ms")?,
         seen_ms,
     })

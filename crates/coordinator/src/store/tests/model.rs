@@ -162,6 +162,7 @@ impl Model {
             address: *address,
             place: place(&Uuid::now_v7().to_string(), 0),
             counters: Counters { rays: u64::from(address.passes().count), ..Counters::default() },
+            digest: None,
         };
         let delivery = Delivery {
             lease: held.lease.id,
@@ -169,6 +170,7 @@ impl Model {
             nodes: nodes.iter().map(bring).collect(),
             core_ms,
             now_ms: self.now_ms,
+            alive_ms: 0,
         };
         let leased: BTreeSet<NodeAddress> = held.nodes.iter().copied().collect();
         let answer = farm.store.accept(delivery).await;

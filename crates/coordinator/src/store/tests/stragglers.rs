@@ -142,6 +142,7 @@ async fn bring(farm: &Farm, grant: &Grant, nodes: &[NodeAddress], job: &JobRecor
     let core_ms = (samples as f64 / rate * 2000.0) as i64;
     let nodes: BTreeSet<NodeAddress> = nodes.iter().copied().collect();
     let nodes = nodes.into_iter().map(delivered).collect();
-    let delivery = Delivery { lease: grant.lease.id, token: grant.lease.token, nodes, core_ms, now_ms };
+    let (lease, token) = (grant.lease.id, grant.lease.token);
+    let delivery = Delivery { lease, token, nodes, core_ms, now_ms, alive_ms: 0 };
     samples - farm.store.accept(delivery).await.unwrap().samples
 }

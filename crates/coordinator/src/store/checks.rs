@@ -1,0 +1,346 @@
+//! Checks: a small part of all nodes is rendered by a second worker too, and both must have the same bits.
+//!
+//! Which nodes those are follows from their addresses, so that a node that is rendered again is checked again. When two workers disagree, a
+//! third decides: the odd one is quarantined, and [what it has rendered](super::redo) is rendered again. A round is not complete while nodes
+//! of it are to be checked. A check that nobody is left to do is given up.
+
+use std::collections::BTreeMap;
+
+use clerestory_api::{JobId, Quarantine, WorkerId};
+use clerestory_render_core::film::NodeAddress;
+use uuid::Uuid;
+
+use super::jobs::JobRecord;
+use super::leases::{self, LeaseRecord, address};
+use super::nodes::Removed;
+use super::row::{Columns, to_json};
+use super::{Connection, Store, StoreError, redo};
+
+/// Opinions with which a check ends, whatever they say.
+const MOST_OPINIONS: usize = 3;
+
+/// Whether a node is rendered by a second worker too, if `fraction` of all nodes are.
+pub(crate) fn is_chosen(job: JobId, node: &NodeAddress, fraction: f64) -> bool {
+    let NodeAddress { frame, tile, level, index } = *node;
+    let hash = blake3::hash(format!("check {job} {frame} {tile} {level} {index}").as_bytes());
+    let [a, b, c, d, ..] = *hash.as_bytes();
+    f64::from(u32::from_le_bytes([a, b, c, d])) < fraction * (f64::from(u32::MAX) + 1.0)
+}
+
+/// A node that is checked, as a worker brought it.
+#[derive(Clone, Debug)]
+pub(super) struct Brought {
+    /// The node.
+    pub(super) address: NodeAddress,
+    /// Hash of its bytes.
+    pub(super) digest: String,
+}
+
+/// What checks have come to.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Outcome {
+    /// Whether there are checks to be done.
+    pub(crate) has_work: bool,
+    /// Whether checks have ended.
+    pub(crate) has_ended: bool,
+    /// Workers that were found to be wrong, and why.
+    pub(crate) quarantined: Vec<(WorkerId, Quarantine)>,
+    /// Jobs of which nodes are rendered again.
+    pub(crate) redone: Vec<JobId>,
+    /// What has been taken out of their films.
+    pub(crate) removed: Removed,
+}
+
+/// A check that nobody was left to do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct GivenUp {
+    /// The job.
+    pub(crate) job: JobId,
+    /// The node.
+    pub(crate) node: NodeAddress,
+    /// Workers that disagree about it; one when nobody else has rendered it.
+    pub(crate) workers: Vec<WorkerId>,
+}
+
+/// Opens checks of nodes that have just been accepted, by their rounds, if another worker was heard of since `alive_ms`.
+pub(super) async fn open(
+    connection: &mut Connection,
+    lease: &LeaseRecord,
+    nodes: &[(i64, Brought)],
+    alive_ms: i64,
+) -> Result<Outcome, StoreError> {
+    let others =
+        sqlx::query("select count(*) as others from workers where id <> $1 and seen_ms >= $2 and quarantine is null")
+            .bind(lease.worker.to_string())
+            .bind(alive_ms)
+            .fetch_one(&mut *connection)
+            .await?;
+    if others.integer("others")? == 0 {
+        return Ok(Outcome::default());
+    }
+    for (round, node) in nodes {
+        let check = Uuid::now_v7().to_string();
+        let NodeAddress { frame, tile, level, index } = node.address;
+        sqlx::query("insert into checks (id, job, round, frame, tile, level, idx) values ($1, $2, $3, $4, $5, $6, $7)")
+            .bind(&check)
+            .bind(lease.job.to_string())
+            .bind(*round)
+            .bind(i64::from(frame))
+            .bind(i64::from(tile))
+            .bind(i64::from(level))
+            .bind(i64::from(index))
+            .execute(&mut *connection)
+            .await?;
+        give_opinion(connection, &check, lease.worker, &node.digest).await?;
+    }
+    Ok(Outcome { has_work: true, ..Outcome::default() })
+}
+
+/// Takes the opinions of a worker about nodes that it was leased to check. Others change nothing.
+pub(super) async fn answer(
+    connection: &mut Connection,
+    lease: &LeaseRecord,
+    nodes: &[Brought],
+    now_ms: i64,
+) -> Result<Outcome, StoreError> {
+    let mut outcome = Outcome::default();
+    let rows = sqlx::query("select id, frame, tile, level, idx from checks where lease = $1")
+        .bind(lease.id.to_string())
+        .fetch_all(&mut *connection)
+        .await?;
+    for row in rows {
+        let (check, node) = (row.text("id")?, address(&row)?);
+        let Some(brought) = nodes.iter().find(|brought| brought.address == node) else { continue };
+        if !is_leased(connection, &check, lease).await? {
+            // It went with what has just been found to be wrong.
+            continue;
+        }
+        give_opinion(connection, &check, lease.worker, &brought.digest).await?;
+        match judge(&opinions(connection, &check).await?) {
+            Judgement::Agreed => end(connection, &check).await?,
+            Judgement::Disputed => {
+                sqlx::query("update checks set lease = null where id = $1")
+                    .bind(&check)
+                    .execute(&mut *connection)
+                    .await?;
+                outcome.has_work = true;
+                continue;
+            }
+            Judgement::Odd(worker) => {
+                end(connection, &check).await?;
+                let why =
+                    format!("it rendered node ({node}) of job {} to other bits than two other workers", lease.job);
+                quarantine(connection, worker, why, now_ms, &mut outcome).await?;
+            }
+            Judgement::Unclear(workers) => {
+                end(connection, &check).await?;
+                let workers: Vec<String> = workers.iter().map(WorkerId::to_string).collect();
+                tracing::error!(job = %lease.job, %node, ?workers, "workers render a node to different bits, each to its own");
+            }
+        }
+        outcome.has_ended = true;
+    }
+    Ok(outcome)
+}
+
+/// Whether a check is still to be done under a lease.
+async fn is_leased(connection: &mut Connection, check: &str, lease: &LeaseRecord) -> Result<bool, StoreError> {
+    let row = sqlx::query("select 1 from checks where id = $1 and lease = $2")
+        .bind(check)
+        .bind(lease.id.to_string())
+        .fetch_optional(connection)
+        .await?;
+    Ok(row.is_some())
+}
+
+async fn give_opinion(
+    connection: &mut Connection,
+    check: &str,
+    worker: WorkerId,
+    digest: &str,
+) -> Result<(), StoreError> {
+    sqlx::query("insert into opinions (check_id, worker, digest) values ($1, $2, $3)")
+        .bind(check)
+        .bind(worker.to_string())
+        .bind(digest)
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// Who brought which bits, in order of the workers.
+async fn opinions(connection: &mut Connection, check: &str) -> Result<Vec<(WorkerId, String)>, StoreError> {
+    let rows = sqlx::query("select worker, digest from opinions where check_id = $1 order by worker")
+        .bind(check)
+        .fetch_all(connection)
+        .await?;
+    rows.iter().map(|row| Ok((row.parsed("worker")?, row.text("digest")?))).collect()
+}
+
+/// What opinions say.
+#[derive(Debug, PartialEq, Eq)]
+enum Judgement {
+    /// All are the same.
+    Agreed,
+    /// Two differ, and a third has to decide.
+    Disputed,
+    /// All but one are the same.
+    Odd(WorkerId),
+    /// No two are the same.
+    Unclear(Vec<WorkerId>),
+}
+
+fn judge(opinions: &[(WorkerId, String)]) -> Judgement {
+    let mut workers: BTreeMap<&str, Vec<WorkerId>> = BTreeMap::new();
+    for (worker, digest) in opinions {
+        workers.entry(digest).or_default().push(*worker);
+    }
+    let alone = workers.values().find_map(|workers| <[WorkerId; 1]>::try_from(workers.as_slice()).ok());
+    match (workers.len(), alone) {
+        (0 | 1, _) => Judgement::Agreed,
+        _ if opinions.len() < MOST_OPINIONS => Judgement::Disputed,
+        (2, Some([odd])) => Judgement::Odd(odd),
+        _ => Judgement::Unclear(opinions.iter().map(|(worker, _)| *worker).collect()),
+    }
+}
+
+async fn end(connection: &mut Connection, check: &str) -> Result<(), StoreError> {
+    sqlx::query("delete from checks where id = $1").bind(check).execute(connection).await?;
+    Ok(())
+}
+
+/// Gives a worker no work any more, and has rendered again what it may have rendered.
+async fn quarantine(
+    connection: &mut Connection,
+    worker: WorkerId,
+    reason: String,
+    now_ms: i64,
+    outcome: &mut Outcome,
+) -> Result<(), StoreError> {
+    let held = sqlx::query("select id from leases where worker = $1 and state = 'active'")
+        .bind(worker.to_string())
+        .fetch_all(&mut *connection)
+        .await?;
+    for lease in held {
+        leases::release(connection, lease.parsed("id")?).await?;
+    }
+    // What it thinks of other nodes does not count.
+    sqlx::query("delete from opinions where worker = $1").bind(worker.to_string()).execute(&mut *connection).await?;
+    let redone = redo::redo(connection, worker, now_ms).await?;
+    let quarantine = Quarantine { since_ms: now_ms, reason, ended_jobs: redone.ended };
+    sqlx::query("update workers set quarantine = $2 where id = $1")
+        .bind(worker.to_string())
+        .bind(to_json(&quarantine)?)
+        .execute(&mut *connection)
+        .await?;
+    // A check of its nodes that had no other opinion has none now.
+    sqlx::query("delete from checks where not exists (select 1 from opinions where check_id = checks.id)")
+        .execute(&mut *connection)
+        .await?;
+    outcome.has_work = true;
+    outcome.quarantined.push((worker, quarantine));
+    outcome.redone.extend(redone.jobs);
+    outcome.removed += redone.removed;
+    Ok(())
+}
+
+/// Nodes of a job that this worker is to check: those that nobody has, and with `held_before_ms` also those that another has held since
+/// before that.
+pub(super) async fn choose(
+    connection: &mut Connection,
+    job: &JobRecord,
+    worker: WorkerId,
+    most: u32,
+    held_before_ms: Option<i64>,
+) -> Result<Vec<NodeAddress>, StoreError> {
+    let rows = sqlx::query(
+        "select frame, tile, level, idx from checks where job = $1 \
+         and (lease is null or exists (select 1 from leases where id = checks.lease and granted_ms <= $4)) \
+         and not exists (select 1 from opinions where check_id = checks.id and worker = $2) \
+         order by round, frame, tile, idx limit $3",
+    )
+    .bind(job.id.to_string())
+    .bind(worker.to_string())
+    .bind(i64::from(most))
+    .bind(held_before_ms.unwrap_or(i64::MIN))
+    .fetch_all(connection)
+    .await?;
+    rows.iter().map(address).collect()
+}
+
+/// How many checks of a job, up to a round, have not come to an end.
+pub(super) const OPEN: &str = "select count(*) as open from checks where job = $1 and round <= $2";
+
+impl Store {
+    /// Gives up checks that no worker which was heard of since `alive_ms` can do, and answers them.
+    pub(crate) async fn give_up_checks(&self, alive_ms: i64) -> Result<Vec<GivenUp>, StoreError> {
+        if sqlx::query("select 1 from checks limit 1").fetch_optional(&self.readers).await?.is_none() {
+            return Ok(Vec::new());
+        }
+        self.write(move |connection| Box::pin(async move { give_up(connection, alive_ms).await })).await
+    }
+}
+
+async fn give_up(connection: &mut Connection, alive_ms: i64) -> Result<Vec<GivenUp>, StoreError> {
+    let rows = sqlx::query(
+        "select id, job, frame, tile, level, idx from checks where lease is null and not exists \
+         (select 1 from workers where seen_ms >= $1 and quarantine is null and not exists \
+          (select 1 from opinions where check_id = checks.id and worker = workers.id))",
+    )
+    .bind(alive_ms)
+    .fetch_all(&mut *connection)
+    .await?;
+    let mut given_up = Vec::with_capacity(rows.len());
+    for row in &rows {
+        let check = row.text("id")?;
+        let workers = opinions(connection, &check).await?.into_iter().map(|(worker, _)| worker).collect();
+        end(connection, &check).await?;
+        given_up.push(GivenUp { job: row.parsed("job")?, node: address(row)?, workers });
+    }
+    Ok(given_up)
+}
+
+/// Ends all checks of what shares a pass with one of some nodes.
+pub(super) async fn forget(connection: &mut Connection, job: JobId, nodes: &[NodeAddress]) -> Result<(), StoreError> {
+    let rows = sqlx::query("select id, frame, tile, level, idx from checks where job = $1")
+        .bind(job.to_string())
+        .fetch_all(&mut *connection)
+        .await?;
+    for row in &rows {
+        let checked = address(row)?;
+        if nodes.iter().any(|node| node.overlaps(&checked)) {
+            end(connection, &row.text("id")?).await?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hundredth_of_all_nodes_is_chosen() {
+        let job = JobId::from(Uuid::nil());
+        let chosen = |fraction: f64| {
+            let nodes = (0..100_000).map(|tile| NodeAddress { frame: 0, tile, level: 0, index: 3 });
+            nodes.filter(|node| is_chosen(job, node, fraction)).count()
+        };
+        // Of 100 000 draws, 1000 and at most five standard errors of 31.5.
+        assert!((843..=1157).contains(&chosen(0.01)), "{}", chosen(0.01));
+        assert_eq!((chosen(0.0), chosen(1.0)), (0, 100_000));
+    }
+
+    #[test]
+    fn the_odd_one_of_three_is_found() {
+        let [a, b, c] = [1, 2, 3].map(|number| WorkerId::from(Uuid::from_u128(number)));
+        let judged = |digests: &[(WorkerId, &str)]| {
+            judge(&digests.iter().map(|(worker, digest)| (*worker, (*digest).to_owned())).collect::<Vec<_>>())
+        };
+        assert_eq!(judged(&[(a, "x"), (b, "x")]), Judgement::Agreed);
+        assert_eq!(judged(&[(a, "x"), (b, "y")]), Judgement::Disputed);
+        assert_eq!(judged(&[(a, "x"), (b, "y"), (c, "x")]), Judgement::Odd(b));
+        assert_eq!(judged(&[(a, "x"), (b, "y"), (c, "y")]), Judgement::Odd(a));
+        assert_eq!(judged(&[(a, "x"), (b, "y"), (c, "z")]), Judgement::Unclear(vec![a, b, c]));
+    }
+}

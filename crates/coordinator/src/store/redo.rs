@@ -1,0 +1,144 @@
+//! What a worker has rendered that turned out to be wrong is rendered again.
+//!
+//! Its leases tell which nodes may be its own; what others brought of them in the end is rendered again too, and so is what was merged with
+//! them. Rounds that were measured with them are taken back: the points of the series go, and the last round is recorded again when its
+//! passes are complete again. Earlier ones stay out, since the film has been merged across their ends. A job that has ended keeps its image, and is
+//! named.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use clerestory_api::{JobId, WorkerId};
+use clerestory_render_core::film::{NodeAddress, PassRange};
+
+use super::claim::insert_pending;
+use super::events::{self, StoredKind};
+use super::jobs::{self, JobRecord};
+use super::leases::nodes_of;
+use super::nodes::{self, Removed, ends};
+use super::row::{Columns, big};
+use super::{Connection, StoreError, checks};
+use crate::schedule::cut;
+
+/// What is rendered again.
+#[derive(Debug, Default)]
+pub(super) struct Redone {
+    /// Jobs of which nodes are.
+    pub(super) jobs: Vec<JobId>,
+    /// What has been taken out of their films.
+    pub(super) removed: Removed,
+    /// Jobs that have ended, with work of the worker in their images.
+    pub(super) ended: Vec<JobId>,
+}
+
+/// Takes all that a worker may have rendered out of the films of the jobs that have not ended, and back into the queue.
+pub(super) async fn redo(connection: &mut Connection, worker: WorkerId, now_ms: i64) -> Result<Redone, StoreError> {
+    let rows = sqlx::query("select job, nodes from leases where worker = $1")
+        .bind(worker.to_string())
+        .fetch_all(&mut *connection)
+        .await?;
+    let mut leased: BTreeMap<JobId, BTreeSet<NodeAddress>> = BTreeMap::new();
+    for row in &rows {
+        leased.entry(row.parsed("job")?).or_default().extend(nodes_of(row)?);
+    }
+    let mut redone = Redone::default();
+    for (id, leased) in leased {
+        let Some(job) = jobs::job_in(connection, id).await? else { continue };
+        if job.state.is_final() {
+            redone.ended.push(id);
+            continue;
+        }
+        let (taken, removed) = nodes::take_out(connection, id, &leased).await?;
+        if taken.is_empty() {
+            continue;
+        }
+        redone.removed += removed;
+        checks::forget(connection, id, &taken).await?;
+        // As finely as work was given to it.
+        let largest_level = leased.iter().map(|node| node.level).max().unwrap_or(0);
+        requeue(connection, &job, &taken, largest_level).await?;
+        take_back_rounds(connection, &job, &taken).await?;
+        events::record(connection, StoredKind::Job, id, now_ms).await?;
+        redone.jobs.push(id);
+    }
+    Ok(redone)
+}
+
+/// Puts the passes of nodes back into the queue, cut at the ends of rounds.
+async fn requeue(
+    connection: &mut Connection,
+    job: &JobRecord,
+    taken: &[NodeAddress],
+    largest_level: u32,
+) -> Result<(), StoreError> {
+    let mut pending = Vec::new();
+    let mut passes: BTreeMap<(u32, u32), i64> = BTreeMap::new();
+    for node in taken {
+        for (round, range) in rounds_of(job, node) {
+            *passes.entry((node.frame, round)).or_default() += i64::from(range.count);
+            let addresses = cut(range, largest_level).map(|(level, index)| NodeAddress { level, index, ..*node });
+            pending.extend(addresses.map(|address| (round, address)));
+        }
+    }
+    insert_pending(connection, job, &pending).await?;
+    for ((frame, round), passes) in passes {
+        sqlx::query(
+            "update waves set outstanding = outstanding + $4, completed_ms = null where job = $1 and frame = $2 and round = $3",
+        )
+        .bind(job.id.to_string())
+        .bind(i64::from(frame))
+        .bind(i64::from(round))
+        .bind(passes)
+        .execute(&mut *connection)
+        .await?;
+    }
+    let samples: u64 = taken.iter().map(|node| job.node_samples(node)).sum();
+    // The film has changed: so does the number by which its images are told apart.
+    sqlx::query(
+        "update jobs set samples = samples - $2, redone_nodes = redone_nodes + $3, accepted_nodes = accepted_nodes + 1 \
+         where id = $1",
+    )
+    .bind(job.id.to_string())
+    .bind(big(samples))
+    .bind(big(taken.len() as u64))
+    .execute(connection)
+    .await?;
+    Ok(())
+}
+
+/// The passes of a node by rounds.
+fn rounds_of(job: &JobRecord, node: &NodeAddress) -> impl Iterator<Item = (u32, PassRange)> + use<> {
+    let (passes, boundaries) = (node.passes(), job.boundaries());
+    let end = passes.first + passes.count;
+    (0..).map_while(move |round| Some((round, boundaries.wave(round)?))).filter_map(move |(round, wave)| {
+        let first = wave.first.max(passes.first);
+        let count = (wave.first + wave.count).min(end).checked_sub(first).filter(|count| *count > 0)?;
+        Some((round, PassRange { first, count }))
+    })
+}
+
+/// Takes back the points that were measured with some nodes, and the last round, if that is one of them.
+async fn take_back_rounds(
+    connection: &mut Connection,
+    job: &JobRecord,
+    taken: &[NodeAddress],
+) -> Result<(), StoreError> {
+    let first_pass = taken.iter().map(|node| ends(node)[0]).min().unwrap_or(i64::MAX);
+    let Some(last) = job.rounds.checked_sub(1).filter(|_| first_pass < i64::from(job.complete_passes)) else {
+        return Ok(());
+    };
+    let boundaries = job.boundaries();
+    let affected = (0..=last).find(|round| boundaries.end(*round).is_some_and(|end| first_pass < i64::from(end)));
+    sqlx::query("delete from rounds where job = $1 and round >= $2")
+        .bind(job.id.to_string())
+        .bind(i64::from(affected.unwrap_or(last)))
+        .execute(&mut *connection)
+        .await?;
+    let complete_passes = last.checked_sub(1).and_then(|round| boundaries.end(round)).unwrap_or(0);
+    sqlx::query("update jobs set rounds = $2, complete_passes = $3 where id = $1")
+        .bind(job.id.to_string())
+        .bind(i64::from(last))
+        .bind(i64::from(complete_passes))
+        .execute(connection)
+        .await?;
+    Ok(())
+}

@@ -1,0 +1,239 @@
+//! Nodes that a second worker renders too, and what follows when the bits differ.
+
+use clerestory_api::{ConvergencePoint, JobId, NodeVerdict, WorkerId, WorkerState};
+use clerestory_render_core::film::NodeAddress;
+
+use super::{DeliveredNode, Farm, Grant, Merge, TTL_MS, WorkerError, delivered, merge, place};
+use crate::store::Outcome;
+
+/// Nodes with these bits, all of which are checked.
+fn with_bits(nodes: &[NodeAddress], bits: &str) -> Vec<DeliveredNode> {
+    let node =
+        |address: &NodeAddress| DeliveredNode { digest: Some(format!("{address} {bits}")), ..delivered(*address) };
+    nodes.iter().map(node).collect()
+}
+
+async fn bring(farm: &Farm, grant: &Grant, bits: &str, now_ms: i64) -> Outcome {
+    farm.bring(grant, with_bits(&grant.nodes, bits), now_ms).await.unwrap().checks
+}
+
+async fn named<const N: usize>(farm: &Farm, names: [&str; N]) -> [WorkerId; N] {
+    let mut workers = Vec::new();
+    for name in names {
+        workers.push(farm.worker_named(name).await.unwrap());
+    }
+    workers.try_into().unwrap()
+}
+
+async fn redone(farm: &Farm, job: JobId) -> u64 {
+    farm.store.job(job).await.unwrap().unwrap().redone_nodes
+}
+
+pub(super) async fn two_who_agree_end_a_check(farm: Farm) {
+    let job = farm.job(1).await;
+    let [first, second] = named(&farm, ["a", "b"]).await;
+    let all = farm.claim(first, 100, 0).await.unwrap();
+    assert!(bring(&farm, &all, "right", 0).await.has_work);
+    assert_eq!(farm.next_wave(job).await, None, "its nodes are not checked");
+    assert!(farm.claim(first, 100, 0).await.is_none(), "nobody checks what it has rendered itself");
+    let check = farm.claim(second, 4, 0).await.unwrap();
+    assert_eq!(check.nodes, all.nodes[..4]);
+    let answer = farm.bring(&check, with_bits(&check.nodes, "right"), 0).await.unwrap();
+    assert_eq!((answer.verdicts, answer.outstanding), (vec![NodeVerdict::Duplicate; 4], 0));
+    assert!(answer.checks.has_ended && answer.checks.quarantined.is_empty());
+    assert_eq!(farm.next_wave(job).await, None, "some of its nodes are not checked");
+    let rest = farm.claim(second, 100, 0).await.unwrap();
+    assert_eq!(rest.nodes, all.nodes[4..]);
+    bring(&farm, &rest, "right", 0).await;
+    assert!(farm.next_wave(job).await.is_some());
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    assert_eq!((record.samples, record.accepted_nodes), (record.total_samples(), 15), "a check is no progress");
+}
+
+pub(super) async fn a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again(farm: Farm) {
+    let job = farm.job(1).await;
+    let ended = farm.job(1).await;
+    let [good, wrong, third] = named(&farm, ["good", "wrong", "third"]).await;
+    let some = farm.claim(good, 5, 0).await.unwrap();
+    let others = farm.claim(wrong, 100, 0).await.unwrap();
+    let elsewhere = farm.claim(wrong, 1, 0).await.unwrap();
+    assert_eq!(elsewhere.lease.job, ended);
+    farm.deliver(&elsewhere, &elsewhere.nodes, 0).await.unwrap();
+    let held = farm.claim(wrong, 1, 0).await.unwrap();
+    farm.store.end_job(ended, crate::store::Ending::Cancelled, 0).await.unwrap();
+    farm.deliver(&some, &some.nodes, 0).await.unwrap();
+    bring(&farm, &others, "wrong", 0).await;
+
+    let check = farm.claim(good, 2, 0).await.unwrap();
+    assert_eq!(check.nodes, others.nodes[..2]);
+    let disputed = bring(&farm, &check, "right", 0).await;
+    assert!(disputed.has_work && disputed.quarantined.is_empty(), "one of the two is wrong");
+    let decision = farm.claim(third, 2, 0).await.unwrap();
+    assert_eq!(decision.nodes, others.nodes[..2]);
+    let outcome = bring(&farm, &decision, "right", 7).await;
+    let [(found, quarantine)] = outcome.quarantined.as_slice() else { panic!("{outcome:?}") };
+    assert_eq!((*found, quarantine.since_ms, quarantine.ended_jobs.as_slice()), (wrong, 7, &[ended][..]));
+    assert!(quarantine.reason.contains(&job.to_string()), "{}", quarantine.reason);
+    assert_eq!((outcome.redone.as_slice(), outcome.removed.places.len()), (&[job][..], 10));
+    assert_eq!(farm.addresses(job).await, some.nodes, "nothing of it is left");
+    assert_eq!(redone(&farm, job).await, 10);
+
+    let refused = farm.store.touch_worker(wrong, 8).await;
+    assert!(matches!(refused, Err(WorkerError::Quarantined { worker, .. }) if worker == wrong), "{refused:?}");
+    assert!(matches!(farm.worker_named("wrong").await, Err(WorkerError::Quarantined { .. })), "by another identity");
+    assert!(farm.deliver(&held, &held.nodes, 8).await.is_err());
+    let view = farm.store.worker(wrong, 0).await.unwrap();
+    assert_eq!((view.state, view.quarantine.as_ref()), (WorkerState::Quarantined, Some(quarantine)));
+
+    let again = farm.claim(good, 100, 9).await.unwrap();
+    assert_eq!(again.nodes, others.nodes);
+    bring(&farm, &again, "right", 9).await;
+    let check = farm.claim(third, 100, 9).await.unwrap();
+    assert_eq!(check.nodes, others.nodes, "what is rendered again is checked again");
+    bring(&farm, &check, "right", 9).await;
+    assert!(farm.next_wave(job).await.is_some());
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    assert_eq!(record.samples, record.total_samples());
+
+    farm.store.release_worker(wrong).await.unwrap();
+    assert!(farm.store.touch_worker(wrong, 9).await.is_ok() && farm.worker_named("wrong").await.is_ok());
+}
+
+pub(super) async fn a_round_that_was_measured_with_wrong_nodes_is_taken_back(farm: Farm) {
+    let job = farm.job(4).await;
+    let [good, wrong, third] = named(&farm, ["good", "wrong", "third"]).await;
+    for round in 0..2 {
+        // The first tile is rendered by one who is found to be wrong later.
+        let first = farm.claim(wrong, 1, 0).await.unwrap();
+        assert_eq!(first.nodes, [NodeAddress { frame: 0, tile: 0, level: 0, index: round }]);
+        farm.deliver(&first, &first.nodes, 0).await.unwrap();
+        let rest = farm.claim(good, 14, 0).await.unwrap();
+        farm.deliver(&rest, &rest.nodes, 0).await.unwrap();
+        record(&farm, job, round).await;
+    }
+    let children = |tile| NodeAddress { frame: 0, tile, level: 1, index: 0 };
+    let merged: Vec<Merge> = (0..15).map(|tile| merge(children(tile), place("merged", u64::from(tile) * 10))).collect();
+    farm.store.replace(job, merged).await.unwrap();
+
+    let stale = farm.store.job(job).await.unwrap().unwrap();
+    let last = farm.claim(wrong, 1, 0).await.unwrap();
+    bring(&farm, &last, "wrong", 0).await;
+    for worker in [good, third] {
+        let check = farm.claim(worker, 1, 0).await.unwrap();
+        assert_eq!(check.nodes, last.nodes);
+        bring(&farm, &check, "right", 0).await;
+    }
+    let job_record = farm.store.job(job).await.unwrap().unwrap();
+    assert_eq!((job_record.rounds, job_record.complete_passes), (1, 1), "the last round is recorded again");
+    assert!(farm.store.convergence(job).await.unwrap().is_empty(), "both were measured with it");
+    assert_eq!(redone(&farm, job).await, 2, "two passes in one node, and the last");
+    assert_eq!(farm.next_wave(job).await, None);
+
+    let again = farm.claim(good, 2, 0).await.unwrap();
+    let passes = [0, 1].map(|index| NodeAddress { frame: 0, tile: 0, level: 0, index });
+    assert_eq!(again.nodes, passes, "cut where rounds end, and first");
+    farm.deliver(&again, &again.nodes, 0).await.unwrap();
+    let wave = farm.next_wave(job).await.unwrap();
+    assert_eq!((wave.round, wave.passes), (1, 2));
+    let point = point(1);
+    let late = farm.store.record_round(&stale, vec![point.clone()], 0).await.unwrap();
+    assert_eq!(late, None, "it was measured before nodes were taken out");
+    let job_record = farm.store.job(job).await.unwrap().unwrap();
+    assert!(farm.store.record_round(&job_record, vec![point], 0).await.unwrap().is_some());
+}
+
+fn point(round: u32) -> ConvergencePoint {
+    ConvergencePoint {
+        frame: 0,
+        round,
+        passes: 1 << round,
+        samples_per_pixel: 4 << round,
+        core_ms: 0,
+        wall_ms: 0,
+        recorded_ms: 0,
+        mse: None,
+        corrected_mse: None,
+        rel_mse: None,
+        psnr: None,
+        estimated_mse: None,
+    }
+}
+
+async fn record(farm: &Farm, job: JobId, round: u32) {
+    assert!(farm.next_wave(job).await.is_some());
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    farm.store.record_round(&record, vec![point(round)], 0).await.unwrap().unwrap();
+}
+
+pub(super) async fn a_check_that_nobody_can_do_does_not_hold_up_the_round(farm: Farm) {
+    let job = farm.job(1).await;
+    let alone = farm.worker_named("alone").await.unwrap();
+    let late = 10 * TTL_MS;
+    let some = farm.claim(alone, 7, 0).await.unwrap();
+    assert!(!bring(&farm, &some, "bits", 0).await.has_work, "nobody is there to check");
+    // Another is there for a while, and gets nothing to do before it goes.
+    let other = farm.worker_named("other").await.unwrap();
+    farm.store.touch_worker(other, late).await.unwrap();
+    let rest = farm.claim(alone, 100, late).await.unwrap();
+    assert!(bring(&farm, &rest, "bits", late).await.has_work);
+    assert!(farm.store.give_up_checks(late).await.unwrap().is_empty(), "the other may still do them");
+    assert_eq!(farm.next_wave(job).await, None);
+    let given_up = farm.store.give_up_checks(late + 1).await.unwrap();
+    assert_eq!(given_up.len(), 8);
+    assert!(given_up.iter().all(|given_up| given_up.workers == [alone]));
+    assert!(farm.next_wave(job).await.is_some());
+
+    let job = farm.job(1).await;
+    let all = farm.claim(alone, 100, late).await.unwrap();
+    bring(&farm, &all, "bits", late).await;
+    let check = farm.claim(other, 100, late).await.unwrap();
+    bring(&farm, &check, "others", late).await;
+    assert_eq!(farm.next_wave(job).await, None, "a third has to decide");
+    let given_up = farm.store.give_up_checks(late).await.unwrap();
+    assert!(given_up.len() == 15 && given_up.iter().all(|given_up| given_up.workers == [alone, other]));
+    assert!(farm.next_wave(job).await.is_some());
+}
+
+pub(super) async fn checks_of_a_worker_that_is_gone_go_to_another(farm: Farm) {
+    farm.job(1).await;
+    let [first, second, third] = named(&farm, ["a", "b", "c"]).await;
+    let all = farm.claim(first, 100, 0).await.unwrap();
+    bring(&farm, &all, "right", 0).await;
+    let lost = farm.claim(second, 5, 0).await.unwrap();
+    farm.store.renew(lost.lease.id, lost.lease.token, 0, 5 * TTL_MS).await.unwrap();
+    let rest = farm.claim(third, 100, 0).await.unwrap();
+    bring(&farm, &rest, "right", 0).await;
+    assert!(farm.claim(third, 100, 999).await.is_none(), "it may still be at it");
+    let taken = farm.claim(third, 5, 1000).await.unwrap();
+    assert_eq!(taken.nodes, lost.nodes, "it has been at it for longer than a lease should take");
+    assert!(!bring(&farm, &lost, "other", 1001).await.has_ended, "it is too late");
+    assert!(bring(&farm, &taken, "right", 1002).await.has_ended);
+    assert_eq!(all.nodes.len(), lost.nodes.len() + rest.nodes.len());
+
+    farm.job(1).await;
+    let all = farm.claim(first, 100, 2000).await.unwrap();
+    bring(&farm, &all, "right", 2000).await;
+    let lost = farm.claim(second, 100, 2000).await.unwrap();
+    farm.store.expire_leases(2000 + TTL_MS).await.unwrap();
+    assert_eq!(farm.claim(third, 100, 2000 + TTL_MS).await.unwrap().nodes, lost.nodes);
+}
+
+pub(super) async fn a_job_keeps_to_the_bits_that_it_was_begun_with(farm: Farm) {
+    let older = farm.job(1).await;
+    let newer = farm.job(1).await;
+    let mut workers = Vec::new();
+    for digest in [Some("x"), Some("y"), None, Some("x")] {
+        workers.push(farm.worker_with("w", digest).await.unwrap());
+    }
+    let [x, y, none, other_x] = workers.try_into().unwrap();
+    assert_eq!(farm.claim(x, 1, 0).await.unwrap().lease.job, older);
+    assert_eq!(farm.claim(y, 1, 0).await.unwrap().lease.job, newer);
+    assert_eq!(farm.claim(y, 1, 0).await.unwrap().lease.job, newer);
+    assert!(farm.claim(none, 1, 0).await.is_none());
+    assert_eq!(farm.claim(other_x, 100, 0).await.unwrap().lease.job, older);
+    assert!(farm.claim(other_x, 1, 0).await.is_none());
+    let store = &farm.store;
+    let passed_over = |id| async move { store.worker(id, 0).await.unwrap().passed_over };
+    assert_eq!((passed_over(x).await, passed_over(y).await), (vec![newer], vec![older]));
+    assert_eq!(passed_over(none).await, [older, newer]);
+}
