@@ -20,8 +20,8 @@ const ARROWS: [(&str, &[&str]); 5] = [
 const TEST_SERVERS: &str = "clerestory-test-servers";
 
 /// The render core computes. These would let it wait, listen, store, or read the time.
-const FOREIGN_TO_RENDER_CORE: [&str; 8] =
-    ["tokio", "reqwest", "axum", "hyper", "sqlx", "object_store", "chrono", "time"];
+const FOREIGN_TO_RENDER_CORE: [&str; 9] =
+    ["tokio", "reqwest", "axum", "hyper", "rusqlite", "sqlx", "object_store", "chrono", "time"];
 
 /// What the coordinator may use of the render core: it merges and validates, and never renders.
 const RENDER_CORE_MODULES_OF_COORDINATOR: [&str; 3] = ["counters", "film", "scene"];

@@ -98,7 +98,7 @@ pub(crate) enum Failure {
     Spawn(#[source] io::Error),
     /// A database that is measured cannot be used.
     #[error("cannot measure the database")]
-    Database(#[source] sqlx::Error),
+    Database(#[source] Box<dyn Error + Send + Sync>),
     /// The speed of HTTP cannot be measured.
     #[error("an exchange with a server of this process failed")]
     Echo(#[source] reqwest::Error),

@@ -155,7 +155,7 @@ pub async fn run(
 pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, Bells), RunError> {
     let directory = config.data_directory.clone();
     let file = directory.join("farm.sqlite");
-    let source = config.database.as_ref().map_or_else(|| Source::file(&file), Source::postgres);
+    let source = config.database.as_ref().map_or_else(|| Ok(Source::file(&file)), Source::postgres);
     let source = source.map_err(|source| RunError::DatabaseAddress { source })?;
     let database = source.name().to_owned();
     let store = Store::open(source).await?;

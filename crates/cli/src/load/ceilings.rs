@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use sqlx::postgres::PgConnectOptions;
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
 use sqlx::{ConnectOptions, Connection, Executor, PgConnection, Row};
 
 use crate::failure::Failure;
@@ -48,19 +47,19 @@ pub(super) struct Ceilings {
 impl Ceilings {
     /// Measures in `folder`, and in the database at this address.
     pub(super) async fn measure(folder: &Path, database: Option<&str>) -> Result<Self, Failure> {
-        let sqlite = sqlite_commits(&folder.join("commits.sqlite")).await.map_err(Failure::Database)?;
         let postgres = match database {
-            Some(url) => Some(postgres_commits(url).await.map_err(Failure::Database)?),
+            Some(url) => Some(postgres_commits(url).await.map_err(database_failure)?),
             None => None,
         };
         let folder = folder.to_owned();
         let rest = tokio::task::spawn_blocking(move || {
-            Ok::<_, Failure>((appends(&folder.join("appends"))?, disk(&folder.join("row"))?, memory()))
+            let commits = sqlite_commits(&folder.join("commits.sqlite")).map_err(database_failure)?;
+            Ok::<_, Failure>((commits, appends(&folder.join("appends"))?, disk(&folder.join("row"))?, memory()))
         });
-        let (appends, disk, memory) =
+        let (commits, appends, disk, memory) =
             rest.await.map_err(|panic| Failure::Job(format!("a measurement failed: {panic}")))??;
         Ok(Self {
-            sqlite_commits_per_second: sqlite,
+            sqlite_commits_per_second: commits,
             postgres_commits_per_second: postgres,
             synced_appends_per_second: appends,
             disk_megabytes_per_second: disk,
@@ -90,25 +89,27 @@ pub(super) async fn database_bytes(url: &str) -> Result<u64, Failure> {
         connection.close().await?;
         row.try_get::<i64, _>("bytes")
     };
-    Ok(measured.await.map_err(Failure::Database)?.unsigned_abs())
+    let bytes: Result<i64, sqlx::Error> = measured.await;
+    Ok(bytes.map_err(database_failure)?.unsigned_abs())
 }
 
-async fn sqlite_commits(file: &Path) -> Result<f64, sqlx::Error> {
-    let options = SqliteConnectOptions::new()
-        .filename(file)
-        .create_if_missing(true)
-        .journal_mode(SqliteJournalMode::Wal)
-        .synchronous(SqliteSynchronous::Full);
-    let mut connection = options.connect().await?;
-    connection.execute("create table commits (number bigint primary key)").await?;
+/// A database that was measured failed.
+fn database_failure(error: impl std::error::Error + Send + Sync + 'static) -> Failure {
+    Failure::Database(Box::new(error))
+}
+
+fn sqlite_commits(file: &Path) -> Result<f64, rusqlite::Error> {
+    let connection = rusqlite::Connection::open(file)?;
+    connection.execute_batch(
+        "pragma journal_mode = wal; pragma synchronous = full; create table commits (number bigint primary key)",
+    )?;
     let (start, mut commits) = (Instant::now(), 0_i64);
+    let mut insert = connection.prepare("insert into commits (number) values (?1)")?;
     while start.elapsed() < TIME {
         commits += 1;
-        sqlx::query("insert into commits (number) values ($1)").bind(commits).execute(&mut connection).await?;
+        insert.execute([commits])?;
     }
-    let rate = commits as f64 / start.elapsed().as_secs_f64();
-    connection.close().await?;
-    Ok(rate)
+    Ok(commits as f64 / start.elapsed().as_secs_f64())
 }
 
 async fn postgres_commits(url: &str) -> Result<f64, sqlx::Error> {

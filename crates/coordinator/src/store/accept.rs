@@ -17,7 +17,8 @@ use super::checks::{self, Brought, Outcome};
 use super::jobs;
 use super::leases::{self, LeaseError, LeaseRecord, address};
 use super::nodes::{self, NodeRow, Work};
-use super::row::{Columns, big, bind_nodes, placeholders};
+use super::row::{big, nodes_json, nodes_of, to_json};
+use super::sql::{Kind, query, rows_of};
 use super::{Connection, Store, StoreError};
 use crate::blobs::Place;
 
@@ -119,7 +120,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
         let answered = checks::answer(connection, &lease, &checked, delivery.now_ms).await?;
         checks = Outcome { has_work: checks.has_work || answered.has_work, ..answered };
     }
-    let outstanding = sqlx::query(
+    let outstanding = query(
         "select (select count(*) from pending where lease = $1) + (select count(*) from checks where lease = $1) \
          as outstanding",
     )
@@ -128,7 +129,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     .await?
     .number("outstanding")?;
     if outstanding == 0 {
-        sqlx::query("update leases set state = 'complete' where id = $1 and state = 'active'")
+        query("update leases set state = 'complete' where id = $1 and state = 'active'")
             .bind(delivery.lease.to_string())
             .execute(connection)
             .await?;
@@ -214,14 +215,11 @@ async fn covered(connection: &mut Connection, job: JobId, nodes: &[DeliveredNode
         return Ok(covered);
     }
     let statement = format!(
-        "select frame, tile, first_pass, end_pass from nodes where job = $1 and (frame, tile) in (values {})",
-        placeholders(1, tiles.len(), 2)
+        "select frame, tile, first_pass, end_pass from nodes where job = $1 and (frame, tile) in {}",
+        rows_of(connection.engine(), 2, &[Kind::Integer; 2])
     );
-    let mut query = sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.to_string());
-    for (frame, tile) in tiles {
-        query = query.bind(i64::from(frame)).bind(i64::from(tile));
-    }
-    for row in query.fetch_all(connection).await? {
+    let statement = query(statement).bind(job.to_string()).bind(to_json(&tiles)?);
+    for row in statement.fetch_all(connection).await? {
         let passes = [row.integer("first_pass")?, row.integer("end_pass")?];
         covered.entry((row.number("frame")?, row.number("tile")?)).or_default().push(passes);
     }
@@ -238,12 +236,11 @@ async fn take(
         return Ok(BTreeMap::new());
     }
     let statement = format!(
-        "delete from pending where job = $1 and (frame, tile, level, idx) in (values {}) \
+        "delete from pending where job = $1 and (frame, tile, level, idx) in {} \
          returning frame, tile, level, idx, round",
-        placeholders(1, nodes.len(), 4)
+        nodes_of(connection.engine(), 2)
     );
-    let query = bind_nodes(sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.to_string()), nodes);
-    let rows = query.fetch_all(connection).await?;
+    let rows = query(statement).bind(job.to_string()).bind(nodes_json(nodes)?).fetch_all(connection).await?;
     rows.iter().map(|row| Ok((address(row)?, row.integer("round")?))).collect()
 }
 
@@ -252,7 +249,7 @@ async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress)
     const PARTS: &str = "from pending where job = $1 and frame = $2 and tile = $3 \
          and (idx << cast(level as integer)) >= $4 and ((idx + 1) << cast(level as integer)) <= $5";
     let [first, end] = nodes::ends(node);
-    let rows = sqlx::query(sqlx::AssertSqlSafe(format!("select level, round {PARTS}")))
+    let rows = query(format!("select level, round {PARTS}"))
         .bind(job.to_string())
         .bind(i64::from(node.frame))
         .bind(i64::from(node.tile))
@@ -267,7 +264,7 @@ async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress)
     // The passes of a node are those of one round.
     let Some(round) = rows.first().filter(|_| passes == end - first) else { return Ok(None) };
     let round = round.integer("round")?;
-    sqlx::query(sqlx::AssertSqlSafe(format!("delete {PARTS}")))
+    query(format!("delete {PARTS}"))
         .bind(job.to_string())
         .bind(i64::from(node.frame))
         .bind(i64::from(node.tile))
@@ -287,7 +284,7 @@ async fn count_down(
     wave: Wave,
     now_ms: i64,
 ) -> Result<i64, StoreError> {
-    sqlx::query(
+    query(
         "update waves set outstanding = outstanding - $4, \
          core_ms = case when core_ms > 9223372036854775807 - $5 then 9223372036854775807 else core_ms + $5 end, \
          completed_ms = case when outstanding = $4 then $6 else null end \
@@ -306,8 +303,8 @@ async fn count_down(
 
 /// The build of a worker, as it introduced itself.
 async fn build(connection: &mut Connection, worker: WorkerId) -> Result<String, StoreError> {
-    let query = sqlx::query("select build from workers where id = $1").bind(worker.to_string());
-    query.fetch_one(connection).await?.text("build")
+    let build = query("select build from workers where id = $1").bind(worker.to_string());
+    build.fetch_one(connection).await?.text("build")
 }
 
 async fn credit_worker(
@@ -318,7 +315,7 @@ async fn credit_worker(
     samples: u64,
     core_ms: i64,
 ) -> Result<(), StoreError> {
-    sqlx::query(
+    query(
         "update workers set accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
          core_ms = case when core_ms > 9223372036854775807 - $4 then 9223372036854775807 else core_ms + $4 end, \
          failures_in_a_row = 0 where id = $1",
@@ -329,7 +326,7 @@ async fn credit_worker(
     .bind(core_ms)
     .execute(&mut *connection)
     .await?;
-    sqlx::query(
+    query(
         "insert into rates (worker, job, samples, core_ms) values ($1, $2, $3, $4) on conflict (worker, job) \
          do update set samples = rates.samples + excluded.samples, \
          core_ms = case when rates.core_ms > 9223372036854775807 - excluded.core_ms then 9223372036854775807 \

@@ -3,15 +3,14 @@
 use clerestory_api::ContentHash;
 
 use super::row::big;
+use super::sql::query;
 use super::{Store, StoreError};
 
 impl Store {
     /// Whether the content has been uploaded.
     pub(crate) async fn has_asset(&self, hash: ContentHash) -> Result<bool, StoreError> {
-        let found = sqlx::query("select 1 from assets where hash = $1")
-            .bind(hash.to_string())
-            .fetch_optional(&self.readers)
-            .await?;
+        let found =
+            query("select 1 from assets where hash = $1").bind(hash.to_string()).fetch_optional(&self.readers).await?;
         Ok(found.is_some())
     }
 
@@ -19,14 +18,12 @@ impl Store {
     pub(crate) async fn insert_asset(&self, hash: ContentHash, size: u64, now_ms: i64) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
-                sqlx::query(
-                    "insert into assets (hash, size, created_ms) values ($1, $2, $3) on conflict (hash) do nothing",
-                )
-                .bind(hash.to_string())
-                .bind(big(size))
-                .bind(now_ms)
-                .execute(connection)
-                .await?;
+                query("insert into assets (hash, size, created_ms) values ($1, $2, $3) on conflict (hash) do nothing")
+                    .bind(hash.to_string())
+                    .bind(big(size))
+                    .bind(now_ms)
+                    .execute(connection)
+                    .await?;
                 Ok(())
             })
         })

@@ -13,7 +13,8 @@ use uuid::Uuid;
 use super::jobs::JobRecord;
 use super::leases::{self, LeaseRecord, address};
 use super::nodes::Removed;
-use super::row::{Columns, to_json};
+use super::row::to_json;
+use super::sql::query;
 use super::{Connection, Store, StoreError, redo};
 
 /// Opinions with which a check ends, whatever they say.
@@ -70,7 +71,7 @@ pub(super) async fn open(
     alive_ms: i64,
 ) -> Result<Outcome, StoreError> {
     let others =
-        sqlx::query("select count(*) as others from workers where id <> $1 and seen_ms >= $2 and quarantine is null")
+        query("select count(*) as others from workers where id <> $1 and seen_ms >= $2 and quarantine is null")
             .bind(lease.worker.to_string())
             .bind(alive_ms)
             .fetch_one(&mut *connection)
@@ -81,7 +82,7 @@ pub(super) async fn open(
     for (round, node) in nodes {
         let check = Uuid::now_v7().to_string();
         let NodeAddress { frame, tile, level, index } = node.address;
-        sqlx::query("insert into checks (id, job, round, frame, tile, level, idx) values ($1, $2, $3, $4, $5, $6, $7)")
+        query("insert into checks (id, job, round, frame, tile, level, idx) values ($1, $2, $3, $4, $5, $6, $7)")
             .bind(&check)
             .bind(lease.job.to_string())
             .bind(*round)
@@ -104,7 +105,7 @@ pub(super) async fn answer(
     now_ms: i64,
 ) -> Result<Outcome, StoreError> {
     let mut outcome = Outcome::default();
-    let rows = sqlx::query("select id, frame, tile, level, idx from checks where lease = $1")
+    let rows = query("select id, frame, tile, level, idx from checks where lease = $1")
         .bind(lease.id.to_string())
         .fetch_all(&mut *connection)
         .await?;
@@ -119,10 +120,7 @@ pub(super) async fn answer(
         match judge(&opinions(connection, &check).await?) {
             Judgement::Agreed => end(connection, &check).await?,
             Judgement::Disputed => {
-                sqlx::query("update checks set lease = null where id = $1")
-                    .bind(&check)
-                    .execute(&mut *connection)
-                    .await?;
+                query("update checks set lease = null where id = $1").bind(&check).execute(&mut *connection).await?;
                 outcome.has_work = true;
                 continue;
             }
@@ -145,7 +143,7 @@ pub(super) async fn answer(
 
 /// Whether a check is still to be done under a lease.
 async fn is_leased(connection: &mut Connection, check: &str, lease: &LeaseRecord) -> Result<bool, StoreError> {
-    let row = sqlx::query("select 1 from checks where id = $1 and lease = $2")
+    let row = query("select 1 from checks where id = $1 and lease = $2")
         .bind(check)
         .bind(lease.id.to_string())
         .fetch_optional(connection)
@@ -159,7 +157,7 @@ async fn give_opinion(
     worker: WorkerId,
     digest: &str,
 ) -> Result<(), StoreError> {
-    sqlx::query("insert into opinions (check_id, worker, digest) values ($1, $2, $3)")
+    query("insert into opinions (check_id, worker, digest) values ($1, $2, $3)")
         .bind(check)
         .bind(worker.to_string())
         .bind(digest)
@@ -170,7 +168,7 @@ async fn give_opinion(
 
 /// Who brought which bits, in order of the workers.
 async fn opinions(connection: &mut Connection, check: &str) -> Result<Vec<(WorkerId, String)>, StoreError> {
-    let rows = sqlx::query("select worker, digest from opinions where check_id = $1 order by worker")
+    let rows = query("select worker, digest from opinions where check_id = $1 order by worker")
         .bind(check)
         .fetch_all(connection)
         .await?;
@@ -205,7 +203,7 @@ fn judge(opinions: &[(WorkerId, String)]) -> Judgement {
 }
 
 async fn end(connection: &mut Connection, check: &str) -> Result<(), StoreError> {
-    sqlx::query("delete from checks where id = $1").bind(check).execute(connection).await?;
+    query("delete from checks where id = $1").bind(check).execute(connection).await?;
     Ok(())
 }
 
@@ -217,7 +215,7 @@ async fn quarantine(
     now_ms: i64,
     outcome: &mut Outcome,
 ) -> Result<(), StoreError> {
-    let held = sqlx::query("select id from leases where worker = $1 and state = 'active'")
+    let held = query("select id from leases where worker = $1 and state = 'active'")
         .bind(worker.to_string())
         .fetch_all(&mut *connection)
         .await?;
@@ -225,16 +223,16 @@ async fn quarantine(
         leases::release(connection, lease.parsed("id")?).await?;
     }
     // What it thinks of other nodes does not count.
-    sqlx::query("delete from opinions where worker = $1").bind(worker.to_string()).execute(&mut *connection).await?;
+    query("delete from opinions where worker = $1").bind(worker.to_string()).execute(&mut *connection).await?;
     let redone = redo::redo(connection, worker, now_ms).await?;
     let quarantine = Quarantine { since_ms: now_ms, reason, ended_jobs: redone.ended };
-    sqlx::query("update workers set quarantine = $2 where id = $1")
+    query("update workers set quarantine = $2 where id = $1")
         .bind(worker.to_string())
         .bind(to_json(&quarantine)?)
         .execute(&mut *connection)
         .await?;
     // A check of its nodes that had no other opinion has none now.
-    sqlx::query("delete from checks where not exists (select 1 from opinions where check_id = checks.id)")
+    query("delete from checks where not exists (select 1 from opinions where check_id = checks.id)")
         .execute(&mut *connection)
         .await?;
     outcome.has_work = true;
@@ -253,7 +251,7 @@ pub(super) async fn choose(
     most: u32,
     held_before_ms: Option<i64>,
 ) -> Result<Vec<NodeAddress>, StoreError> {
-    let rows = sqlx::query(
+    let rows = query(
         "select frame, tile, level, idx from checks where job = $1 \
          and (lease is null or exists (select 1 from leases where id = checks.lease and granted_ms <= $4)) \
          and not exists (select 1 from opinions where check_id = checks.id and worker = $2) \
@@ -274,7 +272,7 @@ pub(super) const OPEN: &str = "select count(*) as open from checks where job = $
 impl Store {
     /// Gives up checks that no worker which was heard of since `alive_ms` can do, and answers them.
     pub(crate) async fn give_up_checks(&self, alive_ms: i64) -> Result<Vec<GivenUp>, StoreError> {
-        if sqlx::query("select 1 from checks limit 1").fetch_optional(&self.readers).await?.is_none() {
+        if query("select 1 from checks limit 1").fetch_optional(&self.readers).await?.is_none() {
             return Ok(Vec::new());
         }
         self.write(move |connection| Box::pin(async move { give_up(connection, alive_ms).await })).await
@@ -282,7 +280,7 @@ impl Store {
 }
 
 async fn give_up(connection: &mut Connection, alive_ms: i64) -> Result<Vec<GivenUp>, StoreError> {
-    let rows = sqlx::query(
+    let rows = query(
         "select id, job, frame, tile, level, idx from checks where lease is null and not exists \
          (select 1 from workers where seen_ms >= $1 and quarantine is null and not exists \
           (select 1 from opinions where check_id = checks.id and worker = workers.id))",
@@ -302,7 +300,7 @@ async fn give_up(connection: &mut Connection, alive_ms: i64) -> Result<Vec<Given
 
 /// Ends all checks of what shares a pass with one of some nodes.
 pub(super) async fn forget(connection: &mut Connection, job: JobId, nodes: &[NodeAddress]) -> Result<(), StoreError> {
-    let rows = sqlx::query("select id, frame, tile, level, idx from checks where job = $1")
+    let rows = query("select id, frame, tile, level, idx from checks where job = $1")
         .bind(job.to_string())
         .fetch_all(&mut *connection)
         .await?;

@@ -16,8 +16,9 @@ use clerestory_render_core::film::{NodeAddress, PassRange};
 use super::checks;
 use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};
-use super::leases::{self, LeaseRecord, LeaseState, address};
-use super::row::{Columns, MOST_ROWS, bind_nodes, placeholders};
+use super::leases::{LeaseRecord, LeaseState, address};
+use super::row::{nodes_json, nodes_of, to_json};
+use super::sql::{Kind, query, rows_of};
 use super::workers::{self, Claimant};
 use super::{Connection, Store, StoreError, WorkerError};
 use crate::schedule::{Pace, cut};
@@ -127,7 +128,7 @@ async fn choose(
 ) -> Result<Vec<NodeAddress>, StoreError> {
     let most = terms.most_nodes();
     stock(connection, job, pace).await?;
-    let rows = sqlx::query(
+    let rows = query(
         "select frame, tile, level, idx from pending where job = $1 and lease is null and round <= $2 \
          order by round, frame, tile, idx limit $3",
     )
@@ -180,7 +181,7 @@ async fn take_over(
     pace: &Pace,
     terms: &ClaimTerms,
 ) -> Result<Vec<NodeAddress>, StoreError> {
-    let lease = sqlx::query(
+    let lease = query(
         "select id, granted_ms from leases where job = $1 and state = 'active' and worker <> $2 and exists \
          (select 1 from pending where lease = leases.id and repeats < $3 and round <= $4) order by granted_ms, token limit 1",
     )
@@ -192,7 +193,7 @@ async fn take_over(
     .await?;
     let Some(lease) = lease else { return Ok(Vec::new()) };
     let held_seconds = terms.now_ms.saturating_sub(lease.integer("granted_ms")?) as f64 / 1000.0;
-    let rows = sqlx::query(
+    let rows = query(
         "select frame, tile, level, idx from pending where lease = $1 and repeats < $2 and round <= $3 \
          order by round desc, frame desc, tile desc, idx desc",
     )
@@ -211,12 +212,10 @@ async fn take_over(
     taken.truncate(count);
     taken.reverse();
     let statement = format!(
-        "update pending set repeats = repeats + 1 where job = $1 and (frame, tile, level, idx) in (values {})",
-        placeholders(1, taken.len(), 4)
+        "update pending set repeats = repeats + 1 where job = $1 and (frame, tile, level, idx) in {}",
+        nodes_of(connection.engine(), 2)
     );
-    bind_nodes(sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.id.to_string()), &taken)
-        .execute(connection)
-        .await?;
+    query(statement).bind(job.id.to_string()).bind(nodes_json(&taken)?).execute(connection).await?;
     Ok(taken)
 }
 
@@ -227,7 +226,7 @@ async fn pace(
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Pace, StoreError> {
-    let rate = sqlx::query("select samples, core_ms from rates where worker = $1 and job = $2")
+    let rate = query("select samples, core_ms from rates where worker = $1 and job = $2")
         .bind(terms.worker.to_string())
         .bind(job.id.to_string())
         .fetch_optional(&mut *connection)
@@ -236,7 +235,7 @@ async fn pace(
         Some(row) => (row.number("samples")?, row.integer("core_ms")?),
         None => (job.samples, job.core_ms),
     };
-    let others = sqlx::query(
+    let others = query(
         "select count(distinct worker) as others from leases where job = $1 and state = 'active' and worker <> $2",
     )
     .bind(job.id.to_string())
@@ -252,7 +251,7 @@ async fn pace(
 
 /// Cuts work from the job's cursor on until there are enough free rows or none is left to cut.
 async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Result<(), StoreError> {
-    let free = sqlx::query("select count(*) as free from pending where job = $1 and lease is null")
+    let free = query("select count(*) as free from pending where job = $1 and lease is null")
         .bind(job.id.to_string())
         .fetch_one(&mut *connection)
         .await?;
@@ -280,7 +279,7 @@ async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Res
     }
     insert_pending(connection, job, &pending).await?;
     if [round, frame, tile] != job.cursor {
-        sqlx::query("update jobs set cursor_round = $2, cursor_frame = $3, cursor_tile = $4 where id = $1")
+        query("update jobs set cursor_round = $2, cursor_frame = $3, cursor_tile = $4 where id = $1")
             .bind(job.id.to_string())
             .bind(i64::from(round))
             .bind(i64::from(frame))
@@ -298,7 +297,7 @@ async fn open_wave(
     round: u32,
     wave: PassRange,
 ) -> Result<(), StoreError> {
-    sqlx::query("insert into waves (job, frame, round, end_pass, outstanding) values ($1, $2, $3, $4, $5)")
+    query("insert into waves (job, frame, round, end_pass, outstanding) values ($1, $2, $3, $4, $5)")
         .bind(job.id.to_string())
         .bind(i64::from(frame))
         .bind(i64::from(round))
@@ -315,15 +314,16 @@ pub(super) async fn insert_pending(
     job: &JobRecord,
     nodes: &[(u32, NodeAddress)],
 ) -> Result<(), StoreError> {
-    for nodes in nodes.chunks(MOST_ROWS) {
-        let rows = placeholders(0, nodes.len(), 6);
-        let statement = format!("insert into pending (job, round, frame, tile, level, idx) values {rows}");
-        let mut query = sqlx::query(sqlx::AssertSqlSafe(statement));
-        for (round, node) in nodes {
-            query = bind_nodes(query.bind(job.id.to_string()).bind(i64::from(*round)), [node]);
-        }
-        query.execute(&mut *connection).await?;
+    if nodes.is_empty() {
+        return Ok(());
     }
+    let statement = format!(
+        "insert into pending (job, round, frame, tile, level, idx) select $1, c0, c1, c2, c3, c4 from {} as listed_nodes",
+        rows_of(connection.engine(), 2, &[Kind::Integer; 5])
+    );
+    let rows = nodes.iter().map(|(round, node)| [*round, node.frame, node.tile, node.level, node.index]);
+    let rows = to_json(&rows.collect::<Vec<_>>())?;
+    query(statement).bind(job.id.to_string()).bind(rows).execute(connection).await?;
     Ok(())
 }
 
@@ -344,9 +344,10 @@ async fn grant(
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Grant, StoreError> {
+    let listed = nodes_json(&nodes)?;
     let token = events::next_value(connection, "fencing_token").await?;
     let deadline_ms = terms.now_ms.saturating_add(terms.ttl_ms);
-    sqlx::query(
+    query(
         "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms) \
          values ($1, $2, $3, $4, 'active', $5, $6, $7)",
     )
@@ -354,7 +355,7 @@ async fn grant(
     .bind(token)
     .bind(job.id.to_string())
     .bind(terms.worker.to_string())
-    .bind(leases::nodes_json(&nodes))
+    .bind(listed.as_str())
     .bind(terms.now_ms)
     .bind(deadline_ms)
     .execute(&mut *connection)
@@ -363,11 +364,12 @@ async fn grant(
         Leased::Work => "pending",
         Leased::Checks => "checks",
     };
-    let rows = placeholders(2, nodes.len(), 4);
-    let statement =
-        format!("update {table} set lease = $1 where job = $2 and (frame, tile, level, idx) in (values {rows})");
-    let query = sqlx::query(sqlx::AssertSqlSafe(statement)).bind(terms.lease.to_string()).bind(job.id.to_string());
-    bind_nodes(query, &nodes).execute(&mut *connection).await?;
+    let statement = format!(
+        "update {table} set lease = $1 where job = $2 and (frame, tile, level, idx) in {}",
+        nodes_of(connection.engine(), 3)
+    );
+    let update = query(statement).bind(terms.lease.to_string()).bind(job.id.to_string()).bind(listed);
+    update.execute(&mut *connection).await?;
     if job.probe_digest.is_none() {
         start(connection, job, claimant, terms).await?;
     }
@@ -392,13 +394,11 @@ async fn start(
     terms: &ClaimTerms,
 ) -> Result<(), StoreError> {
     // One that an older build has started goes on with whoever comes first.
-    sqlx::query(
-        "update jobs set state = 'running', started_ms = coalesce(started_ms, $2), probe_digest = $3 where id = $1",
-    )
-    .bind(job.id.to_string())
-    .bind(terms.now_ms)
-    .bind(&claimant.probe_digest)
-    .execute(&mut *connection)
-    .await?;
+    query("update jobs set state = 'running', started_ms = coalesce(started_ms, $2), probe_digest = $3 where id = $1")
+        .bind(job.id.to_string())
+        .bind(terms.now_ms)
+        .bind(&claimant.probe_digest)
+        .execute(&mut *connection)
+        .await?;
     events::record(connection, StoredKind::Job, job.id, terms.now_ms).await
 }

@@ -5,9 +5,9 @@
 
 use clerestory_api::JobId;
 use serde::{Deserialize, Serialize};
-use sqlx::any::AnyRow;
 
-use super::row::Columns;
+use super::row::Row;
+use super::sql::query;
 use super::{Connection, Store, StoreError};
 
 /// Events that are kept for listeners who come back.
@@ -41,7 +41,7 @@ pub(crate) struct StoredEvent {
 
 /// The next value of a sequence.
 pub(super) async fn next_value(connection: &mut Connection, sequence: &'static str) -> Result<i64, StoreError> {
-    let row = sqlx::query("update sequences set value = value + 1 where name = $1 returning value")
+    let row = query("update sequences set value = value + 1 where name = $1 returning value")
         .bind(sequence)
         .fetch_one(connection)
         .await?;
@@ -60,7 +60,7 @@ pub(super) async fn record(
         StoredKind::Job => ("job", None, None),
         StoredKind::Round { frame, round } => ("round", Some(i64::from(frame)), Some(i64::from(round))),
     };
-    sqlx::query("insert into events (id, kind, job, frame, round, created_ms) values ($1, $2, $3, $4, $5, $6)")
+    query("insert into events (id, kind, job, frame, round, created_ms) values ($1, $2, $3, $4, $5, $6)")
         .bind(id)
         .bind(kind)
         .bind(job.to_string())
@@ -72,7 +72,7 @@ pub(super) async fn record(
     Ok(())
 }
 
-fn stored(row: &AnyRow) -> Result<StoredEvent, StoreError> {
+fn stored(row: &Row) -> Result<StoredEvent, StoreError> {
     let kind = match row.text("kind")?.as_str() {
         "round" => StoredKind::Round { frame: row.number("frame")?, round: row.number("round")? },
         "job" => StoredKind::Job,
@@ -84,13 +84,13 @@ fn stored(row: &AnyRow) -> Result<StoredEvent, StoreError> {
 impl Store {
     /// Sequence number of the newest event; 0 before the first.
     pub(crate) async fn last_event_id(&self) -> Result<i64, StoreError> {
-        let row = sqlx::query("select value from sequences where name = 'event'").fetch_one(&self.readers).await?;
+        let row = query("select value from sequences where name = 'event'").fetch_one(&self.readers).await?;
         row.integer("value")
     }
 
     /// Up to `limit` events after `id`, oldest first.
     pub(crate) async fn events_after(&self, id: i64, limit: u32) -> Result<Vec<StoredEvent>, StoreError> {
-        let rows = sqlx::query("select id, kind, job, frame, round from events where id > $1 order by id limit $2")
+        let rows = query("select id, kind, job, frame, round from events where id > $1 order by id limit $2")
             .bind(id)
             .bind(i64::from(limit))
             .fetch_all(&self.readers)
@@ -102,7 +102,7 @@ impl Store {
     pub(crate) async fn prune_events(&self) -> Result<(), StoreError> {
         self.write(|connection| {
             Box::pin(async move {
-                sqlx::query("delete from events where id <= (select value from sequences where name = 'event') - $1")
+                query("delete from events where id <= (select value from sequences where name = 'event') - $1")
                     .bind(KEPT)
                     .execute(connection)
                     .await?;

@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use clerestory_api::{ContentHash, JobId, JobState, StopReason};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{NodeAddress, TileGrid};
-use sqlx::any::AnyRow;
 
 use super::events::{self, StoredKind};
-use super::row::{Columns, big, to_json};
+use super::row::{Row, big, to_json};
+use super::sql::query;
 use super::{Connection, Store, StoreError};
 use crate::schedule::Rounds;
 use crate::stop::Targets;
@@ -189,7 +189,7 @@ const COLUMNS: &str = "select id, name, state, stopped_by, failure, priority, sc
      target_mse, target_estimated_mse, created_ms, started_ms, finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
      redone_nodes, samples, core_ms, counters from jobs";
 
-fn record(row: &AnyRow) -> Result<JobRecord, StoreError> {
+fn record(row: &Row) -> Result<JobRecord, StoreError> {
     Ok(JobRecord {
         id: row.parsed("id")?,
         name: row.text("name")?,
@@ -232,15 +232,15 @@ fn record(row: &AnyRow) -> Result<JobRecord, StoreError> {
 
 /// Jobs that may still have work, most urgent first.
 pub(super) async fn open_jobs(connection: &mut Connection) -> Result<Vec<JobRecord>, StoreError> {
-    let query = format!("{COLUMNS} where state in ('queued', 'running') order by priority desc, created_ms, id");
-    let rows = sqlx::query(sqlx::AssertSqlSafe(query)).fetch_all(connection).await?;
+    let open = query(format!("{COLUMNS} where state in ('queued', 'running') order by priority desc, created_ms, id"));
+    let rows = open.fetch_all(connection).await?;
     rows.iter().map(record).collect()
 }
 
 /// One job, as the transaction sees it.
 pub(super) async fn job_in(connection: &mut Connection, job: JobId) -> Result<Option<JobRecord>, StoreError> {
-    let query = sqlx::query(sqlx::AssertSqlSafe(format!("{COLUMNS} where id = $1"))).bind(job.to_string());
-    query.fetch_optional(connection).await?.as_ref().map(record).transpose()
+    let found = query(format!("{COLUMNS} where id = $1")).bind(job.to_string());
+    found.fetch_optional(connection).await?.as_ref().map(record).transpose()
 }
 
 /// Brings a job to its final state: its leases end and its pending work goes. Changes nothing, and answers `false`, when
@@ -251,7 +251,7 @@ pub(super) async fn end(
     ending: &Ending,
     now_ms: i64,
 ) -> Result<bool, StoreError> {
-    let ended = sqlx::query(
+    let ended = query(
         "update jobs set state = $2, stopped_by = $3, failure = $4, finished_ms = $5 \
          where id = $1 and state in ('queued', 'running')",
     )
@@ -262,13 +262,13 @@ pub(super) async fn end(
     .bind(now_ms)
     .execute(&mut *connection)
     .await?;
-    if ended.rows_affected() == 0 {
+    if ended == 0 {
         return Ok(false);
     }
     for statement in ["delete from pending where job = $1", "delete from checks where job = $1"] {
-        sqlx::query(statement).bind(job.to_string()).execute(&mut *connection).await?;
+        query(statement).bind(job.to_string()).execute(&mut *connection).await?;
     }
-    sqlx::query("update leases set state = 'ended' where job = $1 and state = 'active'")
+    query("update leases set state = 'ended' where job = $1 and state = 'active'")
         .bind(job.to_string())
         .execute(&mut *connection)
         .await?;
@@ -284,20 +284,20 @@ impl Store {
 
     /// One job.
     pub(crate) async fn job(&self, job: JobId) -> Result<Option<JobRecord>, StoreError> {
-        let query = sqlx::query(sqlx::AssertSqlSafe(format!("{COLUMNS} where id = $1"))).bind(job.to_string());
-        query.fetch_optional(&self.readers).await?.as_ref().map(record).transpose()
+        let found = query(format!("{COLUMNS} where id = $1")).bind(job.to_string());
+        found.fetch_optional(&self.readers).await?.as_ref().map(record).transpose()
     }
 
     /// The jobs that are being rendered.
     pub(crate) async fn running_jobs(&self) -> Result<Vec<JobId>, StoreError> {
-        let rows = sqlx::query("select id from jobs where state = 'running'").fetch_all(&self.readers).await?;
+        let rows = query("select id from jobs where state = 'running'").fetch_all(&self.readers).await?;
         rows.iter().map(|row| row.parsed("id")).collect()
     }
 
     /// All jobs, newest first.
     pub(crate) async fn jobs(&self) -> Result<Vec<JobRecord>, StoreError> {
-        let query = sqlx::query(sqlx::AssertSqlSafe(format!("{COLUMNS} order by created_ms desc, id desc")));
-        query.fetch_all(&self.readers).await?.iter().map(record).collect()
+        let all = query(format!("{COLUMNS} order by created_ms desc, id desc"));
+        all.fetch_all(&self.readers).await?.iter().map(record).collect()
     }
 
     /// The canonical scene description of a job and its assets.
@@ -305,14 +305,12 @@ impl Store {
         &self,
         job: JobId,
     ) -> Result<Option<(String, BTreeMap<String, ContentHash>)>, StoreError> {
-        let Some(row) = sqlx::query("select scene from jobs where id = $1")
-            .bind(job.to_string())
-            .fetch_optional(&self.readers)
-            .await?
+        let Some(row) =
+            query("select scene from jobs where id = $1").bind(job.to_string()).fetch_optional(&self.readers).await?
         else {
             return Ok(None);
         };
-        let assets = sqlx::query("select path, hash from job_assets where job = $1")
+        let assets = query("select path, hash from job_assets where job = $1")
             .bind(job.to_string())
             .fetch_all(&self.readers)
             .await?;
@@ -345,7 +343,7 @@ impl Store {
 
 async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreError> {
     let missing_light = serde_json::Value::from(job.missing_light.clone()).to_string();
-    sqlx::query(
+    query(
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
          target_estimated_mse, created_ms) \
@@ -369,12 +367,10 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(job.targets.mse)
     .bind(job.targets.estimated_mse)
     .bind(job.created_ms)
-    // As with rounds: sqlx declares an absent double as a float.
-    .persistent(false)
     .execute(&mut *connection)
     .await?;
     for (path, hash) in &job.assets {
-        sqlx::query("insert into job_assets (job, path, hash) values ($1, $2, $3)")
+        query("insert into job_assets (job, path, hash) values ($1, $2, $3)")
             .bind(job.id.to_string())
             .bind(path)
             .bind(hash.to_string())
@@ -395,7 +391,7 @@ pub(super) async fn add_accepted(
 ) -> Result<(), StoreError> {
     let mut sum = job.counters;
     sum += counters;
-    sqlx::query(
+    query(
         "update jobs set accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
          core_ms = case when core_ms > 9223372036854775807 - $4 then 9223372036854775807 else core_ms + $4 end, \
          counters = $5 where id = $1",

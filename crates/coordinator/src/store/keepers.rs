@@ -7,7 +7,7 @@
 use clerestory_api::JobId;
 use uuid::Uuid;
 
-use super::row::Columns;
+use super::sql::query;
 use super::{Store, StoreError};
 
 /// What became of a claim.
@@ -33,7 +33,7 @@ impl Store {
     ) -> Result<Keeping, StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
-                let claimed = sqlx::query(
+                let claimed = query(
                     "insert into keepers (job, coordinator, until_ms) select id, $2, $4 from jobs where id = $1 \
                      on conflict (job) do update set coordinator = excluded.coordinator, until_ms = excluded.until_ms \
                      where keepers.coordinator = excluded.coordinator or keepers.until_ms <= $3",
@@ -44,10 +44,10 @@ impl Store {
                 .bind(until_ms)
                 .execute(&mut *connection)
                 .await?;
-                if claimed.rows_affected() > 0 {
+                if claimed > 0 {
                     return Ok(Keeping::Ours);
                 }
-                let held = sqlx::query("select until_ms from keepers where job = $1").bind(job.to_string());
+                let held = query("select until_ms from keepers where job = $1").bind(job.to_string());
                 match held.fetch_optional(connection).await? {
                     Some(row) => Ok(Keeping::Theirs { until_ms: row.integer("until_ms")? }),
                     // There is no such job, and nothing to keep.
@@ -62,7 +62,7 @@ impl Store {
     pub(crate) async fn keep_nothing(&self, coordinator: Uuid) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
-                sqlx::query("delete from keepers where coordinator = $1")
+                query("delete from keepers where coordinator = $1")
                     .bind(coordinator.to_string())
                     .execute(connection)
                     .await?;

@@ -7,10 +7,10 @@ use std::collections::BTreeSet;
 use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 use serde::{Deserialize, Serialize};
-use sqlx::any::AnyRow;
 
 use super::jobs::{self, Ending};
-use super::row::Columns;
+use super::row::Row;
+use super::sql::query;
 use super::{Connection, Store, StoreError};
 
 /// A node that failed so often, each time under another lease, fails its job: some worker would have brought it.
@@ -79,12 +79,6 @@ pub(crate) enum LeaseError {
     Store(#[from] StoreError),
 }
 
-impl From<sqlx::Error> for LeaseError {
-    fn from(error: sqlx::Error) -> Self {
-        Self::Store(error.into())
-    }
-}
-
 impl LeaseRecord {
     /// Whether work may be brought under it: the token fits, and it is active or all of it has been accepted.
     pub(crate) fn check(&self, token: u64, now_ms: i64) -> Result<(), LeaseError> {
@@ -118,7 +112,7 @@ pub(crate) struct WorkFailure {
 
 const LEASE: &str = "select id, token, job, worker, state, deadline_ms, nodes from leases where id = $1";
 
-fn record(row: &AnyRow) -> Result<LeaseRecord, StoreError> {
+fn record(row: &Row) -> Result<LeaseRecord, StoreError> {
     Ok(LeaseRecord {
         id: row.parsed("id")?,
         token: row.number("token")?,
@@ -131,7 +125,7 @@ fn record(row: &AnyRow) -> Result<LeaseRecord, StoreError> {
 }
 
 /// The nodes of a lease's row.
-pub(super) fn nodes_of(row: &AnyRow) -> Result<BTreeSet<NodeAddress>, StoreError> {
+pub(super) fn nodes_of(row: &Row) -> Result<BTreeSet<NodeAddress>, StoreError> {
     let nodes: Vec<[u32; 4]> = row.json("nodes")?;
     Ok(nodes.into_iter().map(|[frame, tile, level, index]| NodeAddress { frame, tile, level, index }).collect())
 }
@@ -143,10 +137,10 @@ pub(super) async fn valid(
     token: u64,
     now_ms: i64,
 ) -> Result<LeaseRecord, LeaseError> {
-    let row = sqlx::query(LEASE).bind(lease.to_string()).fetch_optional(&mut *connection).await?;
+    let row = query(LEASE).bind(lease.to_string()).fetch_optional(&mut *connection).await?;
     let lease = record(&row.ok_or(LeaseError::Unknown(lease))?)?;
     lease.check(token, now_ms)?;
-    sqlx::query("update workers set seen_ms = $2 where id = $1")
+    query("update workers set seen_ms = $2 where id = $1")
         .bind(lease.worker.to_string())
         .bind(now_ms)
         .execute(connection)
@@ -154,14 +148,8 @@ pub(super) async fn valid(
     Ok(lease)
 }
 
-/// Nodes as a lease's row holds them.
-pub(super) fn nodes_json(nodes: &[NodeAddress]) -> String {
-    let rows: Vec<[u32; 4]> = nodes.iter().map(|node| [node.frame, node.tile, node.level, node.index]).collect();
-    serde_json::json!(rows).to_string()
-}
-
 /// The node of a row.
-pub(super) fn address(row: &AnyRow) -> Result<NodeAddress, StoreError> {
+pub(super) fn address(row: &Row) -> Result<NodeAddress, StoreError> {
     Ok(NodeAddress {
         frame: row.number("frame")?,
         tile: row.number("tile")?,
@@ -173,7 +161,7 @@ pub(super) fn address(row: &AnyRow) -> Result<NodeAddress, StoreError> {
 impl Store {
     /// A lease as it stands now.
     pub(crate) async fn lease(&self, lease: LeaseId) -> Result<LeaseRecord, LeaseError> {
-        let row = sqlx::query(LEASE).bind(lease.to_string()).fetch_optional(&self.readers).await?;
+        let row = query(LEASE).bind(lease.to_string()).fetch_optional(&self.readers).await?;
         Ok(record(&row.ok_or(LeaseError::Unknown(lease))?)?)
     }
 
@@ -188,7 +176,7 @@ impl Store {
         self.write(move |connection| {
             Box::pin(async move {
                 valid(connection, lease, token, now_ms).await?;
-                sqlx::query("update leases set deadline_ms = $2 where id = $1 and state = 'active'")
+                query("update leases set deadline_ms = $2 where id = $1 and state = 'active'")
                     .bind(lease.to_string())
                     .bind(deadline_ms)
                     .execute(connection)
@@ -223,7 +211,7 @@ impl Store {
     pub(crate) async fn expire_leases(&self, now_ms: i64) -> Result<u64, StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
-                let expired = sqlx::query(
+                let expired = query(
                     "update leases set state = 'expired' where state = 'active' and deadline_ms <= $1 returning id",
                 )
                 .bind(now_ms)
@@ -243,7 +231,7 @@ impl Store {
     pub(crate) async fn extend_leases(&self, deadline_ms: i64, heard_ms: i64) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
-                sqlx::query(
+                query(
                     "update leases set deadline_ms = $1 where state = 'active' and deadline_ms < $1 \
                      and not exists (select 1 from workers where seen_ms > $2)",
                 )
@@ -261,7 +249,7 @@ impl Store {
     pub(crate) async fn prune_leases(&self, now_ms: i64) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
-                sqlx::query(
+                query(
                     "delete from leases where state <> 'active' and deadline_ms < $1 \
                      and job not in (select id from jobs where state in ('queued', 'running'))",
                 )
@@ -280,7 +268,7 @@ async fn free(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreEr
     for statement in
         ["update pending set lease = null where lease = $1", "update checks set lease = null where lease = $1"]
     {
-        sqlx::query(statement).bind(lease.to_string()).execute(&mut *connection).await?;
+        query(statement).bind(lease.to_string()).execute(&mut *connection).await?;
     }
     Ok(())
 }
@@ -288,16 +276,13 @@ async fn free(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreEr
 /// Lets go of what a lease has, and closes it.
 pub(super) async fn release(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
     free(connection, lease).await?;
-    sqlx::query("update leases set state = 'returned' where id = $1")
-        .bind(lease.to_string())
-        .execute(connection)
-        .await?;
+    query("update leases set state = 'returned' where id = $1").bind(lease.to_string()).execute(connection).await?;
     Ok(())
 }
 
 async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Option<JobId>, LeaseError> {
     let lease = valid(connection, failure.lease, failure.token, failure.now_ms).await?;
-    sqlx::query(
+    query(
         "update workers set refused_partials = refused_partials + $2, failures_in_a_row = failures_in_a_row + 1, \
          failed_ms = $3 where id = $1",
     )
@@ -306,7 +291,7 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     .bind(failure.now_ms)
     .execute(&mut *connection)
     .await?;
-    let failed = sqlx::query(
+    let failed = query(
         "update pending set failures = failures + 1 where lease = $1 returning failures, frame, tile, level, idx",
     )
     .bind(failure.lease.to_string())

@@ -2,7 +2,7 @@
 //!
 //! The embedded default is SQLite in WAL mode with `synchronous=FULL`, and the other PostgreSQL ([`source`]): what is committed
 //! survives the loss of power. All writes pass through one writer that groups those that wait into one transaction
-//! ([`writer`]); readers have a pool of their own. The SQL keeps to what both engines understand (numbered placeholders, text identities,
+//! ([`writer`]); readers have a pool of their own. The SQL keeps to what both engines understand (numbered parameters, text identities,
 //! `bigint` milliseconds, `returning`, times bound by the caller), and one suite of tests holds both to the same behaviour. Bytes live
 //! in the [blob store](crate::blobs); a row here is what makes a blob part of the farm.
 
@@ -15,21 +15,21 @@ mod jobs;
 mod keepers;
 mod leases;
 mod nodes;
+mod postgres;
 mod redo;
 mod rounds;
 mod row;
 mod schema;
 mod source;
+mod sql;
+mod sqlite;
 #[cfg(test)]
 mod tests;
 mod workers;
 mod writer;
 
 use futures::future::BoxFuture;
-use sqlx::AnyPool;
 use uuid::Uuid;
-
-use row::Columns;
 
 pub(crate) use accept::{DeliveredNode, Delivery};
 pub(crate) use checks::{Outcome, is_chosen};
@@ -39,18 +39,20 @@ pub(crate) use jobs::{Ending, JobRecord, NewJob};
 pub(crate) use keepers::Keeping;
 pub(crate) use leases::{LeaseError, WorkFailure};
 pub(crate) use nodes::{Merge, NodeRow, Removed, Work};
+pub(crate) use postgres::Listener;
 pub(crate) use rounds::CompleteWave;
 pub use schema::SchemaError;
-pub(crate) use source::{Listener, Source};
+use source::Readers;
+pub(crate) use source::{Connection, Source};
+use sql::query;
 pub(crate) use workers::WorkerError;
-pub(crate) use writer::Connection;
 use writer::Writer;
 
 /// A handle on the database. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Store {
     source: Source,
-    readers: AnyPool,
+    readers: Readers,
     writer: Writer,
 }
 
@@ -88,11 +90,20 @@ impl From<sqlx::Error> for StoreError {
     }
 }
 
+impl From<rusqlite::Error> for StoreError {
+    fn from(error: rusqlite::Error) -> Self {
+        Self::Database(error.to_string())
+    }
+}
+
 impl Store {
     /// Opens the database and brings its schema up to date. A SQLite file may not be in use by another coordinator.
     pub(crate) async fn open(source: Source) -> Result<Self, SchemaError> {
         let connection = schema::open(&source).await?;
-        Ok(Self { readers: source.readers(), writer: Writer::start(source.clone(), connection), source })
+        let failed =
+            |error: std::io::Error| SchemaError::Open { database: source.name().to_owned(), source: error.into() };
+        let writer = Writer::start(source.clone(), connection).map_err(failed)?;
+        Ok(Self { readers: source.readers(), writer, source })
     }
 
     /// Whether other coordinators may be using it.
@@ -102,12 +113,12 @@ impl Store {
 
     /// Hears what is sent to all coordinators from now on; `None` where there is one coordinator.
     pub(crate) async fn listener(&self) -> Result<Option<Listener>, StoreError> {
-        Ok(self.source.listener().await?)
+        self.source.listener().await
     }
 
     /// Sends a text, shorter than 8000 bytes, to all coordinators, where there may be several.
     pub(crate) async fn notify(&self, text: String) -> Result<(), StoreError> {
-        Ok(self.source.notify(&self.readers, text).await?)
+        self.source.notify(&self.readers, text).await
     }
 
     /// Which farm this is. It is given an identity when it is asked for first.
@@ -126,7 +137,7 @@ impl Store {
             Box::pin(async move {
                 let claimed = claim(identity(connection).await?).await;
                 if claimed.is_ok() {
-                    sqlx::query("update farm set has_blobs = 1 where has_blobs = 0").execute(connection).await?;
+                    query("update farm set has_blobs = 1 where has_blobs = 0").execute(connection).await?;
                 }
                 Ok(claimed)
             })
@@ -153,15 +164,15 @@ impl Store {
 
     /// Whether the database answers.
     pub(crate) async fn is_usable(&self) -> bool {
-        sqlx::query("select 1").execute(&self.readers).await.is_ok()
+        query("select 1").execute(&self.readers).await.is_ok()
     }
 }
 
 async fn identity(connection: &mut Connection) -> Result<Identity, StoreError> {
-    sqlx::query("insert into farm (single, id) values (1, $1) on conflict (single) do nothing")
+    query("insert into farm (single, id) values (1, $1) on conflict (single) do nothing")
         .bind(Uuid::now_v7().to_string())
         .execute(&mut *connection)
         .await?;
-    let row = sqlx::query("select id, has_blobs from farm").fetch_one(connection).await?;
+    let row = query("select id, has_blobs from farm").fetch_one(connection).await?;
     Ok(Identity { farm: row.parsed("id")?, has_blobs: row.integer("has_blobs")? != 0 })
 }

@@ -6,10 +6,10 @@ use std::ops::AddAssign;
 use clerestory_api::JobId;
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::NodeAddress;
-use sqlx::any::AnyRow;
 
 use super::leases::address;
-use super::row::{Columns, MOST_ROWS, big, bind_nodes, placeholders, to_json};
+use super::row::{Row, nodes_json, nodes_of, to_json};
+use super::sql::{Kind, query, rows_of};
 use super::{Connection, Store, StoreError};
 use crate::blobs::Place;
 
@@ -67,25 +67,25 @@ impl AddAssign for Removed {
     }
 }
 
-fn work(row: &AnyRow) -> Result<Work, StoreError> {
+fn work(row: &Row) -> Result<Work, StoreError> {
     Ok(Work { counters: row.json("counters")?, builds: row.json("builds")? })
 }
 
-fn place(row: &AnyRow) -> Result<Place, StoreError> {
+fn place(row: &Row) -> Result<Place, StoreError> {
     let length = row.optional_integer("blob_length")?.map(|length| {
         u64::try_from(length).map_err(|_| StoreError::Corrupt { column: "blob_length", value: length.to_string() })
     });
     Ok(Place { blob: row.text("blob")?, offset: row.number("blob_offset")?, length: length.transpose()? })
 }
 
-fn node_row(row: &AnyRow) -> Result<NodeRow, StoreError> {
+fn node_row(row: &Row) -> Result<NodeRow, StoreError> {
     Ok(NodeRow { address: address(row)?, place: place(row)?, work: work(row)? })
 }
 
 impl Store {
     /// All accepted nodes of a job, ordered by frame, tile and pass.
     pub(crate) async fn nodes(&self, job: JobId) -> Result<Vec<NodeRow>, StoreError> {
-        let rows = sqlx::query(
+        let rows = query(
             "select frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds from nodes \
              where job = $1 order by frame, tile, first_pass",
         )
@@ -97,8 +97,8 @@ impl Store {
 
     /// Names of all blobs that hold accepted nodes.
     pub(crate) async fn node_blobs(&self) -> Result<BTreeSet<String>, StoreError> {
-        let names = sqlx::query_scalar("select distinct blob from nodes").fetch_all(&self.readers).await?;
-        Ok(names.into_iter().collect())
+        let rows = query("select distinct blob from nodes").fetch_all(&self.readers).await?;
+        rows.iter().map(|row| row.text("blob")).collect()
     }
 
     /// Puts merged nodes in the place of what they are the sums of, with the sums of its work, all at once; an error, and no change,
@@ -117,12 +117,11 @@ pub(super) fn ends(address: &NodeAddress) -> [i64; 2] {
 /// Takes away everything that begins at a pass or after it. Of a job whose last round ends there, nothing else reaches beyond: no node
 /// is formed across the end of a round before that is recorded.
 pub(super) async fn discard(connection: &mut Connection, job: JobId, first_pass: u32) -> Result<Removed, StoreError> {
-    let rows =
-        sqlx::query("delete from nodes where job = $1 and first_pass >= $2 returning blob, blob_offset, blob_length")
-            .bind(job.to_string())
-            .bind(i64::from(first_pass))
-            .fetch_all(&mut *connection)
-            .await?;
+    let rows = query("delete from nodes where job = $1 and first_pass >= $2 returning blob, blob_offset, blob_length")
+        .bind(job.to_string())
+        .bind(i64::from(first_pass))
+        .fetch_all(&mut *connection)
+        .await?;
     removed(connection, rows.iter().map(place).collect::<Result<_, _>>()?).await
 }
 
@@ -136,57 +135,55 @@ pub(super) async fn take_out(
     for node in others {
         by_tile.entry((node.frame, node.tile)).or_default().push(*node);
     }
-    let tiles: Vec<(u32, u32)> = by_tile.keys().copied().collect();
+    let tiles: Vec<&(u32, u32)> = by_tile.keys().collect();
+    let statement = format!(
+        "select frame, tile, level, idx from nodes where job = $1 and (frame, tile) in {}",
+        rows_of(connection.engine(), 2, &[Kind::Integer; 2])
+    );
+    let found = query(statement).bind(job.to_string()).bind(to_json(&tiles)?);
     let mut taken = Vec::new();
-    for tiles in tiles.chunks(MOST_ROWS) {
-        let statement = format!(
-            "select frame, tile, level, idx from nodes where job = $1 and (frame, tile) in (values {})",
-            placeholders(1, tiles.len(), 2)
-        );
-        let query = sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.to_string());
-        let query =
-            tiles.iter().flat_map(|(frame, tile)| [*frame, *tile]).fold(query, |query, n| query.bind(i64::from(n)));
-        for row in query.fetch_all(&mut *connection).await? {
-            let node = address(&row)?;
-            let others = by_tile.get(&(node.frame, node.tile));
-            if others.is_some_and(|others| others.iter().any(|other| other.overlaps(&node))) {
-                taken.push(node);
-            }
+    for row in found.fetch_all(&mut *connection).await? {
+        let node = address(&row)?;
+        let others = by_tile.get(&(node.frame, node.tile));
+        if others.is_some_and(|others| others.iter().any(|other| other.overlaps(&node))) {
+            taken.push(node);
         }
     }
-    let mut places = Vec::with_capacity(taken.len());
-    for nodes in taken.chunks(MOST_ROWS) {
-        let statement = format!(
-            "delete from nodes where job = $1 and (frame, tile, level, idx) in (values {}) \
-             returning blob, blob_offset, blob_length",
-            placeholders(1, nodes.len(), 4)
-        );
-        let query = bind_nodes(sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.to_string()), nodes);
-        for row in query.fetch_all(&mut *connection).await? {
-            places.push(place(&row)?);
-        }
-    }
+    let rows = delete(connection, job, &taken).await?;
+    let places = rows.iter().map(place).collect::<Result<_, _>>()?;
     Ok((taken, removed(connection, places).await?))
+}
+
+/// Deletes the rows of some nodes, and answers them.
+async fn delete(connection: &mut Connection, job: JobId, nodes: &[NodeAddress]) -> Result<Vec<Row>, StoreError> {
+    let statement = format!(
+        "delete from nodes where job = $1 and (frame, tile, level, idx) in {} \
+         returning frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds",
+        nodes_of(connection.engine(), 2)
+    );
+    query(statement).bind(job.to_string()).bind(nodes_json(nodes)?).fetch_all(connection).await
 }
 
 /// Stores accepted nodes.
 pub(super) async fn insert(connection: &mut Connection, job: JobId, nodes: &[NodeRow]) -> Result<(), StoreError> {
-    for nodes in nodes.chunks(MOST_ROWS) {
-        let statement = format!(
-            "insert into nodes (job, frame, tile, level, idx, first_pass, end_pass, blob, blob_offset, blob_length, \
-             counters, builds) values {}",
-            placeholders(0, nodes.len(), 12)
-        );
-        let mut query = sqlx::query(sqlx::AssertSqlSafe(statement));
-        for NodeRow { address, place, work } in nodes {
-            query = bind_nodes(query.bind(job.to_string()), [address]);
-            let [first, end] = ends(address);
-            query = query.bind(first).bind(end).bind(&place.blob);
-            query = query.bind(big(place.offset)).bind(place.length.map(big));
-            query = query.bind(to_json(&work.counters)?).bind(to_json(&work.builds)?);
-        }
-        query.execute(&mut *connection).await?;
+    if nodes.is_empty() {
+        return Ok(());
     }
+    use Kind::{Integer, Text};
+    let columns = [Integer, Integer, Integer, Integer, Integer, Integer, Text, Integer, Integer, Text, Text];
+    let statement = format!(
+        "insert into nodes (job, frame, tile, level, idx, first_pass, end_pass, blob, blob_offset, blob_length, counters, builds) \
+         select $1, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10 from {} as listed_nodes",
+        rows_of(connection.engine(), 2, &columns)
+    );
+    let mut rows = Vec::with_capacity(nodes.len());
+    for NodeRow { address, place, work } in nodes {
+        let NodeAddress { frame, tile, level, index } = *address;
+        let ([first, end], Place { blob, offset, length }) = (ends(address), place);
+        let (counters, builds) = (to_json(&work.counters)?, to_json(&work.builds)?);
+        rows.push((frame, tile, level, index, first, end, blob, offset, length, counters, builds));
+    }
+    query(statement).bind(job.to_string()).bind(to_json(&rows)?).execute(connection).await?;
     Ok(())
 }
 
@@ -199,22 +196,14 @@ async fn replace(connection: &mut Connection, job: JobId, merges: &[Merge]) -> R
     let parents: BTreeMap<NodeAddress, usize> = children.iter().copied().collect();
     let mut sums = vec![(0, Work::default()); merges.len()];
     let mut places = Vec::with_capacity(children.len());
-    for children in children.chunks(MOST_ROWS) {
-        let statement = format!(
-            "delete from nodes where job = $1 and (frame, tile, level, idx) in (values {}) \
-             returning frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds",
-            placeholders(1, children.len(), 4)
-        );
-        let query = sqlx::query(sqlx::AssertSqlSafe(statement)).bind(job.to_string());
-        let query = bind_nodes(query, children.iter().map(|(child, _)| child));
-        for row in query.fetch_all(&mut *connection).await? {
-            let NodeRow { address, place, work } = node_row(&row)?;
-            if let Some((passes, sum)) = parents.get(&address).and_then(|number| sums.get_mut(*number)) {
-                *passes += u64::from(address.passes().count);
-                *sum += &work;
-            }
-            places.push(place);
+    let addresses: Vec<NodeAddress> = children.iter().map(|(child, _)| *child).collect();
+    for row in delete(connection, job, &addresses).await? {
+        let NodeRow { address, place, work } = node_row(&row)?;
+        if let Some((passes, sum)) = parents.get(&address).and_then(|number| sums.get_mut(*number)) {
+            *passes += u64::from(address.passes().count);
+            *sum += &work;
         }
+        places.push(place);
     }
     let mut rows = Vec::with_capacity(merges.len());
     for (merge, (passes, work)) in merges.iter().zip(sums) {
@@ -233,15 +222,12 @@ async fn replace(connection: &mut Connection, job: JobId, merges: &[Merge]) -> R
 /// What is not needed any more once the nodes at some places have been taken out.
 async fn removed(connection: &mut Connection, places: Vec<Place>) -> Result<Removed, StoreError> {
     let mut blobs: BTreeSet<&str> = places.iter().map(|place| &*place.blob).collect();
-    let all: Vec<String> = blobs.iter().map(|blob| (*blob).to_owned()).collect();
+    let all: Vec<[&str; 1]> = blobs.iter().map(|blob| [*blob]).collect();
     let mut used = Vec::new();
-    for blobs in all.chunks(MOST_ROWS) {
-        let numbers: Vec<String> = (1..=blobs.len()).map(|number| format!("${number}")).collect();
-        let statement = format!("select distinct blob from nodes where blob in ({})", numbers.join(", "));
-        let query = blobs.iter().fold(sqlx::query(sqlx::AssertSqlSafe(statement)), |query, blob| query.bind(blob));
-        for row in query.fetch_all(&mut *connection).await? {
-            used.push(row.text("blob")?);
-        }
+    let statement =
+        format!("select distinct blob from nodes where blob in {}", rows_of(connection.engine(), 1, &[Kind::Text]));
+    for row in query(statement).bind(to_json(&all)?).fetch_all(&mut *connection).await? {
+        used.push(row.text("blob")?);
     }
     for blob in &used {
         blobs.remove(&**blob);

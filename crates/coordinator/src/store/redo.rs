@@ -15,7 +15,8 @@ use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};
 use super::leases::nodes_of;
 use super::nodes::{self, Removed, ends};
-use super::row::{Columns, big};
+use super::row::big;
+use super::sql::query;
 use super::{Connection, StoreError, checks};
 use crate::schedule::cut;
 
@@ -32,7 +33,7 @@ pub(super) struct Redone {
 
 /// Takes all that a worker may have rendered out of the films of the jobs that have not ended, and back into the queue.
 pub(super) async fn redo(connection: &mut Connection, worker: WorkerId, now_ms: i64) -> Result<Redone, StoreError> {
-    let rows = sqlx::query("select job, nodes from leases where worker = $1")
+    let rows = query("select job, nodes from leases where worker = $1")
         .bind(worker.to_string())
         .fetch_all(&mut *connection)
         .await?;
@@ -81,7 +82,7 @@ async fn requeue(
     }
     insert_pending(connection, job, &pending).await?;
     for ((frame, round), passes) in passes {
-        sqlx::query(
+        query(
             "update waves set outstanding = outstanding + $4, completed_ms = null where job = $1 and frame = $2 and round = $3",
         )
         .bind(job.id.to_string())
@@ -93,7 +94,7 @@ async fn requeue(
     }
     let samples: u64 = taken.iter().map(|node| job.node_samples(node)).sum();
     // The film has changed: so does the number by which its images are told apart.
-    sqlx::query(
+    query(
         "update jobs set samples = samples - $2, redone_nodes = redone_nodes + $3, accepted_nodes = accepted_nodes + 1 \
          where id = $1",
     )
@@ -128,13 +129,13 @@ async fn take_back_rounds(
     };
     let boundaries = job.boundaries();
     let affected = (0..=last).find(|round| boundaries.end(*round).is_some_and(|end| first_pass < i64::from(end)));
-    sqlx::query("delete from rounds where job = $1 and round >= $2")
+    query("delete from rounds where job = $1 and round >= $2")
         .bind(job.id.to_string())
         .bind(i64::from(affected.unwrap_or(last)))
         .execute(&mut *connection)
         .await?;
     let complete_passes = last.checked_sub(1).and_then(|round| boundaries.end(round)).unwrap_or(0);
-    sqlx::query("update jobs set rounds = $2, complete_passes = $3 where id = $1")
+    query("update jobs set rounds = $2, complete_passes = $3 where id = $1")
         .bind(job.id.to_string())
         .bind(i64::from(last))
         .bind(i64::from(complete_passes))

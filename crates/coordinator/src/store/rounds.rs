@@ -1,13 +1,13 @@
 //! Rounds: when all tiles are complete up to the same pass, and the error that was measured there.
 
 use clerestory_api::{ConvergencePoint, JobId, StopReason};
-use sqlx::any::AnyRow;
 
 use super::checks;
 use super::events::{self, StoredKind};
 use super::jobs::{self, Ending, JobRecord};
 use super::nodes::{self, Removed};
-use super::row::{Columns, big};
+use super::row::{Row, big};
+use super::sql::query;
 use super::{Connection, Store, StoreError};
 
 /// The wave whose completion is to be recorded as the next round.
@@ -36,7 +36,7 @@ impl Store {
     /// The next round of a job, if it is complete and not recorded.
     pub(crate) async fn complete_wave(&self, job: &JobRecord) -> Result<Option<CompleteWave>, StoreError> {
         let Some(passes) = job.boundaries().end(job.rounds) else { return Ok(None) };
-        let waves = sqlx::query("select outstanding, core_ms, completed_ms from waves where job = $1 and round <= $2")
+        let waves = query("select outstanding, core_ms, completed_ms from waves where job = $1 and round <= $2")
             .bind(job.id.to_string())
             .bind(i64::from(job.rounds))
             .fetch_all(&self.readers)
@@ -48,7 +48,7 @@ impl Store {
             core_ms = core_ms.saturating_add(wave.integer("core_ms")?);
             completed_ms = completed_ms.max(wave.optional_integer("completed_ms")?.unwrap_or(0));
         }
-        let checks = sqlx::query(checks::OPEN).bind(job.id.to_string()).bind(i64::from(job.rounds));
+        let checks = query(checks::OPEN).bind(job.id.to_string()).bind(i64::from(job.rounds));
         outstanding += checks.fetch_one(&self.readers).await?.integer("open")?;
         let complete = opened && outstanding == 0;
         Ok(complete.then_some(CompleteWave { round: job.rounds, passes, core_ms, completed_ms }))
@@ -69,7 +69,7 @@ impl Store {
         let reason = job.targets.reached(job.samples_per_block, &points).or(last);
         self.write(move |connection| {
             Box::pin(async move {
-                let recorded = sqlx::query(
+                let recorded = query(
                     "update jobs set rounds = rounds + 1, complete_passes = $3 \
                      where id = $1 and rounds = $2 and redone_nodes = $4 and state <> 'failed'",
                 )
@@ -79,7 +79,7 @@ impl Store {
                 .bind(big(redone))
                 .execute(&mut *connection)
                 .await?;
-                if recorded.rows_affected() == 0 {
+                if recorded == 0 {
                     return Ok(None);
                 }
                 for point in points {
@@ -96,7 +96,7 @@ impl Store {
 
     /// All recorded points of a job, by frame and round.
     pub(crate) async fn convergence(&self, job: JobId) -> Result<Vec<ConvergencePoint>, StoreError> {
-        let rows = sqlx::query("select * from rounds where job = $1 order by frame, round")
+        let rows = query("select * from rounds where job = $1 order by frame, round")
             .bind(job.to_string())
             .fetch_all(&self.readers)
             .await?;
@@ -110,7 +110,7 @@ impl Store {
         frame: u32,
         round: u32,
     ) -> Result<Option<ConvergencePoint>, StoreError> {
-        let row = sqlx::query("select * from rounds where job = $1 and frame = $2 and round = $3")
+        let row = query("select * from rounds where job = $1 and frame = $2 and round = $3")
             .bind(job.to_string())
             .bind(i64::from(frame))
             .bind(i64::from(round))
@@ -132,7 +132,7 @@ async fn end(
     if !jobs::end(connection, job, &Ending::Done(reason), now_ms).await? {
         return Ok(RecordedRound::default());
     }
-    sqlx::query("delete from waves where job = $1 and round > $2")
+    query("delete from waves where job = $1 and round > $2")
         .bind(job.to_string())
         .bind(i64::from(round))
         .execute(&mut *connection)
@@ -141,7 +141,7 @@ async fn end(
     Ok(RecordedRound { stopped_by: Some(reason), discarded })
 }
 
-fn point(row: &AnyRow) -> Result<ConvergencePoint, StoreError> {
+fn point(row: &Row) -> Result<ConvergencePoint, StoreError> {
     Ok(ConvergencePoint {
         frame: row.number("frame")?,
         round: row.number("round")?,
@@ -159,7 +159,7 @@ fn point(row: &AnyRow) -> Result<ConvergencePoint, StoreError> {
 }
 
 async fn insert(connection: &mut Connection, job: JobId, point: &ConvergencePoint) -> Result<(), StoreError> {
-    sqlx::query(
+    query(
         "insert into rounds (job, frame, round, passes, samples_per_pixel, core_ms, wall_ms, recorded_ms, mse, \
          corrected_mse, rel_mse, psnr, estimated_mse) values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)",
     )
@@ -176,8 +176,6 @@ async fn insert(connection: &mut Connection, job: JobId, point: &ConvergencePoin
     .bind(point.rel_mse)
     .bind(point.psnr)
     .bind(point.estimated_mse)
-    // sqlx declares an absent double as a float, and PostgreSQL would keep to that in the next execution of a prepared statement.
-    .persistent(false)
     .execute(connection)
     .await?;
     Ok(())

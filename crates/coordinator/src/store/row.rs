@@ -1,65 +1,116 @@
-//! Columns and rows: from the few types of SQL to ours, and statements about many rows at once.
+//! Columns and rows: from the few types of SQL to ours, and back.
 
 use std::str::FromStr;
+use std::sync::Arc;
 
 use clerestory_render_core::film::NodeAddress;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use sqlx::Row;
-use sqlx::any::AnyRow;
 
 use super::StoreError;
+use super::sql::{Engine, Kind, Value, rows_of};
 
-/// Reads typed columns of a row.
-pub(super) trait Columns {
+/// A row, whose columns have names.
+#[derive(Clone, Debug)]
+pub(super) struct Row {
+    names: Arc<[String]>,
+    values: Vec<Value>,
+}
+
+impl Row {
+    /// A row with these columns.
+    pub(super) fn new(names: Arc<[String]>, values: Vec<Value>) -> Self {
+        Self { names, values }
+    }
+
+    /// The value of a column.
+    fn value(&self, column: &'static str) -> Result<&Value, StoreError> {
+        let position = self.names.iter().position(|name| name == column);
+        let value = position.and_then(|position| self.values.get(position));
+        value.ok_or_else(|| StoreError::Database(format!("there is no column `{column}` in the answer")))
+    }
+
     /// A text.
-    fn text(&self, column: &'static str) -> Result<String, StoreError>;
+    pub(super) fn text(&self, column: &'static str) -> Result<String, StoreError> {
+        self.optional_text(column)?.ok_or_else(|| null(column))
+    }
+
     /// A text that may be null.
-    fn optional_text(&self, column: &'static str) -> Result<Option<String>, StoreError>;
+    pub(super) fn optional_text(&self, column: &'static str) -> Result<Option<String>, StoreError> {
+        match self.value(column)? {
+            Value::Text(text) => Ok(text.clone()),
+            Value::Integer(None) | Value::Float(None) => Ok(None),
+            other => Err(unexpected(column, other)),
+        }
+    }
+
     /// A 64-bit integer.
-    fn integer(&self, column: &'static str) -> Result<i64, StoreError>;
+    pub(super) fn integer(&self, column: &'static str) -> Result<i64, StoreError> {
+        self.optional_integer(column)?.ok_or_else(|| null(column))
+    }
+
     /// A 64-bit integer that may be null.
-    fn optional_integer(&self, column: &'static str) -> Result<Option<i64>, StoreError>;
+    pub(super) fn optional_integer(&self, column: &'static str) -> Result<Option<i64>, StoreError> {
+        match self.value(column)? {
+            Value::Integer(integer) => Ok(*integer),
+            Value::Text(None) | Value::Float(None) => Ok(None),
+            other => Err(unexpected(column, other)),
+        }
+    }
+
     /// A float that may be null.
-    fn optional_float(&self, column: &'static str) -> Result<Option<f64>, StoreError>;
+    pub(super) fn optional_float(&self, column: &'static str) -> Result<Option<f64>, StoreError> {
+        match self.value(column)? {
+            Value::Float(float) => Ok(*float),
+            Value::Text(None) | Value::Integer(None) => Ok(None),
+            other => Err(unexpected(column, other)),
+        }
+    }
 
     /// An integer that fits into `T`.
-    fn number<T: TryFrom<i64>>(&self, column: &'static str) -> Result<T, StoreError> {
+    pub(super) fn number<T: TryFrom<i64>>(&self, column: &'static str) -> Result<T, StoreError> {
         let value = self.integer(column)?;
         T::try_from(value).map_err(|_| StoreError::Corrupt { column, value: value.to_string() })
     }
 
     /// A text that spells a `T`.
-    fn parsed<T: FromStr>(&self, column: &'static str) -> Result<T, StoreError> {
+    pub(super) fn parsed<T: FromStr>(&self, column: &'static str) -> Result<T, StoreError> {
         parse(column, &self.text(column)?)
     }
 
     /// A text that spells a `T`, or null.
-    fn optional_parsed<T: FromStr>(&self, column: &'static str) -> Result<Option<T>, StoreError> {
+    pub(super) fn optional_parsed<T: FromStr>(&self, column: &'static str) -> Result<Option<T>, StoreError> {
         self.optional_text(column)?.map(|text| parse(column, &text)).transpose()
     }
 
     /// A text that holds JSON.
-    fn json<T: DeserializeOwned>(&self, column: &'static str) -> Result<T, StoreError> {
-        let value = self.text(column)?;
-        serde_json::from_str(&value).map_err(|_| StoreError::Corrupt { column, value })
+    pub(super) fn json<T: DeserializeOwned>(&self, column: &'static str) -> Result<T, StoreError> {
+        self.optional_json(column)?.ok_or_else(|| null(column))
     }
 
     /// A text that holds JSON, or null.
-    fn optional_json<T: DeserializeOwned>(&self, column: &'static str) -> Result<Option<T>, StoreError> {
+    pub(super) fn optional_json<T: DeserializeOwned>(&self, column: &'static str) -> Result<Option<T>, StoreError> {
         let Some(value) = self.optional_text(column)? else { return Ok(None) };
         serde_json::from_str(&value).map(Some).map_err(|_| StoreError::Corrupt { column, value })
     }
 
     /// A word of an enumeration, spelled as on the wire.
-    fn word<T: DeserializeOwned>(&self, column: &'static str) -> Result<T, StoreError> {
+    pub(super) fn word<T: DeserializeOwned>(&self, column: &'static str) -> Result<T, StoreError> {
         read_word(column, self.text(column)?)
     }
 
     /// A word of an enumeration, or null.
-    fn optional_word<T: DeserializeOwned>(&self, column: &'static str) -> Result<Option<T>, StoreError> {
+    pub(super) fn optional_word<T: DeserializeOwned>(&self, column: &'static str) -> Result<Option<T>, StoreError> {
         self.optional_text(column)?.map(|text| read_word(column, text)).transpose()
     }
+}
+
+fn null(column: &'static str) -> StoreError {
+    StoreError::Corrupt { column, value: "null".to_owned() }
+}
+
+fn unexpected(column: &'static str, value: &Value) -> StoreError {
+    StoreError::Corrupt { column, value: format!("{value:?}") }
 }
 
 fn read_word<T: DeserializeOwned>(column: &'static str, value: String) -> Result<T, StoreError> {
@@ -70,48 +121,15 @@ fn parse<T: FromStr>(column: &'static str, text: &str) -> Result<T, StoreError> 
     text.parse().map_err(|_| StoreError::Corrupt { column, value: text.to_owned() })
 }
 
-impl Columns for AnyRow {
-    fn text(&self, column: &'static str) -> Result<String, StoreError> {
-        Ok(self.try_get(column)?)
-    }
-
-    fn optional_text(&self, column: &'static str) -> Result<Option<String>, StoreError> {
-        Ok(self.try_get(column)?)
-    }
-
-    fn integer(&self, column: &'static str) -> Result<i64, StoreError> {
-        Ok(self.try_get(column)?)
-    }
-
-    fn optional_integer(&self, column: &'static str) -> Result<Option<i64>, StoreError> {
-        Ok(self.try_get(column)?)
-    }
-
-    fn optional_float(&self, column: &'static str) -> Result<Option<f64>, StoreError> {
-        Ok(self.try_get(column)?)
-    }
+/// A query, in brackets, for the nodes that are bound as parameter `$number`, as [`nodes_json`] writes them.
+pub(super) fn nodes_of(engine: Engine, number: usize) -> String {
+    rows_of(engine, number, &[Kind::Integer; 4])
 }
 
-/// Rows that one statement is about at most: an engine takes only so many parameters.
-pub(super) const MOST_ROWS: usize = 1000;
-
-/// Placeholders for so many rows of so many columns, as `($1, $2), ($3, $4)`; the first has the number after `before`. A statement about many
-/// rows costs little more than one about one: most of it is the way to the database and back.
-pub(super) fn placeholders(before: usize, rows: usize, columns: usize) -> String {
-    let row = |row: usize| {
-        let numbers = (1..=columns).map(|column| format!("${}", before + row * columns + column));
-        format!("({})", numbers.collect::<Vec<_>>().join(", "))
-    };
-    (0..rows).map(row).collect::<Vec<_>>().join(", ")
-}
-
-/// A statement of any engine, with its parameters.
-pub(super) type Query<'q> = sqlx::query::Query<'q, sqlx::Any, sqlx::any::AnyArguments>;
-
-/// Binds frame, tile, level and index of each of some nodes.
-pub(super) fn bind_nodes<'q, 'n>(query: Query<'q>, nodes: impl IntoIterator<Item = &'n NodeAddress>) -> Query<'q> {
-    let numbers = nodes.into_iter().flat_map(|node| [node.frame, node.tile, node.level, node.index]);
-    numbers.fold(query, |query, number| query.bind(i64::from(number)))
+/// Nodes as a statement takes them, and as a lease's row holds them: frame, tile, level and index of each.
+pub(super) fn nodes_json<'n>(nodes: impl IntoIterator<Item = &'n NodeAddress>) -> Result<String, StoreError> {
+    let rows = nodes.into_iter().map(|node| [node.frame, node.tile, node.level, node.index]);
+    to_json(&rows.collect::<Vec<_>>())
 }
 
 /// A value as the JSON of a text column.
@@ -122,15 +140,4 @@ pub(super) fn to_json(value: &impl Serialize) -> Result<String, StoreError> {
 /// A count as SQL holds it.
 pub(super) fn big(count: u64) -> i64 {
     i64::try_from(count).unwrap_or(i64::MAX)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::placeholders;
-
-    #[test]
-    fn placeholders_are_numbered_through() {
-        assert_eq!(placeholders(0, 2, 3), "($1, $2, $3), ($4, $5, $6)");
-        assert_eq!(placeholders(2, 1, 2), "($3, $4)");
-    }
 }

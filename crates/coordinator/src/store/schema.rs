@@ -1,12 +1,8 @@
 //! Opening the database and bringing its schema up to date.
 
-use std::borrow::Cow;
-
-use sqlx::SqlSafeStr;
-use sqlx::migrate::{Migrate, MigrateError, Migration, MigrationType, Migrator};
-
-use super::Connection;
-use super::source::Source;
+use super::StoreError;
+use super::source::{Connection, Source};
+use super::sql::query;
 
 /// The database cannot be used.
 #[derive(Debug, thiserror::Error)]
@@ -38,43 +34,48 @@ pub enum SchemaError {
         /// What people call the database.
         database: String,
         /// Why.
-        source: MigrateError,
+        source: Box<dyn std::error::Error + Send + Sync>,
     },
 }
 
-fn migrations() -> Vec<Migration> {
-    let migration = |version, name: &'static str, sql: &'static str| {
-        Migration::new(version, Cow::Borrowed(name), MigrationType::Simple, sql.into_sql_str(), false)
-    };
-    vec![
-        migration(1, "first", include_str!("../../migrations/0001_first.sql")),
-        migration(2, "counters", include_str!("../../migrations/0002_counters.sql")),
-        migration(3, "farm", include_str!("../../migrations/0003_farm.sql")),
-        migration(4, "targets", include_str!("../../migrations/0004_targets.sql")),
-        migration(5, "coordinators", include_str!("../../migrations/0005_coordinators.sql")),
-        migration(6, "places", include_str!("../../migrations/0006_places.sql")),
-        migration(7, "repeats", include_str!("../../migrations/0007_repeats.sql")),
-        migration(8, "checks", include_str!("../../migrations/0008_checks.sql")),
-    ]
-}
+/// What makes a schema of the one before, each with its version and its name.
+const MIGRATIONS: [(i64, &str, &str); 8] = [
+    (1, "first", include_str!("../../migrations/0001_first.sql")),
+    (2, "counters", include_str!("../../migrations/0002_counters.sql")),
+    (3, "farm", include_str!("../../migrations/0003_farm.sql")),
+    (4, "targets", include_str!("../../migrations/0004_targets.sql")),
+    (5, "coordinators", include_str!("../../migrations/0005_coordinators.sql")),
+    (6, "places", include_str!("../../migrations/0006_places.sql")),
+    (7, "repeats", include_str!("../../migrations/0007_repeats.sql")),
+    (8, "checks", include_str!("../../migrations/0008_checks.sql")),
+];
+
+/// Where applied migrations are noted, as the first builds made it; the hash is empty since.
+const APPLIED: &str = "create table if not exists _sqlx_migrations (version bigint primary key, description text not null, \
+    installed_on timestamp not null default current_timestamp, success boolean not null, checksum text not null, \
+    execution_time bigint not null)";
 
 /// Opens the connection to write with and brings the schema up to date.
 pub(super) async fn open(source: &Source) -> Result<Connection, SchemaError> {
     let database = || source.name().to_owned();
-    let failed = |source| SchemaError::Migrate { database: database(), source };
-    let opened = |source| SchemaError::Open { database: database(), source };
-    let mut connection = source.writer().await.map_err(|error| opened(error.into()))?;
-    let migrator = Migrator::with_migrations(migrations());
-    let known = migrator.iter().map(|migration| migration.version).max().unwrap_or(0);
-    // Coordinators that start together take turns.
-    connection.lock().await.map_err(failed)?;
-    connection.ensure_migrations_table(&migrator.table_name).await.map_err(failed)?;
-    let applied = connection.list_applied_migrations(&migrator.table_name).await.map_err(failed)?;
-    if let Some(found) = applied.iter().map(|migration| migration.version).max().filter(|found| *found > known) {
+    let opened = |error: StoreError| SchemaError::Open { database: database(), source: error.into() };
+    let failed = |error: StoreError| SchemaError::Migrate { database: database(), source: error.into() };
+    let mut connection = source.writer().await.map_err(opened)?;
+    // Coordinators that start together take turns, and what is half done is undone.
+    connection.begin().await.map_err(failed)?;
+    query(APPLIED).execute(&mut connection).await.map_err(failed)?;
+    let newest = query("select coalesce(max(version), 0) as version from _sqlx_migrations").fetch_one(&mut connection);
+    let found = newest.await.and_then(|row| row.integer("version")).map_err(failed)?;
+    let known = MIGRATIONS.iter().map(|(version, ..)| *version).max().unwrap_or(0);
+    if found > known {
         return Err(SchemaError::Newer { database: database(), found, known });
     }
-    // `run` takes any `Acquire`, whose future the compiler cannot prove to be `Send` for all lifetimes.
-    migrator.run_direct(None, &mut connection, false).await.map_err(failed)?;
-    connection.unlock().await.map_err(failed)?;
+    for (version, name, statements) in MIGRATIONS.into_iter().filter(|(version, ..)| *version > found) {
+        connection.batch(statements).await.map_err(failed)?;
+        let applied = "insert into _sqlx_migrations (version, description, success, checksum, execution_time) \
+                       values ($1, $2, true, '', 0)";
+        query(applied).bind(version).bind(name).execute(&mut connection).await.map_err(failed)?;
+    }
+    query("commit").execute(&mut connection).await.map_err(failed)?;
     Ok(connection)
 }

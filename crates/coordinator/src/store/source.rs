@@ -1,19 +1,18 @@
 //! Where the state is kept, and how connections to it are made: a SQLite file, or a PostgreSQL database.
 //!
-//! Both run the same statements. Only this module knows which it is: what a connection has to be told before it is used, how
-//! a transaction begins, how the writers of several coordinators take turns, and how they tell one another that something happened.
+//! Both run the same statements. Only this module and those of the two engines know which it is: what a connection has to be told before it is
+//! used, how a transaction begins, how the writers of several coordinators take turns, and how they tell one another that something happened.
 
 use std::fmt;
-use std::path::Path;
-use std::sync::Once;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use sqlx::any::{AnyConnectOptions, AnyPoolOptions, install_default_drivers};
-use sqlx::postgres::PgListener;
-use sqlx::sqlite::SqliteConnectOptions;
-use sqlx::{AnyPool, ConnectOptions};
+use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
+use sqlx::{ConnectOptions, PgConnection, PgPool};
 
-use super::{Connection, StoreError};
+use super::postgres::{self, Listener};
+use super::sql::{Answer, Engine, Query, Runner, query};
+use super::{StoreError, sqlite};
 use crate::config::PostgresUrl;
 
 /// Connections that read at the same time.
@@ -25,91 +24,119 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
 /// How long a writer waits for its turn before it takes its connection for dead.
 pub(super) const TURN_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// What begins a transaction in PostgreSQL. The lock, whose number is `cleresto` in ASCII, lets the writers of several coordinators take
-/// turns: what one reads, no other changes before it has committed, as with the one writer of a SQLite file.
-const POSTGRES_BEGIN: &str = "begin isolation level read committed; select pg_advisory_xact_lock(7164212649242358895)";
-
-/// On which channel coordinators of a database tell one another what happened.
-const CHANNEL: &str = "clerestory";
-
-/// What a writing connection to a SQLite file is told. `full` syncs each commit, also in WAL mode. The time to wait is for the lock of another
-/// process, such as a backup.
-const SQLITE_SESSION: [&str; 4] = [
-    "pragma busy_timeout = 10000",
-    "pragma journal_mode = wal",
-    "pragma synchronous = full",
-    "pragma foreign_keys = on",
-];
-
-/// What a writing connection to PostgreSQL is told: whatever a server or a role has as its default, what is acknowledged is on disk. A
-/// coordinator that is suspended in the middle of a transaction loses it, so that the others get their turn.
-const POSTGRES_SESSION: [&str; 2] = ["set synchronous_commit = on", "set idle_in_transaction_session_timeout = '5s'"];
-
 /// A database, and how to reach it. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Source {
-    engine: Engine,
-    writing: AnyConnectOptions,
-    reading: AnyConnectOptions,
-    /// Address of a PostgreSQL database.
-    postgres: Option<PostgresUrl>,
+    place: Place,
     name: String,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Engine {
-    Sqlite,
-    Postgres,
+#[derive(Clone)]
+enum Place {
+    File(PathBuf),
+    Server { url: PostgresUrl, options: Box<PgConnectOptions> },
 }
 
 impl fmt::Debug for Source {
     /// Without the password that its options hold.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "Source({:?}, {})", self.engine, self.name)
+        write!(formatter, "Source({})", self.name)
     }
 }
 
-/// A connection cannot be had.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum ConnectError {
-    /// The database does not answer, or refuses.
-    #[error(transparent)]
-    Database(#[from] sqlx::Error),
-    /// It does not answer in time.
-    #[error("no answer in {} s", CONNECT_TIMEOUT.as_secs())]
-    Slow,
+/// The connection that a write runs on.
+#[derive(Debug)]
+pub(crate) enum Connection {
+    /// To a SQLite file.
+    Sqlite(rusqlite::Connection),
+    /// To PostgreSQL.
+    Postgres(PgConnection),
 }
 
-impl From<ConnectError> for StoreError {
-    fn from(error: ConnectError) -> Self {
-        Self::Database(error.to_string())
+impl Connection {
+    /// Which engine it is to.
+    pub(super) fn engine(&self) -> Engine {
+        match self {
+            Self::Sqlite(_) => Engine::Sqlite,
+            Self::Postgres(_) => Engine::Postgres,
+        }
+    }
+
+    /// Runs statements without parameters, of which nothing is wanted.
+    pub(super) async fn batch(&mut self, statements: &'static str) -> Result<(), StoreError> {
+        match self {
+            Self::Sqlite(connection) => Ok(connection.execute_batch(statements)?),
+            Self::Postgres(connection) => {
+                sqlx::raw_sql(statements).execute(connection).await?;
+                Ok(())
+            }
+        }
+    }
+
+    /// Begins a transaction. In SQLite one that reads first and then finds the database locked could not be retried: it takes the lock at once. In
+    /// PostgreSQL it waits for its turn.
+    pub(super) async fn begin(&mut self) -> Result<(), StoreError> {
+        self.batch(match self.engine() {
+            Engine::Sqlite => "begin immediate",
+            Engine::Postgres => postgres::BEGIN,
+        })
+        .await
+    }
+
+    /// Says goodbye.
+    pub(super) async fn close(self) -> Result<(), StoreError> {
+        match self {
+            Self::Sqlite(connection) => connection.close().map_err(|(_, error)| error.into()),
+            Self::Postgres(connection) => Ok(sqlx::Connection::close(connection).await?),
+        }
+    }
+}
+
+impl Runner for &mut Connection {
+    async fn run(self, query: Query) -> Result<Answer, StoreError> {
+        match self {
+            Connection::Sqlite(connection) => sqlite::run(connection, &query),
+            Connection::Postgres(connection) => postgres::run(connection, query).await,
+        }
+    }
+}
+
+/// Connections to read with, made when they are needed. Cheap to clone.
+#[derive(Clone, Debug)]
+pub(super) enum Readers {
+    Sqlite(sqlite::Readers),
+    Postgres(PgPool),
+}
+
+impl Readers {
+    /// Waits for what is being read, and closes.
+    pub(super) async fn close(&self) {
+        match self {
+            Self::Sqlite(readers) => readers.close(READERS).await,
+            Self::Postgres(pool) => pool.close().await,
+        }
+    }
+}
+
+impl Runner for &Readers {
+    async fn run(self, query: Query) -> Result<Answer, StoreError> {
+        match self {
+            Readers::Sqlite(readers) => readers.run(query).await,
+            Readers::Postgres(pool) => postgres::run(pool, query).await,
+        }
     }
 }
 
 impl Source {
     /// A SQLite file, made if there is none.
-    pub(crate) fn file(file: &Path) -> Result<Self, sqlx::Error> {
-        let options = |options: SqliteConnectOptions| AnyConnectOptions::from_url(&options.to_url_lossy());
-        let file_options = SqliteConnectOptions::new().filename(file);
-        Ok(Self {
-            engine: Engine::Sqlite,
-            writing: options(file_options.clone().create_if_missing(true))?,
-            reading: options(file_options.read_only(true))?,
-            postgres: None,
-            name: file.display().to_string(),
-        })
+    pub(crate) fn file(file: &Path) -> Self {
+        Self { place: Place::File(file.to_owned()), name: file.display().to_string() }
     }
 
     /// A PostgreSQL database.
     pub(crate) fn postgres(url: &PostgresUrl) -> Result<Self, sqlx::Error> {
-        let options: AnyConnectOptions = url.secret().parse()?;
-        Ok(Self {
-            engine: Engine::Postgres,
-            writing: options.clone(),
-            reading: options,
-            postgres: Some(url.clone()),
-            name: url.to_string(),
-        })
+        let options: PgConnectOptions = url.secret().parse()?;
+        Ok(Self { place: Place::Server { url: url.clone(), options: Box::new(options) }, name: url.to_string() })
     }
 
     /// What people call it; without a password.
@@ -119,76 +146,54 @@ impl Source {
 
     /// Whether several coordinators may use it at the same time.
     pub(crate) fn is_shared(&self) -> bool {
-        self.engine == Engine::Postgres
+        matches!(self.place, Place::Server { .. })
     }
 
     /// A connection to write with, of which each coordinator has one.
-    pub(super) async fn writer(&self) -> Result<Connection, ConnectError> {
-        install_drivers();
-        let connect = tokio::time::timeout(CONNECT_TIMEOUT, self.writing.connect());
-        let mut connection = connect.await.map_err(|_| ConnectError::Slow)??;
-        let session = match self.engine {
-            Engine::Sqlite => SQLITE_SESSION.as_slice(),
-            Engine::Postgres => &POSTGRES_SESSION,
-        };
-        for statement in session {
-            sqlx::query(*statement).execute(&mut connection).await?;
+    pub(super) async fn writer(&self) -> Result<Connection, StoreError> {
+        match &self.place {
+            Place::File(file) => Ok(Connection::Sqlite(sqlite::writer(file)?)),
+            Place::Server { options, .. } => {
+                let mut connection = Connection::Postgres(in_time(options.connect()).await?);
+                connection.batch(postgres::SESSION).await?;
+                Ok(connection)
+            }
         }
-        Ok(connection)
     }
 
-    /// Connections to read with, made when they are needed.
-    pub(super) fn readers(&self) -> AnyPool {
-        install_drivers();
-        let options = AnyPoolOptions::new().max_connections(READERS).acquire_timeout(CONNECT_TIMEOUT);
-        options.connect_lazy_with(self.reading.clone())
-    }
-
-    /// The statement that begins a transaction. In SQLite one that reads first and then finds the database locked could not be retried:
-    /// it takes the lock at once.
-    pub(super) fn begin(&self) -> &'static str {
-        match self.engine {
-            Engine::Sqlite => "begin immediate",
-            Engine::Postgres => POSTGRES_BEGIN,
+    /// Connections to read with.
+    pub(super) fn readers(&self) -> Readers {
+        match &self.place {
+            Place::File(file) => Readers::Sqlite(sqlite::Readers::new(file.clone(), READERS as usize)),
+            Place::Server { options, .. } => {
+                let pool = PgPoolOptions::new().max_connections(READERS).acquire_timeout(CONNECT_TIMEOUT);
+                Readers::Postgres(pool.connect_lazy_with(PgConnectOptions::clone(options)))
+            }
         }
     }
 
     /// Hears what is sent to all coordinators of the database from now on; `None` where there is one coordinator.
-    pub(super) async fn listener(&self) -> Result<Option<Listener>, ConnectError> {
-        let Some(url) = &self.postgres else { return Ok(None) };
+    pub(super) async fn listener(&self) -> Result<Option<Listener>, StoreError> {
+        let Place::Server { url, .. } = &self.place else { return Ok(None) };
         let connect = async {
             let mut listener = PgListener::connect(url.secret()).await?;
-            listener.listen(CHANNEL).await?;
+            listener.listen(postgres::CHANNEL).await?;
             Ok::<_, sqlx::Error>(listener)
         };
-        let connected = tokio::time::timeout(CONNECT_TIMEOUT, connect).await.map_err(|_| ConnectError::Slow)?;
-        Ok(Some(Listener(connected?)))
+        Ok(Some(Listener(in_time(connect).await?)))
     }
 
     /// Sends a text, shorter than 8000 bytes, to all coordinators of the database, where there may be several.
-    pub(super) async fn notify(&self, readers: &AnyPool, text: String) -> Result<(), sqlx::Error> {
-        if self.engine == Engine::Postgres {
-            sqlx::query("select pg_notify($1, $2)").bind(CHANNEL).bind(text).execute(readers).await?;
+    pub(super) async fn notify(&self, readers: &Readers, text: String) -> Result<(), StoreError> {
+        if self.is_shared() {
+            query("select pg_notify($1, $2)").bind(postgres::CHANNEL).bind(text).execute(readers).await?;
         }
         Ok(())
     }
 }
 
-/// Hears what is sent to all coordinators of a database.
-#[derive(Debug)]
-pub(crate) struct Listener(PgListener);
-
-impl Listener {
-    /// The next text. An error when the connection was lost, with whatever was sent since.
-    pub(crate) async fn next(&mut self) -> Result<String, StoreError> {
-        match self.0.try_recv().await? {
-            Some(notification) => Ok(notification.payload().to_owned()),
-            None => Err(StoreError::Database("the connection was lost".to_owned())),
-        }
-    }
-}
-
-fn install_drivers() {
-    static ONCE: Once = Once::new();
-    ONCE.call_once(install_default_drivers);
+/// What connects, unless it takes too long.
+async fn in_time<T>(connect: impl Future<Output = Result<T, sqlx::Error>>) -> Result<T, StoreError> {
+    let slow = |_| StoreError::Database(format!("no answer in {} s", CONNECT_TIMEOUT.as_secs()));
+    Ok(tokio::time::timeout(CONNECT_TIMEOUT, connect).await.map_err(slow)??)
 }

@@ -6,11 +6,11 @@ use clerestory_api::{JobId, JobState, LeaseId, NodeVerdict, StopReason, WorkerId
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{NodeAddress, TileGrid};
 use clerestory_test_servers::postgres;
-use sqlx::Row;
 use tempfile::TempDir;
 use uuid::Uuid;
 
 use super::accept::Acceptance;
+use super::sql::query;
 use super::{
     ClaimTerms, CompleteWave, DeliveredNode, Delivery, Ending, Grant, Identity, Keeping, LeaseError, Merge, NewJob,
     SchemaError, Source, Store, StoreError, Work, WorkFailure, WorkerError,
@@ -67,7 +67,7 @@ struct Farm {
 impl Farm {
     async fn in_a_file() -> Self {
         let directory = tempfile::tempdir().unwrap();
-        let source = Source::file(&directory.path().join("farm ?#%.sqlite")).unwrap();
+        let source = Source::file(&directory.path().join("farm ?#%.sqlite"));
         Self { store: Store::open(source.clone()).await.unwrap(), source, _directory: Some(directory) }
     }
 
@@ -496,7 +496,7 @@ async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
             store
                 .write::<(), StoreError, _>(move |connection| {
                     Box::pin(async move {
-                        sqlx::query("insert into sequences (name, value) values ($1, 1)")
+                        query("insert into sequences (name, value) values ($1, 1)")
                             .bind(name)
                             .execute(connection)
                             .await?;
@@ -509,10 +509,9 @@ async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
     let (first, second, again) = tokio::join!(write("a", false), write("b", true), write("a", false));
     let third = write("c", false).await;
     assert!(first.is_ok() && second.is_err() && again.is_err() && third.is_ok());
-    let names: Vec<String> = sqlx::query_scalar("select name from sequences where length(name) = 1 order by name")
-        .fetch_all(&farm.store.readers)
-        .await
-        .unwrap();
+    let rows = query("select name from sequences where length(name) = 1 order by name");
+    let rows = rows.fetch_all(&farm.store.readers).await.unwrap();
+    let names: Vec<String> = rows.iter().map(|row| row.text("name").unwrap()).collect();
     assert_eq!(names, ["a", "c"]);
 }
 
@@ -527,10 +526,9 @@ async fn a_database_of_a_newer_build_is_refused_with_both_versions(farm: Farm) {
         Box::pin(async move {
             let migrations = "insert into _sqlx_migrations (version, description, success, checksum, execution_time) \
                               select 99, 'later', success, checksum, 0 from _sqlx_migrations where version = 1";
-            let known =
-                sqlx::query("select max(version) as known from _sqlx_migrations").fetch_one(&mut *connection).await?;
-            sqlx::query(migrations).execute(connection).await?;
-            Ok(known.get::<i64, _>("known"))
+            let known = query("select max(version) as known from _sqlx_migrations").fetch_one(&mut *connection).await?;
+            query(migrations).execute(connection).await?;
+            known.integer("known")
         })
     });
     let own = newer.await.unwrap();
@@ -542,7 +540,7 @@ async fn a_database_of_a_newer_build_is_refused_with_both_versions(farm: Farm) {
 async fn a_lost_connection_fails_what_was_under_way_and_nothing_after_it(farm: Farm) {
     let job = farm.job(1).await;
     // The writer's own connection is ended from outside, where there is an outside.
-    let ended = sqlx::query(
+    let ended = query(
         "select pg_terminate_backend(pid) from pg_stat_activity where datname = current_database() \
          and pid <> pg_backend_pid()",
     );

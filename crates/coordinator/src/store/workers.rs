@@ -1,10 +1,9 @@
 //! Workers: who has registered, and when they were last heard of.
 
 use clerestory_api::{JobId, Quarantine, WorkerId, WorkerRegistration, WorkerState, WorkerView};
-use sqlx::Row;
-use sqlx::any::AnyRow;
 
-use super::row::Columns;
+use super::row::Row;
+use super::sql::query;
 use super::{Connection, Store, StoreError};
 
 /// Longest rest after failures in a row.
@@ -29,12 +28,6 @@ pub(crate) enum WorkerError {
     Store(#[from] StoreError),
 }
 
-impl From<sqlx::Error> for WorkerError {
-    fn from(error: sqlx::Error) -> Self {
-        Self::Store(error.into())
-    }
-}
-
 const VIEW: &str = "select w.*, \
     (select count(*) from pending p join leases l on p.lease = l.id \
      where l.worker = w.id and l.state = 'active') as leased_nodes, \
@@ -56,7 +49,7 @@ pub(super) struct Claimant {
 
 /// Marks a worker as heard of. One that is quarantined is told so.
 pub(super) async fn touch(connection: &mut Connection, worker: WorkerId, now_ms: i64) -> Result<Claimant, WorkerError> {
-    let row = sqlx::query(
+    let row = query(
         "update workers set seen_ms = $2 where id = $1 \
          returning cores, probe_digest, failures_in_a_row, failed_ms, quarantine, (select count(*) from (select 1 from checks limit 1) as any_check) as checks",
     )
@@ -91,7 +84,7 @@ impl Store {
     ) -> Result<(), WorkerError> {
         self.write(move |connection| {
             Box::pin(async move {
-                let known = sqlx::query(
+                let known = query(
                     "select id, quarantine from workers where name = $1 and quarantine is not null order by id limit 1",
                 )
                 .bind(&registration.name)
@@ -101,7 +94,7 @@ impl Store {
                     let Quarantine { reason, .. } = known.json("quarantine")?;
                     return Err(WorkerError::Quarantined { worker: known.parsed("id")?, reason });
                 }
-                sqlx::query(
+                query(
                     "insert into workers (id, name, cores, build, probe_digest, registered_ms, seen_ms) \
                      values ($1, $2, $3, $4, $5, $6, $6)",
                 )
@@ -123,13 +116,12 @@ impl Store {
     pub(crate) async fn release_worker(&self, worker: WorkerId) -> Result<(), WorkerError> {
         self.write(move |connection| {
             Box::pin(async move {
-                let released = sqlx::query(
-                    "update workers set quarantine = null where name = (select name from workers where id = $1)",
-                )
-                .bind(worker.to_string())
-                .execute(connection)
-                .await?;
-                if released.rows_affected() == 0 { Err(WorkerError::Unknown(worker)) } else { Ok(()) }
+                let released =
+                    query("update workers set quarantine = null where name = (select name from workers where id = $1)")
+                        .bind(worker.to_string())
+                        .execute(connection)
+                        .await?;
+                if released == 0 { Err(WorkerError::Unknown(worker)) } else { Ok(()) }
             })
         })
         .await
@@ -143,22 +135,22 @@ impl Store {
     /// All workers heard of since `since_ms`, in order of registration. A worker is silent when it was last heard of
     /// before `silent_before_ms`.
     pub(crate) async fn workers(&self, since_ms: i64, silent_before_ms: i64) -> Result<Vec<WorkerView>, StoreError> {
-        let query = format!("{VIEW} where seen_ms >= $1 order by registered_ms, id");
-        let rows = sqlx::query(sqlx::AssertSqlSafe(query)).bind(since_ms).fetch_all(&self.readers).await?;
+        let views = query(format!("{VIEW} where seen_ms >= $1 order by registered_ms, id"));
+        let rows = views.bind(since_ms).fetch_all(&self.readers).await?;
         let pinned = self.pinned_jobs().await?;
-        rows.iter().map(|row| view(row, silent_before_ms, &pinned)).collect()
+        rows.iter().map(|row| worker_view(row, silent_before_ms, &pinned)).collect()
     }
 
     /// One worker.
     pub(crate) async fn worker(&self, worker: WorkerId, silent_before_ms: i64) -> Result<WorkerView, WorkerError> {
-        let query = sqlx::query(sqlx::AssertSqlSafe(format!("{VIEW} where id = $1"))).bind(worker.to_string());
-        let row = query.fetch_optional(&self.readers).await?.ok_or(WorkerError::Unknown(worker))?;
-        Ok(view(&row, silent_before_ms, &self.pinned_jobs().await?)?)
+        let view = query(format!("{VIEW} where id = $1")).bind(worker.to_string());
+        let row = view.fetch_optional(&self.readers).await?.ok_or(WorkerError::Unknown(worker))?;
+        Ok(worker_view(&row, silent_before_ms, &self.pinned_jobs().await?)?)
     }
 
     /// Jobs that are only for workers with a certain digest of the probe, with that.
     async fn pinned_jobs(&self) -> Result<Vec<(JobId, String)>, StoreError> {
-        let rows = sqlx::query(
+        let rows = query(
             "select id, probe_digest from jobs where state in ('queued', 'running') and probe_digest is not null order by id",
         )
         .fetch_all(&self.readers)
@@ -167,7 +159,7 @@ impl Store {
     }
 }
 
-fn view(row: &AnyRow, silent_before_ms: i64, pinned: &[(JobId, String)]) -> Result<WorkerView, StoreError> {
+fn worker_view(row: &Row, silent_before_ms: i64, pinned: &[(JobId, String)]) -> Result<WorkerView, StoreError> {
     let cores: u32 = row.number("cores")?;
     let samples: u64 = row.number("samples")?;
     let core_ms = row.integer("core_ms")?;
@@ -187,7 +179,7 @@ fn view(row: &AnyRow, silent_before_ms: i64, pinned: &[(JobId, String)]) -> Resu
         probe_digest,
         passed_over,
         id: row.parsed("id")?,
-        name: row.try_get("name")?,
+        name: row.text("name")?,
         cores,
         build: row.text("build")?,
         state,

@@ -1,5 +1,7 @@
 //! The one writer of a coordinator: groups the writes that wait into one transaction.
 //!
+//! It has a thread of its own: statements of the embedded database run right there, and a commit waits for the disk.
+//!
 //! A commit costs a sync of the disk, whatever it holds. So all writes that have gathered while the last commit ran go
 //! into the next one, each in a savepoint of its own: a write that fails takes nothing else with it. A caller is answered
 //! after the commit, never before. A write whose caller has gone away is carried out all the same.
@@ -11,10 +13,8 @@ use futures::future::BoxFuture;
 use tokio::sync::{mpsc, oneshot};
 
 use super::StoreError;
-use super::source::{Source, TURN_TIMEOUT};
-
-/// The connection that a write runs on.
-pub(crate) type Connection = sqlx::AnyConnection;
+use super::source::{Connection, Source, TURN_TIMEOUT};
+use super::sql::query;
 
 /// Most writes in one transaction.
 const GROUP: usize = 64;
@@ -34,11 +34,13 @@ enum Message {
 }
 
 impl Writer {
-    /// Starts the task. It owns the connection and ends when it is closed or the last handle is dropped.
-    pub(super) fn start(source: Source, connection: Connection) -> Self {
+    /// Starts the thread. It owns the connection and ends when it is closed or the last handle is dropped.
+    pub(super) fn start(source: Source, connection: Connection) -> std::io::Result<Self> {
         let (writes, queue) = mpsc::channel(QUEUE);
-        tokio::spawn(serve(source, Some(connection), queue));
-        Self { writes }
+        let runtime = tokio::runtime::Handle::current();
+        let serve = move || runtime.block_on(serve(source, Some(connection), queue));
+        std::thread::Builder::new().name("store-writer".to_owned()).spawn(serve)?;
+        Ok(Self { writes })
     }
 
     /// Runs `write` in the next transaction and answers when that is committed. An error rolls this write back.
@@ -127,7 +129,7 @@ async fn serve(source: Source, mut connection: Option<Connection>, mut queue: mp
         if let Some(done) = close {
             queue.close();
             if let Some(connection) = connection
-                && let Err(error) = sqlx::Connection::close(connection).await
+                && let Err(error) = connection.close().await
             {
                 tracing::error!(%error, "closing the database failed");
             }
@@ -166,13 +168,13 @@ async fn commit(
 /// A connection on which a transaction has begun: the one at hand, or a new one where that is lost.
 async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, StoreError> {
     if let Some(mut connection) = held {
-        match begin(&mut connection, source).await {
+        match begin(&mut connection).await {
             Ok(()) => return Ok(connection),
             Err(error) => tracing::warn!(%error, "the connection to the database is lost"),
         }
     }
     let mut connection = source.writer().await?;
-    begin(&mut connection, source).await?;
+    begin(&mut connection).await?;
     Ok(connection)
 }
 
@@ -188,13 +190,12 @@ async fn run_all(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> 
 }
 
 /// Begins a transaction, and waits for its turn.
-async fn begin(connection: &mut Connection, source: &Source) -> Result<(), StoreError> {
-    let turn = tokio::time::timeout(TURN_TIMEOUT, sqlx::raw_sql(source.begin()).execute(connection)).await;
-    turn.map_err(|_| StoreError::Database(format!("no turn in {} s", TURN_TIMEOUT.as_secs())))??;
-    Ok(())
+async fn begin(connection: &mut Connection) -> Result<(), StoreError> {
+    let turn = tokio::time::timeout(TURN_TIMEOUT, connection.begin()).await;
+    turn.map_err(|_| StoreError::Database(format!("no turn in {} s", TURN_TIMEOUT.as_secs())))?
 }
 
 async fn execute(connection: &mut Connection, statement: &'static str) -> Result<(), StoreError> {
-    sqlx::query(statement).execute(connection).await?;
+    query(statement).execute(connection).await?;
     Ok(())
 }

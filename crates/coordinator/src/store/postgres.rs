@@ -1,0 +1,80 @@
+//! A PostgreSQL database.
+
+use std::sync::Arc;
+
+use futures::StreamExt;
+use sqlx::postgres::{PgListener, PgRow, Postgres};
+use sqlx::{AssertSqlSafe, Column, Either, Executor, Row as _, TypeInfo};
+
+use super::StoreError;
+use super::row::Row;
+use super::sql::{Answer, Query, Value};
+
+/// What begins a transaction. The lock, whose number is `cleresto` in ASCII, lets the writers of several coordinators take turns: what
+/// one reads, no other changes before it has committed, as with the one writer of a SQLite file.
+pub(super) const BEGIN: &str =
+    "begin isolation level read committed; select pg_advisory_xact_lock(7164212649242358895)";
+
+/// On which channel coordinators of a database tell one another what happened.
+pub(super) const CHANNEL: &str = "clerestory";
+
+/// What a writing connection is told: whatever a server or a role has as its default, what is acknowledged is on disk. A coordinator that
+/// is suspended in the middle of a transaction loses it, so that the others get their turn.
+pub(super) const SESSION: &str = "set synchronous_commit = on; set idle_in_transaction_session_timeout = '5s'";
+
+/// Runs a statement.
+pub(super) async fn run<'c, E>(executor: E, query: Query) -> Result<Answer, StoreError>
+where
+    E: Executor<'c, Database = Postgres>,
+{
+    let mut statement = sqlx::query(AssertSqlSafe(query.statement.into_owned()));
+    for value in query.values {
+        statement = match value {
+            Value::Integer(value) => statement.bind(value),
+            Value::Float(value) => statement.bind(value),
+            Value::Text(value) => statement.bind(value),
+        };
+    }
+    let mut answer = Answer::default();
+    let mut names: Option<Arc<[String]>> = None;
+    let mut parts = executor.fetch_many(statement);
+    while let Some(part) = parts.next().await {
+        match part? {
+            Either::Left(done) => answer.affected += done.rows_affected(),
+            Either::Right(row) => {
+                let names =
+                    names.get_or_insert_with(|| row.columns().iter().map(|column| column.name().to_owned()).collect());
+                answer.rows.push(Row::new(Arc::clone(names), values(&row)?));
+            }
+        }
+    }
+    Ok(answer)
+}
+
+fn values(row: &PgRow) -> Result<Vec<Value>, StoreError> {
+    let value = |(number, column): (usize, &sqlx::postgres::PgColumn)| {
+        Ok(match column.type_info().name() {
+            "INT8" => Value::Integer(row.try_get(number)?),
+            "INT4" => Value::Integer(row.try_get::<Option<i32>, _>(number)?.map(i64::from)),
+            "FLOAT8" => Value::Float(row.try_get(number)?),
+            "BOOL" => Value::Integer(row.try_get::<Option<bool>, _>(number)?.map(i64::from)),
+            "VOID" => Value::Text(None),
+            _ => Value::Text(row.try_get(number)?),
+        })
+    };
+    row.columns().iter().enumerate().map(value).collect()
+}
+
+/// Hears what is sent to all coordinators of a database.
+#[derive(Debug)]
+pub(crate) struct Listener(pub(super) PgListener);
+
+impl Listener {
+    /// The next text. An error when the connection was lost, with whatever was sent since.
+    pub(crate) async fn next(&mut self) -> Result<String, StoreError> {
+        match self.0.try_recv().await? {
+            Some(notification) => Ok(notification.payload().to_owned()),
+            None => Err(StoreError::Database("the connection was lost".to_owned())),
+        }
+    }
+}

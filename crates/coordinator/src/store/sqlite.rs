@@ -1,0 +1,111 @@
+//! The embedded database: a SQLite file.
+//!
+//! Statements run where they are called, without a way to another thread and back for each row. So the writer has a thread of its own, and
+//! readers, each with a connection of its own, run where blocking is allowed.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use rusqlite::types::ValueRef;
+use rusqlite::{Connection, OpenFlags, ToSql};
+use tokio::sync::Semaphore;
+
+use super::StoreError;
+use super::row::Row;
+use super::sql::{Answer, Query, Value};
+
+/// Statements that stay prepared: more than there are.
+const PREPARED: usize = 256;
+
+/// How long to wait for the lock of another process, such as a backup.
+const BUSY: Duration = Duration::from_secs(10);
+
+/// What a writing connection is told. `full` syncs each commit, also in WAL mode.
+const SESSION: &str = "pragma journal_mode = wal; pragma synchronous = full; pragma foreign_keys = on;";
+
+/// Opens a connection to write with; the file is made if there is none.
+pub(super) fn writer(file: &Path) -> Result<Connection, StoreError> {
+    let connection = open(file, OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE)?;
+    connection.execute_batch(SESSION)?;
+    Ok(connection)
+}
+
+fn open(file: &Path, flags: OpenFlags) -> Result<Connection, StoreError> {
+    let connection = Connection::open_with_flags(file, flags | OpenFlags::SQLITE_OPEN_NO_MUTEX)?;
+    connection.busy_timeout(BUSY)?;
+    connection.set_prepared_statement_cache_capacity(PREPARED);
+    Ok(connection)
+}
+
+/// Runs a statement.
+pub(super) fn run(connection: &Connection, query: &Query) -> Result<Answer, StoreError> {
+    // A parameter is known by its number: `$1` would be a name, whose number follows from where it stands.
+    let statement = query.statement.replace('$', "?");
+    let mut statement = connection.prepare_cached(&statement)?;
+    for (number, value) in (1..).zip(&query.values) {
+        match value {
+            Value::Integer(value) => statement.raw_bind_parameter(number, value)?,
+            Value::Float(value) => statement.raw_bind_parameter(number, value)?,
+            Value::Text(value) => {
+                statement.raw_bind_parameter(number, value.as_ref().map(|text| text as &dyn ToSql))?
+            }
+        }
+    }
+    let names: Arc<[String]> = statement.column_names().map(str::to_owned).collect();
+    let mut found = statement.raw_query();
+    let mut rows = Vec::new();
+    while let Some(row) = found.next()? {
+        let values = (0..names.len()).map(|column| Ok(value(row.get_ref(column)?)));
+        rows.push(Row::new(Arc::clone(&names), values.collect::<Result<_, rusqlite::Error>>()?));
+    }
+    drop(found);
+    Ok(Answer { rows, affected: connection.changes() })
+}
+
+fn value(column: ValueRef<'_>) -> Value {
+    match column {
+        ValueRef::Null => Value::Text(None),
+        ValueRef::Integer(value) => value.into(),
+        ValueRef::Real(value) => Some(value).into(),
+        ValueRef::Text(bytes) | ValueRef::Blob(bytes) => String::from_utf8_lossy(bytes).into_owned().into(),
+    }
+}
+
+/// Connections to read with, made when they are needed. Cheap to clone.
+#[derive(Clone, Debug)]
+pub(super) struct Readers {
+    file: PathBuf,
+    idle: Arc<Mutex<Vec<Connection>>>,
+    permits: Arc<Semaphore>,
+}
+
+impl Readers {
+    /// So many connections at most.
+    pub(super) fn new(file: PathBuf, most: usize) -> Self {
+        Self { file, idle: Arc::default(), permits: Arc::new(Semaphore::new(most)) }
+    }
+
+    /// Runs a statement on one of them.
+    pub(super) async fn run(&self, query: Query) -> Result<Answer, StoreError> {
+        let permit = Arc::clone(&self.permits).acquire_owned().await.map_err(|_| StoreError::Closed)?;
+        let (file, idle) = (self.file.clone(), Arc::clone(&self.idle));
+        let run = move || {
+            let held = idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
+            let connection = held.map_or_else(|| open(&file, OpenFlags::SQLITE_OPEN_READ_ONLY), Ok)?;
+            let answer = run(&connection, &query);
+            idle.lock().unwrap_or_else(PoisonError::into_inner).push(connection);
+            drop(permit);
+            answer
+        };
+        tokio::task::spawn_blocking(run).await.map_err(|_| StoreError::Closed)?
+    }
+
+    /// Waits for what is being read, and closes.
+    pub(super) async fn close(&self, most: u32) {
+        // Closed already, or by another call meanwhile.
+        let _ = self.permits.acquire_many(most).await;
+        self.permits.close();
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+}
