@@ -1,12 +1,13 @@
 //! A farm of real processes: the built binary `clerestory` as coordinator, as workers, and as a user's command.
 
 use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use clerestory_api::{Client, ClientError, ConvergenceSeries, JobId, JobView};
-use clerestory_test_servers::Balancer;
+use clerestory_test_servers::{Balancer, Faults};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use tempfile::TempDir;
@@ -32,6 +33,7 @@ pub struct Farm {
 /// A coordinator.
 struct Coordinator {
     data: TempDir,
+    faults: Option<Faults>,
     address: String,
     process: Process,
 }
@@ -54,7 +56,19 @@ impl Farm {
     /// When it does not start.
     pub fn start_in(environment: &[(String, String)], token: Option<&str>, options: &[&str]) -> Self {
         let mut farm = Self::nowhere(environment, token, options);
-        farm.coordinators.push(farm.coordinator());
+        farm.coordinators.push(farm.coordinator(false));
+        farm.address = farm.coordinators[0].address.clone();
+        farm
+    }
+
+    /// So many coordinators whose disks and clocks can have faults. Until [`Self::call_through`] says otherwise, everybody calls the first.
+    ///
+    /// # Panics
+    ///
+    /// When they do not start.
+    pub fn start_with_faults(count: usize, environment: &[(String, String)], options: &[&str]) -> Self {
+        let mut farm = Self::nowhere(environment, None, options);
+        farm.coordinators = (0..count).map(|_| farm.coordinator(true)).collect();
         farm.address = farm.coordinators[0].address.clone();
         farm
     }
@@ -66,9 +80,8 @@ impl Farm {
     /// When they do not start.
     pub fn start_several(count: usize, environment: &[(String, String)], options: &[&str]) -> Self {
         let mut farm = Self::nowhere(environment, None, options);
-        farm.coordinators = (0..count).map(|_| farm.coordinator()).collect();
-        let socket = |coordinator: &Coordinator| coordinator.socket().parse().expect("an address");
-        let balancer = Balancer::start(farm.coordinators.iter().map(socket).collect()).expect("a free port");
+        farm.coordinators = (0..count).map(|_| farm.coordinator(false)).collect();
+        let balancer = Balancer::start(farm.sockets()).expect("a free port");
         farm.address = format!("http://{}", balancer.address());
         Self { balancer: Some(balancer), ..farm }
     }
@@ -86,17 +99,40 @@ impl Farm {
     }
 
     /// Another coordinator, on a free port and with a data directory of its own.
-    fn coordinator(&self) -> Coordinator {
+    fn coordinator(&self, has_faults: bool) -> Coordinator {
         let data = tempfile::tempdir().expect("a temporary folder");
-        let (process, address) = self.serving("127.0.0.1:0", data.path());
-        Coordinator { data, address, process }
+        let faults =
+            has_faults.then(|| Faults::below(data.path(), None).expect("the library with the faults is built"));
+        let (process, address) = self.serving("127.0.0.1:0", data.path(), faults.as_ref());
+        Coordinator { data, faults, address, process }
     }
 
-    fn serving(&self, listen: &str, data: &Path) -> (Process, String) {
+    fn serving(&self, listen: &str, data: &Path, faults: Option<&Faults>) -> (Process, String) {
         let mut command = clerestory();
         command.args(["coordinator", "--listen", listen, "--stop-with-stdin", "--data"]).arg(data).args(&self.options);
         command.envs(self.token.iter().map(|token| ("CLERESTORY_TOKEN", token)));
+        command.envs(faults.into_iter().flat_map(Faults::environment));
         Process::serving(command.envs(self.environment.iter().cloned()))
+    }
+
+    /// Where the coordinators listen.
+    ///
+    /// # Panics
+    ///
+    /// When one has named no address.
+    pub fn sockets(&self) -> Vec<SocketAddr> {
+        let socket = |coordinator: &Coordinator| coordinator.socket().parse().expect("an address");
+        self.coordinators.iter().map(socket).collect()
+    }
+
+    /// Lets everybody who starts from now on call the coordinators through what listens there.
+    pub fn call_through(&mut self, socket: SocketAddr) {
+        self.address = format!("http://{socket}");
+    }
+
+    /// The faults of the coordinator that was started as number `index`, where it can have some.
+    pub fn faults(&self, index: usize) -> Option<&Faults> {
+        self.coordinators[index].faults.as_ref()
     }
 
     /// Address of the coordinator and its page, or of what is in front of several.
@@ -180,8 +216,18 @@ impl Farm {
 
     /// Starts it again, on the same port and with the same data.
     pub fn restart_coordinator(&mut self, index: usize) {
-        let (socket, data) = (self.coordinators[index].socket(), self.coordinators[index].data.path().to_owned());
-        self.coordinators[index].process = self.serving(&socket, &data).0;
+        let Coordinator { data, faults, .. } = &self.coordinators[index];
+        let (process, _) = self.serving(&self.coordinators[index].socket(), data.path(), faults.as_ref());
+        self.coordinators[index].process = process;
+    }
+
+    /// Whether the coordinator that was started as number `index` has not ended.
+    ///
+    /// # Panics
+    ///
+    /// When the system does not know the process.
+    pub fn coordinator_runs(&mut self, index: usize) -> bool {
+        self.coordinators[index].process.0.try_wait().expect("a process of ours").is_none()
     }
 
     /// Suspends the coordinator that was started as number `index`, or wakes it up again.
@@ -211,11 +257,6 @@ impl Farm {
     /// When the farm does not answer, or has no job.
     pub fn newest_job(&self) -> JobView {
         self.newest_job_at(&self.address)
-    }
-
-    /// The newest job; `None` when the farm does not answer.
-    pub fn newest_job_if_any(&self) -> Option<JobView> {
-        self.newest_job_if_it_answers(&self.address)
     }
 
     fn newest_job_if_it_answers(&self, address: &str) -> Option<JobView> {
@@ -294,6 +335,8 @@ impl Farm {
     pub fn command(&self, arguments: &[&str]) -> Command {
         let mut command = clerestory();
         command.args(arguments).env("CLERESTORY_COORDINATOR", &self.address);
+        // What coordinators log, others log too.
+        command.envs(self.environment.iter().filter(|(name, _)| name == "CLERESTORY_LOG").cloned());
         command.envs(self.token.iter().map(|token| ("CLERESTORY_TOKEN", token)));
         command
     }

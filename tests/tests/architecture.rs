@@ -8,12 +8,13 @@ use std::path::{Path, PathBuf};
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand};
 
 /// Which crates of the workspace each of them may depend on.
-const ARROWS: [(&str, &[&str]); 5] = [
+const ARROWS: [(&str, &[&str]); 6] = [
     ("clerestory-api", &[]),
     ("clerestory-render-core", &[]),
     ("clerestory-coordinator", &["clerestory-api", "clerestory-render-core"]),
     ("clerestory-worker", &["clerestory-api", "clerestory-render-core"]),
     ("clerestory", &["clerestory-api", "clerestory-coordinator", "clerestory-render-core", "clerestory-worker"]),
+    ("clerestory-test-faults", &[]),
 ];
 
 /// What starts real servers for tests.

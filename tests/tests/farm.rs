@@ -164,7 +164,7 @@ fn killing_the_object_server_and_the_coordinator_changes_no_bit_in_postgres_and_
     objects.kill();
     // Long enough for uploads to meet a store that is not there.
     std::thread::sleep(Duration::from_secs(1));
-    objects.restart();
+    objects.restart().unwrap();
     kill_the_coordinator(&mut farm);
     assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
 }

@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
+use tokio::time::MissedTickBehavior;
 use uuid::Uuid;
 
 use crate::blobs::{BlobError, Blobs, ClaimError};
@@ -261,6 +262,8 @@ fn lock(config: &Config) -> Result<File, RunError> {
 async fn watch_deadlines(farm: Arc<Farm>) {
     let tick = LONGEST_TICK.min(farm.config.lease_ttl / 4).max(Duration::from_millis(1));
     let mut interval = tokio::time::interval(tick);
+    // Who has slept has missed nothing that one look does not find.
+    interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut ticks = 0_u32;
     while farm.stopping.run_until_cancelled(interval.tick()).await.is_some() {
         if let Err(error) = look_at_deadlines(&farm).await {

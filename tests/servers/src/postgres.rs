@@ -16,14 +16,16 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::{Pid, Uid, User};
 use tempfile::TempDir;
 
+use crate::Faults;
+
 /// Longest time until a server takes connections.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Where Debian and Ubuntu keep the programs of each version.
 const VERSIONS: &str = "/usr/lib/postgresql";
 
-/// Runs the server until standard input ends, which it does with the process that holds the other end, however that ends.
-const WATCH: &str = r#""$0" "$@" & server=$!; read -r _; kill -INT $server; wait $server"#;
+/// Runs the server until it ends, or until standard input does, as happens when the process that holds the other end is gone.
+const WATCH: &str = r#"exec 3<&0; "$0" "$@" 3<&- & server=$!; { read -r _ <&3; kill -INT $server; } & reader=$!; wait $server; kill $reader"#;
 
 /// A server with a superuser `postgres` who needs no password, on a free port of the loopback interface.
 #[derive(Debug)]
@@ -32,6 +34,7 @@ pub struct Postgres {
     port: u16,
     databases: AtomicU32,
     owner: Option<User>,
+    faults: Option<Faults>,
     /// The shell that ends the server.
     watch: Child,
     folder: TempDir,
@@ -54,9 +57,22 @@ impl Postgres {
     ///
     /// When there is no PostgreSQL on this machine, or it does not start.
     pub fn start() -> io::Result<Self> {
+        Self::start_on(tempfile::tempdir()?, owner()?, None)
+    }
+
+    /// Starts a server whose disk can have faults.
+    ///
+    /// # Errors
+    ///
+    /// When there is no PostgreSQL on this machine, it does not start, or the library with the faults has not been built.
+    pub fn start_with_faults() -> io::Result<Self> {
+        let (folder, owner) = (tempfile::tempdir()?, owner()?);
+        let faults = Faults::below(folder.path(), owner.as_ref())?;
+        Self::start_on(folder, owner, Some(faults))
+    }
+
+    fn start_on(folder: TempDir, owner: Option<User>, faults: Option<Faults>) -> io::Result<Self> {
         let programs = programs()?;
-        let folder = tempfile::tempdir()?;
-        let owner = owner()?;
         if let Some(user) = &owner {
             chown(folder.path(), Some(user.uid.as_raw()), Some(user.gid.as_raw()))?;
         }
@@ -66,40 +82,83 @@ impl Postgres {
         initialise.args(["-U", "postgres", "--auth=trust", "--no-sync", "--encoding=UTF8", "--locale=C"]);
         run(owned(&mut initialise, owner.as_ref(), folder.path()))?;
         let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
-        let watch = launch(&programs, port, owner.as_ref(), folder.path())?;
-        let server = Self { programs, port, databases: AtomicU32::new(0), owner, watch, folder };
+        let watch = launch(&programs, port, owner.as_ref(), faults.as_ref(), folder.path())?;
+        let mut server = Self { programs, port, databases: AtomicU32::new(0), owner, faults, watch, folder };
         server.wait()?;
         Ok(server)
     }
 
-    /// Kills the server and all its processes, as a power cut would.
+    /// The faults of its disk, where it can have some.
+    pub fn faults(&self) -> Option<&Faults> {
+        self.faults.as_ref()
+    }
+
+    /// Port of the loopback interface on which it listens.
+    pub fn port(&self) -> u16 {
+        self.port
+    }
+
+    /// Kills the server and all its processes, as a power cut would. One that has ended by itself stays dead.
     ///
     /// # Panics
     ///
-    /// When it does not run, or the system does not describe processes as Linux does.
+    /// When the system does not let it be killed.
     pub fn kill(&mut self) {
-        let file = self.folder.path().join("data/postmaster.pid");
-        let text = fs::read_to_string(file).expect("a server that runs has a file with its number");
-        let server: u32 = text.lines().next().and_then(|line| line.parse().ok()).expect("a process number");
-        let children = fs::read_to_string(format!("/proc/{server}/task/{server}/children")).expect("the server runs");
-        let children = children.split_whitespace().filter_map(|number| number.parse::<u32>().ok());
-        for process in [server].into_iter().chain(children) {
-            // A process that has just ended needs no blow.
-            let _ = kill(Pid::from_raw(process.cast_signed()), Signal::SIGKILL);
-        }
-        self.watch.kill().expect("a process of ours");
+        self.signal(Signal::SIGKILL);
+        // Whatever the server has become, its shell does not wait for it without standard input.
+        drop(self.watch.stdin.take());
         self.watch.wait().expect("a process of ours");
+    }
+
+    /// Suspends the server and all its processes, or wakes them up again. One that has ended by itself stays dead.
+    pub fn suspend(&mut self, suspended: bool) {
+        self.signal(if suspended { Signal::SIGSTOP } else { Signal::SIGCONT });
+    }
+
+    /// Sends a signal to the server and all its processes, as Linux describes them.
+    fn signal(&self, signal: Signal) {
+        let Some(server) = self.process() else { return };
+        let children = fs::read_to_string(format!("/proc/{server}/task/{server}/children")).unwrap_or_default();
+        let children = children.split_whitespace().filter_map(|number| number.parse::<u32>().ok());
+        // The server first: it starts others.
+        for process in [server].into_iter().chain(children) {
+            // A process that has just ended hears nothing.
+            let _ = kill(Pid::from_raw(process.cast_signed()), signal);
+        }
+    }
+
+    /// Number of the server's process, as the file in its folder has it, if that is still its own.
+    fn process(&self) -> Option<u32> {
+        let text = fs::read_to_string(self.folder.path().join("data/postmaster.pid")).ok()?;
+        let process: u32 = text.lines().next()?.parse().ok()?;
+        let data = self.folder.path().join("data").canonicalize().ok()?;
+        let is_ours = fs::read_link(format!("/proc/{process}/cwd")).ok()? == data;
+        is_ours.then_some(process)
+    }
+
+    /// Whether the server has ended, by itself or killed.
+    ///
+    /// # Panics
+    ///
+    /// When the system does not know its shell.
+    pub fn has_ended(&mut self) -> bool {
+        self.watch.try_wait().expect("a process of ours").is_some()
     }
 
     /// Starts it again, on the same port and with what it had stored.
     ///
-    /// # Panics
+    /// # Errors
     ///
     /// When it does not start.
-    pub fn restart(&mut self) {
-        let launched = launch(&self.programs, self.port, self.owner.as_ref(), self.folder.path());
-        self.watch = launched.expect("PostgreSQL starts again");
-        self.wait().expect("PostgreSQL starts again");
+    pub fn restart(&mut self) -> io::Result<()> {
+        self.launch_again()?;
+        self.wait()
+    }
+
+    fn launch_again(&mut self) -> io::Result<()> {
+        let Self { programs, port, owner, faults, folder, .. } = self;
+        self.watch = launch(programs, *port, owner.as_ref(), faults.as_ref(), folder.path())?;
+        Ok(())
     }
 
     /// Makes an empty database and returns its address.
@@ -113,15 +172,20 @@ impl Postgres {
         format!("postgres://postgres@127.0.0.1:{}/{name}", self.port)
     }
 
-    fn wait(&self) -> io::Result<()> {
+    /// Waits until it takes connections. One that ends meanwhile is started again: what was left of one that was killed may have been
+    /// in its way.
+    fn wait(&mut self) -> io::Result<()> {
         let start = Instant::now();
-        loop {
-            match run(&mut self.client("pg_isready")) {
-                Err(error) if start.elapsed() > PATIENCE => return Err(error),
-                Err(_) => thread::sleep(Duration::from_millis(50)),
-                Ok(()) => return Ok(()),
+        while let Err(error) = run(&mut self.client("pg_isready")) {
+            if start.elapsed() > PATIENCE {
+                return Err(error);
+            }
+            thread::sleep(Duration::from_millis(50));
+            if self.has_ended() {
+                self.launch_again()?;
             }
         }
+        Ok(())
     }
 
     fn client(&self, program: &str) -> Command {
@@ -132,10 +196,17 @@ impl Postgres {
 }
 
 /// The server over a folder with a database cluster, in a shell that ends it.
-fn launch(programs: &Path, port: u16, owner: Option<&User>, folder: &Path) -> io::Result<Child> {
+fn launch(
+    programs: &Path,
+    port: u16,
+    owner: Option<&User>,
+    faults: Option<&Faults>,
+    folder: &Path,
+) -> io::Result<Child> {
     let mut server = Command::new("sh");
     server.args(["-c", WATCH]).arg(programs.join("postgres")).arg("-D").arg(folder.join("data"));
     server.args(["-p", &port.to_string(), "-c", "listen_addresses=127.0.0.1", "-c", "unix_socket_directories="]);
+    server.envs(faults.into_iter().flat_map(Faults::environment));
     server.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
     owned(&mut server, owner, folder).spawn()
 }

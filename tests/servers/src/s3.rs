@@ -7,7 +7,11 @@ use std::process::{Child, Command, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use tempfile::TempDir;
+
+use crate::Faults;
 
 /// Who may use the server.
 const ACCESS_KEY: &str = "clerestory";
@@ -21,6 +25,7 @@ pub struct S3Server {
     folder: TempDir,
     port: u16,
     buckets: AtomicU32,
+    faults: Option<Faults>,
     process: Child,
 }
 
@@ -41,9 +46,33 @@ impl S3Server {
     ///
     /// When its program has not been built, or does not start.
     pub fn start() -> io::Result<Self> {
+        Self::start_on(tempfile::tempdir()?, None)
+    }
+
+    /// Starts a server whose disk can have faults.
+    ///
+    /// # Errors
+    ///
+    /// When its program or the library with the faults has not been built, or it does not start.
+    pub fn start_with_faults() -> io::Result<Self> {
         let folder = tempfile::tempdir()?;
-        let (process, port) = launch(&folder, 0)?;
-        Ok(Self { folder, port, buckets: AtomicU32::new(0), process })
+        let faults = Faults::below(folder.path(), None)?;
+        Self::start_on(folder, Some(faults))
+    }
+
+    fn start_on(folder: TempDir, faults: Option<Faults>) -> io::Result<Self> {
+        let (process, port) = launch(&folder, 0, faults.as_ref())?;
+        Ok(Self { folder, port, buckets: AtomicU32::new(0), faults, process })
+    }
+
+    /// The faults of its disk, where it can have some.
+    pub fn faults(&self) -> Option<&Faults> {
+        self.faults.as_ref()
+    }
+
+    /// Port of the loopback interface on which it listens.
+    pub fn port(&self) -> u16 {
+        self.port
     }
 
     /// Makes an empty bucket and returns its name.
@@ -59,7 +88,12 @@ impl S3Server {
 
     /// What programs find in their environment to use the server.
     pub fn environment(&self) -> [(String, String); 3] {
-        let endpoint = format!("http://127.0.0.1:{}", self.port);
+        self.environment_through(self.port)
+    }
+
+    /// The same, to reach it through another port of the loopback interface.
+    pub fn environment_through(&self, port: u16) -> [(String, String); 3] {
+        let endpoint = format!("http://127.0.0.1:{port}");
         [("AWS_ENDPOINT_URL", &*endpoint), ("AWS_ACCESS_KEY_ID", ACCESS_KEY), ("AWS_SECRET_ACCESS_KEY", SECRET_KEY)]
             .map(|(name, value)| (name.to_owned(), value.to_owned()))
     }
@@ -74,13 +108,24 @@ impl S3Server {
         self.process.wait().expect("a process of ours");
     }
 
-    /// Starts it again, on the same port and with what it had stored.
+    /// Suspends the server, or wakes it up again.
     ///
     /// # Panics
     ///
+    /// When it has ended by itself.
+    pub fn suspend(&mut self, suspended: bool) {
+        let signal = if suspended { Signal::SIGSTOP } else { Signal::SIGCONT };
+        kill(Pid::from_raw(self.process.id().cast_signed()), signal).expect("the server runs");
+    }
+
+    /// Starts it again, on the same port and with what it had stored.
+    ///
+    /// # Errors
+    ///
     /// When it does not start.
-    pub fn restart(&mut self) {
-        (self.process, self.port) = launch(&self.folder, self.port).expect("the S3 server starts again");
+    pub fn restart(&mut self) -> io::Result<()> {
+        (self.process, self.port) = launch(&self.folder, self.port, self.faults.as_ref())?;
+        Ok(())
     }
 }
 
@@ -93,9 +138,10 @@ impl Drop for S3Server {
 }
 
 /// The server over a folder, and the port on which it listens; 0 takes a free one.
-fn launch(folder: &TempDir, port: u16) -> io::Result<(Child, u16)> {
+fn launch(folder: &TempDir, port: u16, faults: Option<&Faults>) -> io::Result<(Child, u16)> {
     let mut command = Command::new(program()?);
     command.arg(folder.path()).args([&port.to_string(), ACCESS_KEY, SECRET_KEY]);
+    command.envs(faults.into_iter().flat_map(Faults::environment));
     let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::inherit()).spawn()?;
     let mut line = String::new();
     if let Some(output) = process.stdout.take() {

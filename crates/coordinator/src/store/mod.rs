@@ -15,6 +15,7 @@ mod jobs;
 mod keepers;
 mod leases;
 mod nodes;
+mod patience;
 mod postgres;
 mod redo;
 mod rounds;

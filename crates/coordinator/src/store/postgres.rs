@@ -1,12 +1,14 @@
 //! A PostgreSQL database.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use futures::StreamExt;
 use sqlx::postgres::{PgListener, PgRow, Postgres};
-use sqlx::{AssertSqlSafe, Column, Either, Executor, Row as _, TypeInfo};
+use sqlx::{AssertSqlSafe, Column, Either, Executor, PgPool, Row as _, TypeInfo};
 
 use super::StoreError;
+use super::patience::{Patience, in_time};
 use super::row::Row;
 use super::sql::{Answer, Query, Value};
 
@@ -65,16 +67,40 @@ fn values(row: &PgRow) -> Result<Vec<Value>, StoreError> {
     row.columns().iter().enumerate().map(value).collect()
 }
 
+/// Runs a statement on a connection of the pool, which is closed when the database does not answer in time: the pool itself would wait for it.
+pub(super) async fn read(pool: &PgPool, query: Query, patience: Duration) -> Result<Answer, StoreError> {
+    let mut connection = pool.acquire().await?;
+    let answer = tokio::time::timeout(patience, run(&mut *connection, query)).await;
+    answer.unwrap_or_else(|_| {
+        drop(connection.detach());
+        Err(StoreError::Database(format!("no answer in {} s", patience.as_secs())))
+    })
+}
+
 /// Hears what is sent to all coordinators of a database.
 #[derive(Debug)]
-pub(crate) struct Listener(pub(super) PgListener);
+pub(crate) struct Listener {
+    pub(super) connection: PgListener,
+    pub(super) patience: Patience,
+}
 
 impl Listener {
-    /// The next text. An error when the connection was lost, with whatever was sent since.
+    /// The next text. An error when the connection was lost, with whatever was sent since; also when it was lost without a word.
     pub(crate) async fn next(&mut self) -> Result<String, StoreError> {
-        match self.0.try_recv().await? {
-            Some(notification) => Ok(notification.payload().to_owned()),
-            None => Err(StoreError::Database("the connection was lost".to_owned())),
+        loop {
+            match tokio::time::timeout(self.patience.silence, self.connection.try_recv()).await {
+                Ok(Ok(Some(notification))) => return Ok(notification.payload().to_owned()),
+                Ok(Ok(None)) => return Err(StoreError::Database("the connection was lost".to_owned())),
+                Ok(Err(error)) => return Err(error.into()),
+                Err(_) => self.ask().await?,
+            }
         }
+    }
+
+    /// Makes sure that the database is still there.
+    async fn ask(&mut self) -> Result<(), StoreError> {
+        let asked = async { Ok(sqlx::query("select 1").execute(&mut self.connection).await?) };
+        in_time(self.patience.connection, asked).await?;
+        Ok(())
     }
 }

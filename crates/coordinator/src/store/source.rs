@@ -11,6 +11,7 @@ use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
 use sqlx::{ConnectOptions, PgConnection, PgPool};
 
 use super::postgres::{self, Listener};
+use super::patience::{Patience, in_time};
 use super::sql::{Answer, Engine, Query, Runner, query};
 use super::{StoreError, sqlite};
 use crate::config::PostgresUrl;
@@ -18,17 +19,12 @@ use crate::config::PostgresUrl;
 /// Connections that read at the same time.
 const READERS: u32 = 4;
 
-/// How long it may take to reach a database.
-const CONNECT_TIMEOUT: Duration = Duration::from_secs(10);
-
-/// How long a writer waits for its turn before it takes its connection for dead.
-pub(super) const TURN_TIMEOUT: Duration = Duration::from_secs(60);
-
 /// A database, and how to reach it. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Source {
     place: Place,
     name: String,
+    patience: Patience,
 }
 
 #[derive(Clone)]
@@ -104,8 +100,10 @@ impl Runner for &mut Connection {
 /// Connections to read with, made when they are needed. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(super) enum Readers {
+    /// Of a SQLite file.
     Sqlite(sqlite::Readers),
-    Postgres(PgPool),
+    /// Of PostgreSQL, with the time that a read may take.
+    Postgres(PgPool, Duration),
 }
 
 impl Readers {
@@ -113,7 +111,7 @@ impl Readers {
     pub(super) async fn close(&self) {
         match self {
             Self::Sqlite(readers) => readers.close(READERS).await,
-            Self::Postgres(pool) => pool.close().await,
+            Self::Postgres(pool, _) => pool.close().await,
         }
     }
 }
@@ -122,7 +120,7 @@ impl Runner for &Readers {
     async fn run(self, query: Query) -> Result<Answer, StoreError> {
         match self {
             Readers::Sqlite(readers) => readers.run(query).await,
-            Readers::Postgres(pool) => postgres::run(pool, query).await,
+            Readers::Postgres(pool, patience) => postgres::read(pool, query, *patience).await,
         }
     }
 }
@@ -130,13 +128,25 @@ impl Runner for &Readers {
 impl Source {
     /// A SQLite file, made if there is none.
     pub(crate) fn file(file: &Path) -> Self {
-        Self { place: Place::File(file.to_owned()), name: file.display().to_string() }
+        Self { place: Place::File(file.to_owned()), name: file.display().to_string(), patience: Patience::default() }
     }
 
     /// A PostgreSQL database.
     pub(crate) fn postgres(url: &PostgresUrl) -> Result<Self, sqlx::Error> {
         let options: PgConnectOptions = url.secret().parse()?;
-        Ok(Self { place: Place::Server { url: url.clone(), options: Box::new(options) }, name: url.to_string() })
+        let place = Place::Server { url: url.clone(), options: Box::new(options) };
+        Ok(Self { place, name: url.to_string(), patience: Patience::default() })
+    }
+
+    /// The same, waited for differently.
+    #[cfg(test)]
+    pub(super) fn with_patience(self, patience: Patience) -> Self {
+        Self { patience, ..self }
+    }
+
+    /// How long it is waited for.
+    pub(super) fn patience(&self) -> &Patience {
+        &self.patience
     }
 
     /// What people call it; without a password.
@@ -154,9 +164,12 @@ impl Source {
         match &self.place {
             Place::File(file) => Ok(Connection::Sqlite(sqlite::writer(file)?)),
             Place::Server { options, .. } => {
-                let mut connection = Connection::Postgres(in_time(options.connect()).await?);
-                connection.batch(postgres::SESSION).await?;
-                Ok(connection)
+                let connect = async {
+                    let mut connection = Connection::Postgres(options.connect().await?);
+                    connection.batch(postgres::SESSION).await?;
+                    Ok(connection)
+                };
+                in_time(self.patience.connection, connect).await
             }
         }
     }
@@ -166,8 +179,8 @@ impl Source {
         match &self.place {
             Place::File(file) => Readers::Sqlite(sqlite::Readers::new(file.clone(), READERS as usize)),
             Place::Server { options, .. } => {
-                let pool = PgPoolOptions::new().max_connections(READERS).acquire_timeout(CONNECT_TIMEOUT);
-                Readers::Postgres(pool.connect_lazy_with(PgConnectOptions::clone(options)))
+                let pool = PgPoolOptions::new().max_connections(READERS).acquire_timeout(self.patience.connection);
+                Readers::Postgres(pool.connect_lazy_with(PgConnectOptions::clone(options)), self.patience.read)
             }
         }
     }
@@ -178,9 +191,10 @@ impl Source {
         let connect = async {
             let mut listener = PgListener::connect(url.secret()).await?;
             listener.listen(postgres::CHANNEL).await?;
-            Ok::<_, sqlx::Error>(listener)
+            Ok(listener)
         };
-        Ok(Some(Listener(in_time(connect).await?)))
+        let connection = in_time(self.patience.connection, connect).await?;
+        Ok(Some(Listener { connection, patience: self.patience }))
     }
 
     /// Sends a text, shorter than 8000 bytes, to all coordinators of the database, where there may be several.
@@ -190,10 +204,4 @@ impl Source {
         }
         Ok(())
     }
-}
-
-/// What connects, unless it takes too long.
-async fn in_time<T>(connect: impl Future<Output = Result<T, sqlx::Error>>) -> Result<T, StoreError> {
-    let slow = |_| StoreError::Database(format!("no answer in {} s", CONNECT_TIMEOUT.as_secs()));
-    Ok(tokio::time::timeout(CONNECT_TIMEOUT, connect).await.map_err(slow)??)
 }

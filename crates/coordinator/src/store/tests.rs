@@ -20,6 +20,7 @@ use crate::stop::Targets;
 
 mod checks;
 mod model;
+mod silence;
 mod stragglers;
 mod targets;
 

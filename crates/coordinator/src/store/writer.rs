@@ -6,14 +6,15 @@
 //! into the next one, each in a savepoint of its own: a write that fails takes nothing else with it. A caller is answered
 //! after the commit, never before. A write whose caller has gone away is carried out all the same.
 //!
-//! When the connection is lost, the writes of that transaction fail, whether or not it was committed at the last moment: whoever
-//! repeats one is told what is there. The next transaction gets a new connection.
+//! When the connection is lost, or nothing is heard over it for long, the writes of that transaction fail, whether or not it was committed at
+//! the last moment: whoever repeats one is told what is there. The next transaction gets a new connection.
 
 use futures::future::BoxFuture;
 use tokio::sync::{mpsc, oneshot};
 
 use super::StoreError;
-use super::source::{Connection, Source, TURN_TIMEOUT};
+use super::patience::in_time;
+use super::source::{Connection, Source};
 use super::sql::query;
 
 /// Most writes in one transaction.
@@ -150,13 +151,14 @@ async fn commit(
     }
     // Whatever is wrong with a connection, it is not used again unless its transaction has come to an end.
     let mut connection = begun(source, held.take()).await?;
-    let mut outcome = run_all(&mut connection, writes).await;
-    if outcome.is_ok() {
-        outcome = execute(&mut connection, "commit").await;
-    }
+    let outcome = in_time(source.patience().transaction, async {
+        run_all(&mut connection, writes).await?;
+        execute(&mut connection, "commit").await
+    })
+    .await;
     let is_over = match &outcome {
         Ok(()) => Ok(()),
-        Err(_) => execute(&mut connection, "rollback").await,
+        Err(_) => in_time(source.patience().connection, execute(&mut connection, "rollback")).await,
     };
     match is_over {
         Ok(()) => *held = Some(connection),
@@ -168,13 +170,13 @@ async fn commit(
 /// A connection on which a transaction has begun: the one at hand, or a new one where that is lost.
 async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, StoreError> {
     if let Some(mut connection) = held {
-        match begin(&mut connection).await {
+        match in_time(source.patience().turn, connection.begin()).await {
             Ok(()) => return Ok(connection),
             Err(error) => tracing::warn!(%error, "the connection to the database is lost"),
         }
     }
     let mut connection = source.writer().await?;
-    begin(&mut connection).await?;
+    in_time(source.patience().turn, connection.begin()).await?;
     Ok(connection)
 }
 
@@ -187,12 +189,6 @@ async fn run_all(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> 
         execute(connection, "release savepoint one_write").await?;
     }
     Ok(())
-}
-
-/// Begins a transaction, and waits for its turn.
-async fn begin(connection: &mut Connection) -> Result<(), StoreError> {
-    let turn = tokio::time::timeout(TURN_TIMEOUT, connection.begin()).await;
-    turn.map_err(|_| StoreError::Database(format!("no turn in {} s", TURN_TIMEOUT.as_secs())))?
 }
 
 async fn execute(connection: &mut Connection, statement: &'static str) -> Result<(), StoreError> {

@@ -1,0 +1,324 @@
+//! A farm under attack: real processes that are killed, suspended, cut off from one another and let down by their disks and clocks,
+//! at moments that a seed draws, while jobs of all kinds are rendered.
+//!
+//! Whoever is hit recovers after a while, as an operator or a supervisor of services would have it: who was killed is started again.
+//! Whatever happens, every job has to end, and every image to have the bits that one process makes.
+
+mod attack;
+mod blows;
+mod order;
+mod servers;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+use std::time::{Duration, Instant};
+
+use clerestory_api::{Client, ClientError, JobId, JobView};
+use clerestory_test_servers::Faults;
+
+pub use blows::Durations;
+use blows::{Kind, ON_FILES, ON_SERVERS, Rounds, Victim, below};
+use order::{Order, strangers};
+use servers::Servers;
+
+use crate::farm::Farm;
+use crate::proxy::{Fate, Protocol, Proxy};
+use crate::random::Random;
+
+/// Leases run out after this time, seconds: some sleepers sleep for longer.
+const LEASE_SECONDS: &str = "2";
+
+/// Time between two looks at what is due.
+const TICK: Duration = Duration::from_millis(20);
+
+/// Time between two looks at the jobs.
+const LOOK: Duration = Duration::from_millis(250);
+
+/// How long a coordinator is given for an answer.
+const ANSWER: Duration = Duration::from_secs(2);
+
+/// Pause before a coordinator or server that does not start is started again.
+const RESTART: Duration = Duration::from_millis(500);
+
+/// How far a clock is off that has been stepped, seconds.
+const STEP: i64 = 60;
+
+/// How a farm is attacked.
+#[derive(Clone, Copy, Debug)]
+pub struct Plan {
+    /// Seed of the moments, the blows, the network's and the jobs'.
+    pub seed: u64,
+    /// Whether there are two coordinators on PostgreSQL and S3, all of which are hit too, instead of one with its own files.
+    pub servers: bool,
+    /// Workers at the same time.
+    pub workers: usize,
+    /// How long sleepers sleep and faults last.
+    pub durations: Durations,
+    /// Longest time that a job may take, however often its farm is hit, or that whoever was hit may take to come back.
+    pub patience: Duration,
+    /// What coordinators, workers and commands log, as `CLERESTORY_LOG` has it.
+    pub log: &'static str,
+}
+
+/// What the siege knows of a coordinator.
+struct Coordinator {
+    /// Killed, and not to be started yet.
+    is_down: bool,
+    is_asleep: bool,
+    has_faults: bool,
+    clock_step: i64,
+    /// Whether it has answered since it was started.
+    has_answered: bool,
+    /// When to start it again if it has ended before it answered.
+    again: Instant,
+}
+
+/// What is due for somebody who was hit.
+#[derive(Clone, Copy, Debug)]
+enum Relief {
+    WakeWorker(usize),
+    StartCoordinator(usize),
+    WakeCoordinator(usize),
+    MendCoordinator(usize),
+    StartDatabase,
+    WakeDatabase,
+    MendDatabase,
+    StartObjects,
+    WakeObjects,
+    MendObjects,
+}
+
+/// A farm under attack.
+pub struct Siege {
+    plan: Plan,
+    farm: Farm,
+    servers: Option<Servers>,
+    network: Proxy,
+    random: Random,
+    rounds: Rounds,
+    workers: Vec<(usize, bool)>,
+    started: usize,
+    coordinators: Vec<Coordinator>,
+    database_is_hit: bool,
+    objects_are_hit: bool,
+    due: Vec<(Instant, Relief)>,
+    next_blow: Instant,
+    is_over: bool,
+    orders: Vec<Order>,
+    blows: BTreeMap<Kind, u32>,
+    /// Coordinators and servers that had to be started again because they had ended by themselves.
+    restarts: BTreeMap<Victim, u32>,
+    checked: BTreeSet<JobId>,
+    wrong: Vec<String>,
+}
+
+impl Siege {
+    /// A farm with its workers.
+    ///
+    /// # Panics
+    ///
+    /// When it does not start.
+    pub fn lay(plan: Plan) -> Self {
+        let lease_nodes = (1 + plan.seed % 7).to_string();
+        let options = ["--lease-nodes", &lease_nodes, "--lease-seconds", LEASE_SECONDS];
+        let log = ("CLERESTORY_LOG".to_owned(), plan.log.to_owned());
+        let (mut farm, servers) = if plan.servers {
+            let servers = Servers::start(plan.seed);
+            let shared = servers.options();
+            let options: Vec<&str> = options.into_iter().chain(shared.iter().map(String::as_str)).collect();
+            let environment: Vec<_> = servers.environment().into_iter().chain([log]).collect();
+            (Farm::start_with_faults(2, &environment, &options), Some(servers))
+        } else {
+            (Farm::start_with_faults(1, &[log], &options), None)
+        };
+        let network = Proxy::start(Protocol::Http, farm.sockets(), plan.seed).expect("a free port");
+        farm.call_through(network.address());
+        let now = Instant::now();
+        let coordinator = |_| Coordinator {
+            is_down: false,
+            is_asleep: false,
+            has_faults: false,
+            clock_step: 0,
+            has_answered: false,
+            again: now,
+        };
+        let mut siege = Self {
+            plan,
+            coordinators: farm.sockets().into_iter().map(coordinator).collect(),
+            farm,
+            servers,
+            network,
+            random: Random::new(plan.seed, 0),
+            rounds: Rounds::of(if plan.servers { &ON_SERVERS } else { &ON_FILES }),
+            workers: Vec::new(),
+            started: 0,
+            database_is_hit: false,
+            objects_are_hit: false,
+            due: Vec::new(),
+            next_blow: now,
+            is_over: false,
+            orders: Vec::new(),
+            blows: BTreeMap::new(),
+            restarts: BTreeMap::new(),
+            checked: BTreeSet::new(),
+            wrong: Vec::new(),
+        };
+        for _ in 0..plan.workers {
+            siege.start_worker();
+        }
+        siege
+    }
+
+    /// Renders one or two jobs under attack, and checks their images. Answers how many were asked for.
+    pub fn wave(&mut self) -> usize {
+        let count = 1 + below(&mut self.random, 2);
+        let first = self.orders.len();
+        for number in first..first + count {
+            self.orders.push(Order::draw(&mut self.random, number));
+        }
+        self.until_ended(first);
+        count
+    }
+
+    /// Takes all blows back, waits until all jobs have ended, and checks all images once more.
+    pub fn lift(&mut self) {
+        self.is_over = true;
+        self.network.calm(true);
+        for network in self.servers.iter().flat_map(|servers| &servers.network) {
+            network.calm(true);
+        }
+        for (_, relief) in std::mem::take(&mut self.due) {
+            self.relieve(relief);
+        }
+        for index in 0..self.coordinators.len() {
+            self.step_clock(index, 0);
+        }
+        self.checked.clear();
+        if let Some(jobs) = self.until_ended(0) {
+            self.wrong.extend(strangers(&jobs, &self.orders));
+        }
+    }
+
+    /// What is wrong, in words.
+    pub fn wrong(&self) -> &[String] {
+        &self.wrong
+    }
+
+    /// Kinds of blows and fates that have not happened yet.
+    pub fn missing(&self) -> Vec<String> {
+        let kinds = self.rounds.kinds().iter().filter(|kind| !self.blows.contains_key(kind));
+        let mut missing: Vec<String> = kinds.map(|(victim, blow)| format!("{victim} {blow}")).collect();
+        if self.failed_writes() == 0 {
+            missing.push("writes that fail".to_owned());
+        }
+        if self.failed_syncs() == 0 {
+            missing.push("syncs that fail".to_owned());
+        }
+        let fates = self.network.fates();
+        let all = [Fate::Delayed, Fate::Dropped, Fate::Cut, Fate::Unanswered, Fate::Duplicated];
+        missing.extend(all.iter().filter(|fate| !fates.contains_key(fate)).map(|fate| format!("requests {fate}")));
+        missing
+    }
+
+    /// How often processes were killed or suspended.
+    pub fn sudden(&self) -> u32 {
+        self.blows.iter().filter(|((_, blow), _)| blow.is_sudden()).map(|(_, count)| count).sum()
+    }
+
+    /// What has happened, in lines.
+    pub fn told(&self) -> String {
+        let mut text = format!("{} jobs; {} SIGKILLs and SIGSTOPs\n", self.checked.len(), self.sudden());
+        for ((victim, blow), count) in &self.blows {
+            let _ = writeln!(text, "{count:6} {victim} {blow}");
+        }
+        let _ = writeln!(text, "{:6} writes and {} syncs failed", self.failed_writes(), self.failed_syncs());
+        for (fate, count) in self.network.fates() {
+            let _ = writeln!(text, "{count:6} requests to coordinators {fate}");
+        }
+        for (name, network) in
+            ["PostgreSQL", "the object server"].iter().zip(self.servers.iter().flat_map(|all| &all.network))
+        {
+            for (fate, count) in network.fates() {
+                let _ = writeln!(text, "{count:6} messages between coordinators and {name} {fate}");
+            }
+        }
+        for (victim, count) in &self.restarts {
+            let _ = writeln!(text, "{count:6} starts of {victim} that had ended by themselves or could not start");
+        }
+        text
+    }
+
+    fn failed_writes(&self) -> u64 {
+        self.faults().map(Faults::failed_writes).sum()
+    }
+
+    fn failed_syncs(&self) -> u64 {
+        self.faults().map(Faults::failed_syncs).sum()
+    }
+
+    fn faults(&self) -> impl Iterator<Item = &Faults> {
+        let coordinators = (0..self.coordinators.len()).filter_map(|index| self.farm.faults(index));
+        let of_servers = self.servers.iter().flat_map(|servers| [servers.database.faults(), servers.objects.faults()]);
+        coordinators.chain(of_servers.flatten())
+    }
+
+    /// Waits, under attack, until all jobs of the orders from `first` on have ended and their images are checked.
+    /// Answers all jobs of the farm, unless it takes too long.
+    fn until_ended(&mut self, first: usize) -> Option<Vec<JobView>> {
+        let start = Instant::now();
+        let mut next_look = Instant::now();
+        let mut jobs = Vec::new();
+        loop {
+            self.tick();
+            std::thread::sleep(TICK);
+            if next_look > Instant::now() {
+                continue;
+            }
+            next_look = Instant::now() + LOOK;
+            if let Some((index, found)) = self.jobs() {
+                jobs = found;
+                for order in &mut self.orders[first..] {
+                    order.ask(|arguments| self.farm.command(arguments), &jobs);
+                }
+                if self.orders[first..].iter().all(|order| order.has_ended(&jobs))
+                    && self.check_all(index, &jobs, first)
+                {
+                    return Some(jobs);
+                }
+            }
+            if start.elapsed() > self.plan.patience {
+                self.wrong.push(format!("not done after {:?}: {jobs:#?}", self.plan.patience));
+                return None;
+            }
+        }
+    }
+
+    /// Checks the jobs of the orders from `first` on that have not been yet; whether all could be.
+    fn check_all(&mut self, index: usize, jobs: &[JobView], first: usize) -> bool {
+        for job in jobs.iter().filter(|job| job.state.is_final() && !self.checked.contains(&job.id)).collect::<Vec<_>>()
+        {
+            let Some(place) = self.orders[first..].iter().position(|order| order.name == job.name) else { continue };
+            let Some(image) = self.ask(index, async |client| client.image(job.id).await) else { return false };
+            let checked = self.orders[first + place].check(job, &image);
+            self.wrong.extend(checked.err());
+            self.checked.insert(job.id);
+        }
+        true
+    }
+
+    /// All jobs, as a coordinator tells them that answers.
+    fn jobs(&mut self) -> Option<(usize, Vec<JobView>)> {
+        let up: Vec<usize> = (0..self.coordinators.len()).filter(|index| self.is_up(*index)).collect();
+        let index = *up.get(below(&mut self.random, up.len().max(1)))?;
+        let jobs = self.ask(index, async |client| client.jobs().await)?;
+        self.coordinators[index].has_answered = true;
+        Some((index, jobs))
+    }
+
+    /// Asks a coordinator, without the network between.
+    fn ask<T>(&self, index: usize, call: impl AsyncFnOnce(&Client) -> Result<T, ClientError>) -> Option<T> {
+        let client = Client::new(&format!("http://{}", self.farm.sockets()[index]), None).ok()?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().ok()?;
+        runtime.block_on(async { tokio::time::timeout(ANSWER, call(&client)).await.ok()?.ok() })
+    }
+}
