@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
 use clerestory_api::{ClientError, JobId, Lease, LeaseRequest, LeaseReturn, WorkerId, WorkerRegistration};
-use clerestory_render_core::film::{NodeAddress, PartialHeader, Rendered, TileGrid, partial};
+use clerestory_render_core::film::{Node, NodeAddress, PartialHeader, Rendered, TileGrid, partial};
 use clerestory_render_core::integrator::render_node;
 use clerestory_render_core::probe;
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
@@ -26,6 +26,7 @@ pub struct HandWorker<'a> {
     id: WorkerId,
     scene: Scene,
     grid: TileGrid,
+    flips_bits: bool,
 }
 
 impl<'a> HandWorker<'a> {
@@ -53,7 +54,12 @@ impl<'a> HandWorker<'a> {
         let bundle = SceneBundle::from_parts(description, assets).expect("a scene with its files");
         let film = bundle.description().film;
         let grid = TileGrid { width: film.width, height: film.height, tile_size: order.tile_size };
-        Self { caller, id, scene: Scene::build(&bundle).expect("a scene that can be built"), grid }
+        Self { caller, id, scene: Scene::build(&bundle).expect("a scene that can be built"), grid, flips_bits: false }
+    }
+
+    /// The same worker, with a memory that has lost the last bit of one number in each node before it is sent.
+    pub fn that_flips_bits(self) -> Self {
+        Self { flips_bits: true, ..self }
     }
 
     /// The identity of the worker.
@@ -99,7 +105,8 @@ impl<'a> HandWorker<'a> {
     fn render(&self, node: &clerestory_api::NodeAddress) -> Rendered {
         let clerestory_api::NodeAddress { frame, tile, level, index } = *node;
         let address = NodeAddress { frame, tile, level, index };
-        render_node(&self.scene, &self.grid, address, &AtomicBool::new(false)).expect("a node")
+        let rendered = render_node(&self.scene, &self.grid, address, &AtomicBool::new(false)).expect("a node");
+        if self.flips_bits { with_flipped_bit(rendered) } else { rendered }
     }
 
     /// Keeps a lease for another term.
@@ -120,4 +127,12 @@ impl<'a> HandWorker<'a> {
         let body = LeaseReturn { token: lease.token, failure: None };
         self.caller.wait(self.caller.client().return_lease(lease.id, &body)).expect("a lease that is given back");
     }
+}
+
+fn with_flipped_bit(Rendered { node, counters }: Rendered) -> Rendered {
+    let (address, tile, sampling) = (node.address(), node.tile(), node.sampling());
+    let mut layers = node.into_layers();
+    let value = &mut layers.beauty[0][0];
+    *value = f32::from_bits(value.to_bits() ^ 1);
+    Rendered { node: Node::from_layers(address, tile, sampling, layers).expect("a node"), counters }
 }
