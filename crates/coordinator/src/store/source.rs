@@ -10,8 +10,8 @@ use std::time::Duration;
 use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
 use sqlx::{ConnectOptions, PgConnection, PgPool};
 
-use super::postgres::{self, Listener};
 use super::patience::{Patience, in_time};
+use super::postgres::{self, Listener};
 use super::sql::{Answer, Engine, Query, Runner, query};
 use super::{StoreError, sqlite};
 use crate::config::PostgresUrl;
