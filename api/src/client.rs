@@ -11,10 +11,10 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::{
-    API_PREFIX, CORE_MILLISECONDS_HEADER, ContentHash, ConvergenceSeries, EXR_MEDIA_TYPE, EventStream,
-    FENCING_TOKEN_HEADER, JobId, JobScene, JobSubmission, JobView, Lease, LeaseId, LeaseRenewal, LeaseRequest,
-    LeaseReturn, LeaseToken, PROBLEM_MEDIA_TYPE, PartialAnswer, PartialUpload, PreviewQuery, Problem, WorkerId,
-    WorkerRegistration, WorkerView,
+    ACCEPTED_NODES_HEADER, API_PREFIX, CORE_MILLISECONDS_HEADER, ContentHash, ConvergenceSeries, EXR_MEDIA_TYPE,
+    EventStream, FENCING_TOKEN_HEADER, JobId, JobScene, JobSubmission, JobView, Lease, LeaseId, LeaseRenewal,
+    LeaseRequest, LeaseReturn, LeaseToken, PROBLEM_MEDIA_TYPE, PartialAnswer, PartialUpload, Preview, PreviewQuery,
+    Problem, WorkerId, WorkerRegistration, WorkerView,
 };
 
 /// Longest wait for a connection.
@@ -122,6 +122,17 @@ impl ClientError {
     }
 }
 
+/// An image that is on its way.
+#[derive(Debug)]
+pub struct ImageDownload(Response);
+
+impl ImageDownload {
+    /// The next piece of the file; `None` when that was all.
+    pub async fn piece(&mut self) -> Result<Option<Bytes>, ClientError> {
+        Ok(self.0.chunk().await?)
+    }
+}
+
 impl Client {
     /// A client for the coordinator at `address`, for instance `http://127.0.0.1:7171`. Nothing is sent yet.
     ///
@@ -212,14 +223,23 @@ impl Client {
         self.get(&format!("/jobs/{job}/convergence")).await
     }
 
-    /// The image as it is now, as OpenEXR.
+    /// The image as it is now, as OpenEXR, whole.
     pub async fn image(&self, job: JobId) -> Result<Bytes, ClientError> {
-        self.download(self.request(Method::GET, &format!("/jobs/{job}/image.exr"))).await
+        self.download(self.request(Method::GET, &image_path(job))).await
+    }
+
+    /// The image as it is now, as OpenEXR, in pieces as they come: it may be larger than memory.
+    pub async fn image_download(&self, job: JobId) -> Result<ImageDownload, ClientError> {
+        Ok(ImageDownload(check(self.request(Method::GET, &image_path(job)).send().await?).await?))
     }
 
     /// The image as it is now, as PNG.
-    pub async fn preview(&self, job: JobId, query: &PreviewQuery) -> Result<Bytes, ClientError> {
-        self.download(self.request(Method::GET, &format!("/jobs/{job}/preview.png")).query(query)).await
+    pub async fn preview(&self, job: JobId, query: &PreviewQuery) -> Result<Preview, ClientError> {
+        let request = self.request(Method::GET, &format!("/jobs/{job}/preview.png")).query(query);
+        let response = check(request.send().await?).await?;
+        let accepted_nodes =
+            response.headers().get(ACCEPTED_NODES_HEADER).and_then(|value| value.to_str().ok()?.parse().ok());
+        Ok(Preview { accepted_nodes: accepted_nodes.unwrap_or(0), png: response.bytes().await? })
     }
 
     /// Events of the whole farm, or of one job, after the event `last_id`.
@@ -317,6 +337,10 @@ impl Client {
     async fn download(&self, request: RequestBuilder) -> Result<Bytes, ClientError> {
         Ok(check(request.send().await?).await?.bytes().await?)
     }
+}
+
+fn image_path(job: JobId) -> String {
+    format!("/jobs/{job}/image.exr")
 }
 
 async fn json<T: DeserializeOwned>(response: Response) -> Result<T, ClientError> {

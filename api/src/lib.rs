@@ -26,7 +26,7 @@ mod session;
 mod submission;
 mod worker;
 
-pub use client::{Client, ClientError};
+pub use client::{Client, ClientError, ImageDownload};
 pub use convergence::{ConvergencePoint, ConvergenceSeries};
 pub use counters::Counters;
 pub use event::{Event, EventBody};
@@ -39,7 +39,7 @@ pub use lease::{
     CORE_MILLISECONDS_HEADER, FENCING_TOKEN_HEADER, Lease, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken,
     NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialUpload,
 };
-pub use preview::{PreviewExposure, PreviewQuery, ToneCurve};
+pub use preview::{ACCEPTED_NODES_HEADER, Preview, PreviewExposure, PreviewQuery, ToneCurve};
 pub use problem::{PROBLEM_MEDIA_TYPE, Problem, ProblemCode};
 pub use session::SessionRequest;
 pub use submission::JobSubmission;

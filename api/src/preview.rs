@@ -1,7 +1,20 @@
 //! Previews: how an image looks as a PNG.
 
+use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use utoipa::{IntoParams, ToSchema};
+
+/// Header of a preview that says how many nodes of the job had been accepted when it was begun.
+pub const ACCEPTED_NODES_HEADER: &str = "clerestory-accepted-nodes";
+
+/// A preview of a job.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Preview {
+    /// The image as PNG.
+    pub png: Bytes,
+    /// How many nodes of the job had been accepted when it was begun: all of these are in it, but for nodes with a gap before them.
+    pub accepted_nodes: u64,
+}
 
 /// How a preview is made from the film; by default as `clerestory render --png` makes it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema, IntoParams)]

@@ -1,8 +1,15 @@
 //! OpenEXR files with faults: valid files that are read, changed and written again, or of which bytes are changed.
 
-use std::io::Cursor;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Cursor};
+use std::ops::Range;
+use std::path::Path;
 
+use clerestory_render_core::film::ImageMetadata;
+use exr::block::UncompressedBlock;
 use exr::image::write::layers::WritableLayers;
+use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatImage, FlatSamples, Image, Layer, LayerAttributes, ReadChannels, ReadLayers,
     WritableImage,
@@ -73,6 +80,51 @@ pub fn same_samples(first: &[u8], second: &[u8]) -> Result<(), String> {
         }
     }
     Ok(())
+}
+
+/// The bits of some rows of a file of one part with channels of 32 bits, by channel. No more of the file is read.
+///
+/// # Panics
+///
+/// When the file is not such a one.
+pub fn rows(file: &Path, rows: Range<usize>) -> BTreeMap<String, Vec<u32>> {
+    let reader = exr::block::read(BufReader::new(File::open(file).expect("the file is there")), true);
+    let reader = reader.expect("an OpenEXR file");
+    let header = reader.headers()[0].clone();
+    let width = header.layer_size.width();
+    let mut planes = vec![vec![0; width * rows.len()]; header.channels.list.len()];
+    let meta = reader.meta_data().clone();
+    let chunks = reader.filter_chunks(true, |_, _, block| {
+        let first = block.pixel_position.y();
+        first < rows.end && first + block.pixel_size.height() > rows.start
+    });
+    for chunk in chunks.expect("the file says where its blocks are") {
+        let block = UncompressedBlock::decompress_chunk(chunk.expect("a block"), &meta, true).expect("a whole block");
+        for line in block.lines(&header.channels) {
+            let (x, y) = (line.location.position.x(), line.location.position.y());
+            if !rows.contains(&y) {
+                continue;
+            }
+            let first = (y - rows.start) * width + x;
+            let plane = &mut planes[line.location.channel][first..first + line.location.sample_count];
+            for (value, bytes) in plane.iter_mut().zip(line.value.chunks_exact(4)) {
+                *value = u32::from_ne_bytes(bytes.try_into().expect("four bytes"));
+            }
+        }
+    }
+    header.channels.list.iter().map(|channel| channel.name.to_string()).zip(planes).collect()
+}
+
+/// What a file of this program says of how it was made; only its header is read.
+///
+/// # Panics
+///
+/// When the file is not one of this program.
+pub fn metadata(file: &Path) -> ImageMetadata {
+    let meta = exr::meta::MetaData::read_from_file(file, true).expect("an OpenEXR file");
+    let attribute = meta.headers[0].own_attributes.other.get(&Text::from("clerestory"));
+    let Some(AttributeValue::Text(json)) = attribute else { panic!("the file has no metadata: {attribute:?}") };
+    serde_json::from_str(&json.to_string()).expect("metadata of an image")
 }
 
 fn bits(samples: &FlatSamples) -> Vec<u32> {

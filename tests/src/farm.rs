@@ -199,14 +199,7 @@ impl Farm {
     ///
     /// When it has ended, or the system does not describe processes as Linux does.
     pub fn coordinator_memory(&self) -> PeakMemory {
-        let file = format!("/proc/{}/status", self.coordinators[0].process.0.id());
-        let status = std::fs::read_to_string(file).expect("the system describes the coordinator");
-        let bytes = |name: &str| {
-            let value = status.lines().find_map(|line| line.strip_prefix(name)).expect("the coordinator has memory");
-            let kibibytes = value.trim_start_matches(':').trim().trim_end_matches(" kB").parse::<u64>();
-            kibibytes.expect("a number of kibibytes") << 10
-        };
-        PeakMemory { resident: bytes("VmHWM"), address_space: bytes("VmPeak") }
+        peak_memory(self.coordinators[0].process.0.id()).expect("the system describes the coordinator")
     }
 
     /// Kills the coordinator that was started as number `index`, as a power cut would.
@@ -325,6 +318,13 @@ impl Farm {
         self.asked(async |client| client.convergence(job).await)
     }
 
+    /// Asks the farm; `None` when it does not answer, or refuses.
+    pub fn asked_if_it_answers<T>(&self, call: impl AsyncFnOnce(&Client) -> Result<T, ClientError>) -> Option<T> {
+        let client = Client::new(&self.address, self.token.as_deref()).ok()?;
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().ok()?;
+        runtime.block_on(call(&client)).ok()
+    }
+
     fn asked<T>(&self, call: impl AsyncFnOnce(&Client) -> Result<T, ClientError>) -> T {
         let client = Client::new(&self.address, self.token.as_deref()).expect("an address");
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
@@ -355,6 +355,22 @@ pub struct PeakMemory {
     pub resident: u64,
     /// What it had asked for, whether it used it or not.
     pub address_space: u64,
+}
+
+/// The most memory that a process has had so far; `None` when it has ended, or the system does not describe processes as Linux does.
+pub fn peak_memory(process: u32) -> Option<PeakMemory> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let bytes = |name: &str| {
+        let value = status.lines().find_map(|line| line.strip_prefix(name))?;
+        value
+            .trim_start_matches(':')
+            .trim()
+            .trim_end_matches(" kB")
+            .parse::<u64>()
+            .ok()
+            .map(|kibibytes| kibibytes << 10)
+    };
+    Some(PeakMemory { resident: bytes("VmHWM")?, address_space: bytes("VmPeak")? })
 }
 
 /// The command `clerestory`, as cargo built it with this test or command.

@@ -1,6 +1,7 @@
 //! Files that a command leaves behind.
 
-use std::fs;
+use std::fs::{self, File};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -9,17 +10,56 @@ use crate::failure::Failure;
 
 /// Writes a file whole or not at all: a reader never sees half of it, and a full disk does not cost the old one.
 pub(crate) fn write(file: &Path, content: &[u8]) -> Result<(), Failure> {
-    let failure = |source| Failure::Write { file: file.to_owned(), source };
-    if is_special(file) {
-        return fs::write(file, content).map_err(failure);
+    let mut output = OutputFile::create(file)?;
+    output.write(content)?;
+    output.finish()
+}
+
+/// A file that is written piece by piece, and appears under its name when it is whole.
+#[derive(Debug)]
+pub(crate) struct OutputFile {
+    name: PathBuf,
+    /// Where it is until it is whole; none for what is no regular file.
+    unfinished: Option<PathBuf>,
+    content: File,
+}
+
+impl OutputFile {
+    /// Begins a file.
+    pub(crate) fn create(file: &Path) -> Result<Self, Failure> {
+        let unfinished = (!is_special(file)).then(|| unfinished_name(file));
+        let content = match &unfinished {
+            Some(unfinished) => File::create(unfinished),
+            None => File::options().write(true).open(file),
+        };
+        let content = content.map_err(|source| Failure::Write { file: file.to_owned(), source })?;
+        Ok(Self { name: file.to_owned(), unfinished, content })
     }
-    let unfinished = unfinished_name(file);
-    let result = fs::write(&unfinished, content).and_then(|()| fs::rename(&unfinished, file));
-    if result.is_err() {
-        // The error that matters is the first.
-        let _ = fs::remove_file(&unfinished);
+
+    /// Writes the next piece.
+    pub(crate) fn write(&mut self, piece: &[u8]) -> Result<(), Failure> {
+        self.content.write_all(piece).map_err(|source| Failure::Write { file: self.name.clone(), source })
     }
-    result.map_err(failure)
+
+    /// Gives the file its name.
+    pub(crate) fn finish(mut self) -> Result<(), Failure> {
+        if let Some(unfinished) = &self.unfinished {
+            let renamed = fs::rename(unfinished, &self.name);
+            renamed.map_err(|source| Failure::Write { file: self.name.clone(), source })?;
+            self.unfinished = None;
+        }
+        Ok(())
+    }
+}
+
+impl Drop for OutputFile {
+    /// Removes what is not whole.
+    fn drop(&mut self) {
+        if let Some(unfinished) = &self.unfinished {
+            // The error that matters is the first.
+            let _ = fs::remove_file(unfinished);
+        }
+    }
 }
 
 /// Writes the counters of a render.

@@ -8,7 +8,7 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::io;
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -242,6 +242,13 @@ impl Blobs {
         Ok((asset.meta.size, asset.into_stream().map_err(BlobError).boxed()))
     }
 
+    /// An asset as a file that is read in pieces.
+    pub(crate) async fn asset_file(&self, hash: ContentHash) -> Result<AssetFile, BlobError> {
+        let path = asset_path(hash);
+        let size = self.store.head(&path).await?.size;
+        Ok(AssetFile { store: self.store.clone(), path, size, position: 0, piece: Bytes::new(), piece_start: 0 })
+    }
+
     /// Stores nodes in one blob with a new name. Answers where each lies when the bytes are safe on disk.
     pub(crate) async fn put_nodes(&self, job: JobId, nodes: Vec<Vec<u8>>) -> Result<Vec<Place>, BlobError> {
         let blob = format!("nodes/{job}/{}", Uuid::now_v7());
@@ -257,13 +264,17 @@ impl Blobs {
         Ok(places)
     }
 
-    /// The bytes of a node.
-    pub(crate) async fn node(&self, place: &Place) -> Result<Bytes, BlobError> {
-        let path = Path::from(place.blob.as_str());
-        Ok(match place.length {
-            Some(length) => self.store.get_range(&path, place.offset..place.offset + length).await?,
-            None => self.store.get(&path).await?.bytes().await?,
-        })
+    /// The bytes of nodes that lie in one blob.
+    pub(crate) async fn nodes(&self, blob: &str, places: &[&Place]) -> Result<Vec<Bytes>, BlobError> {
+        let path = Path::from(blob);
+        let range = |place: &&Place| place.length.map(|length| place.offset..place.offset + length);
+        match places.iter().map(range).collect::<Option<Vec<_>>>() {
+            Some(ranges) => Ok(self.store.get_ranges(&path, &ranges).await?),
+            None => {
+                let bytes = self.store.get(&path).await?.bytes().await?;
+                Ok(vec![bytes; places.len()])
+            }
+        }
     }
 
     /// Removes blobs of nodes. One that cannot be removed is left for the next sweep. Answers how many are gone.
@@ -286,6 +297,53 @@ impl Blobs {
         let is_orphan = |blob: &NodeBlob| !known.contains(&blob.name) && blob.stored_ms < before_ms;
         let orphans = found.into_iter().filter(is_orphan).map(|blob| blob.name).collect();
         self.remove(orphans).await
+    }
+}
+
+/// Bytes of an asset file that are read at a time.
+const PIECE: u64 = 1 << 20;
+
+/// An asset that is read in pieces, by a thread that may wait: not one that runs tasks.
+#[derive(Debug)]
+pub(crate) struct AssetFile {
+    store: Arc<dyn ObjectStore>,
+    path: Path,
+    size: u64,
+    position: u64,
+    /// What was read last, and where it lies.
+    piece: Bytes,
+    piece_start: u64,
+}
+
+impl Read for AssetFile {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.position >= self.size || buffer.is_empty() {
+            return Ok(0);
+        }
+        let is_here = (self.piece_start..self.piece_start + self.piece.len() as u64).contains(&self.position);
+        if !is_here {
+            let range = self.position..self.size.min(self.position + PIECE);
+            let read = self.store.get_range(&self.path, range);
+            self.piece = tokio::runtime::Handle::current().block_on(read)?;
+            self.piece_start = self.position;
+        }
+        let ahead = self.piece.get((self.position - self.piece_start) as usize..).unwrap_or_default();
+        let count = ahead.len().min(buffer.len());
+        buffer[..count].copy_from_slice(&ahead[..count]);
+        self.position += count as u64;
+        Ok(count)
+    }
+}
+
+impl Seek for AssetFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let target = match to {
+            SeekFrom::Start(position) => Some(position),
+            SeekFrom::End(offset) => self.size.checked_add_signed(offset),
+            SeekFrom::Current(offset) => self.position.checked_add_signed(offset),
+        };
+        self.position = target.ok_or(io::ErrorKind::InvalidInput)?;
+        Ok(self.position)
     }
 }
 
@@ -325,6 +383,10 @@ mod tests {
     use tempfile::TempDir;
 
     use super::*;
+
+    async fn node(blobs: &Blobs, place: &Place) -> Result<Bytes, BlobError> {
+        Ok(blobs.nodes(&place.blob, &[place]).await?.remove(0))
+    }
 
     fn source(pieces: &[&'static str]) -> impl Stream<Item = Result<Bytes, String>> + Unpin {
         stream::iter(pieces.iter().map(|piece| Ok(Bytes::from_static(piece.as_bytes()))).collect::<Vec<_>>())
@@ -390,10 +452,10 @@ mod tests {
         let nodes = ["nave", "", "choir"].map(|node| node.as_bytes().to_vec());
         let places = blobs.put_nodes(JobId::from(Uuid::now_v7()), nodes.to_vec()).await.unwrap();
         assert_eq!(names(&blobs).await, BTreeSet::from([places[0].blob.clone()]));
-        assert_eq!(blobs.node(&places[2]).await.unwrap(), "choir");
-        assert_eq!(blobs.node(&places[0]).await.unwrap(), "nave");
+        assert_eq!(node(&blobs, &places[2]).await.unwrap(), "choir");
+        assert_eq!(node(&blobs, &places[0]).await.unwrap(), "nave");
         let whole = Place { offset: 0, length: None, ..places[0].clone() };
-        assert_eq!(blobs.node(&whole).await.unwrap(), "navechoir");
+        assert_eq!(node(&blobs, &whole).await.unwrap(), "navechoir");
     }
 
     async fn the_sweep_removes_what_no_row_names(blobs: Blobs) {
@@ -406,13 +468,13 @@ mod tests {
         assert_eq!(blobs.sweep(found.clone(), &known, stored_ms).await, 0, "one that is young may be accepted yet");
         let late = put(&blobs, "late").await;
         assert_eq!(blobs.sweep(found, &known, i64::MAX).await, 1);
-        assert_eq!(blobs.node(&late).await.unwrap(), "late", "it was not there when the nodes were listed");
+        assert_eq!(node(&blobs, &late).await.unwrap(), "late", "it was not there when the nodes were listed");
         blobs.remove(vec![late.blob]).await;
-        assert_eq!(blobs.node(&kept).await.unwrap(), "kept");
-        assert!(blobs.node(&orphan).await.unwrap_err().is_missing());
+        assert_eq!(node(&blobs, &kept).await.unwrap(), "kept");
+        assert!(node(&blobs, &orphan).await.unwrap_err().is_missing());
         assert_eq!(names(&blobs).await.len(), 2);
         blobs.remove(vec![kept.blob.clone(), orphan.blob]).await;
-        assert!(blobs.node(&kept).await.unwrap_err().is_missing(), "one that is gone already is no obstacle");
+        assert!(node(&blobs, &kept).await.unwrap_err().is_missing(), "one that is gone already is no obstacle");
     }
 
     async fn a_store_belongs_to_the_first_farm_that_claims_it(blobs: Blobs) {
@@ -432,7 +494,7 @@ mod tests {
         let refused = blobs.claim(farm, &BTreeSet::new()).await.unwrap_err();
         assert!(matches!(refused, ClaimError::Unknown { nodes: 1, .. }), "{refused}");
         blobs.claim(farm, &BTreeSet::from([node.blob.clone()])).await.unwrap();
-        assert_eq!(blobs.node(&node).await.unwrap(), "node");
+        assert_eq!(node(&blobs, &node).await.unwrap(), "node");
     }
 
     async fn a_farm_has_one_store(blobs: Blobs) {
@@ -479,7 +541,7 @@ mod tests {
         fs::write(&half, b"half").unwrap();
         let blobs = Blobs::in_directory(directory.path().to_owned()).unwrap();
         assert!(!half.exists());
-        assert_eq!(blobs.node(&kept).await.unwrap(), "kept");
+        assert_eq!(node(&blobs, &kept).await.unwrap(), "kept");
     }
 
     #[tokio::test]

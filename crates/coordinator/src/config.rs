@@ -40,6 +40,10 @@ pub struct Config {
     pub max_partial_bytes: u64,
     /// Memory for decoded nodes that may be needed again.
     pub node_cache_bytes: usize,
+    /// Memory for rows of images: half of it for measuring rounds, half for images that are downloaded.
+    pub image_bytes: u64,
+    /// Memory for previews that may be asked for again. A frame whose preview alone would need more is shown smaller.
+    pub preview_bytes: u64,
     /// Where the time comes from.
     pub clock: Clock,
     /// Which build of Clerestory this is; the program that makes images, as their metadata name it.
@@ -61,6 +65,8 @@ impl Config {
             max_asset_bytes: 256 << 20,
             max_partial_bytes: 256 << 20,
             node_cache_bytes: 128 << 20,
+            image_bytes: 128 << 20,
+            preview_bytes: 64 << 20,
             clock: Clock::System,
             build: env!("CARGO_PKG_VERSION").to_owned(),
         }

@@ -1,55 +1,118 @@
 //! The error of a frame at a complete round.
+//!
+//! Frame and reference are read strip by strip, and sums run in the order of the tiles: the numbers are the same on every machine, however
+//! much memory it has, and the same that `clerestory compare` finds.
 
-use std::sync::Arc;
+use std::ops::Range;
 
 use clerestory_api::{ContentHash, ConvergencePoint};
-use clerestory_render_core::film::{self, DecodeBudget, FrameImage};
+use clerestory_render_core::film::{
+    self, Comparison, DecodeBudget, ImageLayers, LayerChoice, NoiseMeasure, ReferenceMeasure, ReferenceSummary,
+    TileGrid,
+};
 
 use crate::blobs::Blobs;
+use crate::farm::Farm;
 use crate::film::FilmError;
+use crate::frame::{Extent, Frame, Reading, strips};
 use crate::store::{CompleteWave, JobRecord};
 
-/// Bytes that each pixel of a reference may need in memory, all of its layers together.
-const REFERENCE_BYTES_PER_PIXEL: u64 = 128;
+/// Bytes of a pixel of a reference: its mean and its standard error.
+const REFERENCE_PIXEL_BYTES: u64 = 24;
 
-/// How much a reference for an image of this size may make the decoder allocate.
-pub(crate) fn reference_budget(width: u32, height: u32) -> DecodeBudget {
-    DecodeBudget { pixel_bytes: u64::from(width) * u64::from(height) * REFERENCE_BYTES_PER_PIXEL }
+/// A reference of a job.
+#[derive(Clone, Debug)]
+pub(crate) struct Reference {
+    blobs: Blobs,
+    hash: ContentHash,
+    budget: DecodeBudget,
+    summary: ReferenceSummary,
 }
 
-/// Reads the reference of a job.
-pub(crate) async fn reference(blobs: &Blobs, job: &JobRecord, hash: ContentHash) -> Result<Arc<FrameImage>, FilmError> {
-    let bytes = blobs.asset(hash).await?;
-    let budget = reference_budget(job.grid.width, job.grid.height);
-    let image = tokio::task::spawn_blocking(move || FrameImage::decode(&bytes, budget)).await??;
-    Ok(Arc::new(image))
+impl Reference {
+    /// Reads a reference for images of this grid, from its first row to its last.
+    ///
+    /// # Errors
+    ///
+    /// When it cannot be read, or is no image that images of this grid can be compared with.
+    pub(crate) async fn measure(farm: &Farm, grid: TileGrid, hash: ContentHash) -> Result<Self, FilmError> {
+        let budget = DecodeBudget { pixel_bytes: farm.config.image_bytes };
+        let summary = ReferenceSummary { mean_magnitude: 0.0, peak: 0.0, sum: 0.0, noise: None };
+        let mut reference = Self { blobs: farm.blobs.clone(), hash, budget, summary };
+        let mut measure = ReferenceMeasure::new(grid);
+        for strip in strips(grid, REFERENCE_PIXEL_BYTES, farm.strip_bytes()) {
+            let layers = reference.rows(strip.clone()).await?;
+            measure = tokio::task::spawn_blocking(move || {
+                measure.add(strip, &layers);
+                measure
+            })
+            .await?;
+        }
+        reference.summary = measure.finish();
+        Ok(reference)
+    }
+
+    /// The mean square of its standard errors, if it has any.
+    pub(crate) fn noise(&self) -> Option<f64> {
+        self.summary.noise
+    }
+
+    /// Pixels across and down the image of an asset.
+    pub(crate) async fn size(farm: &Farm, hash: ContentHash) -> Result<[u32; 2], FilmError> {
+        let file = farm.blobs.asset_file(hash).await?;
+        Ok(tokio::task::spawn_blocking(move || film::picture_size(file)).await??)
+    }
+
+    async fn rows(&self, rows: Range<u32>) -> Result<ImageLayers, FilmError> {
+        let (file, budget) = (self.blobs.asset_file(self.hash).await?, self.budget);
+        Ok(tokio::task::spawn_blocking(move || film::picture_rows(file, rows, budget)).await??)
+    }
 }
 
-/// The point of the convergence series that an image makes. Sums run in one fixed order, so the numbers are the same on
-/// every machine.
-pub(crate) fn point(
+/// The point of the convergence series that a frame makes at a complete round.
+pub(crate) async fn point(
+    farm: &Farm,
     job: &JobRecord,
     wave: &CompleteWave,
     frame: u32,
-    image: &FrameImage,
-    reference: Option<&FrameImage>,
-    now_ms: i64,
-) -> ConvergencePoint {
-    // Sizes were compared when the job was submitted.
-    let metrics = reference.and_then(|reference| film::compare(image, reference).ok());
+    reference: Option<&Reference>,
+) -> Result<ConvergencePoint, FilmError> {
+    let image = Frame { farm, job, frame, extent: Extent::Passes(wave.passes) };
+    let has_standard_error = image.has_standard_error().await?;
+    let choice = LayerChoice::measured(has_standard_error);
+    let bytes = choice.bytes_per_pixel() + reference.map_or(0, |_| REFERENCE_PIXEL_BYTES);
+    let mut reading = Reading::default();
+    let mut noise = NoiseMeasure::new(job.grid);
+    let mut comparison = reference.map(|reference| Comparison::new(job.grid, reference.summary));
+    for strip in strips(job.grid, bytes, farm.strip_bytes()) {
+        let rows = image.rows(strip.clone(), choice, &mut reading).await?;
+        let expected = match reference {
+            Some(reference) => Some(reference.rows(strip.clone()).await?),
+            None => None,
+        };
+        let measured = tokio::task::spawn_blocking(move || {
+            noise.add(strip.clone(), rows.layers());
+            if let (Some(comparison), Some(expected)) = (&mut comparison, &expected) {
+                comparison.add(strip, rows.layers(), expected);
+            }
+            (noise, comparison)
+        });
+        (noise, comparison) = measured.await?;
+    }
+    let metrics = comparison.map(Comparison::finish);
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
-    ConvergencePoint {
+    Ok(ConvergencePoint {
         frame,
         round: wave.round,
         passes: wave.passes,
         samples_per_pixel: u64::from(wave.passes) * u64::from(job.samples_per_pass),
         core_ms: wave.core_ms,
         wall_ms: wave.completed_ms - job.started_ms.unwrap_or(wave.completed_ms),
-        recorded_ms: now_ms,
+        recorded_ms: farm.config.clock.now_ms(),
         mse: metrics.and_then(|metrics| finite(metrics.mse)),
         corrected_mse: metrics.and_then(|metrics| metrics.corrected_mse).and_then(finite),
         rel_mse: metrics.and_then(|metrics| metrics.rel_mse).and_then(finite),
         psnr: metrics.and_then(|metrics| metrics.psnr).and_then(finite),
-        estimated_mse: film::mean_squared_standard_error(image).and_then(finite),
-    }
+        estimated_mse: has_standard_error.then(|| noise.finish()).and_then(finite),
+    })
 }

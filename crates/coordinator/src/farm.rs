@@ -11,8 +11,9 @@ use crate::blobs::Blobs;
 use crate::config::Config;
 use crate::events::Events;
 use crate::film::FilmReader;
-use crate::images::Images;
+use crate::images;
 use crate::news::News;
+use crate::previews::Previews;
 use crate::rate::Rates;
 use crate::store::{Removed, Store};
 
@@ -33,8 +34,10 @@ pub(crate) struct Farm {
     pub(crate) blobs: Blobs,
     /// Reads accepted nodes.
     pub(crate) film: FilmReader,
-    /// Images as they are now.
-    pub(crate) images: Images,
+    /// Permits for making images that are downloaded, one for each kibibyte.
+    pub(crate) images: Semaphore,
+    /// Previews that may be asked for again.
+    pub(crate) previews: Previews,
     /// Tells listeners what happens.
     pub(crate) events: Events,
     /// How fast jobs advance.
@@ -68,6 +71,8 @@ impl Farm {
         let (keeper, grown) = mpsc::unbounded_channel();
         let (tell, told) = mpsc::unbounded_channel();
         let film = FilmReader::new(blobs.clone(), config.node_cache_bytes);
+        let images = Semaphore::new(images::permits(config.image_bytes / 2) as usize);
+        let previews = Previews::new(config.preview_bytes);
         let rates = Rates::new(config.clock.now_ms());
         let farm = Self {
             config,
@@ -75,7 +80,8 @@ impl Farm {
             store,
             blobs,
             film,
-            images: Images::default(),
+            images,
+            previews,
             events: Events::default(),
             rates,
             work: Notify::new(),
@@ -86,6 +92,11 @@ impl Farm {
             stopping: CancellationToken::new(),
         };
         (Arc::new(farm), Bells { grown, told })
+    }
+
+    /// Most bytes of the rows of an image that are in memory at a time.
+    pub(crate) fn strip_bytes(&self) -> u64 {
+        self.config.image_bytes / 2
     }
 
     /// Tells everybody, at this coordinator and at the others.

@@ -1,20 +1,21 @@
-//! The film of a job: from rows and blobs to nodes, and from nodes to an image.
+//! The film of a job: from rows and blobs to nodes.
 //!
 //! The rows say which nodes there are; their blobs never change. So decoded nodes can be kept by where they lie
 //! without ever being wrong, and everything else is computed from them when it is asked for.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use bytes::Bytes;
 use clerestory_render_core::film::{
-    self, FilmTile, FrameImage, ImageError, ImageMetadata, InsertError, Node, NodeAddress, Sampling, SamplingError,
-    SumError, TileSum,
+    self, FilmTile, ImageError, ImageMetadata, InsertError, Node, NodeAddress, Sampling, SamplingError, SumError,
 };
 use futures::stream::{self, StreamExt, TryStreamExt};
 
 use crate::blobs::{BlobError, Blobs, Place};
 use crate::farm::Farm;
-use crate::store::{JobRecord, NodeRow, StoreError, Work};
+use crate::store::{JobRecord, NodeRow, StoreError};
 
 /// Blobs read at the same time.
 const READS: usize = 8;
@@ -63,6 +64,9 @@ pub(crate) enum FilmError {
     /// A preview could not be written.
     #[error("the preview cannot be written")]
     Preview(#[from] film::PreviewError),
+    /// A file for what is being made cannot be written or read.
+    #[error("a temporary file in the data directory failed")]
+    Scratch(#[from] std::io::Error),
     /// The stored scene cannot be read.
     #[error("the stored scene cannot be read")]
     Scene(#[from] serde_json::Error),
@@ -104,10 +108,27 @@ impl FilmReader {
         Self { blobs, cache: Mutex::new(NodeCache { limit: cache_bytes, ..NodeCache::default() }) }
     }
 
-    /// The nodes of these rows, in their order.
+    /// The nodes of these rows, in their order. Those that lie in one blob are read together.
     pub(crate) async fn load(&self, rows: &[NodeRow]) -> Result<Vec<Arc<Node>>, FilmError> {
-        let nodes = rows.iter().map(|row| self.node(row));
-        stream::iter(nodes.collect::<Vec<_>>()).buffered(READS).try_collect().await
+        let mut nodes: Vec<Option<Arc<Node>>> = {
+            let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+            rows.iter().map(|row| cache.get(&row.place)).collect()
+        };
+        let mut missing: BTreeMap<&str, Vec<(usize, &NodeRow)>> = BTreeMap::new();
+        for (number, (row, node)) in rows.iter().zip(&nodes).enumerate() {
+            if node.is_none() {
+                missing.entry(&row.place.blob).or_default().push((number, row));
+            }
+        }
+        let reads: Vec<_> = missing.into_iter().map(|(blob, rows)| self.read(blob, rows)).collect();
+        let mut reads = stream::iter(reads).buffered(READS);
+        while let Some(read) = reads.try_next().await? {
+            for (number, node) in read {
+                nodes[number] = Some(node);
+            }
+        }
+        // Each was in the cache or has been read.
+        Ok(nodes.into_iter().flatten().collect())
     }
 
     /// Keeps a node that has just been stored.
@@ -123,25 +144,30 @@ impl FilmReader {
         }
     }
 
-    async fn node(&self, row: &NodeRow) -> Result<Arc<Node>, FilmError> {
-        let cached = self.cache.lock().unwrap_or_else(PoisonError::into_inner).get(&row.place);
-        if let Some(node) = cached {
-            return Ok(node);
+    /// Reads numbered nodes that lie in one blob.
+    async fn read(&self, blob: &str, rows: Vec<(usize, &NodeRow)>) -> Result<Vec<(usize, Arc<Node>)>, FilmError> {
+        let places: Vec<&Place> = rows.iter().map(|(_, row)| &row.place).collect();
+        let lost = |source| match rows.first() {
+            Some((_, row)) => FilmError::Lost { node: row.address, blob: blob.to_owned(), source },
+            None => source.into(),
+        };
+        let bytes = self.blobs.nodes(blob, &places).await;
+        let bytes = bytes.map_err(|error| if error.is_missing() { lost(error) } else { error.into() })?;
+        let addresses: Vec<NodeAddress> = rows.iter().map(|(_, row)| row.address).collect();
+        let name = blob.to_owned();
+        let decoded = tokio::task::spawn_blocking(move || {
+            let decode = |(address, bytes): (NodeAddress, Bytes)| {
+                let damaged = |source| FilmError::Damaged { node: address, blob: name.clone(), source };
+                let node = film::store::decode(&bytes).map_err(|error| damaged(Some(error)))?;
+                if node.address() == address { Ok(Arc::new(node)) } else { Err(damaged(None)) }
+            };
+            addresses.into_iter().zip(bytes).map(decode).collect::<Result<Vec<_>, FilmError>>()
+        });
+        let nodes = decoded.await??;
+        for ((_, row), node) in rows.iter().zip(&nodes) {
+            self.keep(row.place.clone(), Arc::clone(node));
         }
-        let (address, place) = (row.address, &row.place);
-        let bytes = self.blobs.node(place).await.map_err(|error| match error {
-            error if error.is_missing() => FilmError::Lost { node: address, blob: place.blob.clone(), source: error },
-            error => error.into(),
-        })?;
-        let damaged = |source| FilmError::Damaged { node: address, blob: place.blob.clone(), source };
-        let node = tokio::task::spawn_blocking(move || film::store::decode(&bytes)).await?;
-        let node = node.map_err(|error| damaged(Some(error)))?;
-        if node.address() != address {
-            return Err(damaged(None));
-        }
-        let node = Arc::new(node);
-        self.keep(place.clone(), Arc::clone(&node));
-        Ok(node)
+        Ok(rows.into_iter().map(|(number, _)| number).zip(nodes).collect())
     }
 }
 
@@ -189,70 +215,38 @@ impl NodeCache {
     }
 }
 
-/// Up to which pass an image is wanted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Extent {
-    /// The same in every tile, all of which must be complete up to there.
-    Passes(u32),
-    /// As far as each tile is complete from its first pass on. Such an image can be rendered again from its pass counts;
-    /// one with holes could not.
-    Complete,
+/// Bytes of nodes in a batch of tiles, unless it is one tile.
+const BATCH_BYTES: u64 = 8 << 20;
+
+/// Nodes in a batch, unless it is one tile: while their rows are replaced, nothing else is written.
+const BATCH_NODES: usize = 512;
+
+/// Tiles whose rows are read from the database at a time: more would be much memory in a large frame.
+const TILES_AT_ONCE: u32 = 1024;
+
+/// Tiles in runs whose rows fit into memory together.
+pub(crate) fn runs(tiles: Range<u32>) -> impl Iterator<Item = Range<u32>> {
+    let end = tiles.end;
+    tiles.step_by(TILES_AT_ONCE as usize).map(move |first| first..end.min(first.saturating_add(TILES_AT_ONCE)))
 }
 
-/// The image of a frame, with the work that it took. The nodes are those of the rows, in their order.
-///
-/// # Errors
-///
-/// [`FilmError::Empty`] when no tile has a complete pass; otherwise when the nodes do not make the image.
-pub(crate) fn assemble(
-    job: &JobRecord,
-    rows: &[NodeRow],
-    nodes: &[Arc<Node>],
-    extent: Extent,
-    mut metadata: ImageMetadata,
-) -> Result<FrameImage, FilmError> {
-    let mut sums = Vec::new();
-    for nodes in nodes.chunk_by(|a, b| a.address().tile == b.address().tile) {
-        let hold = match extent {
-            Extent::Passes(passes) => Some(passes),
-            Extent::Complete => None,
-        };
-        let Some(tile) = film_tile(job, nodes, hold)? else { continue };
-        let passes = hold.unwrap_or_else(|| tile.complete_passes());
-        if passes > 0 {
-            sums.push(tile.sum(passes)?);
+/// Tiles, each as its rows, in batches whose nodes fit into memory together.
+pub(crate) fn batches(tiles: Vec<&[NodeRow]>) -> Vec<Vec<&[NodeRow]>> {
+    let mut batches: Vec<Vec<&[NodeRow]>> = Vec::new();
+    let (mut bytes, mut nodes) = (0, 0);
+    for rows in tiles {
+        // Only nodes that older builds stored do not say how long they are.
+        let tile_bytes: u64 = rows.iter().map(|row| row.place.length.unwrap_or(BATCH_BYTES)).sum();
+        (bytes, nodes) = (bytes + tile_bytes, nodes + rows.len());
+        match batches.last_mut() {
+            Some(batch) if bytes <= BATCH_BYTES && nodes <= BATCH_NODES => batch.push(rows),
+            _ => {
+                (bytes, nodes) = (tile_bytes, rows.len());
+                batches.push(vec![rows]);
+            }
         }
     }
-    check_complete(job, &sums, extent)?;
-    let work = work_of(rows, &sums);
-    metadata.counters = work.counters;
-    if !work.builds.iter().eq([&metadata.build]) {
-        metadata.worker_builds = work.builds.into_iter().collect();
-    }
-    Ok(FrameImage::assemble(&job.grid, &sums, metadata)?)
-}
-
-/// The work that the sums took; nodes beyond them are not in the image.
-fn work_of(rows: &[NodeRow], sums: &[TileSum]) -> Work {
-    let summed: BTreeMap<u32, u32> = sums.iter().map(|sum| (sum.tile_index, sum.passes)).collect();
-    let mut work = Work::default();
-    for row in rows {
-        let passes = row.address.passes();
-        if summed.get(&row.address.tile).is_some_and(|summed| passes.first + passes.count <= *summed) {
-            work += &row.work;
-        }
-    }
-    work
-}
-
-fn check_complete(job: &JobRecord, sums: &[TileSum], extent: Extent) -> Result<(), FilmError> {
-    match extent {
-        _ if sums.is_empty() => Err(FilmError::Empty),
-        Extent::Passes(wanted) if (sums.len() as u64) < u64::from(job.grid.len()) => {
-            Err(SumError::Incomplete { wanted, complete: 0 }.into())
-        }
-        _ => Ok(()),
-    }
+    batches
 }
 
 /// The merge tree of one tile of which these are all nodes; `None` when there are none.

@@ -1,78 +1,87 @@
-//! Images as they are now, for whoever looks at a job while it converges.
+//! Images as files, for whoever downloads them.
 //!
-//! An image is computed at most once a second for a running job, however many look, and by one thread at a time, so that
-//! watchers do not take the machine from the farm.
+//! A file is made in strips: its blocks go to a file without a name in the data directory, which is gone with whatever happens to the
+//! coordinator. It is sent when it is complete, since it begins with what is known last.
 
-use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::fs::File;
+use std::io::{Seek, SeekFrom};
 
-use clerestory_api::JobId;
-use clerestory_render_core::film::FrameImage;
-use tokio::sync::Mutex;
+use clerestory_render_core::film::{self, ImageWriter, LayerChoice};
 
 use crate::farm::Farm;
-use crate::film::{self, Extent, FilmError};
+use crate::film::FilmError;
+use crate::frame::{Extent, Frame, Reading, strips};
 use crate::store::JobRecord;
 
-/// How long the image of a running job may stay as it is although its film has grown.
-const FRESH_MS: i64 = 1000;
-
-/// Jobs whose images are kept.
-const KEPT: usize = 4;
-
-/// Tries to read the film while its nodes are being merged away.
+/// Tries to read a film that grows meanwhile.
 const TRIES: u32 = 3;
 
-/// The images that were computed last.
-#[derive(Debug, Default)]
-pub(crate) struct Images {
-    kept: Mutex<BTreeMap<JobId, Kept>>,
-}
-
+/// An image as a file: its head, and the blocks that follow it.
 #[derive(Debug)]
-struct Kept {
-    accepted_nodes: u64,
-    final_state: bool,
-    computed_ms: i64,
-    image: Arc<FrameImage>,
+pub(crate) struct ImageFile {
+    /// The first bytes of the file.
+    pub(crate) head: Vec<u8>,
+    /// The rest, from its beginning.
+    pub(crate) blocks: File,
+    /// Bytes of the rest.
+    pub(crate) blocks_bytes: u64,
 }
 
-/// The image of a job's first frame: every tile as far as it is complete.
-pub(crate) async fn current(farm: &Farm, job: &JobRecord) -> Result<Arc<FrameImage>, FilmError> {
-    let mut kept = farm.images.kept.lock().await;
-    let now_ms = farm.config.clock.now_ms();
-    let final_state = job.state.is_final();
-    if let Some(known) = kept.get(&job.id) {
-        let same = known.accepted_nodes == job.accepted_nodes && known.final_state == final_state;
-        let fresh = !final_state && now_ms - known.computed_ms < FRESH_MS;
-        if same || fresh {
-            return Ok(Arc::clone(&known.image));
-        }
-    }
-    let image = Arc::new(compute(farm, job).await?);
-    if kept.len() >= KEPT && !kept.contains_key(&job.id) {
-        let oldest = kept.iter().min_by_key(|(_, known)| known.computed_ms).map(|(job, _)| *job);
-        oldest.and_then(|job| kept.remove(&job));
-    }
-    let entry =
-        Kept { accepted_nodes: job.accepted_nodes, final_state, computed_ms: now_ms, image: Arc::clone(&image) };
-    kept.insert(job.id, entry);
-    Ok(image)
+/// Permits for so many bytes.
+pub(crate) fn permits(bytes: u64) -> u32 {
+    u32::try_from(bytes >> 10).unwrap_or(u32::MAX).max(1)
 }
 
-async fn compute(farm: &Farm, job: &JobRecord) -> Result<FrameImage, FilmError> {
-    let metadata = film::metadata(farm, job, 0).await?;
+/// Which layers the image of a job's first frame has now.
+///
+/// # Errors
+///
+/// [`FilmError::Empty`] when no tile has a pass.
+pub(crate) async fn layers(farm: &Farm, job: &JobRecord) -> Result<LayerChoice, FilmError> {
+    let frame = Frame { farm, job, frame: 0, extent: Extent::Complete };
+    Ok(LayerChoice::all(frame.has_standard_error().await?))
+}
+
+/// The first bytes of the file of an image with these layers, before anything is read of it.
+pub(crate) fn first_bytes(job: &JobRecord, choice: LayerChoice) -> Result<Vec<u8>, FilmError> {
+    let nothing = film::ImageRows::new(job.grid, 0..0, choice);
+    Ok(film::first_bytes(job.grid.width, job.grid.height, nothing.layers())?)
+}
+
+/// Makes the image of a job's first frame: every tile as far as it is complete. Few large images are made at the same time.
+pub(crate) async fn make(farm: &Farm, job: &JobRecord, choice: LayerChoice) -> Result<ImageFile, FilmError> {
+    let most = farm.strip_bytes();
+    let rows = strips(job.grid, choice.bytes_per_pixel(), most).next().map_or(0, |rows| rows.len() as u64);
+    let bytes = rows * u64::from(job.grid.width) * choice.bytes_per_pixel();
+    // The semaphore is never closed.
+    let _permits = farm.images.acquire_many(permits(bytes.min(most))).await.ok();
     let mut tries = 1;
-    let (rows, nodes) = loop {
-        let mut rows = farm.store.nodes(job.id).await?;
-        rows.retain(|row| row.address.frame == 0);
-        match farm.film.load(&rows).await {
-            Ok(nodes) => break (rows, nodes),
-            // The keeper has merged and removed a node between the two reads; the new rows name its parent.
-            Err(FilmError::Lost { .. }) if tries < TRIES => tries += 1,
-            Err(error) => return Err(error),
+    loop {
+        match write(farm, job, choice).await {
+            // The film was read while it grew, and tiles of it twice.
+            Err(error) if error.is_damage() && tries < TRIES => tries += 1,
+            written => return written,
         }
-    };
-    let job = job.clone();
-    tokio::task::spawn_blocking(move || film::assemble(&job, &rows, &nodes, Extent::Complete, metadata)).await?
+    }
+}
+
+async fn write(farm: &Farm, job: &JobRecord, choice: LayerChoice) -> Result<ImageFile, FilmError> {
+    let frame = Frame { farm, job, frame: 0, extent: Extent::Complete };
+    let directory = farm.config.data_directory.clone();
+    let file = tokio::task::spawn_blocking(move || tempfile::tempfile_in(directory)).await??;
+    let mut writer = ImageWriter::new(job.grid.width, job.grid.height, file);
+    let mut reading = Reading::default();
+    for strip in strips(job.grid, choice.bytes_per_pixel(), farm.strip_bytes()) {
+        let rows = frame.rows(strip, choice, &mut reading).await?;
+        let written = tokio::task::spawn_blocking(move || writer.write_rows(rows.layers()).map(|()| writer));
+        writer = written.await??;
+    }
+    let metadata = frame.metadata(reading).await?;
+    let finished = tokio::task::spawn_blocking(move || {
+        let (head, mut blocks) = writer.finish(Some(&metadata))?;
+        let blocks_bytes = blocks.stream_position()?;
+        blocks.seek(SeekFrom::Start(0))?;
+        Ok(ImageFile { head, blocks, blocks_bytes })
+    });
+    finished.await?
 }

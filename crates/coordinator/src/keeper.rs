@@ -10,24 +10,18 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clerestory_api::JobId;
-use clerestory_render_core::film::{self, FrameImage, Node, NodeAddress};
+use clerestory_render_core::film::{Node, NodeAddress, store as stored_form};
 use futures::stream::{self, StreamExt, TryStreamExt};
 use tokio::sync::mpsc;
 
-use crate::convergence;
+use crate::convergence::{self, Reference};
 use crate::farm::Farm;
-use crate::film::{Extent, FilmError, assemble, film_tile, metadata};
+use crate::film::{self, FilmError, film_tile};
 use crate::news::News;
 use crate::store::{CompleteWave, Ending, JobRecord, Keeping, Merge, NodeRow, StoreError};
 
 /// Batches of tiles that are merged at the same time: while one is computed, another waits for the disk.
 const MERGES: usize = 2;
-
-/// Bytes of nodes in a batch of tiles, unless it is one tile. Its merged nodes are stored together, at the price of one sync.
-const BATCH_BYTES: u64 = 8 << 20;
-
-/// Nodes in a batch, unless it is one tile.
-const BATCH_NODES: usize = 4096;
 
 /// Pause before a job is looked at again after a failure that may pass, such as a full disk.
 const RETRY: Duration = Duration::from_secs(5);
@@ -120,7 +114,7 @@ async fn advance(
     farm: &Farm,
     job: JobId,
     claims: &mut Claims,
-    references: &mut BTreeMap<JobId, Arc<FrameImage>>,
+    references: &mut BTreeMap<JobId, Reference>,
 ) -> Result<(), FilmError> {
     while !farm.stopping.is_cancelled() {
         let Some(record) = farm.store.job(job).await? else { return Ok(()) };
@@ -149,26 +143,17 @@ async fn record_round(
     farm: &Farm,
     job: &JobRecord,
     wave: &CompleteWave,
-    references: &mut BTreeMap<JobId, Arc<FrameImage>>,
+    references: &mut BTreeMap<JobId, Reference>,
 ) -> Result<bool, FilmError> {
     if let Some(hash) = job.reference
         && let std::collections::btree_map::Entry::Vacant(vacant) = references.entry(job.id)
     {
-        vacant.insert(convergence::reference(&farm.blobs, job, hash).await?);
+        vacant.insert(Reference::measure(farm, job.grid, hash).await?);
     }
-    let rows = farm.store.nodes(job.id).await?;
+    let reference = references.get(&job.id);
     let mut points = Vec::new();
-    for rows in rows.chunk_by(|a, b| a.address.frame == b.address.frame) {
-        let Some(frame) = rows.first().map(|row| row.address.frame) else { continue };
-        let nodes = farm.film.load(rows).await?;
-        let metadata = metadata(farm, job, frame).await?;
-        let (job, rows, wave, reference) = (job.clone(), rows.to_vec(), *wave, references.get(&job.id).cloned());
-        let now_ms = farm.config.clock.now_ms();
-        let point = tokio::task::spawn_blocking(move || {
-            let image = assemble(&job, &rows, &nodes, Extent::Passes(wave.passes), metadata)?;
-            Ok::<_, FilmError>(convergence::point(&job, &wave, frame, &image, reference.as_deref(), now_ms))
-        });
-        points.push(point.await??);
+    for frame in 0..job.frames {
+        points.push(convergence::point(farm, job, wave, frame, reference).await?);
     }
     let recorded = farm.store.record_round(job, points, farm.config.clock.now_ms()).await?;
     let is_new = recorded.is_some();
@@ -185,31 +170,17 @@ async fn record_round(
 
 /// Merges the nodes of every tile as far as no later round needs them apart.
 async fn merge(farm: &Farm, job: &JobRecord, recorded_passes: u32) -> Result<(), FilmError> {
-    let rows = farm.store.nodes(job.id).await?;
-    let tiles = rows.chunk_by(|a, b| (a.address.frame, a.address.tile) == (b.address.frame, b.address.tile));
-    let tiles: Vec<&[NodeRow]> = tiles.filter(|rows| can_merge(job, rows, recorded_passes)).collect();
-    let merges: Vec<_> =
-        batches(tiles).into_iter().map(|tiles| merge_tiles(farm, job, tiles, recorded_passes)).collect();
-    stream::iter(merges).buffer_unordered(MERGES).try_collect::<()>().await
-}
-
-/// Tiles in batches whose nodes fit into memory together.
-fn batches(tiles: Vec<&[NodeRow]>) -> Vec<Vec<&[NodeRow]>> {
-    let mut batches: Vec<Vec<&[NodeRow]>> = Vec::new();
-    let (mut bytes, mut nodes) = (0, 0);
-    for rows in tiles {
-        // Only nodes that older builds stored do not say how long they are.
-        let tile_bytes: u64 = rows.iter().map(|row| row.place.length.unwrap_or(BATCH_BYTES)).sum();
-        (bytes, nodes) = (bytes + tile_bytes, nodes + rows.len());
-        match batches.last_mut() {
-            Some(batch) if bytes <= BATCH_BYTES && nodes <= BATCH_NODES => batch.push(rows),
-            _ => {
-                (bytes, nodes) = (tile_bytes, rows.len());
-                batches.push(vec![rows]);
-            }
-        }
+    for (frame, tiles) in
+        (0..job.frames).flat_map(|frame| film::runs(0..job.grid.len()).map(move |tiles| (frame, tiles)))
+    {
+        let rows = farm.store.nodes(job.id, frame, tiles).await?;
+        let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
+        let tiles = tiles.filter(|rows| can_merge(job, rows, recorded_passes)).collect();
+        let batches = film::batches(tiles).into_iter();
+        let merges: Vec<_> = batches.map(|tiles| merge_tiles(farm, job, tiles, recorded_passes)).collect();
+        stream::iter(merges).buffer_unordered(MERGES).try_collect::<()>().await?;
     }
-    batches
+    Ok(())
 }
 
 async fn merge_tiles(
@@ -227,7 +198,7 @@ async fn merge_tiles(
         let tiles = loaded.iter().map(|(rows, nodes)| merged_nodes(&record, rows, nodes, recorded_passes));
         let nodes: Vec<(Node, Vec<NodeAddress>)> =
             tiles.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
-        let encoded: Vec<Vec<u8>> = nodes.iter().map(|(node, _)| film::store::encode(node)).collect();
+        let encoded: Vec<Vec<u8>> = nodes.iter().map(|(node, _)| stored_form::encode(node)).collect();
         Ok::<_, FilmError>((nodes, encoded))
     });
     let (nodes, encoded) = merged.await??;
@@ -299,10 +270,7 @@ async fn failed(farm: &Farm, job: JobId, error: FilmError) {
 /// Whether a node that was not found is gone for good: its row is still there, so that nobody has merged it meanwhile, and so is the
 /// mark of the blob store, so that it is the farm's store which does not have it.
 async fn is_lost(farm: &Farm, job: JobId, node: NodeAddress, blob: &str) -> bool {
-    let is_named = async {
-        let rows = farm.store.nodes(job).await?;
-        Ok::<_, StoreError>(rows.iter().any(|row| row.address == node && row.place.blob == blob))
-    };
+    let is_named = farm.store.is_at(job, &node, blob);
     let is_ours = async {
         let identity = farm.store.identity().await?;
         Ok::<_, FilmError>(farm.blobs.is_of(identity.farm).await?)

@@ -8,7 +8,7 @@
 //! - `store`: jobs, leases, accepted nodes, rounds and events in one SQL database;
 //! - `blobs`, `bucket`: assets and nodes, written once, in a directory or a bucket of an S3-compatible store;
 //! - `acceptance`: partials, decoded with distrust and accepted exactly once;
-//! - `keeper`, `film`, `convergence`, `images`: rounds, merging, error and images;
+//! - `keeper`, `film`, `frame`, `convergence`, `images`, `previews`: rounds, merging, error and images, tile by tile;
 //! - `events`, `views`, `rate`: what watchers see.
 //!
 //! # Invariants
@@ -27,10 +27,12 @@ mod convergence;
 mod events;
 mod farm;
 mod film;
+mod frame;
 mod http;
 mod images;
 mod keeper;
 mod news;
+mod previews;
 mod rate;
 mod schedule;
 pub mod server;

@@ -3,12 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{ContentHash, JobId, JobSubmission, ProblemCode};
-use clerestory_render_core::film::{FrameImage, ImageError, OpenExrError, TileGrid, mean_squared_standard_error};
+use clerestory_render_core::film::{ImageError, OpenExrError, TileGrid};
 use clerestory_render_core::scene::{self, Asset, Scene, SceneBundle, SceneDescription, SceneError};
 use uuid::Uuid;
 
-use crate::convergence::reference_budget;
+use crate::convergence::Reference;
 use crate::farm::Farm;
+use crate::film::FilmError;
 use crate::http::ApiError;
 use crate::stop::{InvalidTarget, Targets};
 use crate::store::NewJob;
@@ -44,8 +45,7 @@ pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob
         assets.insert(name.clone(), Asset::new(farm.blobs.asset(*hash).await?.to_vec()));
     }
     if let Some(hash) = submission.reference {
-        let bytes = farm.blobs.asset(hash).await?;
-        let noise = blocking(move || check_reference(&bytes, &grid, hash)).await?;
+        let noise = check_reference(farm, grid, hash).await?;
         targets.check(true, noise).map_err(of_target)?;
     }
     let _permit = farm.building.acquire().await.map_err(ApiError::internal)?;
@@ -142,25 +142,21 @@ fn of_target(InvalidTarget { field, value, expected }: InvalidTarget) -> ApiErro
 }
 
 /// Checks a reference, and answers the mean square of its standard errors, if it has any.
-fn check_reference(bytes: &[u8], grid: &TileGrid, hash: ContentHash) -> Result<Option<f64>, ApiError> {
+async fn check_reference(farm: &Farm, grid: TileGrid, hash: ContentHash) -> Result<Option<f64>, ApiError> {
     let refuse = |detail: String| ApiError::new(ProblemCode::InvalidReference, detail).field("reference").value(hash);
-    let (width, height, noise) = match FrameImage::decode(bytes, reference_budget(grid.width, grid.height)) {
-        Ok(image) => (image.width().into(), image.height().into(), mean_squared_standard_error(&image)),
-        // The memory that it may take depends on the film, so a film of its size would perhaps let it in.
-        Err(ImageError::OpenExr(OpenExrError::TooLarge { width, height, .. }))
-            if (width, height) != (grid.width.into(), grid.height.into()) =>
-        {
-            (width, height, None)
+    let refused = |error: FilmError| match error {
+        FilmError::Image(ImageError::OpenExr(OpenExrError::Read(_))) => error.into(),
+        FilmError::Image(error) => {
+            refuse(error.to_string()).expected("an OpenEXR image with finite channels R, G and B")
         }
-        Err(error) => {
-            return Err(refuse(error.to_string()).expected("an OpenEXR image with finite channels R, G and B"));
-        }
+        error => error.into(),
     };
-    if (width, height) == (grid.width.into(), grid.height.into()) {
-        return Ok(noise);
+    let [width, height] = Reference::size(farm, hash).await.map_err(refused)?;
+    if (width, height) != (grid.width, grid.height) {
+        return Err(refuse(format!("the reference has {width} x {height} pixels"))
+            .expected(format!("{} x {} pixels, as the scene's film", grid.width, grid.height)));
     }
-    Err(refuse(format!("the reference has {width} x {height} pixels"))
-        .expected(format!("{} x {} pixels, as the scene's film", grid.width, grid.height)))
+    Ok(Reference::measure(farm, grid, hash).await.map_err(refused)?.noise())
 }
 
 /// Builds the scene as a worker will, so that what is wrong with the contents of its assets is found here.

@@ -70,6 +70,9 @@ struct FarmArguments {
     /// coordinator takes].
     #[arg(long, value_name = "NODES", value_parser = positive::<NonZeroU32>)]
     rate: Option<NonZeroU32>,
+    /// Look at the image all the while, as somebody does who has its page open; jobs are 1920 pixels wide and 1080 high.
+    #[arg(long)]
+    watch: bool,
     /// Empty folder for the data of the coordinator, on the disk that is to be measured [default: a temporary one].
     #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
@@ -133,6 +136,7 @@ async fn run_farm(arguments: FarmArguments) -> Result<(), Failure> {
         tile_size: arguments.tile,
         nodes_per_lease: arguments.nodes_per_lease,
         rate: arguments.rate,
+        watch: arguments.watch,
         data: arguments.data,
         database: arguments.database,
         object_store: arguments.object_store,

@@ -84,6 +84,8 @@ struct Settings {
     max_asset_bytes: u64,
     max_partial_bytes: u64,
     node_cache_bytes: usize,
+    image_bytes: u64,
+    preview_bytes: u64,
 }
 
 impl Default for Settings {
@@ -106,6 +108,8 @@ impl Default for Settings {
             max_asset_bytes: config.max_asset_bytes,
             max_partial_bytes: config.max_partial_bytes,
             node_cache_bytes: config.node_cache_bytes,
+            image_bytes: config.image_bytes,
+            preview_bytes: config.preview_bytes,
         }
     }
 }
@@ -169,6 +173,8 @@ impl Settings {
             max_asset_bytes: self.max_asset_bytes,
             max_partial_bytes: self.max_partial_bytes,
             node_cache_bytes: self.node_cache_bytes,
+            image_bytes: self.image_bytes,
+            preview_bytes: self.preview_bytes,
             build: BUILD.to_owned(),
             ..Config::new(&self.data)
         })

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use backon::{ExponentialBuilder, Retryable};
 use bytes::Bytes;
 use clap::Args;
-use clerestory_api::{ClientError, ContentHash, JobSubmission, JobView, PreviewQuery, ProblemCode};
+use clerestory_api::{ClientError, ContentHash, JobId, JobSubmission, JobView, PreviewQuery, ProblemCode};
 use clerestory_coordinator::Targets;
 use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
 use tracing::{info, warn};
@@ -16,7 +16,7 @@ use crate::connection::{Connection, ConnectionArguments};
 use crate::failure::Failure;
 use crate::follow::{follow, until_answered};
 use crate::image_file::read_reference;
-use crate::output_file::{check_image_name, check_outputs, png_beside, write, write_stats};
+use crate::output_file::{OutputFile, check_image_name, check_outputs, png_beside, write, write_stats};
 use crate::scene_overrides::SceneOverrides;
 use crate::terminal::{Progress, print_json, print_line, upload_bar};
 
@@ -181,15 +181,30 @@ pub(crate) async fn download(
     progress: &Progress,
 ) -> Result<(), Failure> {
     if let Some(file) = exr {
-        let image = until_answered(connection, progress, || connection.client.image(job.id)).await?;
-        write(file, &image)?;
+        // What fails here is a disk, and no call is repeated for it.
+        until_answered(connection, progress, || fetch_image(connection, job.id, file)).await??;
     }
     if let Some(file) = png {
         let query = PreviewQuery::default();
         let preview = until_answered(connection, progress, || connection.client.preview(job.id, &query)).await?;
-        write(file, &preview)?;
+        write(file, &preview.png)?;
     }
     Ok(())
+}
+
+/// Fetches an image into a file, piece by piece.
+async fn fetch_image(connection: &Connection, job: JobId, file: &Path) -> Result<Result<(), Failure>, ClientError> {
+    let mut download = connection.client.image_download(job).await?;
+    let mut output = match OutputFile::create(file) {
+        Ok(output) => output,
+        Err(failure) => return Ok(Err(failure)),
+    };
+    while let Some(piece) = download.piece().await? {
+        if let Err(failure) = output.write(&piece) {
+            return Ok(Err(failure));
+        }
+    }
+    Ok(output.finish())
 }
 
 fn wire_hash(asset: &Asset) -> ContentHash {

@@ -11,6 +11,7 @@ use futures::stream::{self, StreamExt, TryStreamExt};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
+use tokio_util::task::AbortOnDropHandle;
 
 use super::Settings;
 use super::ceilings::database_bytes;
@@ -19,8 +20,9 @@ use super::partials::Noise;
 use super::process::{Process, Usage, bytes_in};
 use super::report::Line;
 use super::statistics::Latency;
-use super::supply::{Supply, grid, sampling};
+use super::supply::{Supply, grid, sampling, watched_grid};
 use super::tally::{Counts, Tally};
+use super::viewer;
 use super::worker::Load;
 use crate::child::{Child, Environment};
 use crate::connection::Connection;
@@ -98,7 +100,8 @@ async fn stored_bytes(settings: &Settings, data: &Path) -> Result<u64, Failure> 
 impl<'a> Measurement<'a> {
     fn new(settings: &'a Settings, workers: u32, process: Process, connection: Connection) -> Result<Self, Failure> {
         let leased_nodes = u64::from(workers) * u64::from(settings.nodes_per_lease);
-        let grid = grid(settings.tile_size, leased_nodes);
+        let grid =
+            if settings.watch { watched_grid(settings.tile_size) } else { grid(settings.tile_size, leased_nodes) };
         let load = Arc::new(Load {
             client: connection.client.clone(),
             noise: Noise::new(grid, sampling()),
@@ -129,8 +132,10 @@ impl<'a> Measurement<'a> {
         supply.keep_full(ramp).await?;
         tally.measure(true);
         let loaded = self.moment(&mut supply).await?;
+        let viewer = self.settings.watch.then(|| self.view());
         supply.keep_full(self.settings.time).await?;
         tally.measure(false);
+        drop(viewer);
         let unloaded = self.moment(&mut supply).await?;
         self.load.hurry.cancel();
         supply.finish().await?;
@@ -167,6 +172,8 @@ impl<'a> Measurement<'a> {
             claim: Latency::of(times.claims),
             upload: Latency::of(times.uploads),
             encoding: Latency::of(times.encodings),
+            preview_age: Latency::of(times.ages),
+            preview: Latency::of(times.previews),
             leases: counts.leases,
             leased_nodes: counts.leased,
             uploaded_nodes: counts.accepted,
@@ -227,6 +234,12 @@ impl<'a> Measurement<'a> {
             running.spawn(self.load.clone().work(worker, start + self.load.cycle.unwrap_or_default().mul_f64(share)));
         }
         running
+    }
+
+    /// Looks at the image until the answer is dropped.
+    fn view(&self) -> AbortOnDropHandle<()> {
+        let load = self.load.clone();
+        AbortOnDropHandle::new(tokio::spawn(async move { viewer::look(&load.client, &load.tally).await }))
     }
 
     async fn moment(&self, supply: &mut Supply<'_>) -> Result<Moment, Failure> {

@@ -2,7 +2,7 @@
 //!
 //! A coordinator runs as a process of its own, as for any farm. Simulated workers in this process ([`worker`]) speak to it as real ones do,
 //! but bring noise ([`partials`]) instead of rendering. [`supply`] submits jobs so that there is always work, and afterwards waits until
-//! every round of them is recorded: what is only accepted counts as uploaded, and not yet as merged. [`measurement`] makes a line of the
+//! every round of them is recorded: what is only accepted counts as uploaded, and not yet as merged. [`viewer`] looks at the image meanwhile, if it is to. [`measurement`] makes a line of the
 //! report for each number of workers; beside them stands what the machine does without a farm ([`ceilings`], [`echo`]).
 
 mod ceilings;
@@ -14,6 +14,7 @@ mod report;
 mod statistics;
 mod supply;
 mod tally;
+mod viewer;
 mod worker;
 
 use std::fs;
@@ -38,6 +39,8 @@ pub(crate) struct Settings {
     pub(crate) nodes_per_lease: u32,
     /// Nodes a second that all workers together offer; none for as many as the coordinator takes.
     pub(crate) rate: Option<NonZeroU32>,
+    /// Whether the image is looked at all the while.
+    pub(crate) watch: bool,
     /// Empty folder for the coordinator's data; none for a temporary one.
     pub(crate) data: Option<PathBuf>,
     /// Address of a PostgreSQL database for the coordinator.

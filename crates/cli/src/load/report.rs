@@ -69,6 +69,10 @@ pub(super) struct Line {
     pub(super) upload: Latency,
     /// Encoding of a partial by the generator.
     pub(super) encoding: Latency,
+    /// From the answer that acknowledged the first node which a preview lacked until it came; nothing where no preview was looked at.
+    pub(super) preview_age: Latency,
+    /// From the request for a preview to its last byte.
+    pub(super) preview: Latency,
     /// Leases granted, from the first claim to the end, as all counts below.
     pub(super) leases: u64,
     /// Nodes in them.
@@ -133,7 +137,8 @@ impl Report {
              {partial_bytes} bytes, {offered}\n"
         ));
         let [names, numbers] = WIDTHS;
-        for (name, digits, value) in ROWS {
+        let is_watched = self.lines.iter().any(|line| line.preview.count > 0);
+        for (name, digits, value) in ROWS.into_iter().chain(WATCHED_ROWS.into_iter().filter(|_| is_watched)) {
             table.push_str(&format!("{name:<names$}"));
             table.extend(self.lines.iter().map(|line| format!("{:>numbers$.digits$}", value(line))));
             table.push('\n');
@@ -180,6 +185,16 @@ const ROWS: [Row; 26] = [
     ("  of which encoding, p50, ms", 3, |line| line.encoding.p50_ms / f64::from(line.nodes_per_lease)),
     ("written for each byte of partials, bytes", 2, |line| line.write_amplification),
     ("stored for each camera sample, bytes", 3, |line| line.stored_bytes_per_sample),
+];
+
+/// Rows for loads whose image was looked at.
+const WATCHED_ROWS: [Row; 6] = [
+    ("preview, age when it comes, p50, ms", 1, |line| line.preview_age.p50_ms),
+    ("  p99, ms", 1, |line| line.preview_age.p99_ms),
+    ("  max, ms", 1, |line| line.preview_age.max_ms),
+    ("preview until it comes, p50, ms", 1, |line| line.preview.p50_ms),
+    ("  p99, ms", 1, |line| line.preview.p99_ms),
+    ("  max, ms", 1, |line| line.preview.max_ms),
 ];
 
 fn processor_ms(line: &Line, seconds: f64) -> f64 {

@@ -28,6 +28,9 @@ const TILES: [u64; 2] = [64, 1024];
 /// Most pixels of a job's image, so that large tiles do not make images that nobody renders.
 const MOST_PIXELS: u64 = 1 << 20;
 
+/// Pixels across and down an image that is looked at.
+const WATCHED_SIZE: [u32; 2] = [1920, 1080];
+
 /// Time between looks at how much work is left, and at jobs.
 const PERIOD: Duration = Duration::from_millis(20);
 
@@ -41,6 +44,12 @@ pub(super) fn grid(tile_size: u32, leased_nodes: u64) -> TileGrid {
     let tiles = (leased_nodes / u64::from(PASSES)).next_power_of_two().clamp(TILES[0].min(most), most);
     let doublings = tiles.ilog2();
     TileGrid { width: tile_size << doublings.div_ceil(2), height: tile_size << (doublings / 2), tile_size }
+}
+
+/// The image of a job that is looked at: 1920 pixels wide and 1080 high, or more where tiles of this edge do not cut that without remainder.
+pub(super) fn watched_grid(tile_size: u32) -> TileGrid {
+    let [width, height] = WATCHED_SIZE.map(|length| length.next_multiple_of(tile_size));
+    TileGrid { width, height, tile_size }
 }
 
 /// How the samples of every job are grouped.

@@ -3,10 +3,12 @@
 //! A claim's time is measured only if work was there all the while: one that was sent when all nodes were leased, or met the moment when
 //! the last one went, has waited for work and not for the coordinator.
 
+use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use clerestory_api::{NodeAddress, NodeVerdict, PartialAnswer};
+use clerestory_api::{JobId, NodeAddress, NodeVerdict, PartialAnswer};
+use tokio::time::Instant;
 
 /// What has been counted so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,6 +58,8 @@ struct State {
     droughts: u64,
     is_measuring: bool,
     times: Times,
+    /// Of each job, when partials of it were answered, and how many nodes of it had then been accepted.
+    arrivals: BTreeMap<JobId, Vec<(Instant, u64)>>,
     failure: Option<String>,
 }
 
@@ -68,6 +72,10 @@ pub(super) struct Times {
     pub(super) uploads: Vec<Duration>,
     /// Encoding of a partial.
     pub(super) encodings: Vec<Duration>,
+    /// From the request for a preview to its last byte.
+    pub(super) previews: Vec<Duration>,
+    /// From the answer that acknowledged the first node which a preview lacked until it came.
+    pub(super) ages: Vec<Duration>,
 }
 
 impl Tally {
@@ -129,8 +137,8 @@ impl Tally {
         Sent(state.is_measuring)
     }
 
-    /// It was answered after so long.
-    pub(super) fn answered(&self, sent: Sent, time: Duration, bytes: u64, answer: &PartialAnswer) {
+    /// It was answered after so long; it was of this job.
+    pub(super) fn answered(&self, sent: Sent, job: JobId, time: Duration, bytes: u64, answer: &PartialAnswer) {
         let with = |verdict| answer.nodes.iter().filter(move |node| node.verdict == verdict).map(|node| &node.node);
         let mut state = self.state();
         if sent.0 {
@@ -139,11 +147,21 @@ impl Tally {
         let counts = &mut state.counts;
         counts.partials += 1;
         counts.bytes += bytes;
-        counts.accepted += with(NodeVerdict::Accepted).count() as u64;
+        let accepted = with(NodeVerdict::Accepted).count() as u64;
+        counts.accepted += accepted;
         counts.accepted_passes += passes(with(NodeVerdict::Accepted));
         counts.duplicate += with(NodeVerdict::Duplicate).count() as u64;
         counts.refused += with(NodeVerdict::Refused).count() as u64;
         state.free_passes += passes(with(NodeVerdict::Refused));
+        state.arrives(job, accepted, Instant::now());
+    }
+
+    /// A preview has come that was asked for at a moment, and shows what had been accepted of a job when it had so many nodes.
+    pub(super) fn seen(&self, job: JobId, accepted_nodes: u64, asked: Instant) {
+        let mut state = self.state();
+        if state.is_measuring {
+            state.sees(job, accepted_nodes, asked, Instant::now());
+        }
     }
 
     /// These nodes are back in the queue: their lease was over before they were answered.
@@ -166,6 +184,23 @@ impl Tally {
     /// Why a worker has ended, if one has.
     pub(super) fn failure(&self) -> Option<String> {
         self.state().failure.clone()
+    }
+}
+
+impl State {
+    /// So many nodes of a job have been acknowledged.
+    fn arrives(&mut self, job: JobId, accepted: u64, now: Instant) {
+        let arrivals = self.arrivals.entry(job).or_default();
+        let before = arrivals.last().map_or(0, |(_, nodes)| *nodes);
+        arrivals.push((now, before + accepted));
+    }
+
+    fn sees(&mut self, job: JobId, accepted_nodes: u64, asked: Instant, now: Instant) {
+        let arrivals = self.arrivals.get(&job).map(Vec::as_slice).unwrap_or_default();
+        let first_lacking = arrivals.partition_point(|(_, nodes)| *nodes <= accepted_nodes);
+        let age = arrivals.get(first_lacking).map_or(Duration::ZERO, |(time, _)| now - *time);
+        self.times.ages.push(age);
+        self.times.previews.push(now - asked);
     }
 }
 
@@ -204,6 +239,27 @@ mod tests {
         assert_eq!((measured(), tally.counts().leased, tally.counts().leases), (3, 7, 6));
     }
 
+    fn job(number: u8) -> JobId {
+        format!("00000000-0000-0000-0000-0000000000{number:02}").parse().unwrap()
+    }
+
+    #[test]
+    fn the_age_of_a_preview_is_that_of_the_first_node_that_it_lacks() {
+        let mut state = State::default();
+        let start = Instant::now();
+        let after = |seconds| start + Duration::from_secs(seconds);
+        state.arrives(job(1), 2, after(0));
+        state.arrives(job(2), 2, after(1));
+        state.arrives(job(1), 2, after(2));
+        for accepted_nodes in [0, 1, 2, 3, 4, 9] {
+            state.sees(job(1), accepted_nodes, after(4), after(7));
+        }
+        state.sees(job(3), 0, after(4), after(7));
+        let Times { ages, previews, .. } = state.times;
+        assert_eq!(ages.iter().map(Duration::as_secs).collect::<Vec<_>>(), [7, 7, 5, 5, 0, 0, 0]);
+        assert_eq!(previews, [Duration::from_secs(3); 7]);
+    }
+
     #[test]
     fn nodes_are_counted_by_verdict_and_those_that_are_not_taken_are_free_again() {
         let tally = Tally::default();
@@ -215,7 +271,7 @@ mod tests {
         let verdicts = [(NodeVerdict::Accepted, 2), (NodeVerdict::Duplicate, 0), (NodeVerdict::Refused, 3)];
         let nodes = verdicts.map(|(verdict, level)| answer(verdict, level)).to_vec();
         let sent = tally.sends(Duration::ZERO);
-        tally.answered(sent, Duration::ZERO, 100, &PartialAnswer { nodes, outstanding: 0 });
+        tally.answered(sent, job(1), Duration::ZERO, 100, &PartialAnswer { nodes, outstanding: 0 });
         let expected = Counts {
             partials: 1,
             bytes: 100,

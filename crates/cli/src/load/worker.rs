@@ -132,7 +132,7 @@ impl Load {
         let start = Instant::now();
         match self.until_answered(|| self.client.upload_partial(upload.clone())).await {
             Ok(answer) => {
-                self.tally.answered(sent, start.elapsed(), bytes, &answer);
+                self.tally.answered(sent, lease.job, start.elapsed(), bytes, &answer);
                 Ok(Some(answer.outstanding))
             }
             Err(failure) if is_lease_over(&failure) => {

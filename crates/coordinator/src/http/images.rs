@@ -1,22 +1,36 @@
 //! The image of a job as it is now.
 
+use std::io;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::time::Duration;
 
+use axum::body::Body;
 use axum::extract::State;
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE};
+use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
-use clerestory_api::{EXR_MEDIA_TYPE, JobId, PreviewExposure, PreviewQuery, ToneCurve};
+use bytes::Bytes;
+use clerestory_api::{ACCEPTED_NODES_HEADER, EXR_MEDIA_TYPE, JobId, PreviewExposure, PreviewQuery, ToneCurve};
 use clerestory_render_core::film::{self, Exposure, PreviewSettings};
+use futures::stream::{self, Stream, StreamExt};
+use tokio_util::io::ReaderStream;
 
 use super::extract::{PathParameter, StrictQuery};
 use super::jobs::find;
 use super::problem::ApiError;
 use crate::farm::Farm;
 use crate::film::FilmError;
-use crate::images;
+use crate::images::{self, ImageFile};
+use crate::previews;
 
 /// Largest exposure, up or down.
 const MOST_STOPS: f64 = 32.0;
+
+/// How long a file that is still being made is waited for before the answer begins, and between two of the bytes that say that it is.
+const SILENCE: Duration = Duration::from_secs(10);
+
+/// Bytes of a file that are sent at a time.
+const PIECE: usize = 256 << 10;
 
 /// The image as OpenEXR: each tile as far as it is complete. Its metadata hold the pass count of every tile.
 #[utoipa::path(
@@ -27,15 +41,62 @@ pub(super) async fn exr(
     State(farm): State<Arc<Farm>>,
     PathParameter(job): PathParameter<JobId>,
 ) -> Result<Response, ApiError> {
-    let image = images::current(&farm, &find(&farm, job).await?).await?;
-    let bytes = tokio::task::spawn_blocking(move || image.encode().map_err(FilmError::from));
-    Ok(answer(EXR_MEDIA_TYPE, bytes.await.map_err(ApiError::internal)??))
+    let job = find(&farm, job).await?;
+    let choice = images::layers(&farm, &job).await?;
+    let first = Bytes::from(images::first_bytes(&job, choice)?);
+    let mut making: Making = Box::pin(async move { images::make(&farm, &job, choice).await });
+    let Ok(made) = tokio::time::timeout(SILENCE, &mut making).await else {
+        return Ok(answer(EXR_MEDIA_TYPE, Body::from_stream(slow(making, first, SILENCE))));
+    };
+    let made = made?;
+    let length = made.head.len() as u64 + made.blocks_bytes;
+    let mut response = answer(EXR_MEDIA_TYPE, Body::from_stream(pieces(made, 0)));
+    response.headers_mut().insert(CONTENT_LENGTH, length.into());
+    Ok(response)
 }
 
-/// The image as PNG.
+/// A file that is being made.
+type Making = Pin<Box<dyn Future<Output = Result<ImageFile, FilmError>> + Send>>;
+
+/// A file that takes long to make. Its first bytes are known before, and one is sent from time to time, so that nobody on the way takes the
+/// silence for the end. What fails now cuts the answer off.
+fn slow(making: Making, first: Bytes, silence: Duration) -> impl Stream<Item = io::Result<Bytes>> + Send {
+    let waiting = stream::unfold(Some((making, first, 0)), move |state| async move {
+        let (mut making, first, sent) = state?;
+        let made = match tokio::time::timeout(silence, &mut making).await {
+            Ok(made) => made,
+            Err(_) if sent < first.len() => {
+                let byte = stream::iter([Ok(first.slice(sent..=sent))]);
+                return Some((byte.boxed(), Some((making, first, sent + 1))));
+            }
+            Err(_) => making.await,
+        };
+        let rest = match made {
+            Ok(made) => pieces(made, sent).boxed(),
+            Err(error) => {
+                tracing::error!(error = &error as &dyn std::error::Error, "an image could not be made");
+                stream::iter([Err(io::Error::other(error))]).boxed()
+            }
+        };
+        Some((rest, None))
+    });
+    waiting.flatten()
+}
+
+/// The bytes of a file but for the first.
+fn pieces(file: ImageFile, sent: usize) -> impl Stream<Item = io::Result<Bytes>> + Send {
+    let head = Bytes::from(file.head);
+    let blocks = ReaderStream::with_capacity(tokio::fs::File::from_std(file.blocks), PIECE);
+    stream::iter([Ok(head.slice(sent..))]).chain(blocks)
+}
+
+/// The image as PNG. A large one is shown smaller: each pixel as the mean of a square.
 #[utoipa::path(
     get, path = "/jobs/{job}/preview.png", tag = "images", params(("job" = JobId, Path), PreviewQuery),
-    responses((status = 200, body = Vec<u8>, content_type = "image/png"))
+    responses((
+        status = 200, body = Vec<u8>, content_type = "image/png",
+        headers(("clerestory-accepted-nodes" = u64, description = "Accepted nodes of the job when the preview was begun."))
+    ))
 )]
 pub(super) async fn preview(
     State(farm): State<Arc<Farm>>,
@@ -55,12 +116,51 @@ pub(super) async fn preview(
         ToneCurve::Srgb => film::ToneCurve::Srgb,
         ToneCurve::Filmic => film::ToneCurve::Filmic,
     };
-    let settings = PreviewSettings { exposure, curve };
-    let image = images::current(&farm, &find(&farm, job).await?).await?;
-    let bytes = tokio::task::spawn_blocking(move || film::encode_png(&image, &settings).map_err(FilmError::from));
-    Ok(answer("image/png", bytes.await.map_err(ApiError::internal)??))
+    let job = find(&farm, job).await?;
+    let preview = previews::current(&farm, job, PreviewSettings { exposure, curve }).await?;
+    let mut response = answer("image/png", Body::from(preview.png));
+    response.headers_mut().insert(ACCEPTED_NODES_HEADER, preview.accepted_nodes.into());
+    Ok(response)
 }
 
-fn answer(media_type: &'static str, bytes: Vec<u8>) -> Response {
-    ([(CONTENT_TYPE, media_type), (CACHE_CONTROL, "no-store")], bytes).into_response()
+fn answer(media_type: &'static str, body: Body) -> Response {
+    ([(CONTENT_TYPE, media_type), (CACHE_CONTROL, "no-store")], body).into_response()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Seek, Write};
+
+    use super::*;
+
+    const SILENCE: Duration = Duration::from_millis(20);
+
+    fn making(made: Result<(), FilmError>) -> Making {
+        Box::pin(async move {
+            tokio::time::sleep(SILENCE * 7 / 2).await;
+            made?;
+            let mut blocks = tempfile::tempfile()?;
+            blocks.write_all(b"blocks")?;
+            blocks.rewind()?;
+            Ok(ImageFile { head: b"head ".to_vec(), blocks, blocks_bytes: 6 })
+        })
+    }
+
+    #[tokio::test]
+    async fn a_file_that_takes_long_begins_to_come_before_it_is_made_and_has_its_bytes() {
+        for first in [&b"head"[..], b"h", b""] {
+            let stream = slow(making(Ok(())), Bytes::from_static(first), SILENCE);
+            let pieces: Vec<Bytes> = stream.map(Result::unwrap).collect().await;
+            assert_eq!(pieces.concat(), b"head blocks");
+            let early = first.len().min(3);
+            assert!(pieces[..early].iter().all(|piece| piece.len() == 1), "{pieces:?}");
+        }
+    }
+
+    #[tokio::test]
+    async fn a_file_that_cannot_be_made_is_cut_off() {
+        let stream = slow(making(Err(FilmError::Empty)), Bytes::from_static(b"head"), SILENCE);
+        let pieces: Vec<io::Result<Bytes>> = stream.collect().await;
+        assert!(pieces.last().unwrap().is_err() && pieces.len() > 1, "{pieces:?}");
+    }
 }

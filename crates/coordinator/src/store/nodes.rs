@@ -1,7 +1,7 @@
 //! Accepted nodes: the film, as the database knows it. [Acceptance](super::accept) makes the rows, and merging replaces them.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::ops::AddAssign;
+use std::ops::{AddAssign, Range};
 
 use clerestory_api::JobId;
 use clerestory_render_core::counters::Counters;
@@ -83,16 +83,63 @@ fn node_row(row: &Row) -> Result<NodeRow, StoreError> {
 }
 
 impl Store {
-    /// All accepted nodes of a job, ordered by frame, tile and pass.
-    pub(crate) async fn nodes(&self, job: JobId) -> Result<Vec<NodeRow>, StoreError> {
+    /// The accepted nodes of some tiles of a frame, ordered by tile and pass.
+    pub(crate) async fn nodes(&self, job: JobId, frame: u32, tiles: Range<u32>) -> Result<Vec<NodeRow>, StoreError> {
         let rows = query(
             "select frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds from nodes \
-             where job = $1 order by frame, tile, first_pass",
+             where job = $1 and frame = $2 and tile >= $3 and tile < $4 order by tile, first_pass",
         )
         .bind(job.to_string())
+        .bind(i64::from(frame))
+        .bind(i64::from(tiles.start))
+        .bind(i64::from(tiles.end))
         .fetch_all(&self.readers)
         .await?;
         rows.iter().map(node_row).collect()
+    }
+
+    /// How many passes of some tiles of a frame have been accepted from the first on without a gap, in the order of the tiles.
+    pub(crate) async fn complete_passes(
+        &self,
+        job: JobId,
+        frame: u32,
+        tiles: Range<u32>,
+    ) -> Result<Vec<u32>, StoreError> {
+        let rows = query(
+            "select tile, first_pass, end_pass from nodes \
+             where job = $1 and frame = $2 and tile >= $3 and tile < $4 order by tile, first_pass",
+        )
+        .bind(job.to_string())
+        .bind(i64::from(frame))
+        .bind(i64::from(tiles.start))
+        .bind(i64::from(tiles.end))
+        .fetch_all(&self.readers)
+        .await?;
+        let mut complete = vec![0; tiles.len()];
+        for row in rows {
+            let [tile, first, end] = [row.number::<u32>("tile")?, row.number("first_pass")?, row.number("end_pass")?];
+            let passes = tile.checked_sub(tiles.start).and_then(|tile| complete.get_mut(tile as usize));
+            if let Some(passes) = passes.filter(|passes| **passes == first) {
+                *passes = end;
+            }
+        }
+        Ok(complete)
+    }
+
+    /// Whether a node is still where it was.
+    pub(crate) async fn is_at(&self, job: JobId, node: &NodeAddress, blob: &str) -> Result<bool, StoreError> {
+        let row = query(
+            "select 1 from nodes where job = $1 and frame = $2 and tile = $3 and level = $4 and idx = $5 and blob = $6",
+        )
+        .bind(job.to_string())
+        .bind(i64::from(node.frame))
+        .bind(i64::from(node.tile))
+        .bind(i64::from(node.level))
+        .bind(i64::from(node.index))
+        .bind(blob)
+        .fetch_optional(&self.readers)
+        .await?;
+        Ok(row.is_some())
     }
 
     /// Names of all blobs that hold accepted nodes.

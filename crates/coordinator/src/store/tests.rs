@@ -154,7 +154,7 @@ impl Farm {
     }
 
     async fn addresses(&self, job: JobId) -> Vec<NodeAddress> {
-        self.store.nodes(job).await.unwrap().into_iter().map(|node| node.address).collect()
+        self.store.nodes(job, 0, 0..u32::MAX).await.unwrap().into_iter().map(|node| node.address).collect()
     }
 
     async fn state(&self, job: JobId) -> JobState {
@@ -284,7 +284,7 @@ async fn a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_
     assert_eq!(answer.verdicts, [NodeVerdict::Duplicate, NodeVerdict::Duplicate]);
     assert_eq!(farm.addresses(job).await, [outside]);
     let work = Work { counters, builds: BTreeSet::from(["b".to_owned()]) };
-    assert_eq!(farm.store.nodes(job).await.unwrap()[0].work, work, "counted once");
+    assert_eq!(farm.store.nodes(job, 0, 0..u32::MAX).await.unwrap()[0].work, work, "counted once");
     assert_eq!(farm.store.job(job).await.unwrap().unwrap().counters, counters, "counted once");
 }
 
@@ -313,7 +313,7 @@ async fn a_blob_is_needed_until_the_last_of_its_nodes_has_been_replaced(farm: Fa
     let nodes: Vec<DeliveredNode> = children.iter().zip((0..).step_by(10)).map(together).collect();
     let places: Vec<Place> = nodes.iter().map(|node| node.place.clone()).collect();
     assert_eq!(farm.bring(&grant, nodes, 0).await.unwrap().verdicts, [NodeVerdict::Accepted; 4]);
-    let rows = farm.store.nodes(job).await.unwrap();
+    let rows = farm.store.nodes(job, 0, 0..u32::MAX).await.unwrap();
     assert!(rows.iter().map(|row| &row.place).eq(&places));
 
     let [first, second] = parents.map(|parent| merge(parent, place("merged", u64::from(parent.tile) * 10)));
@@ -389,9 +389,9 @@ async fn nothing_is_lost_when_the_store_is_reopened(farm: Farm) {
     let worker = farm.worker().await;
     let held = farm.claim(worker, 4, 0).await.unwrap();
     farm.deliver(&held, &held.nodes[..2], 0).await.unwrap();
-    let before = farm.store.nodes(job).await.unwrap();
+    let before = farm.store.nodes(job, 0, 0..u32::MAX).await.unwrap();
     let farm = farm.reopened().await;
-    assert_eq!(farm.store.nodes(job).await.unwrap(), before);
+    assert_eq!(farm.store.nodes(job, 0, 0..u32::MAX).await.unwrap(), before);
     let rest = farm.deliver(&held, &held.nodes[2..], 0).await.unwrap();
     assert_eq!((rest.verdicts, rest.outstanding), (vec![NodeVerdict::Accepted; 2], 0));
     let next = farm.claim(worker, 1, 0).await.unwrap();

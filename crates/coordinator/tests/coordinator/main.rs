@@ -4,5 +4,6 @@
 
 mod bad_requests;
 mod farm;
+mod frames;
 mod support;
 mod targets;

@@ -1,10 +1,13 @@
 //! A frame's image: the mean of its samples, its standard error, and how it was made.
 
+use std::ops::Range;
+
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::address::{Tile, TileGrid};
 use super::openexr::OpenExrError;
+use super::rows::{ImageRows, LayerChoice};
 use super::sampling::Sampling;
 use super::tree::TileSum;
 use crate::counters::Counters;
@@ -167,36 +170,7 @@ impl FrameImage {
         if width == 0 || height == 0 || width > limit || height > limit {
             return Err(ImageError::BadSize { width: width.into(), height: height.into() });
         }
-        let pixels = width as usize * height as usize;
-        let check = |layer: &'static str, values: &[f32], channels: usize| {
-            if values.len() != pixels * channels {
-                let found = values.len() / channels;
-                return Err(ImageError::WrongPixelCount { layer, found, expected: pixels });
-            }
-            match values.iter().position(|value| !value.is_finite()) {
-                None => Ok(()),
-                Some(index) => {
-                    let (x, y) = pixel(index / channels, width);
-                    Err(ImageError::NotFinite { layer, x, y })
-                }
-            }
-        };
-        check("RGB", layers.mean.as_flattened(), 3)?;
-        if let Some(standard_error) = &layers.standard_error {
-            check("stderr", standard_error.as_flattened(), 3)?;
-            if let Some(index) = standard_error.as_flattened().iter().position(|&value| value < 0.0) {
-                let (x, y) = pixel(index / 3, width);
-                return Err(ImageError::NegativeStandardError { x, y });
-            }
-        }
-        if let Some(samples) = layers.samples.as_ref().filter(|samples| samples.len() != pixels) {
-            return Err(ImageError::WrongPixelCount { layer: "samples", found: samples.len(), expected: pixels });
-        }
-        for (name, layer) in [("albedo", &layers.albedo), ("normal", &layers.normal)] {
-            layer.iter().try_for_each(|layer| check(name, layer.as_flattened(), 3))?;
-        }
-        layers.depth.iter().try_for_each(|depth| check("depth", depth, 1))?;
-        layers.halves.iter().flatten().try_for_each(|half| check("half", half.as_flattened(), 3))?;
+        check_layers(width, 0..height, &layers)?;
         if let Some(ImageMetadata { tile_size, tile_passes, .. }) = &metadata {
             let along = |length: u32| if *tile_size == 0 { 0 } else { u64::from(length.div_ceil(*tile_size)) };
             let expected = along(width) * along(height);
@@ -215,28 +189,15 @@ impl FrameImage {
     ///
     /// [`ImageError`] when the grid has no pixels or a sum is of another grid.
     pub fn assemble(grid: &TileGrid, sums: &[TileSum], mut metadata: ImageMetadata) -> Result<Self, ImageError> {
-        let pixels = grid.width as usize * grid.height as usize;
-        let mut layers = ImageLayers {
-            mean: vec![[0.0; 3]; pixels],
-            samples: Some(vec![0; pixels]),
-            standard_error: sums.iter().any(|sum| sum.blocks() >= 2).then(|| vec![[0.0; 3]; pixels]),
-            albedo: Some(vec![[0.0; 3]; pixels]),
-            normal: Some(vec![[0.0; 3]; pixels]),
-            depth: Some(vec![0.0; pixels]),
-            halves: None,
-        };
+        let has_standard_error = sums.iter().any(|sum| sum.blocks() >= 2);
+        let mut rows = ImageRows::new(*grid, 0..grid.height, LayerChoice::all(has_standard_error));
         metadata.tile_size = grid.tile_size;
         metadata.tile_passes = vec![0; grid.len() as usize];
         for sum in sums {
-            let expected = grid.tile(sum.tile_index).filter(|tile| *tile == sum.tile);
-            let Some(tile) = expected else {
-                let expected = grid.tile(sum.tile_index);
-                return Err(ImageError::WrongTile { index: sum.tile_index, found: sum.tile, expected });
-            };
+            rows.fill(sum)?;
             metadata.tile_passes[sum.tile_index as usize] = sum.passes;
-            layers.fill_tile(grid.width, tile, sum);
         }
-        Self::new(grid.width, grid.height, layers, Some(metadata))
+        Self::new(grid.width, grid.height, rows.layers, Some(metadata))
     }
 
     /// Pixels across.
@@ -260,39 +221,46 @@ impl FrameImage {
     }
 }
 
-impl ImageLayers {
-    /// Writes the means of a tile into the image, all of whose layers but the standard error are there.
-    fn fill_tile(&mut self, image_width: u32, tile: Tile, sum: &TileSum) {
-        let samples = sum.samples();
-        let scale = 1.0 / samples.max(1) as f64;
-        let blocks = f64::from(sum.blocks());
-        let error_scale = 1.0 / (blocks * (blocks - 1.0));
-        let first_hit_scale = 1.0 / f64::from(sum.sampling.first_hit_samples(sum.passes).max(1));
-        let mean_of = |sums: [f32; 3], scale: f64| sums.map(|sum| (f64::from(sum) * scale) as f32);
-
-        for index in 0..tile.pixels() {
-            let (x, y) = tile.pixel(index);
-            let pixel = y as usize * image_width as usize + x as usize;
-            self.mean[pixel] = mean_of(sum.layers.beauty[index], scale);
-            if let Some(counts) = &mut self.samples {
-                counts[pixel] = u32::try_from(samples).unwrap_or(u32::MAX);
-            }
-            if let (Some(errors), Some(moment), 2..) = (&mut self.standard_error, &sum.layers.moment, sum.blocks()) {
-                errors[pixel] = moment[index].map(|moment| (f64::from(moment) * error_scale).sqrt() as f32);
-            }
-            if let Some(first_hit) = &sum.layers.first_hit {
-                if let Some(albedo) = &mut self.albedo {
-                    albedo[pixel] = mean_of(first_hit.albedo[index], first_hit_scale);
-                }
-                if let Some(normal) = &mut self.normal {
-                    normal[pixel] = mean_of(first_hit.normal[index], first_hit_scale);
-                }
-                if let Some(depth) = &mut self.depth {
-                    depth[pixel] = (f64::from(first_hit.depth[index]) * first_hit_scale) as f32;
-                }
+/// Checks the layers of some rows of an image: their sizes, and that they hold what an image may.
+///
+/// # Errors
+///
+/// [`ImageError`] when a layer is of another size, a value is not finite or a standard error is negative.
+pub(super) fn check_layers(width: u32, rows: Range<u32>, layers: &ImageLayers) -> Result<(), ImageError> {
+    let pixels = width as usize * rows.len();
+    let place = |index: usize| {
+        let (x, y) = pixel(index, width);
+        (x, rows.start + y)
+    };
+    let check = |layer: &'static str, values: &[f32], channels: usize| {
+        if values.len() != pixels * channels {
+            let found = values.len() / channels;
+            return Err(ImageError::WrongPixelCount { layer, found, expected: pixels });
+        }
+        match values.iter().position(|value| !value.is_finite()) {
+            None => Ok(()),
+            Some(index) => {
+                let (x, y) = place(index / channels);
+                Err(ImageError::NotFinite { layer, x, y })
             }
         }
+    };
+    check("RGB", layers.mean.as_flattened(), 3)?;
+    if let Some(standard_error) = &layers.standard_error {
+        check("stderr", standard_error.as_flattened(), 3)?;
+        if let Some(index) = standard_error.as_flattened().iter().position(|&value| value < 0.0) {
+            let (x, y) = place(index / 3);
+            return Err(ImageError::NegativeStandardError { x, y });
+        }
     }
+    if let Some(samples) = layers.samples.as_ref().filter(|samples| samples.len() != pixels) {
+        return Err(ImageError::WrongPixelCount { layer: "samples", found: samples.len(), expected: pixels });
+    }
+    for (name, layer) in [("albedo", &layers.albedo), ("normal", &layers.normal)] {
+        layer.iter().try_for_each(|layer| check(name, layer.as_flattened(), 3))?;
+    }
+    layers.depth.iter().try_for_each(|depth| check("depth", depth, 1))?;
+    layers.halves.iter().flatten().try_for_each(|half| check("half", half.as_flattened(), 3))
 }
 
 /// Column and row of pixel `index`.

@@ -9,20 +9,18 @@
 
 use std::collections::BTreeMap;
 
-use exr::meta::attribute::Compression;
-
-use super::address::Tile;
 use super::image::{FrameImage, ImageError, ImageLayers, ImageMetadata};
-use super::openexr::{self, DecodeBudget, OpenExr, OpenExrError, OutputPart, Plane, Samples};
+use super::image_writer::ImageWriter;
+use super::openexr::{self, DecodeBudget, InputPart, OpenExr, OpenExrError, Plane};
 
-const RGB: [&str; 3] = ["R", "G", "B"];
-const STANDARD_ERROR: [&str; 3] = ["stderr.R", "stderr.G", "stderr.B"];
-const SAMPLES: &str = "samples";
-const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
-const NORMAL: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
-const DEPTH: &str = "depth.Z";
-const HALF_A: [&str; 3] = ["half_a.R", "half_a.G", "half_a.B"];
-const HALF_B: [&str; 3] = ["half_b.R", "half_b.G", "half_b.B"];
+pub(super) const RGB: [&str; 3] = ["R", "G", "B"];
+pub(super) const STANDARD_ERROR: [&str; 3] = ["stderr.R", "stderr.G", "stderr.B"];
+pub(super) const SAMPLES: &str = "samples";
+pub(super) const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
+pub(super) const NORMAL: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
+pub(super) const DEPTH: &str = "depth.Z";
+pub(super) const HALF_A: [&str; 3] = ["half_a.R", "half_a.G", "half_a.B"];
+pub(super) const HALF_B: [&str; 3] = ["half_b.R", "half_b.G", "half_b.B"];
 
 impl FrameImage {
     /// The OpenEXR file of the image. The same image gives the same bytes.
@@ -31,36 +29,11 @@ impl FrameImage {
     ///
     /// [`OpenExrError`] when `exr` cannot write it.
     pub fn encode(&self) -> Result<Vec<u8>, OpenExrError> {
-        let json = match self.metadata() {
-            Some(metadata) => {
-                openexr::ascii_json(metadata).map_err(|error| OpenExrError::Damaged(error.to_string()))?
-            }
-            None => "null".to_owned(),
-        };
-        let window = Tile { x: 0, y: 0, width: self.width(), height: self.height() };
-        let mut part = OutputPart { name: "image".to_owned(), json, window, channels: BTreeMap::new() };
-        let layers = self.layers();
-        part.add_triples(["R", "G", "B"], &layers.mean);
-        if let Some(standard_error) = &layers.standard_error {
-            part.add_triples(STANDARD_ERROR, standard_error);
-        }
-        if let Some(samples) = &layers.samples {
-            part.channels.insert(SAMPLES.to_owned(), Samples::Integer(samples));
-        }
-        if let Some(albedo) = &layers.albedo {
-            part.add_triples(ALBEDO, albedo);
-        }
-        if let Some(normal) = &layers.normal {
-            part.add_triples(NORMAL, normal);
-        }
-        if let Some(depth) = &layers.depth {
-            part.channels.insert(DEPTH.to_owned(), Samples::Float(depth));
-        }
-        if let Some([half_a, half_b]) = &layers.halves {
-            part.add_triples(HALF_A, half_a);
-            part.add_triples(HALF_B, half_b);
-        }
-        openexr::write([self.width(), self.height()], &[part], Compression::ZIP16)
+        let mut writer = ImageWriter::new(self.width(), self.height(), Vec::new());
+        writer.write_rows(self.layers())?;
+        let (mut bytes, blocks) = writer.finish(self.metadata())?;
+        bytes.extend(blocks);
+        Ok(bytes)
     }
 
     /// Reads the first part that has the channels `R`, `G` and `B`, of a file that may come from anyone. The data
@@ -72,79 +45,86 @@ impl FrameImage {
     /// [`ImageError`] when there is no such part, it exceeds the budget, or its data are damaged or not finite.
     pub fn decode(bytes: &[u8], budget: DecodeBudget) -> Result<Self, ImageError> {
         let file = OpenExr::open(bytes)?;
-        let has = |channels: &[(String, _)], wanted: &str| channels.iter().any(|(name, _)| name == wanted);
-        let picture = file.parts().iter().position(|part| RGB.iter().all(|name| has(&part.channels, name)));
-        let Some(picture) = picture else {
-            let names = file.parts().iter().flat_map(|part| &part.channels).map(|(name, _)| name.as_str());
-            return Err(ImageError::NoPicture { found: names.take(32).collect::<Vec<_>>().join(", ") });
-        };
+        let picture = find_picture(file.parts())?;
         let part = &file.parts()[picture];
-        let [width, height] = part.size;
-        let (Ok(width), Ok(height)) = (u32::try_from(width), u32::try_from(height)) else {
-            return Err(ImageError::BadSize { width, height });
-        };
+        let [width, height] = size(part)?;
         let metadata: Option<ImageMetadata> = match &part.json {
             None => None,
             Some(json) => {
                 serde_json::from_str(json).map_err(|error| ImageError::BadMetadata { message: error.to_string() })?
             }
         };
-
-        let is_ours = part.json.is_some();
-        let has_layer = |names: &[&str]| names.iter().any(|name| has(&part.channels, name));
-        let mut wanted: Vec<&str> = RGB.to_vec();
-        let optional: [(&[&str], bool); 7] = [
-            (&STANDARD_ERROR, true),
-            (&HALF_A, true),
-            (&HALF_B, true),
-            (&[SAMPLES], is_ours),
-            (&ALBEDO, is_ours),
-            (&NORMAL, is_ours),
-            (&[DEPTH], is_ours),
-        ];
-        for (names, is_read) in optional {
-            if is_read && has_layer(names) {
-                wanted.extend(names);
-            }
-        }
+        let wanted =
+            channels(part, &[&RGB, &STANDARD_ERROR, &HALF_A, &HALF_B], &[&[SAMPLES], &ALBEDO, &NORMAL, &[DEPTH]]);
         let is_wanted = |index: usize, name: &str| index == picture && wanted.contains(&name);
-        let mut planes = file.decode(budget, is_wanted)?.swap_remove(picture);
-
-        let samples = match planes.remove(SAMPLES) {
-            Some(Plane::Integer(samples)) => Some(samples),
-            Some(Plane::Float(_)) | None => None,
-        };
-        let mut plane = |name: &'static str| match planes.remove(name) {
-            Some(Plane::Float(values)) => Ok(values),
-            Some(Plane::Integer(_)) | None => Err(ImageError::MissingChannel { channel: name }),
-        };
-        let mut layer = |names: [&'static str; 3]| -> Result<Option<Vec<[f32; 3]>>, ImageError> {
-            if wanted.contains(&names[0]) { Ok(Some(openexr::interleave(names, &mut plane)?)) } else { Ok(None) }
-        };
-        let mean = layer(RGB)?.unwrap_or_default();
-        let standard_error = layer(STANDARD_ERROR)?;
-        let albedo = layer(ALBEDO)?;
-        let normal = layer(NORMAL)?;
-        let halves = match (layer(HALF_A)?, layer(HALF_B)?) {
-            (None, None) => None,
-            (Some(half_a), Some(half_b)) => Some([half_a, half_b]),
-            (None, Some(_)) => return Err(ImageError::MissingChannel { channel: HALF_A[0] }),
-            (Some(_), None) => return Err(ImageError::MissingChannel { channel: HALF_B[0] }),
-        };
-        let depth = if wanted.contains(&DEPTH) { Some(plane(DEPTH)?) } else { None };
-        let layers = ImageLayers { mean, standard_error, samples, albedo, normal, depth, halves };
-        Self::new(width, height, layers, metadata)
+        let planes = file.decode(budget, is_wanted)?.swap_remove(picture);
+        Self::new(width, height, layers(planes, &wanted)?, metadata)
     }
+}
+
+/// The part of a file that is the picture.
+pub(super) fn find_picture(parts: &[InputPart]) -> Result<usize, ImageError> {
+    let picture = parts.iter().position(|part| RGB.iter().all(|name| part.has(name)));
+    picture.ok_or_else(|| {
+        let names = parts.iter().flat_map(|part| &part.channels).map(|(name, _)| name.as_str());
+        ImageError::NoPicture { found: names.take(32).collect::<Vec<_>>().join(", ") }
+    })
+}
+
+/// Pixels of a part across and down.
+pub(super) fn size(part: &InputPart) -> Result<[u32; 2], ImageError> {
+    let [width, height] = part.size;
+    match (u32::try_from(width), u32::try_from(height)) {
+        (Ok(width), Ok(height)) => Ok([width, height]),
+        _ => Err(ImageError::BadSize { width, height }),
+    }
+}
+
+/// The channels of those layers that a part has: of `ours` only if this program wrote it. Of a layer that is there in part, all.
+pub(super) fn channels(part: &InputPart, anybodys: &[&[&'static str]], ours: &[&[&'static str]]) -> Vec<&'static str> {
+    let is_ours = part.json.is_some();
+    let read = anybodys.iter().chain(ours.iter().filter(|_| is_ours));
+    read.filter(|layer| layer.iter().any(|name| part.has(name))).copied().flatten().copied().collect()
+}
+
+/// The layers that these channels make.
+pub(super) fn layers(mut planes: BTreeMap<String, Plane>, wanted: &[&str]) -> Result<ImageLayers, ImageError> {
+    let samples = match planes.remove(SAMPLES) {
+        Some(Plane::Integer(samples)) => Some(samples),
+        Some(Plane::Float(_)) | None => None,
+    };
+    let mut plane = |name: &'static str| match planes.remove(name) {
+        Some(Plane::Float(values)) => Ok(values),
+        Some(Plane::Integer(_)) | None => Err(ImageError::MissingChannel { channel: name }),
+    };
+    let mut layer = |names: [&'static str; 3]| -> Result<Option<Vec<[f32; 3]>>, ImageError> {
+        if wanted.contains(&names[0]) { Ok(Some(openexr::interleave(names, &mut plane)?)) } else { Ok(None) }
+    };
+    let mean = layer(RGB)?.unwrap_or_default();
+    let standard_error = layer(STANDARD_ERROR)?;
+    let albedo = layer(ALBEDO)?;
+    let normal = layer(NORMAL)?;
+    let halves = match (layer(HALF_A)?, layer(HALF_B)?) {
+        (None, None) => None,
+        (Some(half_a), Some(half_b)) => Some([half_a, half_b]),
+        (None, Some(_)) => return Err(ImageError::MissingChannel { channel: HALF_A[0] }),
+        (Some(_), None) => return Err(ImageError::MissingChannel { channel: HALF_B[0] }),
+    };
+    let depth = if wanted.contains(&DEPTH) { Some(plane(DEPTH)?) } else { None };
+    Ok(ImageLayers { mean, standard_error, samples, albedo, normal, depth, halves })
 }
 
 #[cfg(test)]
 mod tests {
+    use exr::meta::attribute::Compression;
     use exr::prelude::{WritableImage, f16};
     use proptest::prelude::*;
 
     use super::*;
+    use crate::film::address::Tile;
     use crate::film::image::tests::image;
     use crate::film::openexr::tests::{TESTS_BESIDE, address_space_bytes, attribute, patch};
+    use crate::film::openexr::{OutputPart, Samples};
 
     const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 1 << 20 };
 

@@ -1,12 +1,19 @@
 //! How far an image is from a reference. Formulas and constants are also in `docs/film.md`.
 //!
-//! All sums are over the three channels of all pixels, in double precision and in one fixed order (rows from the top,
-//! pixels from the left, red, green, blue), so the same images give the same numbers everywhere.
+//! All sums are over the three channels of all pixels, in double precision and in one fixed order: within a tile in rows from the top,
+//! pixels from the left, red, green, blue; then the sums of the tiles, in their order. So the same images give the same numbers everywhere,
+//! whether they are measured whole or a few rows at a time.
+
+use std::ops::{AddAssign, Range};
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use super::image::FrameImage;
+use super::address::TileGrid;
+use super::image::{FrameImage, ImageLayers};
+
+/// Edge of the tiles in which an image is measured that does not say how it was cut.
+const TILE_SIZE: u32 = 64;
 
 /// The constant of the relative error: the usual 0.01 for images whose mean is 1.
 const RELATIVE_EPSILON: f64 = 0.01;
@@ -59,46 +66,224 @@ pub fn compare(image: &FrameImage, reference: &FrameImage) -> Result<Metrics, Co
     if sizes[0] != sizes[1] {
         return Err(CompareError::DifferentSizes { image: sizes[0], reference: sizes[1] });
     }
-    let image = image.layers().mean.as_flattened();
-    let noise = mean_squared_standard_error(reference);
-    let reference = reference.layers().mean.as_flattened();
-    let count = reference.len() as f64;
-    let mean_magnitude = reference.iter().map(|r| f64::from(r.abs())).sum::<f64>() / count;
-    let epsilon = RELATIVE_EPSILON * mean_magnitude * mean_magnitude;
-
-    let (mut squares, mut relative_squares) = (0.0, 0.0);
-    let (mut image_sum, mut reference_sum) = (0.0, 0.0);
-    let (mut max_abs_diff, mut peak) = (0.0f64, 0.0f64);
-    let mut bit_identical = true;
-    for (x, r) in image.iter().zip(reference) {
-        bit_identical &= x.to_bits() == r.to_bits();
-        let (x, r) = (f64::from(*x), f64::from(*r));
-        let difference = x - r;
-        squares += difference * difference;
-        relative_squares += difference * difference / (r * r + epsilon);
-        image_sum += x;
-        reference_sum += r;
-        max_abs_diff = max_abs_diff.max(difference.abs());
-        peak = peak.max(r.abs());
-    }
-    let mse = squares / count;
-    Ok(Metrics {
-        mse,
-        corrected_mse: noise.map(|noise| mse - noise),
-        rel_mse: (epsilon > 0.0).then(|| relative_squares / count),
-        psnr: (mse > 0.0 && peak > 0.0).then(|| 10.0 * libm::log10(peak * peak / mse)),
-        mean_ratio: (reference_sum != 0.0).then(|| image_sum / reference_sum),
-        max_abs_diff,
-        bit_identical,
-    })
+    let grid = grid(image);
+    let mut measure = ReferenceMeasure::new(grid);
+    measure.add(0..grid.height, reference.layers());
+    let mut comparison = Comparison::new(grid, measure.finish());
+    comparison.add(0..grid.height, image.layers(), reference.layers());
+    Ok(comparison.finish())
 }
 
 /// `1/N sum e^2` with the standard error `e` of an image: what its mean squared error is expected to be, as far as the image
 /// itself knows. `None` when it has no standard error.
 pub fn mean_squared_standard_error(image: &FrameImage) -> Option<f64> {
-    let errors = image.layers().standard_error.as_ref()?.as_flattened();
-    let squares: f64 = errors.iter().map(|&error| f64::from(error) * f64::from(error)).sum();
-    Some(squares / errors.len() as f64)
+    image.layers().standard_error.as_ref()?;
+    let mut measure = NoiseMeasure::new(grid(image));
+    measure.add(0..image.height(), image.layers());
+    Some(measure.finish())
+}
+
+/// How an image is cut into tiles, as far as it says.
+fn grid(image: &FrameImage) -> TileGrid {
+    let tile_size = image.metadata().map_or(TILE_SIZE, |metadata| metadata.tile_size);
+    TileGrid { width: image.width(), height: image.height(), tile_size }
+}
+
+/// Sums over the pixels of an image, to which rows are added from the top to the bottom.
+#[derive(Clone, Debug)]
+struct TileSums<S> {
+    grid: TileGrid,
+    /// Of the tiles of the row that is not complete.
+    tiles: Vec<S>,
+    total: S,
+}
+
+impl<S: Clone + Default + AddAssign> TileSums<S> {
+    fn new(grid: TileGrid) -> Self {
+        Self { grid, tiles: vec![S::default(); grid.columns() as usize], total: S::default() }
+    }
+
+    /// Adds rows: `add` is told of a line of a tile as the pixels of these rows that it consists of.
+    fn add(&mut self, rows: Range<u32>, add: impl Fn(&mut S, Range<usize>)) {
+        let TileGrid { width, height, tile_size } = self.grid;
+        for y in rows.clone() {
+            let line = (y - rows.start) as usize * width as usize;
+            for (column, tile) in (0..).zip(&mut self.tiles) {
+                let (x, end) = (column * tile_size, ((column + 1) * tile_size).min(width));
+                add(tile, line + x as usize..line + end as usize);
+            }
+            if (y + 1).is_multiple_of(tile_size) || y + 1 == height {
+                for tile in &mut self.tiles {
+                    self.total += std::mem::take(tile);
+                }
+            }
+        }
+    }
+
+    /// Numbers that the sums are over: three for each pixel.
+    fn count(&self) -> f64 {
+        3.0 * f64::from(self.grid.width) * f64::from(self.grid.height)
+    }
+}
+
+/// Measures the standard error of an image that comes in rows, from the top to the bottom.
+#[derive(Clone, Debug)]
+pub struct NoiseMeasure(TileSums<f64>);
+
+impl NoiseMeasure {
+    /// A measure of an image that is cut in this way.
+    pub fn new(grid: TileGrid) -> Self {
+        Self(TileSums::new(grid))
+    }
+
+    /// Adds the next rows; pixels without a standard error count as zero.
+    pub fn add(&mut self, rows: Range<u32>, layers: &ImageLayers) {
+        let Some(errors) = &layers.standard_error else { return };
+        self.0.add(rows, |sum, pixels| {
+            for error in errors[pixels].as_flattened() {
+                *sum += f64::from(*error) * f64::from(*error);
+            }
+        });
+    }
+
+    /// `1/N sum e^2`, once all rows have been added.
+    pub fn finish(self) -> f64 {
+        self.0.total / self.0.count()
+    }
+}
+
+/// What has to be known of a whole reference before an image is compared with it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ReferenceSummary {
+    /// `1/N sum |r|`.
+    pub mean_magnitude: f64,
+    /// `max |r|`.
+    pub peak: f64,
+    /// `sum r`.
+    pub sum: f64,
+    /// `1/N sum e^2` with the standard error `e`, if it has one.
+    pub noise: Option<f64>,
+}
+
+/// Measures a reference that comes in rows, from the top to the bottom.
+#[derive(Clone, Debug)]
+pub struct ReferenceMeasure {
+    sums: TileSums<ReferenceSums>,
+    noise: NoiseMeasure,
+    has_noise: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct ReferenceSums {
+    magnitude: f64,
+    sum: f64,
+    peak: f64,
+}
+
+impl AddAssign for ReferenceSums {
+    fn add_assign(&mut self, other: Self) {
+        self.magnitude += other.magnitude;
+        self.sum += other.sum;
+        self.peak = self.peak.max(other.peak);
+    }
+}
+
+impl ReferenceMeasure {
+    /// A measure of a reference for images that are cut in this way.
+    pub fn new(grid: TileGrid) -> Self {
+        Self { sums: TileSums::new(grid), noise: NoiseMeasure::new(grid), has_noise: false }
+    }
+
+    /// Adds the next rows.
+    pub fn add(&mut self, rows: Range<u32>, layers: &ImageLayers) {
+        self.has_noise |= layers.standard_error.is_some();
+        self.noise.add(rows.clone(), layers);
+        self.sums.add(rows, |sums, pixels| {
+            for r in layers.mean[pixels].as_flattened() {
+                let r = f64::from(*r);
+                sums.magnitude += r.abs();
+                sums.sum += r;
+                sums.peak = sums.peak.max(r.abs());
+            }
+        });
+    }
+
+    /// What is known once all rows have been added.
+    pub fn finish(self) -> ReferenceSummary {
+        let ReferenceSums { magnitude, sum, peak } = self.sums.total;
+        let mean_magnitude = magnitude / self.sums.count();
+        ReferenceSummary { mean_magnitude, peak, sum, noise: self.has_noise.then(|| self.noise.finish()) }
+    }
+}
+
+/// Compares an image with a reference, both of which come in rows, from the top to the bottom.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    sums: TileSums<DifferenceSums>,
+    reference: ReferenceSummary,
+    /// What keeps the relative error of dark pixels finite.
+    epsilon: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct DifferenceSums {
+    squares: f64,
+    relative_squares: f64,
+    sum: f64,
+    max_abs_diff: f64,
+    differs: bool,
+}
+
+impl AddAssign for DifferenceSums {
+    fn add_assign(&mut self, other: Self) {
+        self.squares += other.squares;
+        self.relative_squares += other.relative_squares;
+        self.sum += other.sum;
+        self.max_abs_diff = self.max_abs_diff.max(other.max_abs_diff);
+        self.differs |= other.differs;
+    }
+}
+
+impl Comparison {
+    /// A comparison of an image that is cut in this way with the reference of which this is known.
+    pub fn new(grid: TileGrid, reference: ReferenceSummary) -> Self {
+        let epsilon = RELATIVE_EPSILON * reference.mean_magnitude * reference.mean_magnitude;
+        Self { sums: TileSums::new(grid), reference, epsilon }
+    }
+
+    /// Adds the next rows.
+    pub fn add(&mut self, rows: Range<u32>, image: &ImageLayers, reference: &ImageLayers) {
+        let epsilon = self.epsilon;
+        self.sums.add(rows, |sums, pixels| {
+            let image = image.mean[pixels.clone()].as_flattened();
+            for (x, r) in image.iter().zip(reference.mean[pixels].as_flattened()) {
+                sums.differs |= x.to_bits() != r.to_bits();
+                let (x, r) = (f64::from(*x), f64::from(*r));
+                let difference = x - r;
+                sums.squares += difference * difference;
+                sums.relative_squares += difference * difference / (r * r + epsilon);
+                sums.sum += x;
+                sums.max_abs_diff = sums.max_abs_diff.max(difference.abs());
+            }
+        });
+    }
+
+    /// The difference, once all rows have been added.
+    pub fn finish(self) -> Metrics {
+        let DifferenceSums { squares, relative_squares, sum, max_abs_diff, differs } = self.sums.total;
+        let (count, reference) = (self.sums.count(), self.reference);
+        let mse = squares / count;
+        let peak = reference.peak;
+        Metrics {
+            mse,
+            corrected_mse: reference.noise.map(|noise| mse - noise),
+            rel_mse: (self.epsilon > 0.0).then(|| relative_squares / count),
+            psnr: (mse > 0.0 && peak > 0.0).then(|| 10.0 * libm::log10(peak * peak / mse)),
+            mean_ratio: (reference.sum != 0.0).then(|| sum / reference.sum),
+            max_abs_diff,
+            bit_identical: !differs,
+        }
+    }
 }
 
 /// What the error of a reference adds to [`Metrics::rel_mse`].
@@ -206,6 +391,43 @@ mod tests {
         let metrics = compare(&image(vec![[1.0; 3]], None), &image(vec![[0.0; 3]], None)).unwrap();
         assert_eq!((metrics.rel_mse, metrics.psnr, metrics.mean_ratio), (None, None, None));
         assert_eq!(metrics.mse, 1.0);
+    }
+
+    #[test]
+    fn numbers_are_the_same_to_the_last_bit_whole_and_in_strips_of_any_height() {
+        let grid = TileGrid { width: 50, height: 37, tile_size: 16 };
+        let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
+        let mut trials = SampleStream::new(&settings, 0, [0, 0], 0).trials();
+        let mut noise = || (0..50 * 37).map(|_| [0; 3].map(|_| trials.next_f64() as f32)).collect::<Vec<_>>();
+        let mut layers = || ImageLayers { mean: noise(), standard_error: Some(noise()), ..ImageLayers::default() };
+        let [x, r] = [(); 2].map(|()| layers());
+        let measured = |heights: &[u32]| {
+            let strips = |height: u32| (0..37).step_by(height as usize).map(move |y| y..37_u32.min(y + height));
+            let cut = |layers: &ImageLayers, rows: &Range<u32>| {
+                let pixels = rows.start as usize * 50..rows.end as usize * 50;
+                let standard_error = layers.standard_error.as_ref().map(|errors| errors[pixels.clone()].to_vec());
+                ImageLayers { mean: layers.mean[pixels].to_vec(), standard_error, ..ImageLayers::default() }
+            };
+            heights
+                .iter()
+                .map(|height| {
+                    let (mut reference, mut own) = (ReferenceMeasure::new(grid), NoiseMeasure::new(grid));
+                    for rows in strips(*height) {
+                        reference.add(rows.clone(), &cut(&r, &rows));
+                        own.add(rows.clone(), &cut(&x, &rows));
+                    }
+                    let mut comparison = Comparison::new(grid, reference.finish());
+                    strips(*height).for_each(|rows| comparison.add(rows.clone(), &cut(&x, &rows), &cut(&r, &rows)));
+                    (comparison.finish(), own.finish().to_bits())
+                })
+                .collect::<Vec<_>>()
+        };
+        let all = measured(&[37, 1, 5, 16, 20, 32]);
+        assert!(all.windows(2).all(|pair| pair[0] == pair[1]), "{all:?}");
+        // The order is that of the tiles: with others, the last bits are others too.
+        let [image, reference] = [&x, &r].map(|layers| FrameImage::new(50, 37, layers.clone(), None).unwrap());
+        let metrics = compare(&image, &reference).unwrap();
+        assert!((metrics.mse - all[0].0.mse).abs() < 1e-12 && metrics.mse != all[0].0.mse);
     }
 
     #[test]

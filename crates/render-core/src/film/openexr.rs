@@ -8,16 +8,18 @@
 //! is written. Each part therefore has exactly one, named `clerestory`, and it holds JSON.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Cursor;
+use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::ops::Range;
 
+use exr::block::chunk::Chunk;
 use exr::block::reader::Reader;
 use exr::block::writer::ChunksWriter;
-use exr::block::{self, UncompressedBlock};
-use exr::meta::BlockDescription;
+use exr::block::{self, BlockIndex, UncompressedBlock};
 use exr::meta::attribute::{
     AttributeValue, ChannelDescription, Compression, IntegerBounds, LineOrder, SampleType, Text,
 };
 use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
+use exr::meta::{BlockDescription, MetaData};
 use exr::prelude::{Vec2, f16};
 use rayon::prelude::*;
 use thiserror::Error;
@@ -58,15 +60,27 @@ pub enum OpenExrError {
     /// The file contradicts itself or ends too early.
     #[error("the OpenEXR file is damaged: {0}")]
     Damaged(String),
+    /// The file could not be read from where it is.
+    #[error("the OpenEXR file cannot be read: {0}")]
+    Read(std::io::ErrorKind),
+    /// The file could not be written to where it belongs.
+    #[error("the OpenEXR file cannot be written: {0}")]
+    Write(std::io::ErrorKind),
 }
 
 impl From<exr::error::Error> for OpenExrError {
     fn from(error: exr::error::Error) -> Self {
         match error {
             exr::error::Error::NotSupported(what) => Self::Unsupported(what.into_owned()),
+            exr::error::Error::Io(error) if !is_of_content(error.kind()) => Self::Read(error.kind()),
             other => Self::Damaged(other.to_string()),
         }
     }
+}
+
+/// Whether what a decoder calls an error of reading is one of what was read.
+fn is_of_content(kind: std::io::ErrorKind) -> bool {
+    matches!(kind, std::io::ErrorKind::InvalidData | std::io::ErrorKind::InvalidInput)
 }
 
 /// The values of a channel that is written, one for each pixel in rows from the top left.
@@ -117,6 +131,13 @@ pub(crate) struct InputPart {
     pub(super) compression: Compression,
 }
 
+impl InputPart {
+    /// Whether it has a channel of this name.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.channels.iter().any(|(found, _)| found == name)
+    }
+}
+
 /// What a channel holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ChannelKind {
@@ -148,35 +169,45 @@ pub(super) fn write(
     compression: Compression,
 ) -> Result<Vec<u8>, OpenExrError> {
     let display_window = IntegerBounds::new((0, 0), (image_size[0] as usize, image_size[1] as usize));
-    let headers = parts.iter().map(|part| output_header(part, display_window, compression)).collect();
+    let header = |part| output_header(part, display_window, compression);
+    let headers = parts.iter().map(header).collect();
     let mut bytes = Cursor::new(Vec::new());
     block::write(&mut bytes, headers, true, |meta, writer| {
         let indices: Vec<_> = meta.enumerate_ordered_header_block_indices().collect();
         let chunks: Vec<_> = indices
             .into_par_iter()
             .map(|(index_in_header, block)| {
-                let part = &parts[block.layer];
-                let samples: Vec<Samples<'_>> = part.channels.values().copied().collect();
-                let channels = &meta.headers[block.layer].channels;
-                let block = UncompressedBlock::from_lines(channels, block, |line| {
-                    let location = line.location;
-                    let first = location.position.y() * part.window.width as usize + location.position.x();
-                    let pixels = first..first + location.sample_count;
-                    // The buffer of a line has a fixed size, which is that of the values.
-                    match samples[location.channel] {
-                        Samples::Float(values) => fill(line.value, values[pixels].iter().copied()),
-                        Samples::FloatOfTriple(values, index) => {
-                            fill(line.value, values[pixels].iter().map(|triple| triple[index]));
-                        }
-                        Samples::Integer(values) => fill(line.value, values[pixels].iter().copied()),
-                    }
-                });
-                Ok((index_in_header, block.compress_to_chunk(&meta.headers)?))
+                Ok((index_in_header, output_block(&parts[block.layer], 0, block, &meta.headers)?))
             })
             .collect::<Result<_, exr::error::Error>>()?;
         chunks.into_iter().try_for_each(|(index_in_header, chunk)| writer.write_chunk(index_in_header, chunk))
     })?;
     Ok(bytes.into_inner())
+}
+
+/// Compresses a block of the pixels of a part, whose values begin `skipped_rows` below the top of the part's window in the header.
+pub(super) fn output_block(
+    part: &OutputPart<'_>,
+    skipped_rows: usize,
+    block: BlockIndex,
+    headers: &[Header],
+) -> Result<Chunk, exr::error::Error> {
+    let samples: Vec<Samples<'_>> = part.channels.values().copied().collect();
+    let block = UncompressedBlock::from_lines(&headers[block.layer].channels, block, |line| {
+        let location = line.location;
+        let row = location.position.y() - skipped_rows;
+        let first = row * part.window.width as usize + location.position.x();
+        let pixels = first..first + location.sample_count;
+        // The buffer of a line has a fixed size, which is that of the values.
+        match samples[location.channel] {
+            Samples::Float(values) => fill(line.value, values[pixels].iter().copied()),
+            Samples::FloatOfTriple(values, index) => {
+                fill(line.value, values[pixels].iter().map(|triple| triple[index]));
+            }
+            Samples::Integer(values) => fill(line.value, values[pixels].iter().copied()),
+        }
+    });
+    block.compress_to_chunk(headers)
 }
 
 /// Fills the bytes of a line with its values in the machine's own byte order, as `exr` wants them.
@@ -186,7 +217,8 @@ fn fill<T: bytemuck::Pod>(bytes: &mut [u8], values: impl Iterator<Item = T>) {
     }
 }
 
-fn output_header(part: &OutputPart<'_>, display_window: IntegerBounds, compression: Compression) -> Header {
+/// The header of a part of a file of scan lines.
+pub(super) fn output_header(part: &OutputPart<'_>, display_window: IntegerBounds, compression: Compression) -> Header {
     let channels = part.channels.iter().map(|(name, samples)| ChannelDescription {
         name: Text::from(name.as_str()),
         sample_type: match samples {
@@ -198,15 +230,20 @@ fn output_header(part: &OutputPart<'_>, display_window: IntegerBounds, compressi
     });
     let name = Text::from(part.name.as_str());
     let size = (part.window.width as usize, part.window.height as usize);
-    let json = AttributeValue::Text(Text::from(part.json.as_str()));
+    let (attribute, json) = json_attribute(&part.json);
     Header::new(name.clone(), size, channels.collect())
         .with_encoding(compression, BlockDescription::ScanLines, LineOrder::Increasing)
         .with_shared_attributes(ImageAttributes::new(display_window))
         .with_attributes(LayerAttributes {
             layer_position: Vec2(part.window.x as i32, part.window.y as i32),
-            other: [(Text::from(ATTRIBUTE), json)].into_iter().collect(),
+            other: [(attribute, json)].into_iter().collect(),
             ..LayerAttributes::named(name)
         })
+}
+
+/// The attribute that holds a JSON text.
+pub(super) fn json_attribute(json: &str) -> (Text, AttributeValue) {
+    (Text::from(ATTRIBUTE), AttributeValue::Text(Text::from(json)))
 }
 
 /// JSON with every character that is not ASCII escaped, as a text attribute needs it.
@@ -227,22 +264,39 @@ pub(super) fn ascii_json<T: serde::Serialize>(value: &T) -> Result<String, serde
 
 /// A file of which only the header has been read.
 #[derive(Debug)]
-pub(crate) struct OpenExr<'a> {
-    reader: Reader<Cursor<&'a [u8]>>,
+pub(crate) struct OpenExr<R> {
+    reader: Reader<R>,
     parts: Vec<InputPart>,
 }
 
-impl<'a> OpenExr<'a> {
-    /// Reads the header.
+impl<'a> OpenExr<Cursor<&'a [u8]>> {
+    /// Reads the header of a file in memory.
     ///
     /// # Errors
     ///
     /// [`OpenExrError`] when it is not one.
     pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, OpenExrError> {
-        if !bytes.starts_with(&exr::meta::magic_number::BYTES) {
-            return Err(OpenExrError::NotOpenExr);
+        Self::read(Cursor::new(bytes))
+    }
+}
+
+impl<R: Read + Seek> OpenExr<R> {
+    /// Reads the header of a file, from its beginning.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenExrError`] when it is not one.
+    pub(crate) fn read(mut file: R) -> Result<Self, OpenExrError> {
+        let io = |error: std::io::Error| OpenExrError::Read(error.kind());
+        file.seek(SeekFrom::Start(0)).map_err(io)?;
+        let mut magic = [0; exr::meta::magic_number::BYTES.len()];
+        match file.read_exact(&mut magic) {
+            Ok(()) if magic == exr::meta::magic_number::BYTES => {}
+            Err(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => return Err(io(error)),
+            Ok(()) | Err(_) => return Err(OpenExrError::NotOpenExr),
         }
-        let reader = block::read(Cursor::new(bytes), false)?;
+        file.seek(SeekFrom::Start(0)).map_err(io)?;
+        let reader = block::read(file, false)?;
         let parts = reader.headers().iter().map(input_part).collect::<Result<_, _>>()?;
         Ok(Self { reader, parts })
     }
@@ -265,72 +319,148 @@ impl<'a> OpenExr<'a> {
         let headers = self.reader.headers();
         let mut needed = 0u64;
         for (index, (part, header)) in self.parts.iter().zip(headers).enumerate() {
-            let wanted = part.channels.iter().filter(|(name, _)| is_wanted(index, name)).count() as u64;
-            let [width, height] = part.size;
-            let planes = width.saturating_mul(height).saturating_mul(4 * wanted);
-            needed = needed.saturating_add(planes).saturating_add(largest_block_bytes(header));
-            if needed > budget.pixel_bytes {
-                return Err(OpenExrError::TooLarge { width, height, needed, allowed: budget.pixel_bytes });
-            }
+            needed = needed.saturating_add(needed_bytes(index, part, header, part.size[1], &is_wanted));
+            check_budget(part, needed, budget)?;
         }
-
-        // Of each part, the planes in the order of its channels; `None` for a channel that is not wanted.
-        let mut planes: Vec<Vec<Option<Plane>>> = Vec::new();
-        for (index, part) in self.parts.iter().enumerate() {
-            let pixels = (part.size[0] * part.size[1]) as usize;
-            let plane = |(name, kind): &(String, ChannelKind)| {
-                is_wanted(index, name).then(|| match kind {
-                    ChannelKind::Float | ChannelKind::Half => Plane::Float(vec![0.0; pixels]),
-                    ChannelKind::Integer => Plane::Integer(vec![0; pixels]),
-                })
-            };
-            planes.push(part.channels.iter().map(plane).collect());
-        }
-
+        let rows = |part: &InputPart| 0..part.size[1] as usize;
+        let whole = |(index, part)| Window::new(index, part, rows(part), &is_wanted);
+        let mut windows: Vec<Window> = self.parts.iter().enumerate().map(whole).collect();
         let meta = self.reader.meta_data().clone();
-        let mut seen = BTreeSet::new();
-        let mut missing_pixels: Vec<u64> = self.parts.iter().map(|part| part.size[0] * part.size[1]).collect();
         for chunk in self.reader.all_chunks(false)? {
             let chunk = chunk?;
-            let part = chunk.layer_index;
-            if planes[part].iter().all(Option::is_none) {
-                missing_pixels[part] = 0;
+            let window = windows.get_mut(chunk.layer_index);
+            let window = window.ok_or_else(|| OpenExrError::Damaged("a block is of no part".to_owned()))?;
+            window.add(chunk, &meta)?;
+        }
+        windows.into_iter().zip(&self.parts).map(|(window, part)| window.planes(part)).collect()
+    }
+
+    /// Decodes rows of one part: the channels that `is_wanted` names, by name. No other blocks are read than those with pixels of these
+    /// rows.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenExrError`] when they need more than the budget or the data are damaged or incomplete.
+    pub(crate) fn decode_rows(
+        self,
+        part: usize,
+        rows: Range<u32>,
+        budget: DecodeBudget,
+        is_wanted: impl Fn(&str) -> bool,
+    ) -> Result<BTreeMap<String, Plane>, OpenExrError> {
+        let is_wanted = |index: usize, name: &str| index == part && is_wanted(name);
+        let (header, input) = (&self.reader.headers()[part], &self.parts[part]);
+        check_budget(input, needed_bytes(part, input, header, rows.len() as u64, &is_wanted), budget)?;
+        let rows = rows.start as usize..rows.end as usize;
+        let mut window = Window::new(part, input, rows.clone(), &is_wanted);
+        let meta = self.reader.meta_data().clone();
+        let chunks = self.reader.filter_chunks(false, |_, tile, block| {
+            let [first, height] = [block.pixel_position.y(), block.pixel_size.height()];
+            block.layer == part && tile.level_index == Vec2(0, 0) && first < rows.end && first + height > rows.start
+        })?;
+        for chunk in chunks {
+            let chunk = chunk?;
+            if chunk.layer_index != part {
+                return Err(OpenExrError::Damaged("a block is of another part than its place says".to_owned()));
+            }
+            window.add(chunk, &meta)?;
+        }
+        window.planes(&self.parts[part])
+    }
+}
+
+/// Bytes that decoding so many rows of a part may take: their pixels, and its largest block.
+fn needed_bytes(
+    index: usize,
+    part: &InputPart,
+    header: &Header,
+    rows: u64,
+    is_wanted: &impl Fn(usize, &str) -> bool,
+) -> u64 {
+    let wanted = part.channels.iter().filter(|(name, _)| is_wanted(index, name)).count() as u64;
+    let planes = part.size[0].saturating_mul(rows).saturating_mul(4 * wanted);
+    planes.saturating_add(largest_block_bytes(header))
+}
+
+fn check_budget(part: &InputPart, needed: u64, budget: DecodeBudget) -> Result<(), OpenExrError> {
+    let [width, height] = part.size;
+    if needed > budget.pixel_bytes {
+        return Err(OpenExrError::TooLarge { width, height, needed, allowed: budget.pixel_bytes });
+    }
+    Ok(())
+}
+
+/// Rows of a part that are being decoded, in the order in which blocks come.
+struct Window {
+    width: usize,
+    rows: Range<usize>,
+    /// In the order of the part's channels; `None` for a channel that is not wanted.
+    planes: Vec<Option<Plane>>,
+    /// Blocks that have come, by row and column.
+    seen: BTreeSet<(usize, usize)>,
+    missing_pixels: u64,
+}
+
+impl Window {
+    fn new(index: usize, part: &InputPart, rows: Range<usize>, is_wanted: &impl Fn(usize, &str) -> bool) -> Self {
+        let width = part.size[0] as usize;
+        let pixels = width * rows.len();
+        let plane = |(name, kind): &(String, ChannelKind)| {
+            is_wanted(index, name).then(|| match kind {
+                ChannelKind::Float | ChannelKind::Half => Plane::Float(vec![0.0; pixels]),
+                ChannelKind::Integer => Plane::Integer(vec![0; pixels]),
+            })
+        };
+        let planes: Vec<Option<Plane>> = part.channels.iter().map(plane).collect();
+        let is_empty = planes.iter().all(Option::is_none);
+        Self { width, rows, planes, seen: BTreeSet::new(), missing_pixels: if is_empty { 0 } else { pixels as u64 } }
+    }
+
+    /// Takes what a block has of the rows.
+    fn add(&mut self, chunk: Chunk, meta: &MetaData) -> Result<(), OpenExrError> {
+        if self.planes.iter().all(Option::is_none) {
+            return Ok(());
+        }
+        let header = &meta.headers[chunk.layer_index];
+        let block = UncompressedBlock::decompress_chunk(chunk, meta, false)?;
+        let index = block.index;
+        if index.level != Vec2(0, 0) {
+            return Ok(());
+        }
+        let (first, end) = (index.pixel_position.y(), index.pixel_position.y() + index.pixel_size.height());
+        if !self.seen.insert((first, index.pixel_position.x())) {
+            return Err(OpenExrError::Damaged(format!("block at {:?} is there twice", index.pixel_position)));
+        }
+        let inside = end.min(self.rows.end).saturating_sub(first.max(self.rows.start));
+        self.missing_pixels = self.missing_pixels.saturating_sub((inside * index.pixel_size.width()) as u64);
+        for line in block.lines(&header.channels) {
+            let location = line.location;
+            let Some(row) = location.position.y().checked_sub(self.rows.start).filter(|row| *row < self.rows.len())
+            else {
                 continue;
-            }
-            let block = UncompressedBlock::decompress_chunk(chunk, &meta, false)?;
-            let index = block.index;
-            if index.level != Vec2(0, 0) {
-                continue;
-            }
-            if !seen.insert((part, index.pixel_position.y(), index.pixel_position.x())) {
-                return Err(OpenExrError::Damaged(format!("block at {:?} is there twice", index.pixel_position)));
-            }
-            missing_pixels[part] = missing_pixels[part].saturating_sub(index.pixel_size.area() as u64);
-            let width = self.parts[part].size[0] as usize;
-            for line in block.lines(&meta.headers[part].channels) {
-                let location = line.location;
-                let first = location.position.y() * width + location.position.x();
-                let pixels = first..first + location.sample_count;
-                let kind = meta.headers[part].channels.list[location.channel].sample_type;
-                match (&mut planes[part][location.channel], kind) {
-                    (None, _) => {}
-                    (Some(Plane::Float(plane)), SampleType::F16) => {
-                        read(line.value, &mut plane[pixels], |bits: u16| f16::from_bits(bits).to_f32());
-                    }
-                    (Some(Plane::Float(plane)), _) => read(line.value, &mut plane[pixels], |value: f32| value),
-                    (Some(Plane::Integer(plane)), _) => read(line.value, &mut plane[pixels], |value: u32| value),
+            };
+            let first = row * self.width + location.position.x();
+            let pixels = first..first + location.sample_count;
+            let kind = header.channels.list[location.channel].sample_type;
+            match (&mut self.planes[location.channel], kind) {
+                (None, _) => {}
+                (Some(Plane::Float(plane)), SampleType::F16) => {
+                    read(line.value, &mut plane[pixels], |bits: u16| f16::from_bits(bits).to_f32());
                 }
+                (Some(Plane::Float(plane)), _) => read(line.value, &mut plane[pixels], |value: f32| value),
+                (Some(Plane::Integer(plane)), _) => read(line.value, &mut plane[pixels], |value: u32| value),
             }
         }
-        if missing_pixels.iter().any(|&missing| missing > 0) {
+        Ok(())
+    }
+
+    /// The channels by name, once all blocks have come.
+    fn planes(self, part: &InputPart) -> Result<BTreeMap<String, Plane>, OpenExrError> {
+        if self.missing_pixels > 0 {
             return Err(OpenExrError::Damaged("some blocks of pixels are missing".to_owned()));
         }
-
-        let named = |(part, planes): (&InputPart, Vec<Option<Plane>>)| {
-            let names = part.channels.iter().map(|(name, _)| name.clone());
-            names.zip(planes).filter_map(|(name, plane)| Some((name, plane?))).collect()
-        };
-        Ok(self.parts.iter().zip(planes).map(named).collect())
+        let names = part.channels.iter().map(|(name, _)| name.clone());
+        Ok(names.zip(self.planes).filter_map(|(name, plane)| Some((name, plane?))).collect())
     }
 }
 

@@ -5,6 +5,7 @@
 
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -56,27 +57,36 @@ pub enum PreviewError {
 ///
 /// [`PreviewError`] when the image is too large for the format.
 pub fn encode_png(image: &FrameImage, settings: &PreviewSettings) -> Result<Vec<u8>, PreviewError> {
+    encode_pixels(image.width(), image.height(), &image.layers().mean, settings)
+}
+
+/// The PNG of pixels in rows from the top left.
+pub(super) fn encode_pixels(
+    width: u32,
+    height: u32,
+    pixels: &[[f32; 3]],
+    settings: &PreviewSettings,
+) -> Result<Vec<u8>, PreviewError> {
     let scale = match settings.exposure {
         Exposure::Stops(stops) => libm::exp2(stops),
-        Exposure::Automatic => automatic_scale(&image.layers().mean),
+        Exposure::Automatic => automatic_scale(pixels),
     };
     let thresholds = SrgbThresholds::new();
-    let codes: Vec<u8> = image
-        .layers()
-        .mean
-        .as_flattened()
-        .iter()
-        .map(|&radiance| {
-            let exposed = (f64::from(radiance) * scale).clamp(0.0, 1e6);
-            thresholds.code(match settings.curve {
-                ToneCurve::Srgb => exposed,
-                ToneCurve::Filmic => filmic(exposed),
+    let codes: Vec<[u8; 3]> = pixels
+        .par_iter()
+        .map(|pixel| {
+            pixel.map(|radiance| {
+                let exposed = (f64::from(radiance) * scale).clamp(0.0, 1e6);
+                thresholds.code(match settings.curve {
+                    ToneCurve::Srgb => exposed,
+                    ToneCurve::Filmic => filmic(exposed),
+                })
             })
         })
         .collect();
     let mut png = Vec::new();
     PngEncoder::new(&mut png)
-        .write_image(&codes, image.width(), image.height(), ExtendedColorType::Rgb8)
+        .write_image(codes.as_flattened(), width, height, ExtendedColorType::Rgb8)
         .map_err(|error| PreviewError::Png(error.to_string()))?;
     Ok(png)
 }

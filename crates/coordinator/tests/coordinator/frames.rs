@@ -1,0 +1,123 @@
+//! Images that are never whole in memory: in strips of a few rows, with no node kept, they are the same as ever.
+
+use std::sync::Arc;
+
+use clerestory_api::{JobId, PreviewQuery};
+use clerestory_coordinator::{Clock, Config};
+use clerestory_render_core::film::{
+    Exposure, FrameImage, PreviewSettings, ToneCurve, compare, encode_png, mean_squared_standard_error,
+};
+
+use crate::support::{
+    HEIGHT, TestFarm, WIDTH, addresses, bits, expected_bits, expected_counters, grid, hash, noise_partial, submission,
+};
+
+/// Memory for the fewest rows at a time, 16 of 20, and for no node.
+fn no_memory(config: &mut Config) {
+    (config.image_bytes, config.node_cache_bytes) = (64 << 10, 0);
+}
+
+fn expected_preview(image: &FrameImage) -> Vec<u8> {
+    encode_png(image, &PreviewSettings { exposure: Exposure::Automatic, curve: ToneCurve::Filmic }).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_frame_in_strips_has_the_bits_and_the_errors_of_a_whole_one() {
+    let farm = TestFarm::start_with(no_memory).await;
+    let first = farm.submit(5).await;
+    let worker = farm.worker().await;
+    worker.drain().await;
+    farm.finished(first.id).await;
+    let reference = farm.client.image(first.id).await.unwrap();
+    let hash = hash(&reference);
+    farm.client.upload_asset(&hash, reference, |_| ()).await.unwrap();
+    let mut submission = submission(13);
+    submission.reference = Some(hash);
+    let second = farm.client.submit_job(&submission).await.unwrap();
+    worker.drain().await;
+    farm.finished(second.id).await;
+
+    let (image, reference) = (farm.image(second.id).await, farm.image(first.id).await);
+    assert!(bits(&image) == expected_bits(13));
+    assert_eq!(image.metadata().unwrap().counters, expected_counters(13));
+    assert_eq!(image.metadata().unwrap().tile_passes, vec![13; grid().len() as usize]);
+    let series = farm.client.convergence(second.id).await.unwrap();
+    let last = series.points.last().unwrap();
+    // To the last bit: both sum in the order of the tiles.
+    let metrics = compare(&image, &reference).unwrap();
+    assert_eq!(
+        (last.mse, last.corrected_mse, last.rel_mse, last.psnr),
+        (Some(metrics.mse), metrics.corrected_mse, metrics.rel_mse, metrics.psnr)
+    );
+    assert_eq!(last.estimated_mse, mean_squared_standard_error(&image));
+}
+
+async fn preview(farm: &TestFarm, job: JobId) -> (Vec<u8>, u64) {
+    let preview = farm.client.preview(job, &PreviewQuery::default()).await.unwrap();
+    (preview.png.to_vec(), preview.accepted_nodes)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_preview_follows_the_film_and_says_how_far() {
+    let clock = Clock::Manual(Arc::default());
+    let farm = TestFarm::start_with(|config| {
+        config.clock = clock.clone();
+        config.lease_nodes = Some(grid().len());
+    })
+    .await;
+    let job = farm.submit(3).await;
+    let worker = farm.worker().await;
+    let mut accepted = 0;
+    while let Some(lease) = worker.claim().await {
+        for node in addresses(&lease) {
+            worker.upload(&lease, noise_partial(&lease, &[node])).await.unwrap();
+            accepted += 1;
+            clock.advance(250);
+            let (png, shown) = preview(&farm, job.id).await;
+            assert_eq!(shown, accepted);
+            assert!(png == expected_preview(&farm.image(job.id).await), "after {accepted} nodes");
+        }
+    }
+    let done = farm.finished(job.id).await;
+    let (png, shown) = preview(&farm, job.id).await;
+    assert!(png == expected_preview(&farm.image(job.id).await));
+    assert_eq!(shown, accepted, "{done:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_preview_stays_for_a_quarter_of_a_second_however_many_look() {
+    let clock = Clock::Manual(Arc::default());
+    let farm = TestFarm::start_with(|config| {
+        config.clock = clock.clone();
+        config.lease_nodes = Some(grid().len());
+    })
+    .await;
+    let job = farm.submit(2).await;
+    let worker = farm.worker().await;
+    let lease = worker.claim().await.unwrap();
+    let nodes = addresses(&lease);
+    worker.upload(&lease, noise_partial(&lease, &nodes[..1])).await.unwrap();
+    let first = preview(&farm, job.id).await;
+    worker.upload(&lease, noise_partial(&lease, &nodes[1..2])).await.unwrap();
+    clock.advance(249);
+    assert!(preview(&farm, job.id).await == first);
+    clock.advance(1);
+    let second = preview(&farm, job.id).await;
+    assert!(second.0 != first.0 && (first.1, second.1) == (1, 2));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_frame_that_is_too_large_for_its_preview_is_shown_smaller() {
+    // 12 bytes for each pixel: half of the pixels each way.
+    let pixels = u64::from(WIDTH.div_ceil(2) * HEIGHT.div_ceil(2));
+    let farm = TestFarm::start_with(|config| config.preview_bytes = pixels * 12).await;
+    let (first, second) = (farm.submit(1).await, farm.submit(1).await);
+    farm.worker().await.drain().await;
+    for job in [first, second] {
+        farm.finished(job.id).await;
+        let (png, _) = preview(&farm, job.id).await;
+        // Width and height are the first numbers of a PNG.
+        let number = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
+        assert_eq!((number(16), number(20)), (WIDTH.div_ceil(2), HEIGHT.div_ceil(2)));
+    }
+}

@@ -1,0 +1,142 @@
+//! Some rows of an image, made from the sums of tiles.
+//!
+//! An image can be far larger than what a process should hold. So it is made, measured and written in strips: rows over its
+//! whole width, few enough to fit into memory, one strip after the other.
+
+use std::ops::Range;
+
+use super::address::{Tile, TileGrid};
+use super::image::{ImageError, ImageLayers};
+use super::tree::TileSum;
+
+/// Which layers of an image are made; its means always are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LayerChoice {
+    /// The standard error.
+    pub standard_error: bool,
+    /// Numbers of samples, and what camera rays meet first: albedo, normal and depth.
+    pub others: bool,
+}
+
+impl LayerChoice {
+    /// The means alone.
+    pub const MEAN: Self = Self { standard_error: false, others: false };
+
+    /// All that an image has: the standard error if it is known anywhere.
+    pub fn all(has_standard_error: bool) -> Self {
+        Self { standard_error: has_standard_error, others: true }
+    }
+
+    /// What a measurement needs: the means, and the standard error if it is known anywhere.
+    pub fn measured(has_standard_error: bool) -> Self {
+        Self { standard_error: has_standard_error, others: false }
+    }
+
+    /// Bytes of a pixel in memory.
+    pub fn bytes_per_pixel(&self) -> u64 {
+        12 + if self.standard_error { 12 } else { 0 } + if self.others { 32 } else { 0 }
+    }
+}
+
+/// Rows of an image over its whole width, black until tiles are filled in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImageRows {
+    grid: TileGrid,
+    rows: Range<u32>,
+    pub(super) layers: ImageLayers,
+}
+
+impl ImageRows {
+    /// These rows of an image, without any tile.
+    pub fn new(grid: TileGrid, rows: Range<u32>, choice: LayerChoice) -> Self {
+        let pixels = grid.width as usize * rows.len();
+        let triples = |is_wanted: bool| is_wanted.then(|| vec![[0.0; 3]; pixels]);
+        let layers = ImageLayers {
+            mean: vec![[0.0; 3]; pixels],
+            standard_error: triples(choice.standard_error),
+            samples: choice.others.then(|| vec![0; pixels]),
+            albedo: triples(choice.others),
+            normal: triples(choice.others),
+            depth: choice.others.then(|| vec![0.0; pixels]),
+            halves: None,
+        };
+        Self { grid, rows, layers }
+    }
+
+    /// Which rows.
+    pub fn rows(&self) -> Range<u32> {
+        self.rows.clone()
+    }
+
+    /// How the image is cut into tiles.
+    pub fn grid(&self) -> TileGrid {
+        self.grid
+    }
+
+    /// The layers, with the pixels of these rows only.
+    pub fn layers(&self) -> &ImageLayers {
+        &self.layers
+    }
+
+    /// Writes the means of those pixels of a tile that lie in these rows.
+    ///
+    /// # Errors
+    ///
+    /// [`ImageError::WrongTile`] when the sum is of another grid.
+    pub fn fill(&mut self, sum: &TileSum) -> Result<(), ImageError> {
+        let expected = self.grid.tile(sum.tile_index);
+        let Some(tile) = expected.filter(|tile| *tile == sum.tile) else {
+            return Err(ImageError::WrongTile { index: sum.tile_index, found: sum.tile, expected });
+        };
+        let first = tile.y.max(self.rows.start);
+        let end = (tile.y + tile.height).min(self.rows.end);
+        for y in first..end {
+            let in_tile = (y - tile.y) as usize * tile.width as usize;
+            let in_rows = (y - self.rows.start) as usize * self.grid.width as usize + tile.x as usize;
+            self.layers.fill_line(sum, tile, in_tile, in_rows);
+        }
+        Ok(())
+    }
+}
+
+impl ImageLayers {
+    /// Writes the means of a line of a tile, from pixel `in_tile` of the tile on, to the pixels from `in_rows` on.
+    fn fill_line(&mut self, sum: &TileSum, tile: Tile, in_tile: usize, in_rows: usize) {
+        let samples = sum.samples();
+        let scale = 1.0 / samples.max(1) as f64;
+        let blocks = f64::from(sum.blocks());
+        let error_scale = 1.0 / (blocks * (blocks - 1.0));
+        let first_hit_scale = 1.0 / f64::from(sum.sampling.first_hit_samples(sum.passes).max(1));
+        let width = tile.width as usize;
+        let (from, to) = (in_tile..in_tile + width, in_rows..in_rows + width);
+
+        write_means(&mut self.mean[to.clone()], &sum.layers.beauty[from.clone()], scale);
+        if let Some(counts) = &mut self.samples {
+            counts[to.clone()].fill(u32::try_from(samples).unwrap_or(u32::MAX));
+        }
+        if let (Some(errors), Some(moment), 2..) = (&mut self.standard_error, &sum.layers.moment, sum.blocks()) {
+            for (error, moment) in errors[to.clone()].iter_mut().zip(&moment[from.clone()]) {
+                *error = moment.map(|moment| (f64::from(moment) * error_scale).sqrt() as f32);
+            }
+        }
+        if let Some(first_hit) = &sum.layers.first_hit {
+            if let Some(albedo) = &mut self.albedo {
+                write_means(&mut albedo[to.clone()], &first_hit.albedo[from.clone()], first_hit_scale);
+            }
+            if let Some(normal) = &mut self.normal {
+                write_means(&mut normal[to.clone()], &first_hit.normal[from.clone()], first_hit_scale);
+            }
+            if let Some(depth) = &mut self.depth {
+                for (depth, sum) in depth[to].iter_mut().zip(&first_hit.depth[from]) {
+                    *depth = (f64::from(*sum) * first_hit_scale) as f32;
+                }
+            }
+        }
+    }
+}
+
+fn write_means(means: &mut [[f32; 3]], sums: &[[f32; 3]], scale: f64) {
+    for (mean, sum) in means.iter_mut().zip(sums) {
+        *mean = sum.map(|sum| (f64::from(sum) * scale) as f32);
+    }
+}

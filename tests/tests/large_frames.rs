@@ -1,0 +1,62 @@
+//! Frames that are larger than the memory of their coordinator: memory does not grow with them, and the bits are those of one process.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
+
+use std::fs;
+use std::path::Path;
+
+use clerestory_tests::farm::{Farm, PeakMemory, succeeded};
+use clerestory_tests::large_frame::{self, OPTIONS, PASSES, PIXEL_BYTES};
+use clerestory_tests::made_images::{assert_same_bits, rendered_alone};
+use tempfile::TempDir;
+
+const MEBIBYTE: u64 = 1 << 20;
+
+/// A coordinator that may keep little, and two workers.
+fn farm(folder: &Path, image_bytes: u64) -> Farm {
+    let config = folder.join("coordinator.toml");
+    let text = format!("node_cache_bytes = {0}\nimage_bytes = {image_bytes}\npreview_bytes = {0}\n", 4 * MEBIBYTE);
+    fs::write(&config, text).unwrap();
+    let mut farm = Farm::start(None, &["--config", config.to_str().unwrap()]);
+    farm.start_worker("first");
+    farm.start_worker("second");
+    farm
+}
+
+/// Renders a frame, checks some of its tiles, and answers the most memory that the coordinator had.
+fn rendered(edge: u32) -> PeakMemory {
+    let folder = TempDir::new().unwrap();
+    let farm = farm(folder.path(), 16 * MEBIBYTE);
+    let (scene, image) = (large_frame::scene(folder.path(), edge), folder.path().join("large.exr"));
+    let mut submit = farm.command(&["submit", "--wait", "--png"]);
+    succeeded(submit.args(OPTIONS).arg(&scene).arg("--output").arg(&image));
+    let along = edge / 64;
+    let tiles = [0, along - 1, along * along / 2 + along / 2, along * along - 1];
+    large_frame::check(&image, &scene, 64, &tiles).unwrap();
+    farm.coordinator_memory()
+}
+
+#[test]
+fn a_coordinator_has_no_more_memory_for_a_frame_of_sixteen_times_the_size() {
+    let [small, large] = [512, 2048].map(rendered);
+    let image = 2048 * 2048 * PIXEL_BYTES;
+    let grown = large.resident.saturating_sub(small.resident);
+    let told = format!("{} MiB and {} MiB", small.resident / MEBIBYTE, large.resident / MEBIBYTE);
+    println!("most memory of the coordinator: {told}; the larger image has {} MiB", image / MEBIBYTE);
+    assert!(grown < image / 4, "{told}");
+    assert!(large.resident < image / 2, "{told}");
+}
+
+#[test]
+fn strips_that_cut_tiles_leave_the_bits_as_they_are() {
+    // Rows for one block at a time: 16, of tiles of 24.
+    let folder = TempDir::new().unwrap();
+    let farm = farm(folder.path(), 256 << 10);
+    let (scene, image) = (large_frame::scene(folder.path(), 100), folder.path().join("farm.exr"));
+    let mut submit = farm.command(&["submit", "--wait", "--tile", "24"]);
+    succeeded(submit.args(OPTIONS).arg(&scene).arg("--output").arg(&image));
+    let alone = rendered_alone(&scene, folder.path(), "alone.exr", &[&OPTIONS[..], &["--tile", "24"]].concat());
+    assert_same_bits(&image, &alone);
+    let passes = clerestory_tests::exr_files::metadata(&image).tile_passes;
+    assert_eq!(passes, vec![PASSES; 25]);
+}
