@@ -1,6 +1,7 @@
 //! What everything in the coordinator shares.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use clerestory_api::JobId;
 use tokio::sync::{Notify, Semaphore, mpsc};
@@ -19,6 +20,9 @@ use crate::store::{Removed, Store};
 
 /// Megabytes of partials that are received and decoded at the same time. A larger one is received alone.
 pub(crate) const PARTIAL_MEGABYTES: u32 = 64;
+
+/// How long a worker may be silent before others do without it, where a lease does not run out earlier: three signs of life.
+const LONGEST_SILENCE: Duration = Duration::from_secs(15);
 
 /// The farm, as its coordinator holds it. All that must not be lost is in `store` and `blobs`; the rest is caches and
 /// bells.
@@ -141,9 +145,13 @@ impl Farm {
     }
 
     /// A worker that was last heard of before this is silent, milliseconds since 1970.
+    pub(crate) fn silent_before_ms(&self) -> i64 {
+        self.config.clock.now_ms().saturating_sub(milliseconds(self.config.lease_ttl))
+    }
+
+    /// A worker that was last heard of before this is not waited for, milliseconds since 1970: workers say every few seconds that they are there.
     pub(crate) fn alive_ms(&self) -> i64 {
-        let silent_ms = i64::try_from(self.config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
-        self.config.clock.now_ms().saturating_sub(silent_ms)
+        self.config.clock.now_ms().saturating_sub(milliseconds(self.config.lease_ttl.min(LONGEST_SILENCE)))
     }
 
     /// Looks at everything that other coordinators may have done without being heard.
@@ -163,4 +171,8 @@ impl Farm {
         // The keeper is gone only when the coordinator stops; it looks at all open jobs when it starts again.
         let _ = self.keeper.send(job);
     }
+}
+
+fn milliseconds(duration: Duration) -> i64 {
+    i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)
 }

@@ -119,10 +119,10 @@ pub(crate) async fn jobs(farm: &Farm) -> Result<Vec<JobView>, StoreError> {
 /// All workers that were heard of within a day, in order of registration.
 pub(crate) async fn workers(farm: &Farm) -> Result<Vec<WorkerView>, StoreError> {
     let since_ms = farm.config.clock.now_ms() - SHOWN_MS;
-    farm.store.workers(since_ms, farm.alive_ms()).await
+    farm.store.workers(since_ms, farm.silent_before_ms()).await
 }
 
 /// One worker.
 pub(crate) async fn worker(farm: &Farm, worker: WorkerId) -> Result<WorkerView, WorkerError> {
-    farm.store.worker(worker, farm.alive_ms()).await
+    farm.store.worker(worker, farm.silent_before_ms()).await
 }
