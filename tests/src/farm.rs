@@ -252,6 +252,11 @@ impl Farm {
         self.newest_job_at(&self.address)
     }
 
+    /// The newest job; `None` when there is none, or the farm does not answer.
+    pub fn newest_job_if_any(&self) -> Option<JobView> {
+        self.newest_job_if_it_answers(&self.address)
+    }
+
     fn newest_job_if_it_answers(&self, address: &str) -> Option<JobView> {
         let client = Client::new(address, self.token.as_deref()).ok()?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().ok()?;
