@@ -81,22 +81,24 @@ struct Network {
     protocol: Protocol,
     servers: Vec<SocketAddr>,
     seed: u64,
+    roughness: f64,
     is_calm: AtomicBool,
     fates: Mutex<BTreeMap<Fate, u32>>,
 }
 
 impl Proxy {
-    /// Starts a proxy in front of some servers: connections go to each in turn, and past those that do not answer.
+    /// Starts a proxy in front of some servers: connections go to each in turn, and past those that do not answer. All fates are `roughness`
+    /// times as probable as usual.
     ///
     /// # Errors
     ///
     /// When no port is free, or no thread can be had.
-    pub fn start(protocol: Protocol, servers: Vec<SocketAddr>, seed: u64) -> io::Result<Self> {
+    pub fn start(protocol: Protocol, servers: Vec<SocketAddr>, seed: u64, roughness: f64) -> io::Result<Self> {
         let runtime = Builder::new_multi_thread().worker_threads(1).enable_all().build()?;
         let listener = runtime.block_on(TcpListener::bind("127.0.0.1:0"))?;
         let address = listener.local_addr()?;
         let is_calm = AtomicBool::new(false);
-        let network = Arc::new(Network { protocol, servers, seed, is_calm, fates: Mutex::default() });
+        let network = Arc::new(Network { protocol, servers, seed, roughness, is_calm, fates: Mutex::default() });
         runtime.spawn(serve(listener, Arc::clone(&network)));
         Ok(Self { address, network, runtime: Some(runtime) })
     }
@@ -132,7 +134,7 @@ impl Network {
         let mut drawn = random.uniform();
         let mut fates = fates.iter();
         let fate = fates.find(|(_, probability)| {
-            drawn -= probability;
+            drawn -= probability * self.roughness;
             drawn < 0.0
         });
         let (fate, _) = fate.filter(|_| !self.is_calm.load(Ordering::Relaxed))?;

@@ -54,6 +54,12 @@ pub struct Plan {
     pub workers: usize,
     /// How long sleepers sleep and faults last.
     pub durations: Durations,
+    /// Whether blows go on when each kind has come.
+    pub is_endless: bool,
+    /// How much rougher than usual the network is.
+    pub roughness: f64,
+    /// Most passes of a job.
+    pub passes: usize,
     /// Longest time that a job may take, however often its farm is hit, or that whoever was hit may take to come back.
     pub patience: Duration,
     /// What coordinators, workers and commands log, as `CLERESTORY_LOG` has it.
@@ -123,7 +129,7 @@ impl Siege {
         let options = ["--lease-nodes", &lease_nodes, "--lease-seconds", LEASE_SECONDS];
         let log = ("CLERESTORY_LOG".to_owned(), plan.log.to_owned());
         let (mut farm, servers) = if plan.servers {
-            let servers = Servers::start(plan.seed);
+            let servers = Servers::start(plan.seed, plan.roughness);
             let shared = servers.options();
             let options: Vec<&str> = options.into_iter().chain(shared.iter().map(String::as_str)).collect();
             let environment: Vec<_> = servers.environment().into_iter().chain([log]).collect();
@@ -131,7 +137,7 @@ impl Siege {
         } else {
             (Farm::start_with_faults(1, &[log], &options), None)
         };
-        let network = Proxy::start(Protocol::Http, farm.sockets(), plan.seed).expect("a free port");
+        let network = Proxy::start(Protocol::Http, farm.sockets(), plan.seed, plan.roughness).expect("a free port");
         farm.call_through(network.address());
         let now = Instant::now();
         let coordinator = |_| Coordinator {
@@ -174,7 +180,7 @@ impl Siege {
         let count = 1 + below(&mut self.random, 2);
         let first = self.orders.len();
         for number in first..first + count {
-            self.orders.push(Order::draw(&mut self.random, number));
+            self.orders.push(Order::draw(&mut self.random, number, self.plan.passes));
         }
         self.until_ended(first);
         count
@@ -206,6 +212,15 @@ impl Siege {
 
     /// Kinds of blows and fates that have not happened yet.
     pub fn missing(&self) -> Vec<String> {
+        let mut missing = self.missing_blows();
+        let fates = self.network.fates();
+        let all = [Fate::Delayed, Fate::Dropped, Fate::Cut, Fate::Unanswered, Fate::Duplicated];
+        missing.extend(all.iter().filter(|fate| !fates.contains_key(fate)).map(|fate| format!("requests {fate}")));
+        missing
+    }
+
+    /// Kinds of blows that have not come yet, or have not been felt.
+    fn missing_blows(&self) -> Vec<String> {
         let kinds = self.rounds.kinds().iter().filter(|kind| !self.blows.contains_key(kind));
         let mut missing: Vec<String> = kinds.map(|(victim, blow)| format!("{victim} {blow}")).collect();
         if self.failed_writes() == 0 {
@@ -214,9 +229,6 @@ impl Siege {
         if self.failed_syncs() == 0 {
             missing.push("syncs that fail".to_owned());
         }
-        let fates = self.network.fates();
-        let all = [Fate::Delayed, Fate::Dropped, Fate::Cut, Fate::Unanswered, Fate::Duplicated];
-        missing.extend(all.iter().filter(|fate| !fates.contains_key(fate)).map(|fate| format!("requests {fate}")));
         missing
     }
 

@@ -5,21 +5,31 @@ use std::time::{Duration, Instant};
 use clerestory_tests::siege::{Durations, Plan, Siege};
 
 /// Long enough for leases to run out, and short enough for each kind of blow to come within seconds.
-const DURATIONS: Durations = Durations { pauses: [0.1, 0.5], away: 0.5, fault: 1.0, sleep: 3.0, long_sleeps: 6 };
+const DURATIONS: Durations = Durations { pauses: [0.2, 0.8], away: 0.5, fault: 1.0, sleep: 3.0, long_sleeps: 6 };
 
-/// Longest time for a job, and for every kind of blow to come.
+/// Longest time for a job, and for everything to happen.
 const PATIENCE: Duration = Duration::from_secs(150);
 
-/// Attacks a farm until each kind of blow has come at least once.
+/// Attacks a farm until each kind of blow has come at least once, and everything that can happen to a request.
 fn attack(servers: bool) {
-    let plan = Plan { seed: 5, servers, workers: 2, durations: DURATIONS, patience: PATIENCE, log: "off" };
+    let plan = Plan {
+        seed: 5,
+        servers,
+        workers: 2,
+        durations: DURATIONS,
+        is_endless: false,
+        roughness: 3.0,
+        passes: 6,
+        patience: PATIENCE,
+        log: "off",
+    };
     let start = Instant::now();
     let mut siege = Siege::lay(plan);
     while !siege.missing().is_empty() && siege.wrong().is_empty() && start.elapsed() < PATIENCE {
         siege.wave();
     }
     siege.lift();
-    println!("{}", siege.told());
+    println!("{:.0} s: {}", start.elapsed().as_secs_f64(), siege.told());
     assert!(siege.wrong().is_empty(), "{:#?}", siege.wrong());
     assert!(siege.missing().is_empty(), "these have not come: {:?}", siege.missing());
 }

@@ -11,7 +11,7 @@ use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, ProblemCod
 use clerestory_render_core::film::{self, Expectation, NodeAddress, Rendered, partial};
 
 use crate::blobs::Place;
-use crate::farm::Farm;
+use crate::farm::{DECODED_BYTES, Farm, permits};
 use crate::http::ApiError;
 use crate::news::News;
 use crate::store::{DeliveredNode, Delivery, JobRecord, LeaseError, Outcome, WorkFailure, is_chosen};
@@ -39,6 +39,8 @@ pub(crate) async fn accept(
         sampling: job.sampling().map_err(ApiError::internal)?,
         allowed: record.nodes,
     };
+    let wanted = permits(memory(&body).min(DECODED_BYTES));
+    let _permits = farm.decoding.acquire_many(wanted).await.map_err(ApiError::internal)?;
     let decoded = tokio::task::spawn_blocking(move || partial::decode(&body, &expectation, expectation.budget()));
     let nodes = match decoded.await.map_err(ApiError::internal)? {
         Ok(nodes) => nodes,
@@ -52,6 +54,11 @@ pub(crate) async fn accept(
         }
     };
     store(farm, &job, lease, token, core_ms, nodes).await
+}
+
+/// Memory that a partial takes: that of its pixels twice, as they are decoded and as they are in its nodes, and then encoded again to be stored.
+fn memory(body: &[u8]) -> u64 {
+    partial::decoded_bytes(body).saturating_mul(2)
 }
 
 /// Takes a lease back because its work failed.

@@ -384,7 +384,7 @@ mod tests {
 
     use super::*;
 
-    async fn node(blobs: &Blobs, place: &Place) -> Result<Bytes, BlobError> {
+    async fn read(blobs: &Blobs, place: &Place) -> Result<Bytes, BlobError> {
         Ok(blobs.nodes(&place.blob, &[place]).await?.remove(0))
     }
 
@@ -452,10 +452,10 @@ mod tests {
         let nodes = ["nave", "", "choir"].map(|node| node.as_bytes().to_vec());
         let places = blobs.put_nodes(JobId::from(Uuid::now_v7()), nodes.to_vec()).await.unwrap();
         assert_eq!(names(&blobs).await, BTreeSet::from([places[0].blob.clone()]));
-        assert_eq!(node(&blobs, &places[2]).await.unwrap(), "choir");
-        assert_eq!(node(&blobs, &places[0]).await.unwrap(), "nave");
+        assert_eq!(read(&blobs, &places[2]).await.unwrap(), "choir");
+        assert_eq!(read(&blobs, &places[0]).await.unwrap(), "nave");
         let whole = Place { offset: 0, length: None, ..places[0].clone() };
-        assert_eq!(node(&blobs, &whole).await.unwrap(), "navechoir");
+        assert_eq!(read(&blobs, &whole).await.unwrap(), "navechoir");
     }
 
     async fn the_sweep_removes_what_no_row_names(blobs: Blobs) {
@@ -468,13 +468,13 @@ mod tests {
         assert_eq!(blobs.sweep(found.clone(), &known, stored_ms).await, 0, "one that is young may be accepted yet");
         let late = put(&blobs, "late").await;
         assert_eq!(blobs.sweep(found, &known, i64::MAX).await, 1);
-        assert_eq!(node(&blobs, &late).await.unwrap(), "late", "it was not there when the nodes were listed");
+        assert_eq!(read(&blobs, &late).await.unwrap(), "late", "it was not there when the nodes were listed");
         blobs.remove(vec![late.blob]).await;
-        assert_eq!(node(&blobs, &kept).await.unwrap(), "kept");
-        assert!(node(&blobs, &orphan).await.unwrap_err().is_missing());
+        assert_eq!(read(&blobs, &kept).await.unwrap(), "kept");
+        assert!(read(&blobs, &orphan).await.unwrap_err().is_missing());
         assert_eq!(names(&blobs).await.len(), 2);
         blobs.remove(vec![kept.blob.clone(), orphan.blob]).await;
-        assert!(node(&blobs, &kept).await.unwrap_err().is_missing(), "one that is gone already is no obstacle");
+        assert!(read(&blobs, &kept).await.unwrap_err().is_missing(), "one that is gone already is no obstacle");
     }
 
     async fn a_store_belongs_to_the_first_farm_that_claims_it(blobs: Blobs) {
@@ -494,7 +494,7 @@ mod tests {
         let refused = blobs.claim(farm, &BTreeSet::new()).await.unwrap_err();
         assert!(matches!(refused, ClaimError::Unknown { nodes: 1, .. }), "{refused}");
         blobs.claim(farm, &BTreeSet::from([node.blob.clone()])).await.unwrap();
-        assert_eq!(node(&blobs, &node).await.unwrap(), "node");
+        assert_eq!(read(&blobs, &node).await.unwrap(), "node");
     }
 
     async fn a_farm_has_one_store(blobs: Blobs) {
@@ -541,7 +541,7 @@ mod tests {
         fs::write(&half, b"half").unwrap();
         let blobs = Blobs::in_directory(directory.path().to_owned()).unwrap();
         assert!(!half.exists());
-        assert_eq!(node(&blobs, &kept).await.unwrap(), "kept");
+        assert_eq!(read(&blobs, &kept).await.unwrap(), "kept");
     }
 
     #[tokio::test]

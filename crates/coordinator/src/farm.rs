@@ -12,14 +12,21 @@ use crate::blobs::Blobs;
 use crate::config::Config;
 use crate::events::Events;
 use crate::film::FilmReader;
-use crate::images;
 use crate::news::News;
 use crate::previews::Previews;
 use crate::rate::Rates;
 use crate::store::{Removed, Store};
 
-/// Megabytes of partials that are received and decoded at the same time. A larger one is received alone.
-pub(crate) const PARTIAL_MEGABYTES: u32 = 64;
+/// Bytes of partials that are received at the same time. A larger one is received alone.
+pub(crate) const RECEIVED_BYTES: u64 = 32 << 20;
+
+/// Memory for partials that are decoded at the same time, and for their nodes until they are accepted. One that takes more is decoded alone.
+pub(crate) const DECODED_BYTES: u64 = 64 << 20;
+
+/// Permits for so many bytes of memory, one for each kibibyte.
+pub(crate) fn permits(bytes: u64) -> u32 {
+    u32::try_from(bytes >> 10).unwrap_or(u32::MAX).max(1)
+}
 
 /// How long a worker may be silent before others do without it, where a lease does not run out earlier: three signs of life.
 const LONGEST_SILENCE: Duration = Duration::from_secs(15);
@@ -48,8 +55,10 @@ pub(crate) struct Farm {
     pub(crate) rates: Rates,
     /// Rings when work may have become available.
     pub(crate) work: Notify,
-    /// Permits for receiving partials, one for each megabyte.
-    pub(crate) partials: Semaphore,
+    /// Permits for receiving partials, one for each kibibyte.
+    pub(crate) receiving: Semaphore,
+    /// Permits for decoding partials, one for each kibibyte.
+    pub(crate) decoding: Semaphore,
     /// Permit for building a submitted scene, which may take much memory.
     pub(crate) building: Semaphore,
     /// Rings the keeper for a job of which a round may be complete.
@@ -75,7 +84,7 @@ impl Farm {
         let (keeper, grown) = mpsc::unbounded_channel();
         let (tell, told) = mpsc::unbounded_channel();
         let film = FilmReader::new(blobs.clone(), config.node_cache_bytes);
-        let images = Semaphore::new(images::permits(config.image_bytes / 2) as usize);
+        let images = Semaphore::new(permits(config.image_bytes / 2) as usize);
         let previews = Previews::new(config.preview_bytes);
         let rates = Rates::new(config.clock.now_ms());
         let farm = Self {
@@ -89,7 +98,8 @@ impl Farm {
             events: Events::default(),
             rates,
             work: Notify::new(),
-            partials: Semaphore::new(PARTIAL_MEGABYTES as usize),
+            receiving: Semaphore::new(permits(RECEIVED_BYTES) as usize),
+            decoding: Semaphore::new(permits(DECODED_BYTES) as usize),
             building: Semaphore::new(1),
             keeper,
             told: tell,

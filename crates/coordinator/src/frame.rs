@@ -40,12 +40,16 @@ impl Extent {
 /// The rows of an image in strips that take at most so many bytes, if a block of rows does: whole tiles and whole blocks, if they fit.
 pub(crate) fn strips(grid: TileGrid, bytes_per_pixel: u64, most_bytes: u64) -> impl Iterator<Item = Range<u32>> {
     let row_bytes = (u64::from(grid.width) * bytes_per_pixel).max(1);
-    let fitting =
-        u32::try_from(most_bytes / row_bytes).unwrap_or(u32::MAX).min(grid.height.next_multiple_of(ROWS_PER_BLOCK));
+    let fitting = u32::try_from(most_bytes / row_bytes).unwrap_or(u32::MAX);
     // The smallest common multiple of two numbers, one of which is a power of two.
-    let whole = grid.tile_size * (ROWS_PER_BLOCK / (1 << grid.tile_size.trailing_zeros().min(ROWS_PER_BLOCK.ilog2())));
-    let step = if fitting >= whole { whole } else { ROWS_PER_BLOCK };
-    let rows = (fitting / step * step).max(step);
+    let whole = grid.tile_size * (ROWS_PER_BLOCK >> grid.tile_size.trailing_zeros().min(ROWS_PER_BLOCK.ilog2()));
+    let rows = if fitting >= grid.height {
+        grid.height.max(1)
+    } else if fitting >= whole {
+        fitting / whole * whole
+    } else {
+        (fitting / ROWS_PER_BLOCK * ROWS_PER_BLOCK).max(ROWS_PER_BLOCK)
+    };
     (0..grid.height).step_by(rows as usize).map(move |first| first..grid.height.min(first + rows))
 }
 

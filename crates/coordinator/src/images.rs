@@ -8,7 +8,7 @@ use std::io::{Seek, SeekFrom};
 
 use clerestory_render_core::film::{self, ImageWriter, LayerChoice};
 
-use crate::farm::Farm;
+use crate::farm::{Farm, permits};
 use crate::film::FilmError;
 use crate::frame::{Extent, Frame, Reading, strips};
 use crate::store::JobRecord;
@@ -25,11 +25,6 @@ pub(crate) struct ImageFile {
     pub(crate) blocks: File,
     /// Bytes of the rest.
     pub(crate) blocks_bytes: u64,
-}
-
-/// Permits for so many bytes.
-pub(crate) fn permits(bytes: u64) -> u32 {
-    u32::try_from(bytes >> 10).unwrap_or(u32::MAX).max(1)
 }
 
 /// Which layers the image of a job's first frame has now.

@@ -12,10 +12,9 @@ use clerestory_api::JobId;
 use clerestory_render_core::film::{PreviewSettings, ReducedImage};
 use tokio::sync::{Mutex as AsyncMutex, OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
 
-use crate::farm::Farm;
+use crate::farm::{Farm, permits};
 use crate::film::{FilmError, batches, runs};
 use crate::frame::load;
-use crate::images::permits;
 use crate::store::JobRecord;
 
 /// How long the preview of a running job may stay as it is although its film has grown, if its updates do not take longer.

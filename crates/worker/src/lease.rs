@@ -21,7 +21,7 @@ use crate::uploader::{Outbox, Parcel, Receipt, is_lease_over};
 const GATHERING_TIME: Duration = Duration::from_secs(1);
 
 /// Size of the sums at which a parcel is full, well below what coordinators take. A larger node travels alone.
-const FULL_PARCEL_BYTES: usize = 32 << 20;
+const FULL_PARCEL_BYTES: usize = 8 << 20;
 
 /// Nodes that may be rendered ahead of the parcel that is being handed in.
 const RENDER_AHEAD: usize = 4;

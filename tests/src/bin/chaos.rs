@@ -31,13 +31,27 @@ struct Arguments {
 /// Some sleeps are longer than a coordinator's claim of a film lasts, and than PostgreSQL lets a transaction wait.
 const DURATIONS: Durations = Durations { pauses: [0.1, 1.2], away: 2.0, fault: 2.0, sleep: 12.0, long_sleeps: 8 };
 
+/// Shortest and longest time between two blows where there are servers, seconds: when any of them is down, nothing goes on.
+const PAUSES_ON_SERVERS: [f64; 2] = [0.1, 2.3];
+
 /// Longest time that a job may take, however often its farm is hit.
 const PATIENCE: Duration = Duration::from_secs(600);
 
 fn main() -> ExitCode {
     let Arguments { minutes, seed, servers, workers, log } = Arguments::parse();
     let log = if log { "warn" } else { "off" };
-    let plan = Plan { seed, servers, workers: workers.into(), durations: DURATIONS, patience: PATIENCE, log };
+    let pauses = if servers { PAUSES_ON_SERVERS } else { DURATIONS.pauses };
+    let plan = Plan {
+        seed,
+        servers,
+        workers: workers.into(),
+        durations: Durations { pauses, ..DURATIONS },
+        is_endless: true,
+        roughness: 1.0,
+        passes: 21,
+        patience: PATIENCE,
+        log,
+    };
     let start = Instant::now();
     let mut siege = Siege::lay(plan);
     while start.elapsed().as_secs_f64() < minutes * 60.0 && siege.wrong().is_empty() {

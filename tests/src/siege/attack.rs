@@ -14,7 +14,8 @@ impl Siege {
             self.relieve(relief);
         }
         self.start_what_has_ended();
-        if self.next_blow <= now && !self.is_over {
+        let is_over = self.is_over || !self.plan.is_endless && self.missing_blows().is_empty();
+        if self.next_blow <= now && !is_over {
             let [shortest, longest] = self.plan.durations.pauses;
             let pause = shortest + (longest - shortest) * self.random.uniform();
             self.next_blow = Instant::now() + Duration::from_secs_f64(pause);

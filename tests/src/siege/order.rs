@@ -52,10 +52,10 @@ enum Alone {
 }
 
 impl Order {
-    /// An order at random. One process begins with it at once.
-    pub(super) fn draw(random: &mut Random, number: usize) -> Self {
+    /// An order at random, of up to so many passes. One process begins with it at once.
+    pub(super) fn draw(random: &mut Random, number: usize, most_passes: usize) -> Self {
         let (scene, integrator) = SCENES[below(random, SCENES.len())];
-        let samples = (16 * (1 + below(random, 21))).to_string();
+        let samples = (16 * (1 + below(random, most_passes))).to_string();
         let size = format!("{}x{}", 40 + below(random, 60), 30 + below(random, 60));
         let tile = ["8", "16", "64"][below(random, 3)];
         let seed = below(random, 1000).to_string();

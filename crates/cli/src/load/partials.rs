@@ -12,7 +12,7 @@ use clerestory_render_core::film::{
 use crate::commands::worker::BUILD;
 
 /// Size of the sums at which a parcel of the real worker is full.
-const FULL_PARCEL_BYTES: usize = 32 << 20;
+const FULL_PARCEL_BYTES: usize = 8 << 20;
 
 /// A partial of noise cannot be made.
 #[derive(Debug, thiserror::Error)]

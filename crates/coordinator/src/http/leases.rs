@@ -18,7 +18,7 @@ use uuid::Uuid;
 use super::extract::{PathParameter, StrictJson, number_header, read_body, require_media_type};
 use super::problem::ApiError;
 use crate::acceptance;
-use crate::farm::{Farm, PARTIAL_MEGABYTES};
+use crate::farm::{Farm, RECEIVED_BYTES, permits};
 use crate::news::News;
 use crate::store::{ClaimTerms, Grant, LeaseError, WorkFailure};
 
@@ -150,17 +150,15 @@ pub(super) async fn partial(
         LeaseError::StaleToken(_) => ApiError::from(error).field(FENCING_TOKEN_HEADER),
         error => error.into(),
     })?;
-    let _permits = farm.partials.acquire_many(megabytes(&request)).await.map_err(ApiError::internal)?;
+    let _permits = farm.receiving.acquire_many(permits_for(&request)).await.map_err(ApiError::internal)?;
     let body = read_body(request, farm.config.max_partial_bytes).await?;
     Ok(Json(acceptance::accept(&farm, lease, token, core_ms, body).await?))
 }
 
-/// Permits that a partial needs. One of unknown size, which workers do not send, is received alone.
-fn megabytes(request: &Request) -> u32 {
+/// Permits that a partial needs to be received. One of unknown size, which workers do not send, is received alone.
+fn permits_for(request: &Request) -> u32 {
     let bytes = request.headers().get(CONTENT_LENGTH).and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
-    let megabytes =
-        bytes.map(|bytes| bytes.div_ceil(1 << 20).max(1)).and_then(|megabytes| u32::try_from(megabytes).ok());
-    megabytes.unwrap_or(u32::MAX).min(PARTIAL_MEGABYTES)
+    permits(bytes.unwrap_or(u64::MAX).min(RECEIVED_BYTES))
 }
 
 /// Gives the rest of a lease back.

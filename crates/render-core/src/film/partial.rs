@@ -126,6 +126,16 @@ pub fn decode(bytes: &[u8], expected: &Expectation, budget: DecodeBudget) -> Res
     headers.into_iter().zip(planes).map(|(header, planes)| rendered(header, planes, expected)).collect()
 }
 
+/// Bytes of the pixels of a partial, as its header has them; nothing is decoded. 0 when it has no header.
+pub fn decoded_bytes(bytes: &[u8]) -> u64 {
+    let Ok(file) = OpenExr::open(bytes) else { return 0 };
+    let part_bytes = |part: &InputPart| {
+        let [width, height] = part.size;
+        width.saturating_mul(height).saturating_mul(4 * part.channels.len() as u64)
+    };
+    file.parts().iter().map(part_bytes).fold(0, u64::saturating_add)
+}
+
 fn rendered(
     header: NodeHeader,
     planes: BTreeMap<String, Plane>,
