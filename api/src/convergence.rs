@@ -24,9 +24,9 @@ pub struct ConvergencePoint {
     pub frame: u32,
     /// Number of the round, from 0.
     pub round: u32,
-    /// Passes in every tile.
+    /// Passes in every tile; in those of an adaptive job that have most.
     pub passes: u32,
-    /// Samples in every pixel.
+    /// Samples in every pixel; in those of an adaptive job that have most.
     pub samples_per_pixel: u64,
     /// Time spent rendering everything accepted by then, summed over cores.
     pub core_ms: i64,

@@ -102,7 +102,7 @@ pub struct JobView {
     pub samples_per_pass: u32,
     /// Passes that each tile gets at most.
     pub passes: u32,
-    /// Passes up to which every tile is complete and the error has been recorded.
+    /// Passes up to which every tile has what it gets, and the error has been recorded.
     pub complete_passes: u32,
     /// Rounds recorded so far.
     pub rounds: u32,
@@ -134,6 +134,9 @@ pub struct JobView {
     /// Mean squared standard error of the image at which it ends, in squared units of radiance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_estimated_mse: Option<f64>,
+    /// Whether the passes of a round are shared out among the tiles by their noise.
+    #[serde(default)]
+    pub adaptive: bool,
     /// The reference image.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<ContentHash>,

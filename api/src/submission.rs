@@ -46,6 +46,11 @@ pub struct JobSubmission {
     /// first complete round at which that of every frame is no more, from four blocks of samples in each pixel on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_estimated_mse: Option<f64>,
+    /// Whether the passes of a round are shared out among the tiles by their noise, which a few more passes tell that are in no
+    /// image. Only the noisiest tile then has `samples_per_pixel` samples, and no tile less than two blocks of them, or four with
+    /// `target_estimated_mse`; so it must be more than that.
+    #[serde(default)]
+    pub adaptive: bool,
 }
 
 fn default_tile_size() -> u32 {

@@ -8,7 +8,7 @@
 //! - [`bias`]: whether a renderer's replicates agree with a reference, and with what power;
 //! - [`methods`]: the integrators and settings that are tested;
 //! - [`comparisons`]: which method is held against which reference, and [`allocation`]: with how many samples where;
-//! - [`farm`]: a farm of real processes, [`made_images`]: what it makes, and [`browser`]: what a user sees of it;
+//! - [`farm`]: a farm of real processes, [`made_images`]: what it makes, [`small_blocks`]: a scene for it, and [`browser`]: what a user sees of it;
 //! - [`siege`]: such a farm while its processes, disks, clocks and connections fail, these in a [`proxy`] that knows where `requests` end;
 //! - [`large_frame`]: frames that are larger than a coordinator's memory, and [`cgroup`]: limits on that;
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
@@ -61,6 +61,7 @@ pub mod sheet_connections;
 pub mod siege;
 pub mod single_connections;
 pub mod slab;
+pub mod small_blocks;
 pub mod solution_lists;
 pub mod spline;
 pub mod sun_scene;

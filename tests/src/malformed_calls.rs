@@ -216,6 +216,16 @@ fn submissions() -> Vec<BadCall> {
             invalid("target_mse", &["`0.001`", "a reference beside it"]),
         ),
         BadCall::new(
+            "nothing to share out",
+            submission_with("adaptive", json!(true)),
+            invalid("samples_per_pixel", &["`4`", "for an adaptive job"]),
+        ),
+        BadCall::new(
+            "words for yes or no",
+            submission_with("adaptive", json!("perhaps")),
+            invalid("adaptive", &["`perhaps`"]),
+        ),
+        BadCall::new(
             "a file that the scene names and the submission does not",
             post("/jobs", &unnamed_file),
             invalid("assets.floor.ply", &["absent", "content hash"]),

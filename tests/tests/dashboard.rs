@@ -124,6 +124,18 @@ async fn a_job_that_its_time_ends_shows_the_time_and_no_total() {
 }
 
 #[tokio::test]
+async fn an_adaptive_job_says_that_its_passes_are_shared_out() {
+    let mut farm = Farm::start(None, &[]);
+    farm.start_worker("nave");
+    let job = farm.submit(&scene(), &["--size", "16x16", "--spp", "1024", "--adaptive", "--wait"]);
+    let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
+    browser.shows("article.job .percent", "100 %").await;
+    browser.shows(".sharing", "shared out by noise").await;
+    browser.shows(".samples", "of 1024").await;
+    assert_eq!(browser.complaints().await, [""; 0]);
+}
+
+#[tokio::test]
 async fn a_job_that_its_target_ends_shows_the_target_and_why_it_ended() {
     let mut farm = Farm::start(None, &[]);
     farm.start_worker("nave");

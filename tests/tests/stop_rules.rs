@@ -3,13 +3,14 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clerestory_api::{ConvergencePoint, JobState, JobView, StopReason};
 use clerestory_render_core::film::{DecodeBudget, FrameImage, mean_squared_standard_error};
 use clerestory_test_servers::postgres;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::made_images::{assert_made_alike, rendered_alone};
+use clerestory_tests::small_blocks::crown_sphere;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -55,15 +56,7 @@ impl Order {
 
     fn scene() -> (TempDir, PathBuf) {
         let folder = tempfile::tempdir().unwrap();
-        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/references");
-        let text = fs::read_to_string(source.join("crown-sphere.json")).unwrap();
-        let mut description: Value = serde_json::from_str(&text).unwrap();
-        description["sampling"] = json!({"samples_per_pass": 4, "samples_per_block": 16});
-        fs::create_dir(folder.path().join("heights")).unwrap();
-        for face in ["heights/crown-front.exr", "heights/crown-back.exr"] {
-            fs::copy(source.join(face), folder.path().join(face)).unwrap();
-        }
-        fs::write(scene(&folder), description.to_string()).unwrap();
+        crown_sphere(folder.path());
         let samples = END.to_string();
         let options = [&SIZE[..], &["--spp", &samples]].concat();
         let alone = rendered_alone(&scene(&folder), folder.path(), "alone.exr", &options);

@@ -7,10 +7,12 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use clerestory_coordinator::Rounds;
+use clerestory_coordinator::{PILOT_ROUND, Rounds};
 use clerestory_render_core::counters::Counters;
+use clerestory_render_core::film::adaptive::{noise, shares};
 use clerestory_render_core::film::{
-    FilmTile, FrameImage, ImageError, ImageMetadata, InsertError, NodeAddress, Sampling, SumError, TileGrid, TileSum,
+    Adaptation, FilmTile, FrameImage, ImageError, ImageMetadata, InsertError, NodeAddress, Sampling, Share, SumError,
+    TileGrid, TileSum,
 };
 use clerestory_render_core::integrator::{RenderError, Rendered, render_node};
 use clerestory_render_core::scene::Scene;
@@ -29,6 +31,8 @@ pub(crate) struct PassPlan {
     pub(crate) sampling: Sampling,
     /// Passes of each tile, in the order of the tiles.
     pub(crate) tile_passes: Vec<u32>,
+    /// How they are shared out; `None` where each tile gets its own. All tiles then have the same of them.
+    pub(crate) adaptation: Option<Adaptation>,
 }
 
 /// How far a render is, and how it is stopped early. Shared between the threads that render and the one that watches.
@@ -40,13 +44,21 @@ pub(crate) struct Control {
     pub(crate) cancelled: AtomicBool,
     /// Camera samples rendered so far.
     pub(crate) samples: AtomicU64,
+    /// Camera samples in all that is to be rendered, once it is known what that is.
+    pub(crate) planned: AtomicU64,
+}
+
+impl Control {
+    fn is_late(&self) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
 }
 
 /// A complete round.
 pub(crate) struct Round<'a> {
     /// Its number, from 0.
     pub(crate) number: u32,
-    /// Passes in every tile.
+    /// Passes in every tile, or in those that have most.
     pub(crate) passes: u32,
     /// The sums of all tiles.
     pub(crate) sums: &'a [TileSum],
@@ -67,14 +79,21 @@ pub(crate) enum LocalRenderError {
 struct LocalTile {
     index: u32,
     film: FilmTile,
-    /// Passes that it is to get.
+    /// Passes that it has.
+    passes: u32,
+    /// Passes that it is to get for now.
     wanted: u32,
 }
 
 impl PassPlan {
-    /// Camera samples that it takes.
+    /// Camera samples that it takes at most.
     pub(crate) fn samples(&self) -> u64 {
-        let tiles = (0..).map_while(|index| self.grid.tile(index)).zip(&self.tile_passes);
+        let pilot_passes = self.adaptation.map_or(0, |adaptation| adaptation.pilot_passes());
+        self.samples_of(&self.tile_passes).saturating_add(self.samples_of(&vec![pilot_passes; self.tile_passes.len()]))
+    }
+
+    fn samples_of(&self, tile_passes: &[u32]) -> u64 {
+        let tiles = (0..).map_while(|index| self.grid.tile(index)).zip(tile_passes);
         let passes: u64 = tiles.map(|(tile, passes)| tile.pixels() as u64 * u64::from(*passes)).sum();
         passes * u64::from(self.sampling.samples_per_pass())
     }
@@ -96,31 +115,27 @@ impl<'a> LocalFilm<'a> {
             .zip(&plan.tile_passes)
             .filter_map(|(index, &wanted)| {
                 let film = FilmTile::new(FRAME, index, plan.grid.tile(index)?, plan.sampling);
-                (wanted > 0).then_some(LocalTile { index, film, wanted })
+                (wanted > 0).then_some(LocalTile { index, film, passes: 0, wanted })
             })
             .collect();
         Self { scene, plan, tiles, counters: Counters::default() }
     }
 
-    /// Renders one pass of every tile that is to have it; says whether it is complete, or `control` said stop.
-    pub(crate) fn render_pass(&mut self, pass: u32, control: &Control) -> Result<bool, LocalRenderError> {
-        let is_late = || pass > 0 && control.deadline.is_some_and(|deadline| Instant::now() >= deadline);
+    /// Renders one more pass of every tile that is to have more; says whether it is complete, or `control` said stop.
+    pub(crate) fn render_pass(&mut self, control: &Control) -> Result<bool, LocalRenderError> {
         let Self { scene, plan, .. } = *self;
         let render_tile = |tile: &mut LocalTile| -> Result<Option<Counters>, LocalRenderError> {
-            if pass >= tile.wanted {
+            if tile.passes >= tile.wanted {
                 return Ok(Some(Counters::default()));
             }
-            if is_late() {
+            if tile.passes > 0 && control.is_late() {
                 return Ok(None);
             }
-            let address = NodeAddress { frame: FRAME, tile: tile.index, level: 0, index: pass };
-            let Rendered { node, counters } = match render_node(scene, &plan.grid, address, &control.cancelled) {
-                Ok(rendered) => rendered,
-                Err(RenderError::Cancelled) => return Ok(None),
-                Err(source) => return Err(LocalRenderError::Render { address, source }),
+            let Some(Rendered { node, counters }) = render_leaf(scene, plan, tile.index, tile.passes, control)? else {
+                return Ok(None);
             };
-            control.samples.fetch_add(counters.samples, Ordering::Relaxed);
             tile.film.insert(node)?;
+            tile.passes += 1;
             Ok(Some(counters))
         };
         let rendered: Vec<Option<Counters>> = self.tiles.par_iter_mut().map(render_tile).collect::<Result<_, _>>()?;
@@ -130,53 +145,126 @@ impl<'a> LocalFilm<'a> {
 
     /// The sums over the complete passes of each tile; a tile without any is left out.
     pub(crate) fn sums(&self) -> Result<Vec<TileSum>, LocalRenderError> {
-        self.sums_over(FilmTile::complete_passes)
+        let complete = self.tiles.iter().map(|tile| &tile.film).filter(|film| film.complete_passes() > 0);
+        Ok(complete.map(|film| film.sum(film.complete_passes())).collect::<Result<_, _>>()?)
     }
 
-    fn sums_over(&self, passes: impl Fn(&FilmTile) -> u32) -> Result<Vec<TileSum>, LocalRenderError> {
-        let complete = self.tiles.iter().map(|tile| (&tile.film, passes(&tile.film)));
-        let complete = complete.filter(|(_, passes)| *passes > 0);
-        Ok(complete.map(|(film, passes)| film.sum(passes)).collect::<Result<_, _>>()?)
+    /// Renders every tile up to so many passes; says whether that is complete, or `control` said stop.
+    fn render_up_to(&mut self, tile_passes: &[u32], control: &Control) -> Result<bool, LocalRenderError> {
+        for tile in &mut self.tiles {
+            tile.wanted = tile_passes.get(tile.index as usize).copied().unwrap_or(0);
+        }
+        while self.tiles.iter().any(|tile| tile.passes < tile.wanted) {
+            if !self.render_pass(control)? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 }
 
-/// Renders on the current rayon pool until everything is complete, or `control` or `on_round` says stop. Returns the sums over
-/// the complete passes of each tile; a tile without any is left out.
+/// Renders a pass of a tile; `None` when `control` said stop.
+fn render_leaf(
+    scene: &Scene,
+    plan: &PassPlan,
+    tile: u32,
+    pass: u32,
+    control: &Control,
+) -> Result<Option<Rendered>, LocalRenderError> {
+    let address = NodeAddress { frame: FRAME, tile, level: 0, index: pass };
+    match render_node(scene, &plan.grid, address, &control.cancelled) {
+        Ok(rendered) => {
+            control.samples.fetch_add(rendered.counters.samples, Ordering::Relaxed);
+            Ok(Some(rendered))
+        }
+        Err(RenderError::Cancelled) => Ok(None),
+        Err(source) => Err(LocalRenderError::Render { address, source }),
+    }
+}
+
+/// What came out of a render.
+pub(crate) struct Outcome {
+    /// The sums over the complete passes of each tile; a tile without any is left out.
+    pub(crate) sums: Vec<TileSum>,
+    /// The work on the image, unfinished passes included.
+    pub(crate) counters: Counters,
+    /// The work on the pilot, which is not in the image.
+    pub(crate) pilot: Counters,
+    /// Whether all was rendered that was to be.
+    pub(crate) is_complete: bool,
+}
+
+/// Renders on the current rayon pool until everything is complete, or `control` or `on_round` says stop.
 pub(crate) fn render(
     scene: &Scene,
     plan: &PassPlan,
     control: &Control,
-    counters: &mut Counters,
     mut on_round: impl FnMut(&Round<'_>) -> ControlFlow<()>,
-) -> Result<Vec<TileSum>, LocalRenderError> {
+) -> Result<Outcome, LocalRenderError> {
     let mut film = LocalFilm::new(scene, plan);
+    let mut pilot = Counters::default();
+    control.planned.store(plan.samples(), Ordering::Relaxed);
+    let is_complete = render_rounds(&mut film, &mut pilot, control, &mut on_round)?;
+    Ok(Outcome { sums: film.sums()?, counters: film.counters, pilot, is_complete })
+}
+
+fn render_rounds(
+    film: &mut LocalFilm<'_>,
+    pilot: &mut Counters,
+    control: &Control,
+    on_round: &mut impl FnMut(&Round<'_>) -> ControlFlow<()>,
+) -> Result<bool, LocalRenderError> {
+    let plan = film.plan;
+    let mut shares: Option<Vec<Share>> = None;
     // A round is complete in every tile of the image, so one that gets no pass at all leaves no rounds.
-    let fewest = plan.tile_passes.iter().copied().min().unwrap_or(0);
-    let most = plan.tile_passes.iter().copied().max().unwrap_or(0);
-    let rounds = Rounds::new(fewest);
-    let mut round = 0;
-    for pass in 0..most {
-        let end = rounds.end(round);
-        if let Some(end) = end {
-            // The image is wanted there, so no node may grow across it before.
-            film.tiles.iter_mut().try_for_each(|tile| tile.film.hold(end))?;
+    let rounds = Rounds::new(plan.tile_passes.iter().copied().min().unwrap_or(0));
+    for (number, passes) in (0..).map_while(|number| Some((number, rounds.end(number)?))) {
+        let in_tiles = match (&plan.adaptation, &shares) {
+            (Some(adaptation), Some(shares)) => shares.iter().map(|share| adaptation.passes(*share, passes)).collect(),
+            _ => vec![passes; plan.tile_passes.len()],
+        };
+        if !film.render_up_to(&in_tiles, control)? {
+            return Ok(false);
         }
-        if !film.render_pass(pass, control)? {
-            break;
+        if on_round(&Round { number, passes, sums: &film.sums()? }).is_break() {
+            return Ok(false);
         }
-        if end == Some(pass + 1) {
-            let sums = film.sums_over(|_| pass + 1)?;
-            if on_round(&Round { number: round, passes: pass + 1, sums: &sums }).is_break() {
-                break;
-            }
-            for tile in &mut film.tiles {
-                tile.film.release(pass + 1);
-            }
-            round += 1;
+        if let Some(adaptation) = plan.adaptation.filter(|_| number == PILOT_ROUND) {
+            shares = render_pilot(film, &adaptation, pilot, control)?;
+            let Some(shares) = &shares else { return Ok(false) };
+            let most = plan.tile_passes.iter().zip(shares).map(|(passes, share)| adaptation.passes(*share, *passes));
+            let planned = plan.samples_of(&most.collect::<Vec<_>>()).saturating_add(pilot.samples);
+            control.planned.store(planned, Ordering::Relaxed);
         }
     }
-    *counters += film.counters;
-    film.sums()
+    match shares {
+        Some(_) => Ok(true),
+        None => film.render_up_to(&plan.tile_passes, control),
+    }
+}
+
+/// Renders the pilot and decides what each tile gets; `None` when `control` said stop.
+fn render_pilot(
+    film: &LocalFilm<'_>,
+    adaptation: &Adaptation,
+    counters: &mut Counters,
+    control: &Control,
+) -> Result<Option<Vec<Share>>, LocalRenderError> {
+    let LocalFilm { scene, plan, .. } = film;
+    let noise_of = |tile: u32| -> Result<Option<(f64, Counters)>, LocalRenderError> {
+        let (mut nodes, mut counters) = (Vec::new(), Counters::default());
+        for pass in adaptation.pilot() {
+            let rendered = if control.is_late() { None } else { render_leaf(scene, plan, tile, pass, control)? };
+            let Some(rendered) = rendered else { return Ok(None) };
+            nodes.push(rendered.node);
+            counters += rendered.counters;
+        }
+        Ok(Some((noise(&nodes), counters)))
+    };
+    let tiles: Vec<Option<_>> = (0..plan.grid.len()).into_par_iter().map(noise_of).collect::<Result<_, _>>()?;
+    tiles.iter().flatten().for_each(|(_, tile)| *counters += *tile);
+    let noise: Option<Vec<f64>> = tiles.into_iter().map(|tile| tile.map(|(noise, _)| noise)).collect();
+    Ok(noise.map(|noise| shares(&plan.grid, &noise)))
 }
 
 /// The image that these sums make, with how it was made.
@@ -203,4 +291,60 @@ pub(crate) fn image(
         elapsed_seconds: elapsed.map(|elapsed| elapsed.as_secs_f64()),
     };
     FrameImage::assemble(&plan.grid, sums, metadata)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use clerestory_coordinator::{Targets, adaptation};
+    use clerestory_render_core::film::decomposition::{mean, standard_error};
+    use clerestory_render_core::scene;
+    use clerestory_render_core::scene::SceneBundle;
+    use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};
+
+    use super::*;
+
+    const PASSES: u32 = 40;
+
+    /// The caustic of a crown pane in a few pixels, with small blocks.
+    fn bundle(seed: u64) -> SceneBundle {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/references/crown-sphere.json");
+        let bundle = scene::load(&file).unwrap();
+        let mut description = bundle.description().clone();
+        description.seed = seed;
+        description.film = FilmDescription { width: 16, height: 16 };
+        description.sampling = SamplingDescription { samples_per_pass: 4, samples_per_block: 16 };
+        bundle.with_description(description).unwrap()
+    }
+
+    /// Mean radiance of the image, with passes shared out or not, and passes of the tiles.
+    fn light(scene: &Scene, is_adaptive: bool) -> (f64, Vec<u32>) {
+        let grid = TileGrid { width: 16, height: 16, tile_size: 4 };
+        let adaptation = is_adaptive.then(|| adaptation(scene.sampling(), PASSES, &Targets::default()).unwrap());
+        let plan = PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![PASSES; 16], adaptation };
+        let control = Control::default();
+        let outcome = render(scene, &plan, &control, |_| ControlFlow::Continue(())).unwrap();
+        assert!(outcome.is_complete);
+        assert_eq!(control.planned.into_inner(), outcome.counters.samples + outcome.pilot.samples);
+        let image = image(scene, &plan, &outcome.sums, outcome.counters, None).unwrap();
+        let numbers: Vec<f64> = image.layers().mean.as_flattened().iter().map(|number| f64::from(*number)).collect();
+        (mean(&numbers), image.metadata().unwrap().tile_passes.clone())
+    }
+
+    #[test]
+    fn passes_shared_out_bring_as_much_light_as_the_same_in_every_tile() {
+        // The two share samples, so that their difference says more than each of them.
+        let (mut differences, mut even) = (Vec::new(), Vec::new());
+        for seed in 0..48 {
+            let scene = Scene::build(&bundle(seed)).unwrap();
+            let ((adaptive, passes), (same, _)) = (light(&scene, true), light(&scene, false));
+            assert!(passes.contains(&PASSES) && passes.iter().any(|passes| *passes < PASSES / 2), "{passes:?}");
+            differences.push(adaptive - same);
+            even.push(same);
+        }
+        let (difference, error, light) = (mean(&differences), standard_error(&differences).unwrap(), mean(&even));
+        assert!(error < 0.005 * light, "the test has no power: {difference} +- {error} of {light}");
+        assert!(difference.abs() < 4.0 * error, "{difference} +- {error} of {light}");
+    }
 }

@@ -5,7 +5,8 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use clerestory_coordinator::{InvalidTarget, Targets};
+use clerestory_coordinator::{InvalidTarget, Targets, adaptation};
+use clerestory_render_core::film::{Adaptation, Sampling};
 use clerestory_render_core::scene::description::{
     ConicSearch, FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator,
     MissedPaths, PaneSelection, SceneDescription, WalkSteps,
@@ -40,6 +41,11 @@ pub(crate) struct SceneOverrides {
     /// tells is no more than this.
     #[arg(long, value_name = "MSE", value_parser = parse_target)]
     pub(crate) target_estimated_mse: Option<f64>,
+    /// Render more where the image is noisy: share out the passes of a round among the tiles by their noise, which a few more
+    /// passes tell that are in no image. The noisiest tile gets all, a quiet one an eighth, and none less than two blocks of samples,
+    /// or four with --target-estimated-mse.
+    #[arg(long)]
+    pub(crate) adaptive: bool,
     /// Integrator to use instead of the scene's.
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) integrator: Option<IntegratorName>,
@@ -221,6 +227,19 @@ impl SceneOverrides {
     pub(crate) fn check_targets(&self, has_reference: bool, reference_noise: Option<f64>) -> Result<(), Failure> {
         self.targets().check(has_reference, reference_noise).map_err(|InvalidTarget { field, value, expected }| {
             Failure::Usage(format!("--{} {value:e} cannot be used: expected {expected}", field.replace('_', "-")))
+        })
+    }
+
+    /// How so many passes are shared out among tiles, if they are to be.
+    pub(crate) fn adaptation(&self, sampling: Sampling, passes: u32) -> Result<Option<Adaptation>, Failure> {
+        let adaptation = self.adaptive.then(|| adaptation(sampling, passes, &self.targets())).transpose();
+        adaptation.map_err(|fewest| {
+            Failure::Usage(format!(
+                "--adaptive with {} samples in each pixel has nothing to share out: expected --spp of at least {fewest}, since \
+                 every pixel gets {} at least",
+                self.samples_per_pixel(),
+                fewest.saturating_sub(1)
+            ))
         })
     }
 

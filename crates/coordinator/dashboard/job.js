@@ -51,6 +51,7 @@ function Facts({ job }) {
   const facts = [
     [job.finished_ms ? 'took' : 'time left', timeLeft(job)],
     ['samples a pixel', html`<span class="samples">${mean(samplesInPixel(job))} ${limits(job) || `of ${job.passes * job.samples_per_pass}`}</span>`],
+    ...(job.adaptive ? [['passes', html`<span class="sharing">shared out by noise</span>`]] : []),
     ...(job.stopped_by ? [['ended by', html`<span class="reason">${reason(job)}</span>`]] : []),
     ['rate', job.state === 'running' ? rate(job.samples_per_second) : '–'],
     ['core time', duration(job.core_ms)],

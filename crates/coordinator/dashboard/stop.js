@@ -22,7 +22,8 @@ export const limits = (job) =>
 /** What ended a job. */
 export const reason = (job) => REASONS[job.stopped_by] ?? job.stopped_by;
 
-/** Samples in a pixel of the image: what was rendered beyond the round that a target ended is not in it. */
+/** Samples in a pixel of the image: what was rendered beyond the round that a target ended is not in it. Of an adaptive job, those of the noisiest tile at
+ * that round, or else the mean with the pilot. */
 export function samplesInPixel(job) {
   const isCutOff = job.stopped_by === 'mse' || job.stopped_by === 'estimated_mse';
   return isCutOff ? job.complete_passes * job.samples_per_pass : job.samples / (job.width * job.height * job.frames);

@@ -11,6 +11,7 @@ use clerestory_render_core::film::{
     TileGrid,
 };
 
+use crate::adaptive::TilePasses;
 use crate::blobs::Blobs;
 use crate::farm::Farm;
 use crate::film::FilmError;
@@ -75,9 +76,10 @@ pub(crate) async fn point(
     job: &JobRecord,
     wave: &CompleteWave,
     frame: u32,
+    tile_passes: &TilePasses,
     reference: Option<&Reference>,
 ) -> Result<ConvergencePoint, FilmError> {
-    let image = Frame { farm, job, frame, extent: Extent::Passes(wave.passes) };
+    let image = Frame { farm, job, frame, extent: Extent::Round(wave.passes, tile_passes.clone()) };
     let has_standard_error = image.has_standard_error().await?;
     let choice = LayerChoice::measured(has_standard_error);
     let bytes = choice.bytes_per_pixel() + reference.map_or(0, |_| REFERENCE_PIXEL_BYTES);

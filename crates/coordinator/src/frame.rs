@@ -10,6 +10,7 @@ use clerestory_render_core::film::{
     ImageMetadata, ImageRows, LayerChoice, Node, ROWS_PER_BLOCK, SumError, TileGrid, TileSum,
 };
 
+use crate::adaptive::TilePasses;
 use crate::farm::Farm;
 use crate::film::{FilmError, batches, film_tile, metadata, runs};
 use crate::store::{JobRecord, NodeRow, Work};
@@ -18,20 +19,20 @@ use crate::store::{JobRecord, NodeRow, Work};
 const TRIES: u32 = 3;
 
 /// Up to which pass an image is wanted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub(crate) enum Extent {
-    /// The same in every tile, all of which must be complete up to there.
-    Passes(u32),
+    /// That of the round of so many passes, up to which all tiles must be complete.
+    Round(u32, TilePasses),
     /// As far as each tile is complete from its first pass on. Such an image can be rendered again from its pass counts;
     /// one with holes could not.
     Complete,
 }
 
 impl Extent {
-    /// The passes that a tile must have; `None` where those count that it has.
-    fn passes(&self, _tile: u32) -> Option<u32> {
+    /// The passes that a tile of a frame must have; `None` where those count that it has.
+    fn passes(&self, frame: u32, tile: u32) -> Option<u32> {
         match self {
-            Self::Passes(passes) => Some(*passes),
+            Self::Round(passes, tiles) => Some(tiles.at(frame, tile, *passes)),
             Self::Complete => None,
         }
     }
@@ -54,7 +55,7 @@ pub(crate) fn strips(grid: TileGrid, bytes_per_pixel: u64, most_bytes: u64) -> i
 }
 
 /// What of a frame is read.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Frame<'a> {
     /// The farm.
     pub(crate) farm: &'a Farm,
@@ -84,7 +85,7 @@ impl Frame<'_> {
     pub(crate) async fn has_standard_error(&self) -> Result<bool, FilmError> {
         let mut most = 0;
         for tiles in runs(0..self.job.grid.len()) {
-            let wanted: Option<Vec<u32>> = tiles.clone().map(|tile| self.extent.passes(tile)).collect();
+            let wanted: Option<Vec<u32>> = tiles.clone().map(|tile| self.extent.passes(self.frame, tile)).collect();
             let passes = match wanted {
                 Some(passes) => passes,
                 None => self.farm.store.complete_passes(self.job.id, self.frame, tiles).await?,
@@ -155,9 +156,9 @@ impl Frame<'_> {
     /// Makes sure that all tiles have nodes of which a certain number of passes is wanted.
     fn check_present(&self, nodes: &[NodeRow], mut tiles: Range<u32>) -> Result<(), FilmError> {
         let is_missing = |tile: &u32| nodes.binary_search_by_key(tile, |row| row.address.tile).is_err();
-        match tiles.find(|tile| self.extent.passes(*tile).is_some() && is_missing(tile)) {
+        match tiles.find(|tile| self.extent.passes(self.frame, *tile).is_some() && is_missing(tile)) {
             Some(tile) => {
-                let wanted = self.extent.passes(tile).unwrap_or(0);
+                let wanted = self.extent.passes(self.frame, tile).unwrap_or(0);
                 Err(SumError::Incomplete { wanted, complete: 0 }.into())
             }
             None => Ok(()),
@@ -176,7 +177,7 @@ impl Frame<'_> {
             // A tile that began in an earlier strip has the passes that it had there.
             let is_begun = job.grid.tile(tile.index).is_some_and(|tile| tile.y < first_row);
             let begun = reading.tile_passes.get(tile.index as usize).copied().filter(|_| is_begun);
-            (is_begun, begun.or_else(|| self.extent.passes(tile.index)))
+            (is_begun, begun.or_else(|| self.extent.passes(self.frame, tile.index)))
         });
         let wanted: Vec<(bool, Option<u32>)> = wanted.collect();
         let filled = tokio::task::spawn_blocking(move || {

@@ -14,6 +14,7 @@ use clerestory_render_core::film::{Node, NodeAddress, store as stored_form};
 use futures::stream::{self, StreamExt, TryStreamExt};
 use tokio::sync::mpsc;
 
+use crate::adaptive::{PILOT_ROUND, TilePasses, share_out};
 use crate::convergence::{self, Reference};
 use crate::farm::Farm;
 use crate::film::{self, FilmError, film_tile};
@@ -121,6 +122,10 @@ async fn advance(
         // A job that was cancelled or ran out of time may have completed a round just before.
         let Some(wave) = farm.store.complete_wave(&record).await? else {
             if record.state.is_final() {
+                if record.adaptive && record.shared_samples.is_none() {
+                    // It ended before its pilot was of use.
+                    farm.let_go(farm.store.discard_pilot(job, record.passes).await?).await;
+                }
                 references.remove(&job);
                 claims.remove(job);
                 farm.rates.remove(job);
@@ -129,6 +134,10 @@ async fn advance(
         };
         if !claims.holds(farm, job).await? {
             return Ok(());
+        }
+        if wave.round == PILOT_ROUND && record.adaptive && record.shared_samples.is_none() {
+            farm.let_go(share_out(farm, &record).await?).await;
+            continue;
         }
         // Where another has recorded it, that one merges too.
         if record_round(farm, &record, &wave, references).await? {
@@ -150,10 +159,10 @@ async fn record_round(
     {
         vacant.insert(Reference::measure(farm, job.grid, hash).await?);
     }
-    let reference = references.get(&job.id);
+    let (reference, tile_passes) = (references.get(&job.id), farm.store.tile_passes(job).await?);
     let mut points = Vec::new();
     for frame in 0..job.frames {
-        points.push(convergence::point(farm, job, wave, frame, reference).await?);
+        points.push(convergence::point(farm, job, wave, frame, &tile_passes, reference).await?);
     }
     let recorded = farm.store.record_round(job, points, farm.config.clock.now_ms()).await?;
     let is_new = recorded.is_some();
@@ -170,32 +179,29 @@ async fn record_round(
 
 /// Merges the nodes of every tile as far as no later round needs them apart.
 async fn merge(farm: &Farm, job: &JobRecord, recorded_passes: u32) -> Result<(), FilmError> {
+    let tile_passes = farm.store.tile_passes(job).await?;
+    let held = Held { job, tile_passes: &tile_passes, recorded_passes };
     for (frame, tiles) in
         (0..job.frames).flat_map(|frame| film::runs(0..job.grid.len()).map(move |tiles| (frame, tiles)))
     {
         let rows = farm.store.nodes(job.id, frame, tiles).await?;
         let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
-        let tiles = tiles.filter(|rows| can_merge(job, rows, recorded_passes)).collect();
+        let tiles = tiles.filter(|rows| can_merge(rows, &held.of(rows))).collect();
         let batches = film::batches(tiles).into_iter();
-        let merges: Vec<_> = batches.map(|tiles| merge_tiles(farm, job, tiles, recorded_passes)).collect();
+        let merges: Vec<_> = batches.map(|tiles| merge_tiles(farm, job, tiles, &held)).collect();
         stream::iter(merges).buffer_unordered(MERGES).try_collect::<()>().await?;
     }
     Ok(())
 }
 
-async fn merge_tiles(
-    farm: &Farm,
-    job: &JobRecord,
-    tiles: Vec<&[NodeRow]>,
-    recorded_passes: u32,
-) -> Result<(), FilmError> {
+async fn merge_tiles(farm: &Farm, job: &JobRecord, tiles: Vec<&[NodeRow]>, held: &Held<'_>) -> Result<(), FilmError> {
     let mut loaded = Vec::with_capacity(tiles.len());
     for rows in tiles {
-        loaded.push((rows.to_vec(), farm.film.load(rows).await?));
+        loaded.push((rows.to_vec(), held.of(rows), farm.film.load(rows).await?));
     }
     let record = job.clone();
     let merged = tokio::task::spawn_blocking(move || {
-        let tiles = loaded.iter().map(|(rows, nodes)| merged_nodes(&record, rows, nodes, recorded_passes));
+        let tiles = loaded.iter().map(|(rows, held, nodes)| merged_nodes(&record, rows, nodes, held));
         let nodes: Vec<(Node, Vec<NodeAddress>)> =
             tiles.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
         let encoded: Vec<Vec<u8>> = nodes.iter().map(|(node, _)| stored_form::encode(node)).collect();
@@ -217,9 +223,9 @@ fn merged_nodes(
     job: &JobRecord,
     rows: &[NodeRow],
     nodes: &[Arc<Node>],
-    recorded_passes: u32,
+    held: &[u32],
 ) -> Result<Vec<(Node, Vec<NodeAddress>)>, FilmError> {
-    let Some(tile) = film_tile(job, nodes, held(job, rows, recorded_passes))? else { return Ok(Vec::new()) };
+    let Some(tile) = film_tile(job, nodes, held.iter().copied())? else { return Ok(Vec::new()) };
     let merged = tile.nodes().filter(|node| !rows.iter().any(|row| row.address == node.address()));
     let with_children = merged.map(|node| {
         let children = rows.iter().map(|row| row.address).filter(|row| node.address().overlaps(row));
@@ -228,23 +234,32 @@ fn merged_nodes(
     Ok(with_children.collect())
 }
 
-/// Boundaries of rounds that are still to be recorded, as far as the nodes reach.
-fn held(job: &JobRecord, rows: &[NodeRow], recorded_passes: u32) -> impl Iterator<Item = u32> {
-    let end = rows.iter().map(|row| row.address.passes()).map(|passes| passes.first + passes.count).max().unwrap_or(0);
-    let boundaries = job.boundaries();
-    (0..)
-        .map_while(move |round| boundaries.end(round))
-        .filter(move |end| *end > recorded_passes)
-        .take_while(move |b| *b < end)
+/// Which passes of a tile have to stay apart from those before.
+struct Held<'a> {
+    job: &'a JobRecord,
+    tile_passes: &'a TilePasses,
+    recorded_passes: u32,
 }
 
-/// Whether any two of the nodes are siblings whose middle no later round needs.
-fn can_merge(job: &JobRecord, rows: &[NodeRow], recorded_passes: u32) -> bool {
+impl Held<'_> {
+    /// Where the rounds end that are still to be recorded, in the tile of some nodes, as far as they reach.
+    fn of(&self, rows: &[NodeRow]) -> Vec<u32> {
+        let Some(NodeAddress { frame, tile, .. }) = rows.first().map(|row| row.address) else { return Vec::new() };
+        let ends = rows.iter().map(|row| row.address.passes()).map(|passes| passes.first + passes.count);
+        let end = ends.max().unwrap_or(0);
+        let boundaries = self.job.boundaries();
+        let rounds = (0..).map_while(|round| boundaries.end(round)).filter(|end| *end > self.recorded_passes);
+        let in_tile = rounds.map(|passes| self.tile_passes.at(frame, tile, passes));
+        in_tile.take_while(|passes| *passes < end).collect()
+    }
+}
+
+/// Whether any two of the nodes are siblings that no later round needs apart.
+fn can_merge(rows: &[NodeRow], held: &[u32]) -> bool {
     rows.iter().any(|row| {
         let sibling = row.address.sibling();
         let middle = row.address.passes().first.max(sibling.passes().first);
-        let is_free = middle <= recorded_passes || !job.boundaries().is_boundary(middle);
-        is_free && rows.iter().any(|other| other.address == sibling)
+        !held.contains(&middle) && rows.iter().any(|other| other.address == sibling)
     })
 }
 

@@ -19,6 +19,7 @@
 //! - Nothing here renders: of the render core only its film and its scenes are used.
 
 mod acceptance;
+mod adaptive;
 mod blobs;
 mod bucket;
 mod clock;
@@ -41,6 +42,7 @@ mod store;
 mod submit;
 mod views;
 
+pub use adaptive::{PILOT_ROUND, adaptation};
 pub use config::{
     Bucket, Clock, Config, ExposedWithoutToken, InvalidBucket, InvalidPostgresUrl, InvalidToken, PostgresUrl, Token,
 };

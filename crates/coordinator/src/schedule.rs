@@ -38,12 +38,6 @@ impl Rounds {
         let first = round.checked_sub(1).and_then(|previous| self.end(previous)).unwrap_or(0);
         Some(PassRange { first, count: end - first })
     }
-
-    /// Whether a round ends after `passes` passes.
-    pub(crate) fn is_boundary(&self, passes: u32) -> bool {
-        passes == self.passes
-            || if passes < LATE_STEP { passes.is_power_of_two() } else { passes.is_multiple_of(LATE_STEP) }
-    }
 }
 
 /// Cuts a range of passes into aligned runs of `2^level` passes, from left to right, each as long as alignment, the range
@@ -111,9 +105,6 @@ mod tests {
             let rounds = Rounds::new(passes);
             let ends: Vec<u32> = (0..).map_while(|round| rounds.end(round)).collect();
             assert_eq!(ends, expected);
-            for pass in 1..=passes {
-                assert_eq!(rounds.is_boundary(pass), ends.contains(&pass), "{pass} of {passes}");
-            }
         }
         check(1, &[1]);
         check(3, &[1, 2, 3]);

@@ -16,6 +16,9 @@ use clerestory_api::{ConvergencePoint, StopReason};
 /// standard deviation of `sqrt(2 / (n - 1))` even where block means are normal: 1.4 with two blocks, 0.8 with four.
 pub(crate) const FEWEST_BLOCKS: u32 = 4;
 
+/// Blocks in each pixel of which passes are shared out by noise, without a target that wants more: with one, no standard error is known.
+const FEWEST_SHARED_BLOCKS: u32 = 2;
+
 /// Errors at which a job ends, in squared units of radiance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Targets {
@@ -62,6 +65,11 @@ impl Targets {
             _ => return Ok(()),
         };
         Err(InvalidTarget { field: "target_mse", value, expected })
+    }
+
+    /// Blocks that each pixel gets before passes are shared out by noise.
+    pub(crate) fn fewest_blocks(&self) -> u32 {
+        self.estimated_mse.map_or(FEWEST_SHARED_BLOCKS, |_| FEWEST_BLOCKS)
     }
 
     /// The target that every frame has reached at a complete round, if there is one.

@@ -7,6 +7,7 @@ use clerestory_render_core::film::{ImageError, OpenExrError, TileGrid};
 use clerestory_render_core::scene::{self, Asset, Scene, SceneBundle, SceneDescription, SceneError};
 use uuid::Uuid;
 
+use crate::adaptive::adaptation;
 use crate::convergence::Reference;
 use crate::farm::Farm;
 use crate::film::FilmError;
@@ -53,6 +54,12 @@ pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob
     let description = scene.description();
     let sampling = description.sampling;
     let name = submission.name.unwrap_or_else(|| description.name.clone());
+    let passes = submission.samples_per_pixel.div_ceil(sampling.samples_per_pass.max(1));
+    if submission.adaptive {
+        let sampling = scene.sampling();
+        adaptation(sampling, passes, &targets)
+            .map_err(|fewest| too_few_to_share(submission.samples_per_pixel, fewest))?;
+    }
     Ok(NewJob {
         id: JobId::from(Uuid::now_v7()),
         name: name.chars().take(LONGEST_NAME).collect(),
@@ -64,10 +71,11 @@ pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob
         grid,
         samples_per_pass: sampling.samples_per_pass,
         samples_per_block: sampling.samples_per_block,
-        passes: submission.samples_per_pixel.div_ceil(sampling.samples_per_pass.max(1)),
+        passes,
         reference: submission.reference,
         time_limit_ms: submission.time_limit_ms,
         targets,
+        adaptive: submission.adaptive,
         assets: named,
         created_ms: farm.config.clock.now_ms(),
     })
@@ -135,6 +143,14 @@ async fn check_uploaded(farm: &Farm, hashes: impl Iterator<Item = ContentHash>) 
     }
     let detail = format!("{} of the named contents must be uploaded first; `missing` lists them", missing.len());
     Err(ApiError::new(ProblemCode::MissingAssets, detail).missing(missing))
+}
+
+fn too_few_to_share(samples_per_pixel: u32, fewest: u32) -> ApiError {
+    let expected = format!(
+        "at least {fewest} for an adaptive job of this scene, in which every pixel gets {} at least",
+        fewest.saturating_sub(1)
+    );
+    ApiError::invalid_field("samples_per_pixel", samples_per_pixel, expected)
 }
 
 fn of_target(InvalidTarget { field, value, expected }: InvalidTarget) -> ApiError {

@@ -58,6 +58,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         time_limit_ms: job.time_limit_ms,
         target_mse: job.targets.mse,
         target_estimated_mse: job.targets.estimated_mse,
+        adaptive: job.adaptive,
         reference: job.reference,
         latest,
         created_ms: job.created_ms,
@@ -68,7 +69,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
 
 /// Camera samples in the first pass of a job.
 fn first_pass_samples(job: &JobRecord) -> u64 {
-    job.total_samples() / u64::from(job.passes.max(1))
+    job.pass_samples()
 }
 
 /// Camera samples after which a job is expected to end: all, or as many as its targets take as far as its last round tells.

@@ -82,6 +82,7 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
         samples_per_pixel: overrides.samples_per_pixel(),
         time_limit_ms: overrides.time_limit_ms(),
         targets: overrides.targets(),
+        adaptive: overrides.adaptive,
         tile_size: 32,
         priority: 0,
         reference: reference_asset(reference.as_deref(), &bundle)?,

@@ -24,7 +24,7 @@ use crate::commands::worker::cores;
 use crate::failure::Failure;
 use crate::image_file::read_reference;
 use crate::like::{self, Recipe};
-use crate::local_render::{self, Control, LocalRenderError, PassPlan, Round};
+use crate::local_render::{self, Control, LocalRenderError, Outcome, PassPlan, Round};
 use crate::output_file::{check_image_name, check_outputs, png_beside, write, write_stats};
 use crate::preview::PreviewArguments;
 use crate::scene_overrides::SceneOverrides;
@@ -54,7 +54,7 @@ pub(crate) struct RenderArguments {
     tile: u32,
     /// Make this image again, bit for bit: its seed, integrator, size, sampling, tiles and the passes of each.
     #[arg(long, value_name = "FILE", conflicts_with_all =
-        ["spp", "time", "target_mse", "target_estimated_mse", "integrator", "solver", "selection", "max_trials", "walks", "constraint", "steps", "chains", "casters",
+        ["spp", "time", "target_mse", "target_estimated_mse", "adaptive", "integrator", "solver", "selection", "max_trials", "walks", "constraint", "steps", "chains", "casters",
         "receivers", "search", "missed", "reflected", "seed", "size", "tile"])]
     like: Option<PathBuf>,
     /// OpenEXR image that the error is measured against at each round.
@@ -91,22 +91,24 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         let bytes = encode_png(&image, &arguments.preview.settings()).map_err(Failure::Preview)?;
         write(file, &bytes)?;
     }
+    let mut work = rendering.counters;
+    work += rendering.pilot;
     let summary = Summary {
         output: output.clone(),
         scene_hash: order.scene.hash().to_string(),
         width: image.width(),
         height: image.height(),
-        samples: rendering.counters.samples,
+        samples: work.samples,
         passes: PassCounts::of(&image),
         seconds: elapsed.as_secs_f64(),
-        samples_per_second: rendering.counters.samples as f64 / elapsed.as_secs_f64(),
+        samples_per_second: work.samples as f64 / elapsed.as_secs_f64(),
         threads: order.threads.get(),
         stopped_by: rendering.stopped_by,
         metrics: order.metrics(&image)?,
-        counters: rendering.counters,
+        counters: work,
     };
     if let Some(file) = &arguments.stats {
-        write_stats(file, &rendering.counters)?;
+        write_stats(file, &work)?;
     }
     if arguments.json { print_json(&summary) } else { print_line(&summary.text()) }?;
     if rendering.is_interrupted {
@@ -129,6 +131,8 @@ struct Order {
 struct Rendering {
     sums: Vec<TileSum>,
     counters: Counters,
+    /// Work that is not in the image.
+    pilot: Counters,
     elapsed: Duration,
     /// What ended it; `None` when it was interrupted.
     stopped_by: Option<StopReason>,
@@ -150,7 +154,7 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
     let sampling = scene.sampling();
     let grid = |tile_size| TileGrid { width: film.width, height: film.height, tile_size };
     let plan = match tiles {
-        Some((tile_size, tile_passes)) => PassPlan { grid: grid(tile_size), sampling, tile_passes },
+        Some((tile_size, tile_passes)) => PassPlan { grid: grid(tile_size), sampling, tile_passes, adaptation: None },
         None => {
             let smallest = smallest_tile(film.width, film.height);
             if arguments.tile < smallest {
@@ -161,7 +165,8 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
             }
             let grid = grid(arguments.tile);
             let passes = arguments.overrides.samples_per_pixel().div_ceil(sampling.samples_per_pass());
-            PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize] }
+            let adaptation = arguments.overrides.adaptation(sampling, passes)?;
+            PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize], adaptation }
         }
     };
     let reference = arguments.reference.as_deref().map(|file| read_reference(file, film)).transpose()?;
@@ -184,7 +189,7 @@ async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
     let mut work = {
         let (order, control) = (order.clone(), control.clone());
         tokio::task::spawn_blocking(move || {
-            let (mut counters, mut reached) = (Counters::default(), None);
+            let mut reached = None;
             let on_round = |round: &Round<'_>| {
                 let point = order.point(round, control.samples.load(Ordering::Relaxed), start.elapsed());
                 reached = order.targets.reached(order.plan.sampling.samples_per_block(), std::slice::from_ref(&point));
@@ -192,9 +197,8 @@ async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
                 let _ = rounds.send(point);
                 if reached.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let sums =
-                pool.install(|| local_render::render(&order.scene, &order.plan, &control, &mut counters, on_round))?;
-            Ok::<_, LocalRenderError>((sums, counters, reached))
+            let outcome = pool.install(|| local_render::render(&order.scene, &order.plan, &control, on_round))?;
+            Ok::<_, LocalRenderError>((outcome, reached))
         })
     };
     let stop = shutdown::token(Parent::None);
@@ -215,7 +219,7 @@ async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
         progress.round(&point);
     }
     progress.finish();
-    let (sums, counters, reached) = match result {
+    let (Outcome { sums, counters, pilot, is_complete }, reached) = match result {
         Ok(outcome) => outcome.map_err(Failure::Render)?,
         Err(panic) => return Err(Failure::RenderPanic(panic)),
     };
@@ -223,8 +227,9 @@ async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
         return Err(Failure::Job("interrupted before any pass was complete".to_owned()));
     }
     let is_interrupted = stop.is_cancelled();
-    let stopped_by = Some(reached.unwrap_or_else(|| order.end_without_target(&sums))).filter(|_| !is_interrupted);
-    Ok(Rendering { sums, counters, elapsed: start.elapsed(), stopped_by, is_interrupted })
+    let without_target = if is_complete { StopReason::Samples } else { StopReason::Time };
+    let stopped_by = Some(reached.unwrap_or(without_target)).filter(|_| !is_interrupted);
+    Ok(Rendering { sums, counters, pilot, elapsed: start.elapsed(), stopped_by, is_interrupted })
 }
 
 impl Order {
@@ -236,13 +241,6 @@ impl Order {
             progress.note(&format!("Triangles without an area that are left out of the mesh {name:?}: {omitted}"));
         }
         progress.missing_light(&self.scene.description().missing_light());
-    }
-
-    /// What ended a render that has reached no target and was not interrupted.
-    fn end_without_target(&self, sums: &[TileSum]) -> StopReason {
-        let wanted = self.plan.tile_passes.iter().copied().filter(|passes| *passes > 0);
-        let is_complete = sums.iter().map(|sum| sum.passes).eq(wanted);
-        if is_complete { StopReason::Samples } else { StopReason::Time }
     }
 
     fn image(&self, sums: &[TileSum], counters: Counters, elapsed: Option<Duration>) -> Result<FrameImage, ImageError> {
@@ -280,10 +278,12 @@ impl Order {
     fn advance(&self, control: &Control, start: Instant, latest: Option<&ConvergencePoint>) -> Advance {
         let samples = control.samples.load(Ordering::Relaxed);
         let elapsed = start.elapsed();
-        let pixels = f64::from(self.plan.grid.width) * f64::from(self.plan.grid.height);
+        let most = self.plan.tile_passes.iter().copied().max().unwrap_or(0);
+        let in_a_pixel = f64::from(most) * f64::from(self.plan.sampling.samples_per_pass());
         let samples_per_block = self.plan.sampling.samples_per_block();
         let by_targets = latest.and_then(|point| self.targets.expected_samples(samples_per_block, point));
-        let expected = by_targets.map_or(f64::INFINITY, |samples| samples * pixels).min(self.plan.samples() as f64);
+        let part = by_targets.map_or(1.0, |samples| (samples / in_a_pixel.max(1.0)).min(1.0));
+        let expected = part * control.planned.load(Ordering::Relaxed) as f64;
         let by_samples = samples as f64 / expected.max(1.0);
         let by_time = self.time.map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
         let fraction = by_samples.max(by_time).min(1.0);

@@ -80,6 +80,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         samples_per_pixel: arguments.overrides.samples_per_pixel(),
         time_limit_ms: arguments.overrides.time_limit_ms(),
         targets: arguments.overrides.targets(),
+        adaptive: arguments.overrides.adaptive,
         tile_size: arguments.tile,
         priority: arguments.priority,
         reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
@@ -107,6 +108,8 @@ pub(crate) struct Order {
     pub(crate) samples_per_pixel: u32,
     pub(crate) time_limit_ms: Option<i64>,
     pub(crate) targets: Targets,
+    /// Whether passes are shared out among the tiles by their noise.
+    pub(crate) adaptive: bool,
     pub(crate) tile_size: u32,
     pub(crate) priority: i32,
     /// The reference image, whole.
@@ -136,6 +139,7 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         time_limit_ms: order.time_limit_ms,
         target_mse: order.targets.mse,
         target_estimated_mse: order.targets.estimated_mse,
+        adaptive: order.adaptive,
     };
     let missing = match connection.client.submit_job(&submission).await {
         Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,

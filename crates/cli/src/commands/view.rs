@@ -39,11 +39,12 @@ pub(crate) async fn run(arguments: ViewArguments) -> Result<(), Failure> {
             "--listen: found {found}, expected an address of this machine alone, such as 127.0.0.1:7272"
         )));
     }
-    let SceneOverrides { time, target_mse, target_estimated_mse, .. } = &arguments.overrides;
+    let SceneOverrides { time, target_mse, target_estimated_mse, adaptive, .. } = &arguments.overrides;
     for (option, is_given) in [
         ("--time", time.is_some()),
         ("--target-mse", target_mse.is_some()),
         ("--target-estimated-mse", target_estimated_mse.is_some()),
+        ("--adaptive", *adaptive),
     ] {
         if is_given {
             return Err(Failure::Usage(format!("{option}: a page is rendered until it has the samples of --spp")));

@@ -72,6 +72,7 @@ impl Farm {
             samples_per_pixel: overrides.samples_per_pixel(),
             time_limit_ms: overrides.time_limit_ms(),
             targets: overrides.targets(),
+            adaptive: false,
             tile_size: TILE.max(smallest_tile(film.width, film.height)),
             priority: 0,
             reference: reference.cloned(),

@@ -1,17 +1,19 @@
 //! Rendering for a time, or for a number of samples, with everything counted.
 
+use std::ops::ControlFlow;
 use std::time::Duration;
 
-use clerestory_coordinator::smallest_tile;
+use clerestory_coordinator::{Targets, adaptation, smallest_tile};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{FrameImage, TileGrid};
+use clerestory_render_core::scene::description::FilmDescription;
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle};
 
 use super::farm::Amount;
 use super::machine::{Clocks, Spent};
 use super::session::Session;
 use crate::failure::Failure;
-use crate::local_render::{self, LocalFilm, PassPlan};
+use crate::local_render::{self, LocalFilm, Outcome, PassPlan};
 
 /// Edge of a tile in pixels.
 pub(super) const TILE: u32 = 64;
@@ -74,6 +76,53 @@ pub(super) fn samples(session: &mut Session, bundle: &SceneBundle, samples: u32)
     render.snapshot()
 }
 
+/// How many passes each tile gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sharing {
+    /// All get the same.
+    Even,
+    /// They are shared out by the noise of a pilot.
+    ByNoise,
+}
+
+/// Edge of a tile where passes are shared out among them, in pixels: as many tiles in a small picture as in a large one.
+const SHARED_TILE: u32 = 16;
+
+/// Renders so many samples in each pixel, or in those that get most, in this process. The time is that of the pilot, too.
+pub(super) fn shared(
+    session: &Session,
+    bundle: &SceneBundle,
+    samples: u32,
+    sharing: Sharing,
+) -> Result<Snapshot, Failure> {
+    let scene = build(bundle)?;
+    let sampling = scene.sampling();
+    let passes = samples.div_ceil(sampling.samples_per_pass()).max(1);
+    let FilmDescription { width, height } = scene.description().film;
+    let grid = TileGrid { width, height, tile_size: SHARED_TILE.max(smallest_tile(width, height)) };
+    let adaptation = match sharing {
+        Sharing::Even => None,
+        Sharing::ByNoise => adaptation(sampling, passes, &Targets::default()).ok(),
+    };
+    let plan = PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize], adaptation };
+    let clocks = Clocks::now();
+    let render = || local_render::render(&scene, &plan, &session.control, |_| ControlFlow::Continue(()));
+    let outcome = session.pool.install(render);
+    let Outcome { sums, counters, is_complete, .. } = outcome.map_err(Failure::Render)?;
+    if !is_complete {
+        return Err(session.interrupted());
+    }
+    let Spent { wall, core } = clocks.spent(session.settings.threads.get());
+    let image = local_render::image(&scene, &plan, &sums, counters, Some(wall)).map_err(Failure::BadImage)?;
+    Ok(Snapshot {
+        samples: u64::from(passes) * u64::from(sampling.samples_per_pass()),
+        wall_seconds: wall.as_secs_f64(),
+        core_seconds: core.as_secs_f64(),
+        counters,
+        image,
+    })
+}
+
 /// Core seconds that it takes to build a scene, with all that is computed for it: what an animation does for each frame before it
 /// renders.
 pub(super) fn build_seconds(session: &Session, bundle: &SceneBundle) -> Result<f64, Failure> {
@@ -90,7 +139,7 @@ fn plan(scene: &Scene, passes: u32) -> PassPlan {
     let film = scene.description().film;
     let tile_size = TILE.max(smallest_tile(film.width, film.height));
     let grid = TileGrid { width: film.width, height: film.height, tile_size };
-    PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![passes; grid.len() as usize] }
+    PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![passes; grid.len() as usize], adaptation: None }
 }
 
 struct Render<'a> {
@@ -110,7 +159,7 @@ impl<'a> Render<'a> {
     fn pass(&mut self, session: &Session) -> Result<(), Failure> {
         let clocks = Clocks::now();
         let (film, control) = (&mut self.film, &*session.control);
-        let is_complete = session.pool.install(|| film.render_pass(self.passes, control)).map_err(Failure::Render)?;
+        let is_complete = session.pool.install(|| film.render_pass(control)).map_err(Failure::Render)?;
         if !is_complete {
             return Err(session.interrupted());
         }

@@ -6,6 +6,7 @@
 //! picture ([`region`]), rendering for a time or a number of samples ([`measure`]), and the comparison of variants at equal
 //! time ([`comparison`]).
 
+mod adaptive;
 mod basin_figure;
 mod basins;
 mod comparison;
@@ -67,7 +68,7 @@ pub(crate) struct Defaults {
 }
 
 /// All experiments, in the order of the list.
-pub(crate) const ALL: [&Experiment; 10] = [
+pub(crate) const ALL: [&Experiment; 11] = [
     &solvers::EXPERIMENT,
     &table1::EXPERIMENT,
     &panes::EXPERIMENT,
@@ -78,6 +79,7 @@ pub(crate) const ALL: [&Experiment; 10] = [
     &pool::EXPERIMENT,
     &triangles::EXPERIMENT,
     &flicker::EXPERIMENT,
+    &adaptive::EXPERIMENT,
 ];
 
 /// Finds an experiment by its name; the error lists the names that there are.

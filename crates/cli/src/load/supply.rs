@@ -94,6 +94,7 @@ impl<'a> Supply<'a> {
                 samples_per_pixel: PASSES * SAMPLES[0],
                 time_limit_ms: None,
                 targets: Targets::default(),
+                adaptive: false,
                 tile_size: self.grid.tile_size,
                 priority: 0,
                 reference: None,

@@ -211,13 +211,18 @@ impl Engine {
         let scene = scene.changed(&bundle.clone().with_description(description).map_err(failure)?).map_err(failure)?;
         let tile_size = TILE.max(smallest_tile(film.width, film.height));
         let grid = TileGrid { width: film.width, height: film.height, tile_size };
-        let plan = PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![most; grid.len() as usize] };
+        let plan = PassPlan {
+            grid,
+            sampling: scene.sampling(),
+            tile_passes: vec![most; grid.len() as usize],
+            adaptation: None,
+        };
         let mut rendered = LocalFilm::new(&scene, &plan);
         let mut seconds_per_sample = None;
         let mut shown = Instant::now();
         for pass in 0..most {
             let control = if pass == 0 { first } else { control };
-            if !rendered.render_pass(pass, control).map_err(Failure::Render)? {
+            if !rendered.render_pass(control).map_err(Failure::Render)? {
                 break;
             }
             if pass == 0 {

@@ -36,9 +36,8 @@ fn page(folder: &Folder, experiment: &str) -> String {
 fn experiments_are_listed_and_others_refused_with_the_list() {
     let folder = Folder::new();
     let list = folder.succeeds(&["bench", "experiment", "--list"]);
-    for name in
-        ["solvers", "table1", "panes", "selection", "fine-detail", "basins", "manifold", "pool", "triangles", "flicker"]
-    {
+    let names = ["solvers", "table1", "panes", "selection", "fine-detail", "basins", "manifold", "pool", "triangles"];
+    for name in names.into_iter().chain(["flicker", "adaptive"]) {
         assert!(list.lines().any(|line| line.starts_with(name)), "{name}: {list}");
         folder.fails(&["bench", "experiment", "nonsense"], 2, &["'nonsense'", "expected one of", name]);
     }
@@ -166,6 +165,23 @@ fn more_triangles_are_measured_against_path_tracing_alone() {
         assert!(is_path || row["paths_per_sample"].as_f64().unwrap() > 0.3, "{row}");
     }
     assert!(page(&folder, "triangles").contains("what the caustic costs"));
+}
+
+#[test]
+fn passes_shared_out_are_compared_with_the_same_in_every_tile() {
+    let folder = Folder::new();
+    let options = ["--size", "48x48", "--reference-spp", "64", "--seeds", "1"];
+    folder.succeeds(&[&["bench", "experiment", "adaptive"], &options[..]].concat());
+    let rows = rows(&folder, "adaptive", "adaptive");
+    assert_eq!(rows.len(), 2 * 2 * 2, "two scenes, two integrators, with and without");
+    for pair in rows.chunks(2) {
+        let [even, shared] = [0, 1].map(|index| pair[index]["samples_per_pixel"].as_f64().unwrap());
+        assert!(even == 512.0 && shared < even && shared > 32.0, "{pair:?}");
+        let product = |row: usize| pair[row]["mse"].as_f64().unwrap() * pair[row]["core_seconds"].as_f64().unwrap();
+        let gain = pair[1]["gain"].as_f64().unwrap();
+        assert!((gain / (product(0) / product(1)) - 1.0).abs() < 1e-9, "{pair:?}");
+    }
+    assert!(page(&folder, "adaptive").contains("a gain of"));
 }
 
 #[test]

@@ -13,6 +13,7 @@
 use clerestory_api::{LeaseId, WorkerId};
 use clerestory_render_core::film::{NodeAddress, PassRange};
 
+use super::adaptive::{self, WaveTiles, wave_tiles};
 use super::checks;
 use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};
@@ -260,16 +261,27 @@ async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Res
     let mut pending = Vec::new();
     while free < STOCK {
         let Some(wave) = job.boundaries().wave(round) else { break };
+        if job.waits_for_shares(wave) {
+            break;
+        }
         if tile == 0 {
             open_wave(connection, job, frame, round, wave).await?;
         }
+        let WaveTiles { tiles, next, count } = wave_tiles(connection, job, frame, tile, wave).await?;
         let samples = job.node_samples(&NodeAddress { frame, tile, level: 0, index: 0 });
-        let level = pace.largest_level(wave, job.grid.len(), samples as f64);
-        let nodes = cut(wave, level).map(|(level, index)| (round, NodeAddress { frame, tile, level, index }));
-        let before = pending.len();
-        pending.extend(nodes);
-        free += (pending.len() - before) as u32;
-        tile += 1;
+        let level = pace.largest_level(wave, count, samples as f64);
+        let pilot: Vec<u32> = job.pilot_in(round).collect();
+        tile = next;
+        for (index, passes) in tiles {
+            if free >= STOCK {
+                tile = index;
+                break;
+            }
+            let nodes = cut(passes, level).chain(pilot.iter().map(|pass| (0, *pass)));
+            let before = pending.len();
+            pending.extend(nodes.map(|(level, pass)| (round, NodeAddress { frame, tile: index, level, index: pass })));
+            free += (pending.len() - before) as u32;
+        }
         if tile == job.grid.len() {
             (tile, frame) = (0, frame + 1);
         }
@@ -297,12 +309,17 @@ async fn open_wave(
     round: u32,
     wave: PassRange,
 ) -> Result<(), StoreError> {
+    let end = wave.first + wave.count;
+    let tile_passes = adaptive::tile_passes(connection, job).await?;
+    let in_tile = |tile| tile_passes.at(frame, tile, end) - tile_passes.at(frame, tile, wave.first);
+    let in_images: i64 = (0..job.grid.len()).map(|tile| i64::from(in_tile(tile))).sum();
+    let in_pilot = job.pilot_in(round).count() as i64 * i64::from(job.grid.len());
     query("insert into waves (job, frame, round, end_pass, outstanding) values ($1, $2, $3, $4, $5)")
         .bind(job.id.to_string())
         .bind(i64::from(frame))
         .bind(i64::from(round))
-        .bind(i64::from(wave.first + wave.count))
-        .bind(i64::from(wave.count) * i64::from(job.grid.len()))
+        .bind(i64::from(end))
+        .bind(in_images + in_pilot)
         .execute(connection)
         .await?;
     Ok(())

@@ -4,12 +4,13 @@ use std::collections::BTreeMap;
 
 use clerestory_api::{ContentHash, JobId, JobState, StopReason};
 use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{NodeAddress, TileGrid};
+use clerestory_render_core::film::{Adaptation, NodeAddress, PassRange, TileGrid};
 
 use super::events::{self, StoredKind};
 use super::row::{Row, big, to_json};
 use super::sql::query;
 use super::{Connection, Store, StoreError};
+use crate::adaptive::{PILOT_ROUND, adaptation};
 use crate::schedule::Rounds;
 use crate::stop::Targets;
 
@@ -36,7 +37,7 @@ pub(crate) struct NewJob {
     pub(crate) samples_per_pass: u32,
     /// Samples per pixel in a block.
     pub(crate) samples_per_block: u32,
-    /// Passes that each tile gets.
+    /// Passes that each tile gets at most.
     pub(crate) passes: u32,
     /// The reference image.
     pub(crate) reference: Option<ContentHash>,
@@ -44,6 +45,8 @@ pub(crate) struct NewJob {
     pub(crate) time_limit_ms: Option<i64>,
     /// Errors at which it ends.
     pub(crate) targets: Targets,
+    /// Whether its passes are shared out among the tiles by their noise.
+    pub(crate) adaptive: bool,
     /// Assets by path.
     pub(crate) assets: BTreeMap<String, ContentHash>,
     /// When it was submitted.
@@ -89,6 +92,10 @@ pub(crate) struct JobRecord {
     pub(crate) time_limit_ms: Option<i64>,
     /// Errors at which it ends.
     pub(crate) targets: Targets,
+    /// Whether its passes are shared out among the tiles by their noise.
+    pub(crate) adaptive: bool,
+    /// Camera samples in its images, once passes have been shared out.
+    pub(crate) shared_samples: Option<u64>,
     /// When it was submitted.
     pub(crate) created_ms: i64,
     /// When its first lease was given out.
@@ -119,13 +126,38 @@ impl JobRecord {
         Rounds::new(self.passes)
     }
 
-    /// Camera samples in the whole job.
-    pub(crate) fn total_samples(&self) -> u64 {
+    /// How its passes are shared out among the tiles; `None` where all get the same.
+    pub(crate) fn adaptation(&self) -> Option<Adaptation> {
+        let sampling = self.sampling().ok().filter(|_| self.adaptive)?;
+        adaptation(sampling, self.passes, &self.targets).ok()
+    }
+
+    /// Whether a wave cannot be cut yet: its passes are to be shared out first.
+    pub(super) fn waits_for_shares(&self, wave: PassRange) -> bool {
+        let fewest =
+            self.adaptation().filter(|_| self.shared_samples.is_none()).map(|adaptation| adaptation.fewest_passes());
+        fewest.is_some_and(|fewest| wave.first + wave.count > fewest)
+    }
+
+    /// Passes of the pilot that are work of a round.
+    pub(super) fn pilot_in(&self, round: u32) -> impl Iterator<Item = u32> + use<> {
+        let adaptation = self.adaptation().filter(|_| round == PILOT_ROUND);
+        adaptation.into_iter().flat_map(|adaptation| adaptation.pilot())
+    }
+
+    /// Camera samples in a pass over all tiles of all frames.
+    pub(crate) fn pass_samples(&self) -> u64 {
         u64::from(self.grid.width)
             * u64::from(self.grid.height)
             * u64::from(self.frames)
-            * u64::from(self.passes)
             * u64::from(self.samples_per_pass)
+    }
+
+    /// Camera samples in the whole job; while passes are still to be shared out, as many as it can have at most.
+    pub(crate) fn total_samples(&self) -> u64 {
+        let pilot_passes = self.adaptation().map_or(0, |adaptation| adaptation.pilot_passes());
+        let in_images = self.shared_samples.unwrap_or(self.pass_samples() * u64::from(self.passes));
+        in_images.saturating_add(self.pass_samples() * u64::from(pilot_passes))
     }
 
     /// Camera samples in a node; 0 when there is no such tile.
@@ -186,7 +218,7 @@ impl Ending {
 
 const COLUMNS: &str = "select id, name, state, stopped_by, failure, priority, scene_hash, integrator, missing_light, frames, width, \
      height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
-     target_mse, target_estimated_mse, created_ms, started_ms, finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
+     target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
      redone_nodes, samples, core_ms, counters from jobs";
 
 fn record(row: &Row) -> Result<JobRecord, StoreError> {
@@ -216,6 +248,8 @@ fn record(row: &Row) -> Result<JobRecord, StoreError> {
             mse: row.optional_float("target_mse")?,
             estimated_mse: row.optional_float("target_estimated_mse")?,
         },
+        adaptive: row.integer("adaptive")? != 0,
+        shared_samples: row.optional_integer("shared_samples")?.map(|_| row.number("shared_samples")).transpose()?,
         created_ms: row.integer("created_ms")?,
         started_ms: row.optional_integer("started_ms")?,
         finished_ms: row.optional_integer("finished_ms")?,
@@ -346,8 +380,8 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     query(
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
-         target_estimated_mse, created_ms) \
-         values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18)",
+         target_estimated_mse, adaptive, created_ms) \
+         values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19)",
     )
     .bind(job.id.to_string())
     .bind(&job.name)
@@ -366,6 +400,7 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(job.time_limit_ms)
     .bind(job.targets.mse)
     .bind(job.targets.estimated_mse)
+    .bind(i64::from(job.adaptive))
     .bind(job.created_ms)
     .execute(&mut *connection)
     .await?;

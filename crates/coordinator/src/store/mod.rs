@@ -7,6 +7,7 @@
 //! in the [blob store](crate::blobs); a row here is what makes a blob part of the farm.
 
 mod accept;
+mod adaptive;
 mod assets;
 mod checks;
 mod claim;

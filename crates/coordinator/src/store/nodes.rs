@@ -11,6 +11,7 @@ use super::leases::address;
 use super::row::{Row, nodes_json, nodes_of, to_json};
 use super::sql::{Kind, query, rows_of};
 use super::{Connection, Store, StoreError};
+use crate::adaptive::TilePasses;
 use crate::blobs::Place;
 
 /// An accepted node.
@@ -83,16 +84,29 @@ fn node_row(row: &Row) -> Result<NodeRow, StoreError> {
 }
 
 impl Store {
-    /// The accepted nodes of some tiles of a frame, ordered by tile and pass.
+    /// The accepted nodes of some tiles of a frame's image, ordered by tile and pass.
     pub(crate) async fn nodes(&self, job: JobId, frame: u32, tiles: Range<u32>) -> Result<Vec<NodeRow>, StoreError> {
         let rows = query(
             "select frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds from nodes \
-             where job = $1 and frame = $2 and tile >= $3 and tile < $4 order by tile, first_pass",
+             where job = $1 and frame = $2 and tile >= $3 and tile < $4 \
+             and first_pass < (select passes from jobs where id = $1) order by tile, first_pass",
         )
         .bind(job.to_string())
         .bind(i64::from(frame))
         .bind(i64::from(tiles.start))
         .bind(i64::from(tiles.end))
+        .fetch_all(&self.readers)
+        .await?;
+        rows.iter().map(node_row).collect()
+    }
+
+    /// The accepted nodes of a job's pilot, ordered by frame, tile and pass.
+    pub(crate) async fn pilot(&self, job: JobId) -> Result<Vec<NodeRow>, StoreError> {
+        let rows = query(
+            "select frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds from nodes \
+             where job = $1 and first_pass >= (select passes from jobs where id = $1) order by frame, tile, first_pass",
+        )
+        .bind(job.to_string())
         .fetch_all(&self.readers)
         .await?;
         rows.iter().map(node_row).collect()
@@ -172,6 +186,25 @@ pub(super) async fn discard(connection: &mut Connection, job: JobId, first_pass:
     removed(connection, rows.iter().map(place).collect::<Result<_, _>>()?).await
 }
 
+/// Takes away what lies beyond a round of so many passes, of which tiles have their own.
+pub(super) async fn discard_beyond(
+    connection: &mut Connection,
+    job: JobId,
+    tile_passes: &TilePasses,
+    round_passes: u32,
+) -> Result<Removed, StoreError> {
+    let mut discarded = discard(connection, job, round_passes).await?;
+    if !tile_passes.are_shared() {
+        return Ok(discarded);
+    }
+    let kept = query("select frame, tile, level, idx from nodes where job = $1").bind(job.to_string());
+    let kept = kept.fetch_all(&mut *connection).await?.iter().map(address).collect::<Result<Vec<_>, _>>()?;
+    let is_beyond = |node: &&NodeAddress| node.passes().first >= tile_passes.at(node.frame, node.tile, round_passes);
+    let beyond: Vec<NodeAddress> = kept.iter().filter(is_beyond).copied().collect();
+    discarded += delete_all(connection, job, &beyond).await?;
+    Ok(discarded)
+}
+
 /// Takes out all nodes that share a pass with one of some others.
 pub(super) async fn take_out(
     connection: &mut Connection,
@@ -196,9 +229,14 @@ pub(super) async fn take_out(
             taken.push(node);
         }
     }
-    let rows = delete(connection, job, &taken).await?;
-    let places = rows.iter().map(place).collect::<Result<_, _>>()?;
-    Ok((taken, removed(connection, places).await?))
+    let removed = delete_all(connection, job, &taken).await?;
+    Ok((taken, removed))
+}
+
+/// Takes out some nodes.
+async fn delete_all(connection: &mut Connection, job: JobId, nodes: &[NodeAddress]) -> Result<Removed, StoreError> {
+    let rows = delete(connection, job, nodes).await?;
+    removed(connection, rows.iter().map(place).collect::<Result<_, _>>()?).await
 }
 
 /// Deletes the rows of some nodes, and answers them.

@@ -2,8 +2,8 @@
 //!
 //! Its leases tell which nodes may be its own; what others brought of them in the end is rendered again too, and so is what was merged with
 //! them. Rounds that were measured with them are taken back: the points of the series go, and the last round is recorded again when its
-//! passes are complete again. Earlier ones stay out, since the film has been merged across their ends. A job that has ended keeps its image, and is
-//! named.
+//! passes are complete again. Earlier ones stay out, since the film has been merged across their ends. An adaptive job whose passes a wrong pilot
+//! has shared out begins again: it is not known which of them are wrong. A job that has ended keeps its image, and is named.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,12 +12,14 @@ use clerestory_render_core::film::{NodeAddress, PassRange};
 
 use super::claim::insert_pending;
 use super::events::{self, StoredKind};
-use super::jobs::{self, JobRecord};
+use super::jobs::{self, Ending, JobRecord};
 use super::leases::nodes_of;
-use super::nodes::{self, Removed, ends};
+use super::nodes::{self, Removed};
 use super::row::big;
 use super::sql::query;
-use super::{Connection, StoreError, checks};
+use super::{Connection, StoreError, adaptive, checks};
+use crate::adaptive::{PILOT_ROUND, TilePasses};
+use crate::adaptive::{PILOT_ROUND, TilePasses};
 use crate::schedule::cut;
 
 /// What is rendered again.
@@ -48,6 +50,21 @@ pub(super) async fn redo(connection: &mut Connection, worker: WorkerId, now_ms: 
             redone.ended.push(id);
             continue;
         }
+        if job.shared_samples.is_some() && leased.iter().any(|node| is_of_pilot(&job, node)) {
+            // The image depends on what it brought, which nobody has any more.
+            let why = format!(
+                "worker {worker}, on whose pilot its passes were shared out, has rendered wrong bits: submit it again"
+            );
+            jobs::end(connection, id, &Ending::Failed(why), now_ms).await?;
+            redone.jobs.push(id);
+            continue;
+        }
+        if job.shared_samples.is_some() && leased.iter().any(|node| node.passes().first >= job.passes) {
+            redone.removed += begin_again(connection, &job).await?;
+            events::record(connection, StoredKind::Job, id, now_ms).await?;
+            redone.jobs.push(id);
+            continue;
+        }
         let (taken, removed) = nodes::take_out(connection, id, &leased).await?;
         if taken.is_empty() {
             continue;
@@ -56,8 +73,9 @@ pub(super) async fn redo(connection: &mut Connection, worker: WorkerId, now_ms: 
         checks::forget(connection, id, &taken).await?;
         // As finely as work was given to it.
         let largest_level = leased.iter().map(|node| node.level).max().unwrap_or(0);
-        requeue(connection, &job, &taken, largest_level).await?;
-        take_back_rounds(connection, &job, &taken).await?;
+        let tile_passes = adaptive::tile_passes(connection, &job).await?;
+        requeue(connection, &job, &taken, &tile_passes, largest_level).await?;
+        take_back_rounds(connection, &job, &taken, &tile_passes).await?;
         events::record(connection, StoredKind::Job, id, now_ms).await?;
         redone.jobs.push(id);
     }
@@ -69,12 +87,14 @@ async fn requeue(
     connection: &mut Connection,
     job: &JobRecord,
     taken: &[NodeAddress],
+    tile_passes: &TilePasses,
     largest_level: u32,
 ) -> Result<(), StoreError> {
     let mut pending = Vec::new();
     let mut passes: BTreeMap<(u32, u32), i64> = BTreeMap::new();
+    let tile_passes = adaptive::tile_passes(connection, job).await?;
     for node in taken {
-        for (round, range) in rounds_of(job, node) {
+        for (round, range) in rounds_of(job, &tile_passes, node) {
             *passes.entry((node.frame, round)).or_default() += i64::from(range.count);
             let addresses = cut(range, largest_level).map(|(level, index)| NodeAddress { level, index, ..*node });
             pending.extend(addresses.map(|address| (round, address)));
@@ -106,15 +126,27 @@ async fn requeue(
     Ok(())
 }
 
+/// Whether a node is of the pilot of a job, which is no part of its images.
+fn is_of_pilot(job: &JobRecord, node: &NodeAddress) -> bool {
+    node.passes().first >= job.passes
+}
+
 /// The passes of a node by rounds.
-fn rounds_of(job: &JobRecord, node: &NodeAddress) -> impl Iterator<Item = (u32, PassRange)> + use<> {
-    let (passes, boundaries) = (node.passes(), job.boundaries());
-    let end = passes.first + passes.count;
-    (0..).map_while(move |round| Some((round, boundaries.wave(round)?))).filter_map(move |(round, wave)| {
-        let first = wave.first.max(passes.first);
-        let count = (wave.first + wave.count).min(end).checked_sub(first).filter(|count| *count > 0)?;
-        Some((round, PassRange { first, count }))
-    })
+fn rounds_of(job: &JobRecord, tile_passes: &TilePasses, node: &NodeAddress) -> Vec<(u32, PassRange)> {
+    let passes = node.passes();
+    if is_of_pilot(job, node) {
+        return vec![(PILOT_ROUND, passes)];
+    }
+    let (boundaries, mut first) = (job.boundaries(), passes.first);
+    let mut rounds = Vec::new();
+    for (round, end) in (0..).map_while(|round| Some((round, boundaries.end(round)?))) {
+        let end = tile_passes.at(node.frame, node.tile, end).min(passes.first + passes.count);
+        if end > first {
+            rounds.push((round, PassRange { first, count: end - first }));
+            first = end;
+        }
+    }
+    rounds
 }
 
 /// Takes back the points that were measured with some nodes, and the last round, if that is one of them.
@@ -122,19 +154,20 @@ async fn take_back_rounds(
     connection: &mut Connection,
     job: &JobRecord,
     taken: &[NodeAddress],
+    tile_passes: &TilePasses,
 ) -> Result<(), StoreError> {
-    let first_pass = taken.iter().map(|node| ends(node)[0]).min().unwrap_or(i64::MAX);
-    let Some(last) = job.rounds.checked_sub(1).filter(|_| first_pass < i64::from(job.complete_passes)) else {
+    let in_images = taken.iter().filter(|node| !is_of_pilot(job, node));
+    let affected = in_images.filter_map(|node| Some(rounds_of(job, tile_passes, node).first()?.0)).min();
+    let (Some(last), Some(affected)) = (job.rounds.checked_sub(1), affected) else { return Ok(()) };
+    if affected > last {
         return Ok(());
-    };
-    let boundaries = job.boundaries();
-    let affected = (0..=last).find(|round| boundaries.end(*round).is_some_and(|end| first_pass < i64::from(end)));
+    }
     query("delete from rounds where job = $1 and round >= $2")
         .bind(job.id.to_string())
-        .bind(i64::from(affected.unwrap_or(last)))
+        .bind(i64::from(affected))
         .execute(&mut *connection)
         .await?;
-    let complete_passes = last.checked_sub(1).and_then(|round| boundaries.end(round)).unwrap_or(0);
+    let complete_passes = last.checked_sub(1).and_then(|round| job.boundaries().end(round)).unwrap_or(0);
     query("update jobs set rounds = $2, complete_passes = $3 where id = $1")
         .bind(job.id.to_string())
         .bind(i64::from(last))

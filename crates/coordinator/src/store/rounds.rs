@@ -2,6 +2,7 @@
 
 use clerestory_api::{ConvergencePoint, JobId, StopReason};
 
+use super::adaptive;
 use super::checks;
 use super::events::{self, StoredKind};
 use super::jobs::{self, Ending, JobRecord};
@@ -67,6 +68,7 @@ impl Store {
         let passes = job.boundaries().end(round).unwrap_or(job.passes);
         let last = (passes == job.passes).then_some(StopReason::Samples);
         let reason = job.targets.reached(job.samples_per_block, &points).or(last);
+        let job = job.clone();
         self.write(move |connection| {
             Box::pin(async move {
                 let recorded = query(
@@ -88,7 +90,7 @@ impl Store {
                     events::record(connection, kind, id, now_ms).await?;
                 }
                 let Some(reason) = reason else { return Ok(Some(RecordedRound::default())) };
-                Ok(Some(end(connection, id, round, passes, reason, now_ms).await?))
+                Ok(Some(end(connection, &job, passes, reason, now_ms).await?))
             })
         })
         .await
@@ -123,21 +125,21 @@ impl Store {
 /// Ends a job with a round, and takes away what has been done beyond it. A job that has ended before keeps what it has.
 async fn end(
     connection: &mut Connection,
-    job: JobId,
-    round: u32,
+    job: &JobRecord,
     passes: u32,
     reason: StopReason,
     now_ms: i64,
 ) -> Result<RecordedRound, StoreError> {
-    if !jobs::end(connection, job, &Ending::Done(reason), now_ms).await? {
+    if !jobs::end(connection, job.id, &Ending::Done(reason), now_ms).await? {
         return Ok(RecordedRound::default());
     }
     query("delete from waves where job = $1 and round > $2")
-        .bind(job.to_string())
-        .bind(i64::from(round))
+        .bind(job.id.to_string())
+        .bind(i64::from(job.rounds))
         .execute(&mut *connection)
         .await?;
-    let discarded = nodes::discard(connection, job, passes).await?;
+    let tile_passes = adaptive::tile_passes(connection, job).await?;
+    let discarded = nodes::discard_beyond(connection, job.id, &tile_passes, passes).await?;
     Ok(RecordedRound { stopped_by: Some(reason), discarded })
 }
 

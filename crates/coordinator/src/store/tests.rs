@@ -18,14 +18,23 @@ use super::{
 use crate::blobs::Place;
 use crate::stop::Targets;
 
+mod adaptive;
 mod checks;
 mod model;
 mod silence;
 mod stragglers;
 mod targets;
 
+use adaptive::{
+    a_job_that_ends_before_its_pilot_leaves_none_of_it, a_pilot_that_is_not_whole_decides_nothing,
+    a_target_leaves_each_tile_what_it_has_at_its_round,
+    nodes_beyond_the_share_of_a_round_go_when_a_target_ends_the_job,
+    passes_beyond_those_that_all_get_wait_until_they_are_shared_out,
+};
 use checks::{
     a_check_that_nobody_can_do_does_not_hold_up_the_round, a_job_keeps_to_the_bits_that_it_was_begun_with,
+    a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
+    a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again,
     a_round_that_was_measured_with_wrong_nodes_is_taken_back,
     a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again,
     checks_of_a_worker_that_is_gone_go_to_another, two_who_agree_end_a_check,
@@ -123,6 +132,7 @@ impl Farm {
             reference: None,
             time_limit_ms: None,
             targets: Targets::default(),
+            adaptive: false,
             assets: BTreeMap::new(),
             created_ms: 0,
         };
@@ -719,6 +729,13 @@ on_both! {
     a_round_that_reaches_a_target_ends_the_job_and_what_lies_beyond_it_goes
     a_target_that_is_not_reached_leaves_the_last_round_to_end_the_job
     a_target_that_is_reached_after_the_end_changes_nothing
+    passes_beyond_those_that_all_get_wait_until_they_are_shared_out
+    a_pilot_that_is_not_whole_decides_nothing
+    a_target_leaves_each_tile_what_it_has_at_its_round
+    nodes_beyond_the_share_of_a_round_go_when_a_target_ends_the_job
+    a_job_that_ends_before_its_pilot_leaves_none_of_it
+    a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again
+    a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again
     an_unknown_worker_gets_no_work_and_is_told
     a_failed_write_takes_nothing_else_with_it
     a_farm_keeps_its_identity

@@ -182,6 +182,7 @@ pub(crate) fn submission(passes: u32) -> JobSubmission {
         time_limit_ms: None,
         target_mse: None,
         target_estimated_mse: None,
+        adaptive: false,
     }
 }
 

@@ -4,6 +4,7 @@
 //! the sum of its two children in that order, whoever computes it. A tile with P passes is the sum of its maximal
 //! aligned nodes, from left to right. So the image does not depend on who rendered what, or when.
 
+pub mod adaptive;
 pub mod address;
 pub mod decomposition;
 pub mod image;
@@ -26,6 +27,7 @@ pub mod store;
 mod test_nodes;
 pub mod tree;
 
+pub use adaptive::{Adaptation, Share};
 pub use address::{NodeAddress, PassRange, Tile, TileGrid};
 pub use decomposition::{Decomposition, decompose};
 pub use image::{FrameImage, ImageError, ImageLayers, ImageMetadata};

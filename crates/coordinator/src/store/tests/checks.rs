@@ -1,9 +1,11 @@
 //! Nodes that a second worker renders too, and what follows when the bits differ.
 
-use clerestory_api::{ConvergencePoint, JobId, NodeVerdict, WorkerId, WorkerState};
+use clerestory_api::{ConvergencePoint, JobId, JobState, NodeVerdict, WorkerId, WorkerState};
 use clerestory_render_core::film::NodeAddress;
 
+use super::adaptive::some_shares;
 use super::{DeliveredNode, Farm, Grant, Merge, TTL_MS, WorkerError, delivered, merge, place};
+use crate::stop::Targets;
 use crate::store::Outcome;
 
 /// Nodes with these bits, all of which are checked.
@@ -236,4 +238,63 @@ pub(super) async fn a_job_keeps_to_the_bits_that_it_was_begun_with(farm: Farm) {
     let passed_over = |id| async move { store.worker(id, 0).await.unwrap().passed_over };
     assert_eq!((passed_over(x).await, passed_over(y).await), (vec![newer], vec![older]));
     assert_eq!(passed_over(none).await, [older, newer]);
+}
+
+/// Two others find that a worker has brought other bits of the nodes of a lease than they do.
+async fn find_wrong(farm: &Farm, grant: &Grant, others: [WorkerId; 2]) -> Outcome {
+    assert!(bring(farm, grant, "wrong", 0).await.has_work);
+    let mut outcome = Outcome::default();
+    for worker in others {
+        let check = farm.claim(worker, grant.nodes.len() as u32, 0).await.unwrap();
+        assert_eq!(check.nodes, grant.nodes);
+        outcome = bring(farm, &check, "right", 0).await;
+    }
+    assert_eq!(outcome.quarantined.len(), 1, "{outcome:?}");
+    outcome
+}
+
+pub(super) async fn a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again(farm: Farm) {
+    let job = farm.adaptive_job(Targets::default()).await;
+    let [good, wrong, third] = named(&farm, ["good", "wrong", "third"]).await;
+    let first = farm.claim(wrong, 1, 0).await.unwrap();
+    let rest = farm.claim(wrong, 256, 0).await.unwrap();
+    farm.deliver(&rest, &rest.nodes, 0).await.unwrap();
+    let tiles = job.grid.len();
+    assert_eq!(farm.store.pilot(job.id).await.unwrap().len() as u32, 5 * tiles);
+    let outcome = find_wrong(&farm, &first, [good, third]).await;
+    assert_eq!(outcome.removed.places.len(), 1 + rest.nodes.len());
+    assert!(farm.store.pilot(job.id).await.unwrap().is_empty());
+    farm.deliver_all(good).await;
+    assert_eq!(farm.store.pilot(job.id).await.unwrap().len() as u32, 5 * tiles);
+    assert_eq!(farm.accepted(job.id).await, vec![32; tiles as usize]);
+    farm.record_rounds(job.id, 1, 1.0).await;
+    assert!(farm.next_wave(job.id).await.is_some(), "the round of the pilot is complete with it");
+}
+
+pub(super) async fn a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again(farm: Farm) {
+    let job = farm.adaptive_job(Targets::default()).await;
+    let [good, wrong, third] = named(&farm, ["good", "wrong", "third"]).await;
+    farm.deliver_all(wrong).await;
+    farm.record_rounds(job.id, 1, 1.0).await;
+    let stale = farm.record(job.id).await;
+    farm.store.share_out(&stale, some_shares(&job)).await.unwrap();
+    farm.record_rounds(job.id, 1, 1.0).await;
+    let beyond = farm.claim(wrong, 1, 0).await.unwrap();
+    let outcome = find_wrong(&farm, &beyond, [good, third]).await;
+    assert_eq!(outcome.redone, [job.id]);
+    let record = farm.record(job.id).await;
+    assert_eq!((record.rounds, record.samples, record.shared_samples), (0, 0, None));
+    assert!(farm.addresses(job.id).await.is_empty() && farm.store.convergence(job.id).await.unwrap().is_empty());
+
+    farm.deliver_all(good).await;
+    farm.record_rounds(job.id, 1, 1.0).await;
+    let late = farm.store.share_out(&stale, some_shares(&job)).await.unwrap();
+    assert!(late.places.is_empty(), "it was decided before nodes were taken out");
+    let record = farm.record(job.id).await;
+    assert_eq!(record.shared_samples, None);
+    farm.store.share_out(&record, some_shares(&record)).await.unwrap();
+    farm.deliver_all(good).await;
+    farm.record_rounds(job.id, 8, 1.0).await;
+    let done = farm.record(job.id).await;
+    assert_eq!((done.state, done.samples), (JobState::Done, done.total_samples()));
 }

@@ -1,0 +1,84 @@
+//! Adaptive jobs: the passes of a round are shared out among the tiles by their noise.
+//!
+//! How noisy a tile is, its pilot says: a few passes that no image contains ([`clerestory_render_core::film::adaptive`]). The pilot is
+//! work of the round [`PILOT_ROUND`], of nodes like any others. When that round is complete, the keeper of the film reads the pilot, stores
+//! the share of each tile, and throws the pilot away; then it records the round. Rounds beyond the passes that every tile gets are cut
+//! into nodes when the shares are there, and not before. What is decided depends on the scene, its tiles and the samples of the job alone,
+//! so it is the same whoever decides it, and as often as it is decided: `clerestory render` comes to the same.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use clerestory_render_core::film::adaptive::{noise, shares};
+use clerestory_render_core::film::{Adaptation, Sampling, Share};
+
+use crate::farm::Farm;
+use crate::film::FilmError;
+use crate::news::News;
+use crate::stop::Targets;
+use crate::store::{JobRecord, NodeRow, Removed};
+
+/// The round whose work the pilot is: the second, so that there is an image of one pass before.
+pub const PILOT_ROUND: u32 = 1;
+
+/// How the passes of a job are shared out.
+///
+/// # Errors
+///
+/// The fewest samples in a pixel that would leave something to share out, where `passes` are too few.
+pub fn adaptation(sampling: Sampling, passes: u32, targets: &Targets) -> Result<Adaptation, u32> {
+    let blocks = targets.fewest_blocks();
+    let too_few = || blocks.saturating_mul(sampling.samples_per_block()).saturating_add(1);
+    Adaptation::new(sampling, passes, blocks).ok_or_else(too_few)
+}
+
+/// How many passes each tile of a job has at a round.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct TilePasses {
+    /// The shares by frame; absent where every tile has all passes.
+    shares: Option<Arc<Shares>>,
+}
+
+#[derive(Debug)]
+struct Shares {
+    adaptation: Adaptation,
+    by_frame: BTreeMap<u32, Vec<Share>>,
+}
+
+impl TilePasses {
+    /// Those that shares make, by frame, in the order of the tiles.
+    pub(crate) fn shared(adaptation: Adaptation, by_frame: BTreeMap<u32, Vec<Share>>) -> Self {
+        Self { shares: Some(Arc::new(Shares { adaptation, by_frame })) }
+    }
+
+    /// Whether tiles have their own.
+    pub(crate) fn are_shared(&self) -> bool {
+        self.shares.is_some()
+    }
+
+    /// Passes of a tile at the round of so many.
+    pub(crate) fn at(&self, frame: u32, tile: u32, round_passes: u32) -> u32 {
+        let Some(Shares { adaptation, by_frame }) = self.shares.as_deref() else { return round_passes };
+        let share = by_frame.get(&frame).and_then(|shares| shares.get(tile as usize));
+        share.map_or(round_passes, |share| adaptation.passes(*share, round_passes))
+    }
+}
+
+/// Decides the shares of a job whose pilot is complete, and stores them in its place. Answers what is not needed any more; changes
+/// nothing when that has been done.
+pub(crate) async fn share_out(farm: &Farm, job: &JobRecord) -> Result<Removed, FilmError> {
+    let rows = farm.store.pilot(job.id).await?;
+    let mut by_frame: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
+    // One tile after another: all of them need not fit into memory.
+    for rows in rows.chunk_by(|a, b| (a.address.frame, a.address.tile) == (b.address.frame, b.address.tile)) {
+        let Some(NodeRow { address, .. }) = rows.first() else { continue };
+        let nodes = farm.film.load(rows).await?;
+        let noise = tokio::task::spawn_blocking(move || noise(&nodes)).await?;
+        by_frame.entry(address.frame).or_default().push(noise);
+    }
+    let shares = by_frame.into_iter().map(|(frame, noise)| (frame, shares(&job.grid, &noise))).collect();
+    let removed = farm.store.share_out(job, shares).await?;
+    tracing::info!(job = %job.id, "passes shared out among the tiles");
+    farm.tell(News::Work);
+    Ok(removed)
+}

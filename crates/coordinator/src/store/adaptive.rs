@@ -1,0 +1,153 @@
+//! Shares of the passes of adaptive jobs: decided by the [keeper](crate::adaptive), looked up wherever tiles have their own passes.
+
+use std::collections::BTreeMap;
+
+use clerestory_api::JobId;
+use clerestory_render_core::film::{PassRange, Share};
+
+use super::jobs::JobRecord;
+use super::nodes::{self, Removed};
+use super::row::{Row, big, to_json};
+use super::sql::{Kind, query, rows_of};
+use super::{Connection, Store, StoreError};
+use crate::adaptive::TilePasses;
+
+/// Tiles that are looked at together: of many, few may have a pass in a wave.
+const TILES: u32 = 1024;
+
+impl Store {
+    /// How many passes each tile of a job has at a round.
+    pub(crate) async fn tile_passes(&self, job: &JobRecord) -> Result<TilePasses, StoreError> {
+        if job.shared_samples.is_none() {
+            return Ok(TilePasses::default());
+        }
+        let rows = query(ALL).bind(job.id.to_string()).fetch_all(&self.readers).await?;
+        shared(job, &rows)
+    }
+
+    /// Stores what each tile of each frame gets of the passes of a job, in the place of its pilot. Changes nothing when that has been
+    /// done, or nodes have been taken out since the job was read.
+    pub(crate) async fn share_out(
+        &self,
+        job: &JobRecord,
+        shares: BTreeMap<u32, Vec<Share>>,
+    ) -> Result<Removed, StoreError> {
+        let job = job.clone();
+        self.write(move |connection| Box::pin(async move { share_out(connection, &job, &shares).await })).await
+    }
+
+    /// Throws away what there is of the pilot of a job that has ended without need of it.
+    pub(crate) async fn discard_pilot(&self, job: JobId, passes: u32) -> Result<Removed, StoreError> {
+        self.write(move |connection| Box::pin(async move { nodes::discard(connection, job, passes).await })).await
+    }
+}
+
+const ALL: &str = "select frame, tile, share from tile_shares where job = $1 order by frame, tile";
+
+/// The same as [`Store::tile_passes`], as the transaction sees it.
+pub(super) async fn tile_passes(connection: &mut Connection, job: &JobRecord) -> Result<TilePasses, StoreError> {
+    if !job.adaptive {
+        return Ok(TilePasses::default());
+    }
+    let rows = query(ALL).bind(job.id.to_string()).fetch_all(connection).await?;
+    shared(job, &rows)
+}
+
+fn shared(job: &JobRecord, rows: &[Row]) -> Result<TilePasses, StoreError> {
+    let Some(adaptation) = job.adaptation().filter(|_| !rows.is_empty()) else { return Ok(TilePasses::default()) };
+    let mut by_frame: BTreeMap<u32, Vec<Share>> = BTreeMap::new();
+    for row in rows {
+        by_frame.entry(row.number("frame")?).or_default().push(share(row)?);
+    }
+    Ok(TilePasses::shared(adaptation, by_frame))
+}
+
+fn share(row: &Row) -> Result<Share, StoreError> {
+    let units = row.integer("share")?;
+    let share = u32::try_from(units).ok().and_then(Share::new);
+    share.ok_or_else(|| StoreError::Corrupt { column: "share", value: units.to_string() })
+}
+
+/// What some tiles of a frame have in a wave.
+pub(super) struct WaveTiles {
+    /// Those that have passes in it, in order, and those passes.
+    pub(super) tiles: Vec<(u32, PassRange)>,
+    /// The tile after those that have been looked at.
+    pub(super) next: u32,
+    /// How many tiles have passes in the wave, as far as is known.
+    pub(super) count: u32,
+}
+
+/// What the tiles of a frame from one on have in a wave, as far as one look shows.
+pub(super) async fn wave_tiles(
+    connection: &mut Connection,
+    job: &JobRecord,
+    frame: u32,
+    first_tile: u32,
+    wave: PassRange,
+) -> Result<WaveTiles, StoreError> {
+    let count = job.grid.len();
+    let Some(adaptation) = job.adaptation().filter(|_| job.shared_samples.is_some()) else {
+        let next = count.min(first_tile.saturating_add(TILES));
+        return Ok(WaveTiles { tiles: (first_tile..next).map(|tile| (tile, wave)).collect(), next, count });
+    };
+    let rows = query(
+        "select tile, share from tile_shares where job = $1 and frame = $2 and tile >= $3 order by tile limit $4",
+    )
+    .bind(job.id.to_string())
+    .bind(i64::from(frame))
+    .bind(i64::from(first_tile))
+    .bind(i64::from(TILES))
+    .fetch_all(connection)
+    .await?;
+    let mut tiles = Vec::new();
+    let mut next = first_tile;
+    for row in &rows {
+        let (tile, share) = (row.number("tile")?, share(row)?);
+        let first = adaptation.passes(share, wave.first);
+        let count = adaptation.passes(share, wave.first + wave.count) - first;
+        if count > 0 {
+            tiles.push((tile, PassRange { first, count }));
+        }
+        next = tile + 1;
+    }
+    let next = if rows.len() < TILES as usize { count } else { next };
+    Ok(WaveTiles { count: tiles.len() as u32, tiles, next })
+}
+
+async fn share_out(
+    connection: &mut Connection,
+    job: &JobRecord,
+    shares: &BTreeMap<u32, Vec<Share>>,
+) -> Result<Removed, StoreError> {
+    let Some(adaptation) = job.adaptation() else { return Ok(Removed::default()) };
+    let mut samples = 0;
+    let mut rows = Vec::new();
+    for (frame, shares) in shares {
+        for (tile, share) in (0..).zip(shares) {
+            let pixels = job.grid.tile(tile).map_or(0, |tile| tile.pixels() as u64);
+            samples += pixels * u64::from(adaptation.passes(*share, job.passes)) * u64::from(job.samples_per_pass);
+            rows.push((*frame, tile, share.units()));
+        }
+    }
+    let decided =
+        query("update jobs set shared_samples = $2 where id = $1 and shared_samples is null and redone_nodes = $3")
+            .bind(job.id.to_string())
+            .bind(big(samples))
+            .bind(big(job.redone_nodes))
+            .execute(&mut *connection)
+            .await?;
+    if decided == 0 {
+        return Ok(Removed::default());
+    }
+    if rows.len() as u64 != u64::from(job.frames) * u64::from(job.grid.len()) {
+        let value = format!("a pilot of {} tiles", rows.len());
+        return Err(StoreError::Corrupt { column: "nodes", value });
+    }
+    let statement = format!(
+        "insert into tile_shares (job, frame, tile, share) select $1, c0, c1, c2 from {} as listed_shares",
+        rows_of(connection.engine(), 2, &[Kind::Integer; 3])
+    );
+    query(statement).bind(job.id.to_string()).bind(to_json(&rows)?).execute(&mut *connection).await?;
+    nodes::discard(connection, job.id, job.passes).await
+}
