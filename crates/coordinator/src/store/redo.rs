@@ -12,13 +12,12 @@ use clerestory_render_core::film::{NodeAddress, PassRange};
 
 use super::claim::insert_pending;
 use super::events::{self, StoredKind};
-use super::jobs::{self, Ending, JobRecord};
+use super::jobs::{self, JobRecord};
 use super::leases::nodes_of;
 use super::nodes::{self, Removed};
 use super::row::big;
 use super::sql::query;
 use super::{Connection, StoreError, adaptive, checks};
-use crate::adaptive::{PILOT_ROUND, TilePasses};
 use crate::adaptive::{PILOT_ROUND, TilePasses};
 use crate::schedule::cut;
 
@@ -50,15 +49,6 @@ pub(super) async fn redo(connection: &mut Connection, worker: WorkerId, now_ms: 
             redone.ended.push(id);
             continue;
         }
-        if job.shared_samples.is_some() && leased.iter().any(|node| is_of_pilot(&job, node)) {
-            // The image depends on what it brought, which nobody has any more.
-            let why = format!(
-                "worker {worker}, on whose pilot its passes were shared out, has rendered wrong bits: submit it again"
-            );
-            jobs::end(connection, id, &Ending::Failed(why), now_ms).await?;
-            redone.jobs.push(id);
-            continue;
-        }
         if job.shared_samples.is_some() && leased.iter().any(|node| node.passes().first >= job.passes) {
             redone.removed += begin_again(connection, &job).await?;
             events::record(connection, StoredKind::Job, id, now_ms).await?;
@@ -73,9 +63,8 @@ pub(super) async fn redo(connection: &mut Connection, worker: WorkerId, now_ms: 
         checks::forget(connection, id, &taken).await?;
         // As finely as work was given to it.
         let largest_level = leased.iter().map(|node| node.level).max().unwrap_or(0);
-        let tile_passes = adaptive::tile_passes(connection, &job).await?;
-        requeue(connection, &job, &taken, &tile_passes, largest_level).await?;
-        take_back_rounds(connection, &job, &taken, &tile_passes).await?;
+        requeue(connection, &job, &taken, largest_level).await?;
+        take_back_rounds(connection, &job, &taken).await?;
         events::record(connection, StoredKind::Job, id, now_ms).await?;
         redone.jobs.push(id);
     }
@@ -87,7 +76,6 @@ async fn requeue(
     connection: &mut Connection,
     job: &JobRecord,
     taken: &[NodeAddress],
-    tile_passes: &TilePasses,
     largest_level: u32,
 ) -> Result<(), StoreError> {
     let mut pending = Vec::new();
@@ -126,27 +114,40 @@ async fn requeue(
     Ok(())
 }
 
-/// Whether a node is of the pilot of a job, which is no part of its images.
-fn is_of_pilot(job: &JobRecord, node: &NodeAddress) -> bool {
-    node.passes().first >= job.passes
+/// The passes of a node by rounds.
+fn rounds_of(
+    job: &JobRecord,
+    tile_passes: &TilePasses,
+    node: &NodeAddress,
+) -> impl Iterator<Item = (u32, PassRange)> + use<> {
+    let (passes, boundaries) = (node.passes(), job.boundaries());
+    let end = passes.first + passes.count;
+    let (tile_passes, NodeAddress { frame, tile, .. }) = (tile_passes.clone(), *node);
+    let in_images = (0..).map_while(move |round| Some((round, boundaries.wave(round)?)));
+    let in_images = in_images.filter_map(move |(round, wave)| {
+        let first = tile_passes.at(frame, tile, wave.first).max(passes.first);
+        let wave_end = tile_passes.at(frame, tile, wave.first + wave.count);
+        let count = wave_end.min(end).checked_sub(first).filter(|count| *count > 0)?;
+        Some((round, PassRange { first, count }))
+    });
+    in_images.chain((passes.first >= job.passes).then_some((PILOT_ROUND, passes)))
 }
 
-/// The passes of a node by rounds.
-fn rounds_of(job: &JobRecord, tile_passes: &TilePasses, node: &NodeAddress) -> Vec<(u32, PassRange)> {
-    let passes = node.passes();
-    if is_of_pilot(job, node) {
-        return vec![(PILOT_ROUND, passes)];
+/// Takes a job back to where it was before any work was given out.
+async fn begin_again(connection: &mut Connection, job: &JobRecord) -> Result<Removed, StoreError> {
+    let removed = nodes::discard(connection, job.id, 0).await?;
+    for table in ["checks", "pending", "waves", "rounds", "tile_shares"] {
+        query(format!("delete from {table} where job = $1")).bind(job.id.to_string()).execute(&mut *connection).await?;
     }
-    let (boundaries, mut first) = (job.boundaries(), passes.first);
-    let mut rounds = Vec::new();
-    for (round, end) in (0..).map_while(|round| Some((round, boundaries.end(round)?))) {
-        let end = tile_passes.at(node.frame, node.tile, end).min(passes.first + passes.count);
-        if end > first {
-            rounds.push((round, PassRange { first, count: end - first }));
-            first = end;
-        }
-    }
-    rounds
+    query(
+        "update jobs set cursor_round = 0, cursor_frame = 0, cursor_tile = 0, rounds = 0, complete_passes = 0, samples = 0, \
+         shared_samples = null, redone_nodes = redone_nodes + $2, accepted_nodes = accepted_nodes + 1 where id = $1",
+    )
+    .bind(job.id.to_string())
+    .bind(big(removed.places.len() as u64))
+    .execute(connection)
+    .await?;
+    Ok(removed)
 }
 
 /// Takes back the points that were measured with some nodes, and the last round, if that is one of them.
@@ -154,14 +155,11 @@ async fn take_back_rounds(
     connection: &mut Connection,
     job: &JobRecord,
     taken: &[NodeAddress],
-    tile_passes: &TilePasses,
 ) -> Result<(), StoreError> {
-    let in_images = taken.iter().filter(|node| !is_of_pilot(job, node));
-    let affected = in_images.filter_map(|node| Some(rounds_of(job, tile_passes, node).first()?.0)).min();
-    let (Some(last), Some(affected)) = (job.rounds.checked_sub(1), affected) else { return Ok(()) };
-    if affected > last {
-        return Ok(());
-    }
+    let tile_passes = adaptive::tile_passes(connection, job).await?;
+    let rounds = taken.iter().filter_map(|node| rounds_of(job, &tile_passes, node).map(|(round, _)| round).next());
+    let Some(affected) = rounds.min().filter(|round| *round < job.rounds) else { return Ok(()) };
+    let Some(last) = job.rounds.checked_sub(1) else { return Ok(()) };
     query("delete from rounds where job = $1 and round >= $2")
         .bind(job.id.to_string())
         .bind(i64::from(affected))
