@@ -17,7 +17,9 @@ fn farm(folder: &Path, image_bytes: u64) -> Farm {
     let config = folder.join("coordinator.toml");
     let text = format!("node_cache_bytes = {0}\nimage_bytes = {image_bytes}\npreview_bytes = {0}\n", 4 * MEBIBYTE);
     fs::write(&config, text).unwrap();
-    let mut farm = Farm::start(None, &["--config", config.to_str().unwrap()]);
+    // The C library keeps memory apart for each thread, and returns little of it.
+    let environment = [("MALLOC_ARENA_MAX".to_owned(), "2".to_owned())];
+    let mut farm = Farm::start_in(&environment, None, &["--config", config.to_str().unwrap()]);
     farm.start_worker("first");
     farm.start_worker("second");
     farm

@@ -214,7 +214,7 @@ async fn merge_tiles(farm: &Farm, job: &JobRecord, tiles: Vec<&[NodeRow]>, held:
         merges.push(Merge { parent: node.address(), place: place.clone(), children });
         farm.film.keep(place, Arc::new(node));
     }
-    farm.let_go(farm.store.replace(job.id, merges).await?).await;
+    farm.let_go(farm.store.replace(job.id, job.redone_nodes, merges).await?).await;
     Ok(())
 }
 

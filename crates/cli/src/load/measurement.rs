@@ -68,6 +68,8 @@ pub(super) async fn measure(settings: &Settings, folder: &Path, workers: u32) ->
         ["coordinator", "--listen", "127.0.0.1:0", "--data"].map(OsString::from).to_vec();
     arguments.push(data.clone().into());
     arguments.extend(["--lease-nodes".into(), settings.nodes_per_lease.to_string().into()]);
+    // Each node is brought once, so that what is brought and what is merged is the same.
+    arguments.extend(["--checked-fraction".into(), "0".into()]);
     for (option, value) in [("--database", &settings.database), ("--object-store", &settings.object_store)] {
         arguments.extend(value.iter().flat_map(|value| [option.into(), value.into()]));
     }

@@ -261,9 +261,14 @@ async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress)
     for row in &rows {
         passes += 1_i64 << row.integer("level")?;
     }
-    // The passes of a node are those of one round.
+    // A node is work of one round.
     let Some(round) = rows.first().filter(|_| passes == end - first) else { return Ok(None) };
     let round = round.integer("round")?;
+    for row in &rows {
+        if row.integer("round")? != round {
+            return Ok(None);
+        }
+    }
     query(format!("delete {PARTS}"))
         .bind(job.to_string())
         .bind(i64::from(node.frame))

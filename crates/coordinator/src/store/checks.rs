@@ -222,6 +222,11 @@ async fn quarantine(
     for lease in held {
         leases::release(connection, lease.parsed("id")?).await?;
     }
+    // Whatever it brings once more under a lease that is complete is what has just been taken out.
+    query("update leases set state = 'returned' where worker = $1 and state = 'complete'")
+        .bind(worker.to_string())
+        .execute(&mut *connection)
+        .await?;
     // What it thinks of other nodes does not count.
     query("delete from opinions where worker = $1").bind(worker.to_string()).execute(&mut *connection).await?;
     let redone = redo::redo(connection, worker, now_ms).await?;
@@ -265,9 +270,6 @@ pub(super) async fn choose(
     .await?;
     rows.iter().map(address).collect()
 }
-
-/// How many checks of a job, up to a round, have not come to an end.
-pub(super) const OPEN: &str = "select count(*) as open from checks where job = $1 and round <= $2";
 
 impl Store {
     /// Gives up checks that no worker which was heard of since `alive_ms` can do, and answers them.

@@ -163,9 +163,9 @@ impl Store {
     }
 
     /// Puts merged nodes in the place of what they are the sums of, with the sums of its work, all at once; an error, and no change,
-    /// when a pass of one is missing.
-    pub(crate) async fn replace(&self, job: JobId, merges: Vec<Merge>) -> Result<Removed, StoreError> {
-        self.write(move |connection| Box::pin(async move { replace(connection, job, &merges).await })).await
+    /// when a pass of one is missing, or nodes have been taken out since so many were: those may be among the ones that were summed.
+    pub(crate) async fn replace(&self, job: JobId, redone: u64, merges: Vec<Merge>) -> Result<Removed, StoreError> {
+        self.write(move |connection| Box::pin(async move { replace(connection, job, redone, &merges).await })).await
     }
 }
 
@@ -272,7 +272,17 @@ pub(super) async fn insert(connection: &mut Connection, job: JobId, nodes: &[Nod
     Ok(())
 }
 
-async fn replace(connection: &mut Connection, job: JobId, merges: &[Merge]) -> Result<Removed, StoreError> {
+async fn replace(
+    connection: &mut Connection,
+    job: JobId,
+    redone: u64,
+    merges: &[Merge],
+) -> Result<Removed, StoreError> {
+    let row =
+        query("select redone_nodes from jobs where id = $1").bind(job.to_string()).fetch_one(&mut *connection).await?;
+    if row.number::<u64>("redone_nodes")? != redone {
+        return Err(StoreError::Database("nodes were taken out of the film while others were merged".to_owned()));
+    }
     let children: Vec<(NodeAddress, usize)> = merges
         .iter()
         .zip(0..)

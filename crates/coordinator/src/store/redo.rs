@@ -1,9 +1,8 @@
 //! What a worker has rendered that turned out to be wrong is rendered again.
 //!
 //! Its leases tell which nodes may be its own; what others brought of them in the end is rendered again too, and so is what was merged with
-//! them. Rounds that were measured with them are taken back: the points of the series go, and the last round is recorded again when its
-//! passes are complete again. Earlier ones stay out, since the film has been merged across their ends. An adaptive job whose passes a wrong pilot
-//! has shared out begins again: it is not known which of them are wrong. A job that has ended keeps its image, and is named.
+//! them. The points of the series that were measured with them go, and are not measured again: the film has been merged across the ends of
+//! their rounds. The next round waits until all passes before it are there again. A job that has ended keeps its image, and is named.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -64,7 +63,7 @@ pub(super) async fn redo(connection: &mut Connection, worker: WorkerId, now_ms: 
         // As finely as work was given to it.
         let largest_level = leased.iter().map(|node| node.level).max().unwrap_or(0);
         requeue(connection, &job, &taken, largest_level).await?;
-        take_back_rounds(connection, &job, &taken).await?;
+        take_back_points(connection, &job, &taken).await?;
         events::record(connection, StoredKind::Job, id, now_ms).await?;
         redone.jobs.push(id);
     }
@@ -136,6 +135,11 @@ fn rounds_of(
 /// Takes a job back to where it was before any work was given out.
 async fn begin_again(connection: &mut Connection, job: &JobRecord) -> Result<Removed, StoreError> {
     let removed = nodes::discard(connection, job.id, 0).await?;
+    // Their nodes were cut where rounds ended by the old shares.
+    query("update leases set state = 'returned' where job = $1 and state in ('active', 'complete')")
+        .bind(job.id.to_string())
+        .execute(&mut *connection)
+        .await?;
     for table in ["checks", "pending", "waves", "rounds", "tile_shares"] {
         query(format!("delete from {table} where job = $1")).bind(job.id.to_string()).execute(&mut *connection).await?;
     }
@@ -150,26 +154,19 @@ async fn begin_again(connection: &mut Connection, job: &JobRecord) -> Result<Rem
     Ok(removed)
 }
 
-/// Takes back the points that were measured with some nodes, and the last round, if that is one of them.
-async fn take_back_rounds(
+/// Takes away the points of the series that were measured with some nodes. Their rounds are not recorded again, since the film may have been
+/// merged across their ends; the next one waits for all passes before it.
+async fn take_back_points(
     connection: &mut Connection,
     job: &JobRecord,
     taken: &[NodeAddress],
 ) -> Result<(), StoreError> {
     let tile_passes = adaptive::tile_passes(connection, job).await?;
     let rounds = taken.iter().filter_map(|node| rounds_of(job, &tile_passes, node).map(|(round, _)| round).next());
-    let Some(affected) = rounds.min().filter(|round| *round < job.rounds) else { return Ok(()) };
-    let Some(last) = job.rounds.checked_sub(1) else { return Ok(()) };
+    let Some(affected) = rounds.min() else { return Ok(()) };
     query("delete from rounds where job = $1 and round >= $2")
         .bind(job.id.to_string())
         .bind(i64::from(affected))
-        .execute(&mut *connection)
-        .await?;
-    let complete_passes = last.checked_sub(1).and_then(|round| job.boundaries().end(round)).unwrap_or(0);
-    query("update jobs set rounds = $2, complete_passes = $3 where id = $1")
-        .bind(job.id.to_string())
-        .bind(i64::from(last))
-        .bind(i64::from(complete_passes))
         .execute(connection)
         .await?;
     Ok(())

@@ -3,7 +3,6 @@
 use clerestory_api::{ConvergencePoint, JobId, StopReason};
 
 use super::adaptive;
-use super::checks;
 use super::events::{self, StoredKind};
 use super::jobs::{self, Ending, JobRecord};
 use super::nodes::{self, Removed};
@@ -37,7 +36,10 @@ impl Store {
     /// The next round of a job, if it is complete and not recorded.
     pub(crate) async fn complete_wave(&self, job: &JobRecord) -> Result<Option<CompleteWave>, StoreError> {
         let Some(passes) = job.boundaries().end(job.rounds) else { return Ok(None) };
-        let waves = query("select outstanding, core_ms, completed_ms from waves where job = $1 and round <= $2")
+        let waves = query(
+            "select outstanding, core_ms, completed_ms, (select count(*) from checks where job = $1 and round <= $2) as checks \
+             from waves where job = $1 and round <= $2",
+        )
             .bind(job.id.to_string())
             .bind(i64::from(job.rounds))
             .fetch_all(&self.readers)
@@ -45,12 +47,10 @@ impl Store {
         let opened = waves.len() as u64 == u64::from(job.frames) * (u64::from(job.rounds) + 1);
         let (mut outstanding, mut core_ms, mut completed_ms) = (0, 0_i64, 0);
         for wave in &waves {
-            outstanding += wave.integer("outstanding")?;
+            outstanding += wave.integer("outstanding")? + wave.integer("checks")?;
             core_ms = core_ms.saturating_add(wave.integer("core_ms")?);
             completed_ms = completed_ms.max(wave.optional_integer("completed_ms")?.unwrap_or(0));
         }
-        let checks = query(checks::OPEN).bind(job.id.to_string()).bind(i64::from(job.rounds));
-        outstanding += checks.fetch_one(&self.readers).await?.integer("open")?;
         let complete = opened && outstanding == 0;
         Ok(complete.then_some(CompleteWave { round: job.rounds, passes, core_ms, completed_ms }))
     }

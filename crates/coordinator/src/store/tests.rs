@@ -35,9 +35,9 @@ use checks::{
     a_check_that_nobody_can_do_does_not_hold_up_the_round, a_job_keeps_to_the_bits_that_it_was_begun_with,
     a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
     a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again,
-    a_round_that_was_measured_with_wrong_nodes_is_taken_back,
     a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again,
-    checks_of_a_worker_that_is_gone_go_to_another, two_who_agree_end_a_check,
+    checks_of_a_worker_that_is_gone_go_to_another, points_that_were_measured_with_wrong_nodes_are_taken_back,
+    two_who_agree_end_a_check,
 };
 use stragglers::{
     a_node_is_not_leased_again_without_end, stragglers_do_not_hold_up_the_end,
@@ -288,7 +288,7 @@ async fn a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_
     let children: Vec<NodeAddress> = outside.children().unwrap().to_vec();
     farm.deliver(&grant, &children, 0).await.unwrap();
     let counters = Counters { rays: 1 + 2, ..Counters::default() };
-    farm.store.replace(job, vec![merge(outside, place("parent", 0))]).await.unwrap();
+    farm.store.replace(job, 0, vec![merge(outside, place("parent", 0))]).await.unwrap();
     assert_eq!(farm.addresses(job).await, [outside]);
     let answer = farm.deliver(&grant, &[children[1], outside], 0).await.unwrap();
     assert_eq!(answer.verdicts, [NodeVerdict::Duplicate, NodeVerdict::Duplicate]);
@@ -305,7 +305,7 @@ async fn a_parent_replaces_two_children_or_nothing(farm: Farm) {
     let parent = NodeAddress { frame: 0, tile: 0, level: 1, index: 0 };
     let [left, _] = parent.children().unwrap();
     farm.deliver(&grant, &[left], 0).await.unwrap();
-    let replaced = farm.store.replace(job, vec![merge(parent, place("parent", 0))]).await;
+    let replaced = farm.store.replace(job, 0, vec![merge(parent, place("parent", 0))]).await;
     assert!(replaced.is_err());
     assert_eq!(farm.addresses(job).await, [left]);
 }
@@ -327,9 +327,9 @@ async fn a_blob_is_needed_until_the_last_of_its_nodes_has_been_replaced(farm: Fa
     assert!(rows.iter().map(|row| &row.place).eq(&places));
 
     let [first, second] = parents.map(|parent| merge(parent, place("merged", u64::from(parent.tile) * 10)));
-    let removed = farm.store.replace(job, vec![first]).await.unwrap();
+    let removed = farm.store.replace(job, 0, vec![first]).await.unwrap();
     assert_eq!((removed.places.as_slice(), removed.blobs), (&places[..2], vec![]));
-    let removed = farm.store.replace(job, vec![second]).await.unwrap();
+    let removed = farm.store.replace(job, 0, vec![second]).await.unwrap();
     assert_eq!((removed.places.as_slice(), removed.blobs), (&places[2..], vec!["together".to_owned()]));
     assert_eq!(farm.addresses(job).await, parents);
     assert_eq!(farm.store.node_blobs().await.unwrap(), BTreeSet::from(["merged".to_owned()]));
@@ -711,7 +711,7 @@ on_both! {
     a_node_is_not_leased_again_without_end
     two_who_agree_end_a_check
     a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again
-    a_round_that_was_measured_with_wrong_nodes_is_taken_back
+    points_that_were_measured_with_wrong_nodes_are_taken_back
     a_check_that_nobody_can_do_does_not_hold_up_the_round
     checks_of_a_worker_that_is_gone_go_to_another
     a_job_keeps_to_the_bits_that_it_was_begun_with

@@ -4,7 +4,7 @@ use clerestory_api::{ConvergencePoint, JobId, JobState, NodeVerdict, WorkerId, W
 use clerestory_render_core::film::NodeAddress;
 
 use super::adaptive::some_shares;
-use super::{DeliveredNode, Farm, Grant, Merge, TTL_MS, WorkerError, delivered, merge, place};
+use super::{DeliveredNode, Farm, Grant, LeaseError, Merge, TTL_MS, WorkerError, delivered, merge, place};
 use crate::stop::Targets;
 use crate::store::Outcome;
 
@@ -84,6 +84,8 @@ pub(super) async fn a_worker_with_other_bits_than_two_others_is_found_and_its_no
     assert!(matches!(refused, Err(WorkerError::Quarantined { worker, .. }) if worker == wrong), "{refused:?}");
     assert!(matches!(farm.worker_named("wrong").await, Err(WorkerError::Quarantined { .. })), "by another identity");
     assert!(farm.deliver(&held, &held.nodes, 8).await.is_err());
+    let repeated = farm.deliver(&others, &others.nodes, 8).await;
+    assert!(matches!(repeated, Err(LeaseError::Returned)), "what is wrong is not taken twice: {repeated:?}");
     let view = farm.store.worker(wrong, 0).await.unwrap();
     assert_eq!((view.state, view.quarantine.as_ref()), (WorkerState::Quarantined, Some(quarantine)));
 
@@ -101,7 +103,7 @@ pub(super) async fn a_worker_with_other_bits_than_two_others_is_found_and_its_no
     assert!(farm.store.touch_worker(wrong, 9).await.is_ok() && farm.worker_named("wrong").await.is_ok());
 }
 
-pub(super) async fn a_round_that_was_measured_with_wrong_nodes_is_taken_back(farm: Farm) {
+pub(super) async fn points_that_were_measured_with_wrong_nodes_are_taken_back(farm: Farm) {
     let job = farm.job(4).await;
     let [good, wrong, third] = named(&farm, ["good", "wrong", "third"]).await;
     for round in 0..2 {
@@ -115,7 +117,7 @@ pub(super) async fn a_round_that_was_measured_with_wrong_nodes_is_taken_back(far
     }
     let children = |tile| NodeAddress { frame: 0, tile, level: 1, index: 0 };
     let merged: Vec<Merge> = (0..15).map(|tile| merge(children(tile), place("merged", u64::from(tile) * 10))).collect();
-    farm.store.replace(job, merged).await.unwrap();
+    farm.store.replace(job, 0, merged).await.unwrap();
 
     let stale = farm.store.job(job).await.unwrap().unwrap();
     let last = farm.claim(wrong, 1, 0).await.unwrap();
@@ -126,22 +128,23 @@ pub(super) async fn a_round_that_was_measured_with_wrong_nodes_is_taken_back(far
         bring(&farm, &check, "right", 0).await;
     }
     let job_record = farm.store.job(job).await.unwrap().unwrap();
-    assert_eq!((job_record.rounds, job_record.complete_passes), (1, 1), "the last round is recorded again");
     assert!(farm.store.convergence(job).await.unwrap().is_empty(), "both were measured with it");
-    assert_eq!(redone(&farm, job).await, 2, "two passes in one node, and the last");
-    assert_eq!(farm.next_wave(job).await, None);
-
+    assert_eq!((job_record.rounds, redone(&farm, job).await), (2, 2), "two passes in one node, and the last");
     let again = farm.claim(good, 2, 0).await.unwrap();
     let passes = [0, 1].map(|index| NodeAddress { frame: 0, tile: 0, level: 0, index });
     assert_eq!(again.nodes, passes, "cut where rounds end, and first");
+    let rest = farm.claim(third, 100, 0).await.unwrap();
+    farm.deliver(&rest, &rest.nodes, 0).await.unwrap();
+    assert_eq!(farm.next_wave(job).await, None, "earlier passes are missing");
     farm.deliver(&again, &again.nodes, 0).await.unwrap();
     let wave = farm.next_wave(job).await.unwrap();
-    assert_eq!((wave.round, wave.passes), (1, 2));
-    let point = point(1);
-    let late = farm.store.record_round(&stale, vec![point.clone()], 0).await.unwrap();
+    assert_eq!((wave.round, wave.passes), (2, 4));
+    let late = farm.store.record_round(&stale, vec![point(2)], 0).await.unwrap();
     assert_eq!(late, None, "it was measured before nodes were taken out");
-    let job_record = farm.store.job(job).await.unwrap().unwrap();
-    assert!(farm.store.record_round(&job_record, vec![point], 0).await.unwrap().is_some());
+    let merged = merge(NodeAddress { frame: 0, tile: 0, level: 1, index: 0 }, place("late", 0));
+    assert!(farm.store.replace(job, 0, vec![merged]).await.is_err(), "it was summed before nodes were taken out");
+    let fresh = farm.store.job(job).await.unwrap().unwrap();
+    assert!(farm.store.record_round(&fresh, vec![point(2)], 0).await.unwrap().is_some());
 }
 
 fn point(round: u32) -> ConvergencePoint {

@@ -243,7 +243,7 @@ impl Model {
             .collect();
         let merges: Vec<_> =
             parents.iter().map(|parent| merge(*parent, place(&Uuid::now_v7().to_string(), 0))).collect();
-        farm.store.replace(self.job, merges).await.unwrap();
+        farm.store.replace(self.job, 0, merges).await.unwrap();
         for parent in parents {
             self.accepted.retain(|node| !node.overlaps(&parent));
             self.accepted.insert(parent);
