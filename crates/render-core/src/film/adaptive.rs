@@ -8,7 +8,7 @@
 //! The squared error of an image whose tile t has N passes of variance V is the sum of V/N over its pixels. For a given sum of N it is
 //! least when N is proportional to sqrt(V) (Neyman 1934). So a tile gets the share sqrt(V / V of the noisiest tile) of the passes
 //! that a round has. The pilot is itself noisy, and where light is rare it may miss it: the share of a tile is at least
-//! 1/[`MOST_SAVED`], and a tile counts as no quieter than its neighbourhood.
+//! 1/`MOST_SAVED`, and a tile counts as no quieter than its neighbourhood.
 
 use std::borrow::Borrow;
 
