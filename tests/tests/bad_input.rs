@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::process::Command;
+use std::time::{Duration, Instant};
 
 use clerestory_api::{JobState, NodeVerdict, PartialUpload, ProblemCode};
 use clerestory_tests::calls::{BadCall, Caller, MAX_BODY_BYTES, Refusal};
@@ -27,6 +28,9 @@ const HUGE_CHANNEL: u64 = 4 * HUGE_EDGE * HUGE_EDGE;
 /// Sixteen passes, in more nodes than there are bad deliveries of two nodes each.
 const ORDER: [&str; 4] = ["--spp", "64", "--tile", "8"];
 
+/// How long a lease lasts.
+const LEASE: Duration = Duration::from_secs(20);
+
 /// What was not answered as it should be.
 #[derive(Default)]
 struct Faults(Vec<String>);
@@ -46,7 +50,8 @@ impl Faults {
 fn start_farm(folder: &Path) -> Farm {
     let settings = format!(
         "max_asset_bytes = {MAX_BODY_BYTES}\nmax_partial_bytes = {MAX_BODY_BYTES}\nnode_cache_bytes = {NODE_CACHE}\n\
-         lease_nodes = 2\nlease_seconds = 20\n"
+         lease_nodes = 2\nlease_seconds = {}\n",
+        LEASE.as_secs()
     );
     let file = folder.join("coordinator.toml");
     std::fs::write(&file, settings).expect("a writable folder");
@@ -67,6 +72,7 @@ fn bad_input_is_refused_clearly_and_the_farm_goes_on_working() {
     let caller = Caller::new(&farm);
     let worker = HandWorker::register(&caller, job);
     let forgotten = worker.claim();
+    let claimed = Instant::now();
     let before = farm.coordinator_memory();
 
     let (scenes, calls, deliveries) = (bad_scenes(), bad_calls(job), bad_deliveries());
@@ -87,7 +93,8 @@ fn bad_input_is_refused_clearly_and_the_farm_goes_on_working() {
     let view = workers.iter().find(|view| view.id == worker.id()).expect("the worker");
     assert_eq!((view.refused_partials, view.accepted_nodes), (refused as u64, 2));
 
-    // The job cannot be done before the lease that nobody works on has run out.
+    // Who has nothing else to do would take over what nobody works on: the lease has to run out first.
+    std::thread::sleep((LEASE + Duration::from_secs(2)).saturating_sub(claimed.elapsed()));
     farm.start_worker("real");
     let done = farm.wait_until("done", |job| job.state.is_final());
     assert_eq!(done.state, JobState::Done, "{:?}", done.failure);
