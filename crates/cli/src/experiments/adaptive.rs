@@ -22,12 +22,12 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     question: "Each scene is rendered with the same passes in every tile, and with passes that are shared out by the noise of a pilot, \
                as `--adaptive` does; the pilot's time counts. The error of both falls as the inverse of the time, so the product of \
                error and time says how long each takes to an equal error.",
-    defaults: Defaults { times: None, seeds: Some(4), size: [128, 128], reference_samples: Some(2048), renders: false },
+    defaults: Defaults { times: None, seeds: Some(3), size: [64, 64], reference_samples: Some(2048), renders: false },
     run,
 };
 
 /// Samples in a pixel of the noisiest tile.
-const SAMPLES: u32 = 512;
+const SAMPLES: u32 = 256;
 
 /// Blocks small enough that shares of so few samples can differ.
 const SAMPLING: SamplingDescription = SamplingDescription { samples_per_pass: 4, samples_per_block: 16 };

@@ -86,7 +86,7 @@ pub(super) enum Sharing {
 }
 
 /// Edge of a tile where passes are shared out among them, in pixels: as many tiles in a small picture as in a large one.
-const SHARED_TILE: u32 = 16;
+const SHARED_TILE: u32 = 8;
 
 /// Renders so many samples in each pixel, or in those that get most, in this process. The time is that of the pilot, too.
 pub(super) fn shared(
