@@ -74,7 +74,14 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     let image = folder.join("large.exr");
     let mut submit = farm.command(&["submit", "--wait", "--tile", &arguments.tile.to_string()]);
     submit.args(OPTIONS).arg(&scene).arg("--output").arg(&image).stdout(Stdio::null()).stdin(Stdio::null());
-    let seen = Seen::until_downloaded(&mut farm, &mut submit.spawn().expect("the command starts"))?;
+    let mut submit = submit.spawn().expect("the command starts");
+    let seen = Seen::until_downloaded(&mut farm, &mut submit);
+    if seen.is_err() {
+        // It would wait for its coordinator. It may have ended by itself.
+        let _ = submit.kill();
+        let _ = submit.wait();
+    }
+    let seen = seen?;
     let megabytes = std::fs::metadata(&image).expect("the image is there").len() / MEBIBYTE;
     seen.tell(megabytes);
     if let Some(group) = &group {
