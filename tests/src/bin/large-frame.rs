@@ -64,7 +64,8 @@ fn run(arguments: &Arguments) -> Result<(), String> {
         pixels * PIXEL_BYTES / MEBIBYTE,
         arguments.limit
     );
-    let mut farm = Farm::start(None, &[]);
+    // The C library keeps memory apart for each thread, and returns little of it.
+    let mut farm = Farm::start_in(&[("MALLOC_ARENA_MAX".to_owned(), "2".to_owned())], None, &[]);
     let group = limited(&mut farm, limit);
     for number in 0..arguments.workers {
         farm.start_worker(&format!("worker {number}"));
