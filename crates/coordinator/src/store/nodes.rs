@@ -83,14 +83,16 @@ fn node_row(row: &Row) -> Result<NodeRow, StoreError> {
     Ok(NodeRow { address: address(row)?, place: place(row)?, work: work(row)? })
 }
 
+/// What [`node_row`] reads.
+const COLUMNS: &str = "frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds";
+
 impl Store {
     /// The accepted nodes of some tiles of a frame's image, ordered by tile and pass.
     pub(crate) async fn nodes(&self, job: JobId, frame: u32, tiles: Range<u32>) -> Result<Vec<NodeRow>, StoreError> {
-        let rows = query(
-            "select frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds from nodes \
-             where job = $1 and frame = $2 and tile >= $3 and tile < $4 \
-             and first_pass < (select passes from jobs where id = $1) order by tile, first_pass",
-        )
+        let rows = query(format!(
+            "select {COLUMNS} from nodes where job = $1 and frame = $2 and tile >= $3 and tile < $4 \
+             and first_pass < (select passes from jobs where id = $1) order by tile, first_pass"
+        ))
         .bind(job.to_string())
         .bind(i64::from(frame))
         .bind(i64::from(tiles.start))
@@ -102,10 +104,10 @@ impl Store {
 
     /// The accepted nodes of a job's pilot, ordered by frame, tile and pass.
     pub(crate) async fn pilot(&self, job: JobId) -> Result<Vec<NodeRow>, StoreError> {
-        let rows = query(
-            "select frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds from nodes \
-             where job = $1 and first_pass >= (select passes from jobs where id = $1) order by frame, tile, first_pass",
-        )
+        let rows = query(format!(
+            "select {COLUMNS} from nodes where job = $1 and first_pass >= (select passes from jobs where id = $1) \
+             order by frame, tile, first_pass"
+        ))
         .bind(job.to_string())
         .fetch_all(&self.readers)
         .await?;
@@ -243,7 +245,7 @@ async fn delete_all(connection: &mut Connection, job: JobId, nodes: &[NodeAddres
 async fn delete(connection: &mut Connection, job: JobId, nodes: &[NodeAddress]) -> Result<Vec<Row>, StoreError> {
     let statement = format!(
         "delete from nodes where job = $1 and (frame, tile, level, idx) in {} \
-         returning frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds",
+         returning {COLUMNS}",
         nodes_of(connection.engine(), 2)
     );
     query(statement).bind(job.to_string()).bind(nodes_json(nodes)?).fetch_all(connection).await

@@ -83,20 +83,8 @@ async fn a_restart_in_the_middle_of_a_job_loses_nothing() {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_error_against_the_reference_falls_to_zero_when_the_image_is_the_reference() {
     let farm = TestFarm::start().await;
-    let first = farm.submit(16).await;
-    let worker = farm.worker().await;
-    worker.drain().await;
-    farm.finished(first.id).await;
-    let reference = farm.client.image(first.id).await.unwrap();
-    let hash = hash(&reference);
-    farm.client.upload_asset(&hash, reference, |_| ()).await.unwrap();
-
-    let mut submission = submission(16);
-    submission.reference = Some(hash);
-    let second = farm.client.submit_job(&submission).await.unwrap();
-    worker.drain().await;
-    let done = farm.finished(second.id).await;
-    let series = farm.client.convergence(second.id).await.unwrap();
+    let [_, done] = farm.against_a_reference(16, 16).await;
+    let series = farm.client.convergence(done.id).await.unwrap();
     assert!(series.has_reference);
     let passes: Vec<u32> = series.points.iter().map(|point| point.passes).collect();
     assert_eq!(passes, [1, 2, 4, 8, 16]);

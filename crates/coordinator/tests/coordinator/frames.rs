@@ -8,9 +8,7 @@ use clerestory_render_core::film::{
     Exposure, FrameImage, PreviewSettings, ToneCurve, compare, encode_png, mean_squared_standard_error,
 };
 
-use crate::support::{
-    HEIGHT, TestFarm, WIDTH, addresses, bits, expected_bits, expected_counters, grid, hash, noise_partial, submission,
-};
+use crate::support::{HEIGHT, TestFarm, WIDTH, addresses, bits, expected_bits, expected_counters, grid, noise_partial};
 
 /// Memory for the fewest rows at a time, 16 of 20, and for no node.
 fn no_memory(config: &mut Config) {
@@ -24,18 +22,7 @@ fn expected_preview(image: &FrameImage) -> Vec<u8> {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_frame_in_strips_has_the_bits_and_the_errors_of_a_whole_one() {
     let farm = TestFarm::start_with(no_memory).await;
-    let first = farm.submit(5).await;
-    let worker = farm.worker().await;
-    worker.drain().await;
-    farm.finished(first.id).await;
-    let reference = farm.client.image(first.id).await.unwrap();
-    let hash = hash(&reference);
-    farm.client.upload_asset(&hash, reference, |_| ()).await.unwrap();
-    let mut submission = submission(13);
-    submission.reference = Some(hash);
-    let second = farm.client.submit_job(&submission).await.unwrap();
-    worker.drain().await;
-    farm.finished(second.id).await;
+    let [first, second] = farm.against_a_reference(5, 13).await;
 
     let (image, reference) = (farm.image(second.id).await, farm.image(first.id).await);
     assert!(bits(&image) == expected_bits(13));

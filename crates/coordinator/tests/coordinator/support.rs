@@ -78,6 +78,21 @@ impl TestFarm {
         self.client.submit_job(&submission(passes)).await.unwrap()
     }
 
+    /// Renders an image of so many passes, and then a job of others that has it as its reference. Answers both, done.
+    pub(crate) async fn against_a_reference(&self, reference_passes: u32, passes: u32) -> [JobView; 2] {
+        let first = self.submit(reference_passes).await;
+        let worker = self.worker().await;
+        worker.drain().await;
+        let first = self.finished(first.id).await;
+        let reference = self.client.image(first.id).await.unwrap();
+        let hash = hash(&reference);
+        self.client.upload_asset(&hash, reference, |_| ()).await.unwrap();
+        let submission = JobSubmission { reference: Some(hash), ..submission(passes) };
+        let second = self.client.submit_job(&submission).await.unwrap();
+        worker.drain().await;
+        [first, self.finished(second.id).await]
+    }
+
     pub(crate) async fn worker(&self) -> TestWorker {
         let registration =
             WorkerRegistration { name: "noise".to_owned(), cores: 2, build: "test".to_owned(), probe_digest: None };
