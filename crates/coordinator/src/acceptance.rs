@@ -14,7 +14,7 @@ use crate::blobs::Place;
 use crate::farm::{DECODED_BYTES, Farm, permits};
 use crate::http::ApiError;
 use crate::news::News;
-use crate::store::{DeliveredNode, Delivery, JobRecord, LeaseError, Outcome, WorkFailure, is_chosen};
+use crate::store::{DeliveredNode, Delivery, JobRecord, LeaseError, LeaseRecord, Outcome, WorkFailure, is_chosen};
 
 /// A node as the wire names it.
 pub(crate) fn wire_address(address: &NodeAddress) -> clerestory_api::NodeAddress {
@@ -25,12 +25,11 @@ pub(crate) fn wire_address(address: &NodeAddress) -> clerestory_api::NodeAddress
 /// Accepts a partial under a lease. A partial that cannot be merged sends the lease's nodes back to the queue.
 pub(crate) async fn accept(
     farm: &Farm,
-    lease: LeaseId,
-    token: u64,
+    record: LeaseRecord,
     core_ms: u64,
     body: Bytes,
 ) -> Result<PartialAnswer, ApiError> {
-    let record = farm.store.lease(lease).await?;
+    let (lease, token) = (record.id, record.token);
     let job = farm.store.job(record.job).await?.ok_or(LeaseError::JobNotRunning)?;
     let expectation = Expectation {
         job: job.id.to_string(),

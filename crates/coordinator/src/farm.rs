@@ -31,6 +31,9 @@ pub(crate) fn permits(bytes: u64) -> u32 {
 /// How long a worker may be silent before others do without it, where a lease does not run out earlier: three signs of life.
 const LONGEST_SILENCE: Duration = Duration::from_secs(15);
 
+/// Who waits for work and is rung when there may be some.
+const RUNG: u32 = 2;
+
 /// The farm, as its coordinator holds it. All that must not be lost is in `store` and `blobs`; the rest is caches and
 /// bells.
 #[derive(Debug)]
@@ -126,7 +129,7 @@ impl Farm {
             News::Job(job) => {
                 self.events.stored();
                 self.events.progressed(job);
-                self.work.notify_waiters();
+                self.ring_for_work();
                 self.look_at_film(job);
             }
             News::Film { job, samples } => {
@@ -142,7 +145,7 @@ impl Farm {
             }
             News::Work => {
                 self.events.workers_changed();
-                self.work.notify_waiters();
+                self.ring_for_work();
             }
             News::Workers => self.events.workers_changed(),
         }
@@ -168,7 +171,15 @@ impl Farm {
     pub(crate) fn look_around(&self) {
         self.events.stored();
         self.events.workers_changed();
-        self.work.notify_waiters();
+        self.ring_for_work();
+    }
+
+    /// Lets some of those who wait for work look for it. Each that gets some rings again, so that soon all are at work if there is enough; while
+    /// there is none, a thousand who wait cost no more than these.
+    pub(crate) fn ring_for_work(&self) {
+        for _ in 0..RUNG {
+            self.work.notify_one();
+        }
     }
 
     /// What rings the keeper.

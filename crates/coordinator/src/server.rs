@@ -311,12 +311,12 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
     let running = farm.store.running_jobs().await?;
     if !running.is_empty() {
         // With time alone, work that another holds becomes work to be taken over.
-        farm.work.notify_one();
+        farm.ring_for_work();
     }
     if farm.store.is_shared() {
         // What other coordinators did without being heard: they may have died before they told it.
         farm.events.stored();
-        farm.work.notify_one();
+        farm.ring_for_work();
         for job in running {
             farm.look_at_film(job);
         }

@@ -61,8 +61,8 @@ pub(super) async fn claim(
         work.as_mut().enable();
         if let Some(grant) = farm.store.claim(terms(&farm, &request)).await? {
             if has_waited {
-                // There may be more, and of what another coordinator did one waiting call is rung, not all.
-                farm.work.notify_one();
+                // There may be more.
+                farm.ring_for_work();
             }
             return Ok((StatusCode::CREATED, Json(lease(&farm, grant))).into_response());
         }
@@ -146,13 +146,14 @@ pub(super) async fn partial(
         return Err(ApiError::invalid_field(CORE_MILLISECONDS_HEADER, core_ms, expected));
     }
     // A lease that is no good is refused before its body is received.
-    farm.store.lease(lease).await?.check(token, farm.config.clock.now_ms()).map_err(|error| match error {
+    let record = farm.store.lease(lease).await?;
+    record.check(token, farm.config.clock.now_ms()).map_err(|error| match error {
         LeaseError::StaleToken(_) => ApiError::from(error).field(FENCING_TOKEN_HEADER),
         error => error.into(),
     })?;
     let _permits = farm.receiving.acquire_many(permits_for(&request)).await.map_err(ApiError::internal)?;
     let body = read_body(request, farm.config.max_partial_bytes).await?;
-    Ok(Json(acceptance::accept(&farm, lease, token, core_ms, body).await?))
+    Ok(Json(acceptance::accept(&farm, record, core_ms, body).await?))
 }
 
 /// Permits that a partial needs to be received. One of unknown size, which workers do not send, is received alone.

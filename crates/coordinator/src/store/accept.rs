@@ -77,7 +77,6 @@ impl Store {
 async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acceptance, LeaseError> {
     let lease = leases::valid(connection, delivery.lease, delivery.token, delivery.now_ms).await?;
     let job = jobs::job_in(connection, lease.job).await?.ok_or(LeaseError::JobNotRunning)?;
-    let build = build(connection, lease.worker).await?;
     let all_samples: u64 = delivery.nodes.iter().map(|node| job.node_samples(&node.address)).sum();
     let taken = take_all(connection, &lease, &delivery.nodes).await?;
     let (mut samples, mut core_ms, mut counters) = (0, 0_i64, Counters::default());
@@ -99,7 +98,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
         let wave = waves.entry((node.address.frame, round)).or_default();
         wave.passes += i64::from(node.address.passes().count);
         wave.core_ms = wave.core_ms.saturating_add(own_core_ms);
-        let work = Work { counters: node.counters, builds: BTreeSet::from([build.clone()]) };
+        let work = Work { counters: node.counters, builds: BTreeSet::from([lease.build.clone()]) };
         accepted.push(NodeRow { address: node.address, place: node.place.clone(), work });
     }
     nodes::insert(connection, job.id, &accepted).await?;
@@ -304,12 +303,6 @@ async fn count_down(
     .fetch_one(connection)
     .await?
     .integer("outstanding")
-}
-
-/// The build of a worker, as it introduced itself.
-async fn build(connection: &mut Connection, worker: WorkerId) -> Result<String, StoreError> {
-    let build = query("select build from workers where id = $1").bind(worker.to_string());
-    build.fetch_one(connection).await?.text("build")
 }
 
 async fn credit_worker(

@@ -10,7 +10,9 @@
 //! A worker for whom nothing is free takes over what another has held for longer than it would need itself ([`take_over`]). The other's
 //! lease goes on, and the first result wins.
 
-use clerestory_api::{LeaseId, WorkerId};
+use std::collections::BTreeMap;
+
+use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_render_core::film::{NodeAddress, PassRange};
 
 use super::adaptive::{self, WaveTiles, wave_tiles};
@@ -18,7 +20,7 @@ use super::checks;
 use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};
 use super::leases::{LeaseRecord, LeaseState, address};
-use super::row::{nodes_json, nodes_of, to_json};
+use super::row::{Row, nodes_json, nodes_of, to_json};
 use super::sql::{Kind, query, rows_of};
 use super::workers::{self, Claimant};
 use super::{Connection, Store, StoreError, WorkerError};
@@ -32,6 +34,9 @@ const GATHERING_SECONDS: f64 = 1.0;
 
 /// Free rows that a claim can choose from; also the largest lease.
 const STOCK: u32 = 256;
+
+/// Open jobs that are looked at together: one after the other has nothing only where all that is left of them is leased.
+const JOBS_AT_ONCE: usize = 32;
 
 /// What a worker asks for.
 #[derive(Clone, Copy, Debug)]
@@ -77,38 +82,124 @@ impl Store {
     }
 }
 
+/// An open job, as it stands for the worker that asks.
+#[derive(Clone, Debug)]
+struct OpenJob {
+    job: JobRecord,
+    /// Nodes in its queue that nobody has, counted up to [`STOCK`].
+    free: u32,
+    /// Whether there are nodes of it that this worker can check, which nobody has and which others have.
+    has_checks: bool,
+    has_held_checks: bool,
+    pace: Pace,
+}
+
 async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option<Grant>, WorkerError> {
     let claimant = workers::touch(connection, terms.worker, terms.now_ms).await?;
     if claimant.rests_until_ms > terms.now_ms {
         return Ok(None);
     }
-    let mut jobs = jobs::open_jobs(connection).await?;
-    jobs.retain(|job| !job.is_out_of_time(terms.now_ms) && has_bits_of(job, &claimant));
-    let mut paces = Vec::with_capacity(jobs.len());
-    for job in &jobs {
-        let pace = pace(connection, job, &claimant, terms).await?;
-        if claimant.has_checks {
-            let nodes = choose_checks(connection, job, &pace, terms, None).await?;
+    let (mut seen, mut without_work) = (0, Vec::new());
+    loop {
+        let mut open = open_jobs(connection, &claimant, terms, seen).await?;
+        let is_last = open.len() < JOBS_AT_ONCE;
+        seen += open.len();
+        open.retain(|OpenJob { job, .. }| !job.is_out_of_time(terms.now_ms) && has_bits_of(job, &claimant));
+        for open in open {
+            if let Some(grant) = free_work(connection, &open, &claimant, terms).await? {
+                return Ok(Some(grant));
+            }
+            without_work.push(open);
+        }
+        if is_last {
+            return Ok(held_work(connection, &without_work, &claimant, terms).await?);
+        }
+    }
+}
+
+/// Jobs that may still have work, most urgent first, without so many that come first: as many as [`JOBS_AT_ONCE`].
+async fn open_jobs(
+    connection: &mut Connection,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+    without: usize,
+) -> Result<Vec<OpenJob>, StoreError> {
+    let columns = jobs::COLUMNS;
+    let can_check = "select 1 from checks where job = jobs.id \
+         and not exists (select 1 from opinions where check_id = checks.id and worker = $1)";
+    let rows = query(format!(
+        "select {columns}, \
+         (select count(*) from (select 1 from pending where job = jobs.id and lease is null limit $2) as free_nodes) as free, \
+         (select count(distinct worker) from leases where job = jobs.id and state = 'active' and worker <> $1) as others, \
+         (select samples from rates where worker = $1 and job = jobs.id) as own_samples, \
+         (select core_ms from rates where worker = $1 and job = jobs.id) as own_core_ms, \
+         exists({can_check} and lease is null) as has_checks, exists({can_check} and lease is not null) as has_held_checks \
+         from jobs where state in ('queued', 'running') order by priority desc, created_ms, id limit $3 offset $4"
+    ))
+    .bind(terms.worker.to_string())
+    .bind(i64::from(STOCK))
+    .bind(JOBS_AT_ONCE as i64)
+    .bind(without as i64)
+    .fetch_all(connection)
+    .await?;
+    let open = |row: &Row| {
+        let job = jobs::record(row)?;
+        // Before its first partial, a worker renders as fast as others do for each of their cores.
+        let (samples, core_ms) = match row.optional_integer("own_core_ms")? {
+            Some(core_ms) => (row.number("own_samples")?, core_ms),
+            None => (job.samples, job.core_ms),
+        };
+        let pace = Pace {
+            samples_per_second: workers::rate(samples, core_ms, claimant.cores),
+            target_seconds: terms.target_ms as f64 / 1000.0,
+            workers: row.number::<u32>("others")?.saturating_add(1),
+        };
+        let (has_checks, has_held_checks) = (row.integer("has_checks")? != 0, row.integer("has_held_checks")? != 0);
+        Ok(OpenJob { job, free: row.number("free")?, has_checks, has_held_checks, pace })
+    };
+    rows.iter().map(open).collect()
+}
+
+/// Nodes of a job that nobody has, for this worker.
+async fn free_work(
+    connection: &mut Connection,
+    open: &OpenJob,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    if open.has_checks {
+        let nodes = choose_checks(connection, open, terms, None).await?;
+        if !nodes.is_empty() {
+            return Ok(Some(grant(connection, &open.job, nodes, Leased::Checks, claimant, terms).await?));
+        }
+    }
+    let nodes = choose(connection, open, terms).await?;
+    if nodes.is_empty() {
+        return Ok(None);
+    }
+    Ok(Some(grant(connection, &open.job, nodes, Leased::Work, claimant, terms).await?))
+}
+
+/// Nodes of some jobs that others have held for too long, for this worker.
+async fn held_work(
+    connection: &mut Connection,
+    jobs: &[OpenJob],
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    let mut held = held_since(connection, jobs, terms).await?;
+    for open in jobs {
+        if let Some(granted_ms) = held.remove(&open.job.id) {
+            let nodes = take_over(connection, open, granted_ms, terms).await?;
             if !nodes.is_empty() {
-                return Ok(Some(grant(connection, job, nodes, Leased::Checks, &claimant, terms).await?));
+                return Ok(Some(grant(connection, &open.job, nodes, Leased::Work, claimant, terms).await?));
             }
         }
-        let nodes = choose(connection, job, &pace, terms).await?;
-        if !nodes.is_empty() {
-            return Ok(Some(grant(connection, job, nodes, Leased::Work, &claimant, terms).await?));
-        }
-        paces.push(pace);
-    }
-    for (job, pace) in jobs.iter().zip(&paces) {
-        let nodes = take_over(connection, job, pace, terms).await?;
-        if !nodes.is_empty() {
-            return Ok(Some(grant(connection, job, nodes, Leased::Work, &claimant, terms).await?));
-        }
-        if claimant.has_checks {
-            let held_before_ms = terms.now_ms.saturating_sub((pace.target_seconds * 1000.0) as i64);
-            let nodes = choose_checks(connection, job, pace, terms, Some(held_before_ms)).await?;
+        if open.has_held_checks {
+            let held_before_ms = terms.now_ms.saturating_sub((open.pace.target_seconds * 1000.0) as i64);
+            let nodes = choose_checks(connection, open, terms, Some(held_before_ms)).await?;
             if !nodes.is_empty() {
-                return Ok(Some(grant(connection, job, nodes, Leased::Checks, &claimant, terms).await?));
+                return Ok(Some(grant(connection, &open.job, nodes, Leased::Checks, claimant, terms).await?));
             }
         }
     }
@@ -123,12 +214,13 @@ fn has_bits_of(job: &JobRecord, claimant: &Claimant) -> bool {
 /// Free nodes of a job for this worker; none when all work is leased or done.
 async fn choose(
     connection: &mut Connection,
-    job: &JobRecord,
-    pace: &Pace,
+    OpenJob { job, free, pace, .. }: &OpenJob,
     terms: &ClaimTerms,
 ) -> Result<Vec<NodeAddress>, StoreError> {
     let most = terms.most_nodes();
-    stock(connection, job, pace).await?;
+    if free + stock(connection, job, pace, *free).await? == 0 {
+        return Ok(Vec::new());
+    }
     let rows = query(
         "select frame, tile, level, idx from pending where job = $1 and lease is null and round <= $2 \
          order by round, frame, tile, idx limit $3",
@@ -145,8 +237,7 @@ async fn choose(
 /// Nodes of a job that this worker is to check, [as it can](checks::choose).
 async fn choose_checks(
     connection: &mut Connection,
-    job: &JobRecord,
-    pace: &Pace,
+    OpenJob { job, pace, .. }: &OpenJob,
     terms: &ClaimTerms,
     held_before_ms: Option<i64>,
 ) -> Result<Vec<NodeAddress>, StoreError> {
@@ -174,35 +265,52 @@ fn last_round(job: &JobRecord, terms: &ClaimTerms) -> i64 {
     if job.is_past_limit(terms.now_ms) { 0 } else { i64::from(u32::MAX) }
 }
 
-/// Nodes of a job that another worker has held for longer than this one would need for all that is left of that lease: the later half of
-/// them, since the other renders them in their order. A node is taken over [`MOST_REPEATS`] times at most.
+/// Since when others have had leases with nodes of these jobs that may be taken over, if that is long enough for any worker: the oldest of each.
+async fn held_since(
+    connection: &mut Connection,
+    jobs: &[OpenJob],
+    terms: &ClaimTerms,
+) -> Result<BTreeMap<JobId, i64>, StoreError> {
+    let listed: Vec<(String, i64)> =
+        jobs.iter().map(|open| (open.job.id.to_string(), last_round(&open.job, terms))).collect();
+    let statement = format!(
+        "select c0 as job, min(granted_ms) as granted_ms from {} as listed_jobs join leases on leases.job = c0 \
+         where state = 'active' and worker <> $2 and granted_ms <= $3 \
+         and exists (select 1 from pending where lease = leases.id and repeats < $4 and round <= c1) group by c0",
+        rows_of(connection.engine(), 1, &[Kind::Text, Kind::Integer])
+    );
+    let rows = query(statement)
+        .bind(to_json(&listed)?)
+        .bind(terms.worker.to_string())
+        .bind(terms.now_ms.saturating_sub((GATHERING_SECONDS * 1000.0) as i64))
+        .bind(MOST_REPEATS)
+        .fetch_all(connection)
+        .await?;
+    rows.iter().map(|row| Ok((row.parsed("job")?, row.integer("granted_ms")?))).collect()
+}
+
+/// Nodes of a job that another worker has held since `granted_ms`, if this one would have needed less for all that is left of that lease: the
+/// later half of them, since the other renders them in their order. A node is taken over [`MOST_REPEATS`] times at most.
 async fn take_over(
     connection: &mut Connection,
-    job: &JobRecord,
-    pace: &Pace,
+    OpenJob { job, pace, .. }: &OpenJob,
+    granted_ms: i64,
     terms: &ClaimTerms,
 ) -> Result<Vec<NodeAddress>, StoreError> {
-    let lease = query(
-        "select id, granted_ms from leases where job = $1 and state = 'active' and worker <> $2 and exists \
-         (select 1 from pending where lease = leases.id and repeats < $3 and round <= $4) order by granted_ms, token limit 1",
+    let rows = query(
+        "select frame, tile, level, idx from pending where lease = (select id from leases where job = $1 \
+         and state = 'active' and worker <> $2 and granted_ms = $3 and exists \
+         (select 1 from pending where lease = leases.id and repeats < $4 and round <= $5) order by token limit 1) \
+         and repeats < $4 and round <= $5 order by round desc, frame desc, tile desc, idx desc",
     )
     .bind(job.id.to_string())
     .bind(terms.worker.to_string())
-    .bind(MOST_REPEATS)
-    .bind(last_round(job, terms))
-    .fetch_optional(&mut *connection)
-    .await?;
-    let Some(lease) = lease else { return Ok(Vec::new()) };
-    let held_seconds = terms.now_ms.saturating_sub(lease.integer("granted_ms")?) as f64 / 1000.0;
-    let rows = query(
-        "select frame, tile, level, idx from pending where lease = $1 and repeats < $2 and round <= $3 \
-         order by round desc, frame desc, tile desc, idx desc",
-    )
-    .bind(lease.text("id")?)
+    .bind(granted_ms)
     .bind(MOST_REPEATS)
     .bind(last_round(job, terms))
     .fetch_all(&mut *connection)
     .await?;
+    let held_seconds = terms.now_ms.saturating_sub(granted_ms) as f64 / 1000.0;
     let held = rows.iter().map(address).collect::<Result<Vec<_>, _>>()?;
     let samples: u64 = held.iter().map(|node| job.node_samples(node)).sum();
     if held_seconds < pace.seconds(samples as f64) + GATHERING_SECONDS {
@@ -220,43 +328,8 @@ async fn take_over(
     Ok(taken)
 }
 
-/// How fast the worker renders this job; before its first partial, how fast others do for each of their cores.
-async fn pace(
-    connection: &mut Connection,
-    job: &JobRecord,
-    claimant: &Claimant,
-    terms: &ClaimTerms,
-) -> Result<Pace, StoreError> {
-    let rate = query("select samples, core_ms from rates where worker = $1 and job = $2")
-        .bind(terms.worker.to_string())
-        .bind(job.id.to_string())
-        .fetch_optional(&mut *connection)
-        .await?;
-    let (samples, core_ms) = match rate {
-        Some(row) => (row.number("samples")?, row.integer("core_ms")?),
-        None => (job.samples, job.core_ms),
-    };
-    let others = query(
-        "select count(distinct worker) as others from leases where job = $1 and state = 'active' and worker <> $2",
-    )
-    .bind(job.id.to_string())
-    .bind(terms.worker.to_string())
-    .fetch_one(connection)
-    .await?;
-    Ok(Pace {
-        samples_per_second: workers::rate(samples, core_ms, claimant.cores),
-        target_seconds: terms.target_ms as f64 / 1000.0,
-        workers: others.number::<u32>("others")?.saturating_add(1),
-    })
-}
-
-/// Cuts work from the job's cursor on until there are enough free rows or none is left to cut.
-async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Result<(), StoreError> {
-    let free = query("select count(*) as free from pending where job = $1 and lease is null")
-        .bind(job.id.to_string())
-        .fetch_one(&mut *connection)
-        .await?;
-    let mut free: u32 = free.number("free")?;
+/// Cuts work from the job's cursor on until there are enough free rows or none is left to cut, and answers how many rows those are.
+async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace, mut free: u32) -> Result<u32, StoreError> {
     let [mut round, mut frame, mut tile] = job.cursor;
     let mut pending = Vec::new();
     while free < STOCK {
@@ -299,7 +372,7 @@ async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Res
             .execute(connection)
             .await?;
     }
-    Ok(())
+    Ok(pending.len() as u32)
 }
 
 async fn open_wave(
@@ -396,6 +469,7 @@ async fn grant(
         token,
         job: job.id,
         worker: terms.worker,
+        build: claimant.build.clone(),
         state: LeaseState::Active,
         deadline_ms,
         nodes: nodes.iter().copied().collect(),

@@ -216,12 +216,14 @@ impl Ending {
     }
 }
 
-const COLUMNS: &str = "select id, name, state, stopped_by, failure, priority, scene_hash, integrator, missing_light, frames, width, \
+/// What [`record`] reads.
+pub(super) const COLUMNS: &str = "id, name, state, stopped_by, failure, priority, scene_hash, integrator, missing_light, frames, width, \
      height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
      target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
-     redone_nodes, samples, core_ms, counters from jobs";
+     redone_nodes, samples, core_ms, counters";
 
-fn record(row: &Row) -> Result<JobRecord, StoreError> {
+/// The job of a row.
+pub(super) fn record(row: &Row) -> Result<JobRecord, StoreError> {
     Ok(JobRecord {
         id: row.parsed("id")?,
         name: row.text("name")?,
@@ -264,16 +266,9 @@ fn record(row: &Row) -> Result<JobRecord, StoreError> {
     })
 }
 
-/// Jobs that may still have work, most urgent first.
-pub(super) async fn open_jobs(connection: &mut Connection) -> Result<Vec<JobRecord>, StoreError> {
-    let open = query(format!("{COLUMNS} where state in ('queued', 'running') order by priority desc, created_ms, id"));
-    let rows = open.fetch_all(connection).await?;
-    rows.iter().map(record).collect()
-}
-
 /// One job, as the transaction sees it.
 pub(super) async fn job_in(connection: &mut Connection, job: JobId) -> Result<Option<JobRecord>, StoreError> {
-    let found = query(format!("{COLUMNS} where id = $1")).bind(job.to_string());
+    let found = query(format!("select {COLUMNS} from jobs where id = $1")).bind(job.to_string());
     found.fetch_optional(connection).await?.as_ref().map(record).transpose()
 }
 
@@ -318,7 +313,7 @@ impl Store {
 
     /// One job.
     pub(crate) async fn job(&self, job: JobId) -> Result<Option<JobRecord>, StoreError> {
-        let found = query(format!("{COLUMNS} where id = $1")).bind(job.to_string());
+        let found = query(format!("select {COLUMNS} from jobs where id = $1")).bind(job.to_string());
         found.fetch_optional(&self.readers).await?.as_ref().map(record).transpose()
     }
 
@@ -330,7 +325,7 @@ impl Store {
 
     /// All jobs, newest first.
     pub(crate) async fn jobs(&self) -> Result<Vec<JobRecord>, StoreError> {
-        let all = query(format!("{COLUMNS} order by created_ms desc, id desc"));
+        let all = query(format!("select {COLUMNS} from jobs order by created_ms desc, id desc"));
         all.fetch_all(&self.readers).await?.iter().map(record).collect()
     }
 
@@ -361,8 +356,11 @@ impl Store {
     pub(crate) async fn end_jobs_out_of_time(&self, now_ms: i64) -> Result<Vec<JobId>, StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
+                let limited = "state in ('queued', 'running') and time_limit_ms is not null";
+                let limited = query(format!("select {COLUMNS} from jobs where {limited} order by created_ms, id"));
                 let mut ended = Vec::new();
-                for job in open_jobs(connection).await? {
+                for row in limited.fetch_all(&mut *connection).await? {
+                    let job = record(&row)?;
                     if job.is_out_of_time(now_ms) {
                         end(connection, job.id, &Ending::Done(StopReason::Time), now_ms).await?;
                         ended.push(job.id);

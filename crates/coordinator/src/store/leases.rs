@@ -46,6 +46,8 @@ pub(crate) struct LeaseRecord {
     pub(crate) job: JobId,
     /// The worker.
     pub(crate) worker: WorkerId,
+    /// Its build, as it introduced itself.
+    pub(crate) build: String,
     /// What became of it.
     pub(crate) state: LeaseState,
     /// When it runs out.
@@ -110,7 +112,8 @@ pub(crate) struct WorkFailure {
     pub(crate) now_ms: i64,
 }
 
-const LEASE: &str = "select id, token, job, worker, state, deadline_ms, nodes from leases where id = $1";
+const LEASE: &str = "select leases.id, token, job, worker, build, state, deadline_ms, nodes \
+     from leases join workers on workers.id = worker where leases.id = $1";
 
 fn record(row: &Row) -> Result<LeaseRecord, StoreError> {
     Ok(LeaseRecord {
@@ -118,6 +121,7 @@ fn record(row: &Row) -> Result<LeaseRecord, StoreError> {
         token: row.number("token")?,
         job: row.parsed("job")?,
         worker: row.parsed("worker")?,
+        build: row.text("build")?,
         state: row.word("state")?,
         deadline_ms: row.integer("deadline_ms")?,
         nodes: nodes_of(row)?,

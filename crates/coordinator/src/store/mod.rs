@@ -22,6 +22,7 @@ mod redo;
 mod rounds;
 mod row;
 mod schema;
+mod signs_of_life;
 mod source;
 mod sql;
 mod sqlite;
@@ -39,11 +40,12 @@ pub(crate) use claim::{ClaimTerms, Grant};
 pub(crate) use events::{StoredEvent, StoredKind};
 pub(crate) use jobs::{Ending, JobRecord, NewJob};
 pub(crate) use keepers::Keeping;
-pub(crate) use leases::{LeaseError, WorkFailure};
+pub(crate) use leases::{LeaseError, LeaseRecord, WorkFailure};
 pub(crate) use nodes::{Merge, NodeRow, Removed, Work};
 pub(crate) use postgres::Listener;
 pub(crate) use rounds::CompleteWave;
 pub use schema::SchemaError;
+use signs_of_life::SignsOfLife;
 use source::Readers;
 pub(crate) use source::{Connection, Source};
 use sql::query;
@@ -56,6 +58,7 @@ pub(crate) struct Store {
     source: Source,
     readers: Readers,
     writer: Writer,
+    signs_of_life: SignsOfLife,
 }
 
 /// Which farm a database is that of.
@@ -105,7 +108,7 @@ impl Store {
         let failed =
             |error: std::io::Error| SchemaError::Open { database: source.name().to_owned(), source: error.into() };
         let writer = Writer::start(source.clone(), connection).map_err(failed)?;
-        Ok(Self { readers: source.readers(), writer, source })
+        Ok(Self { readers: source.readers(), writer, source, signs_of_life: SignsOfLife::default() })
     }
 
     /// Whether other coordinators may be using it.

@@ -39,19 +39,19 @@ const VIEW: &str = "select w.*, \
 pub(super) struct Claimant {
     /// Threads that render.
     pub(super) cores: u32,
+    /// Its build.
+    pub(super) build: String,
     /// Digest of its probe, empty if it sent none.
     pub(super) probe_digest: String,
     /// Until when it is given no work, because what it brought could not be used.
     pub(super) rests_until_ms: i64,
-    /// Whether there are nodes to be checked.
-    pub(super) has_checks: bool,
 }
 
 /// Marks a worker as heard of. One that is quarantined is told so.
 pub(super) async fn touch(connection: &mut Connection, worker: WorkerId, now_ms: i64) -> Result<Claimant, WorkerError> {
     let row = query(
         "update workers set seen_ms = $2 where id = $1 \
-         returning cores, probe_digest, failures_in_a_row, failed_ms, quarantine, (select count(*) from (select 1 from checks limit 1) as any_check) as checks",
+         returning cores, build, probe_digest, failures_in_a_row, failed_ms, quarantine",
     )
     .bind(worker.to_string())
     .bind(now_ms)
@@ -68,9 +68,9 @@ pub(super) async fn touch(connection: &mut Connection, worker: WorkerId, now_ms:
     };
     Ok(Claimant {
         cores: row.number("cores")?,
+        build: row.text("build")?,
         probe_digest: row.optional_text("probe_digest")?.unwrap_or_default(),
         rests_until_ms: row.integer("failed_ms")? + rest_ms,
-        has_checks: row.integer("checks")? > 0,
     })
 }
 
@@ -125,11 +125,6 @@ impl Store {
             })
         })
         .await
-    }
-
-    /// Notes that a worker is alive.
-    pub(crate) async fn touch_worker(&self, worker: WorkerId, now_ms: i64) -> Result<(), WorkerError> {
-        self.write(move |connection| Box::pin(async move { touch(connection, worker, now_ms).await.map(|_| ()) })).await
     }
 
     /// All workers heard of since `since_ms`, in order of registration. A worker is silent when it was last heard of

@@ -15,7 +15,6 @@ use tokio::sync::{mpsc, oneshot};
 use super::StoreError;
 use super::patience::in_time;
 use super::source::{Connection, Source};
-use super::sql::query;
 
 /// Most writes in one transaction.
 const GROUP: usize = 64;
@@ -153,12 +152,12 @@ async fn commit(
     let mut connection = begun(source, held.take()).await?;
     let outcome = in_time(source.patience().transaction, async {
         run_all(&mut connection, writes).await?;
-        execute(&mut connection, "commit").await
+        connection.batch("commit").await
     })
     .await;
     let is_over = match &outcome {
         Ok(()) => Ok(()),
-        Err(_) => in_time(source.patience().connection, execute(&mut connection, "rollback")).await,
+        Err(_) => in_time(source.patience().connection, connection.batch("rollback")).await,
     };
     match is_over {
         Ok(()) => *held = Some(connection),
@@ -181,17 +180,14 @@ async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, 
 }
 
 async fn run_all(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> Result<(), StoreError> {
+    // What ends a write goes to the database together with what begins the next; the last ends with the transaction.
+    let mut between = "savepoint one_write";
     for write in writes {
-        execute(connection, "savepoint one_write").await?;
+        connection.batch(between).await?;
         if !write.run(connection).await {
-            execute(connection, "rollback to savepoint one_write").await?;
+            connection.batch("rollback to savepoint one_write").await?;
         }
-        execute(connection, "release savepoint one_write").await?;
+        between = "release savepoint one_write; savepoint one_write";
     }
-    Ok(())
-}
-
-async fn execute(connection: &mut Connection, statement: &'static str) -> Result<(), StoreError> {
-    query(statement).execute(connection).await?;
     Ok(())
 }
