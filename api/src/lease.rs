@@ -27,7 +27,7 @@ pub struct NodeAddress {
 }
 
 /// A worker asks for work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LeaseRequest {
     /// Who asks.
@@ -41,6 +41,9 @@ pub struct LeaseRequest {
     /// How long the coordinator may wait for work to appear before it answers that there is none; at most 20 000.
     #[serde(default)]
     pub wait_ms: u32,
+    /// Jobs whose scenes it has at hand, built: it is given work of these before work of others that are as urgent and have workers; at most 64.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub built: Vec<JobId>,
 }
 
 /// Nodes given to one worker until a deadline.

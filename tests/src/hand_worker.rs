@@ -86,7 +86,7 @@ impl<'a> HandWorker<'a> {
     ///
     /// When they cannot be rendered.
     pub fn try_claim(&self) -> Result<Option<Delivery>, ClientError> {
-        let request = LeaseRequest { worker: self.id, max_nodes: None, wanted_ms: None, wait_ms: 0 };
+        let request = LeaseRequest { worker: self.id, max_nodes: None, wanted_ms: None, wait_ms: 0, built: Vec::new() };
         let claimed = self.caller.wait(self.caller.client().claim_lease(&request))?;
         Ok(claimed.map(|lease| self.rendered(lease)))
     }

@@ -82,6 +82,11 @@ impl JobCache {
         Ok(plan)
     }
 
+    /// The jobs whose plans are at hand.
+    pub(crate) fn built(&self) -> Vec<JobId> {
+        self.plans.iter().map(|plan| plan.job).collect()
+    }
+
     async fn fetch(&mut self, job: JobId) -> Result<JobPlan, PlanError> {
         let order: JobScene = until_answered("fetch a scene", || self.client.job_scene(job)).await?;
         if !(1..=LARGEST_TILE).contains(&order.tile_size) {

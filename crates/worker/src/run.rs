@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use backon::BackoffBuilder;
-use clerestory_api::{Client, ClientError, Lease, LeaseRequest, ProblemCode, WorkerRegistration};
+use clerestory_api::{Client, ClientError, JobId, Lease, LeaseRequest, ProblemCode, WorkerRegistration};
 use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
@@ -85,7 +85,7 @@ impl Worker {
         let _uploads = AbortOnDropHandle::new(tokio::spawn(uploads));
         let mut settling = JoinSet::new();
         let mut penalty = pauses().build();
-        while let Some(claimed) = self.stop.run_until_cancelled(self.claim()).await {
+        while let Some(claimed) = self.stop.run_until_cancelled(self.claim(jobs.built())).await {
             let Some(lease) = claimed? else {
                 self.stop.run_until_cancelled(tokio::time::sleep(IDLE_PAUSE)).await;
                 continue;
@@ -111,11 +111,11 @@ impl Worker {
         Ok(())
     }
 
-    /// Waits for a lease. `None` when there is none for now.
-    async fn claim(&self) -> Result<Option<Lease>, WorkerError> {
+    /// Waits for a lease, with these scenes at hand. `None` when there is none for now.
+    async fn claim(&self, built: Vec<JobId>) -> Result<Option<Lease>, WorkerError> {
         let worker = self.registration.identity().await;
         let wait_ms = u32::try_from(LONG_POLL.as_millis()).unwrap_or(u32::MAX);
-        let request = LeaseRequest { worker, max_nodes: None, wanted_ms: None, wait_ms };
+        let request = LeaseRequest { worker, max_nodes: None, wanted_ms: None, wait_ms, built };
         match until_answered("claim a lease", || self.client.claim_lease(&request)).await {
             Ok(lease) => Ok(lease),
             Err(failure) if is_unknown_worker(&failure) => {

@@ -95,7 +95,8 @@ impl Load {
     }
 
     async fn claim(&self, worker: WorkerId) -> Result<Option<Lease>, ClientError> {
-        let request = LeaseRequest { worker, max_nodes: None, wanted_ms: None, wait_ms: LONG_POLL_MS };
+        let request =
+            LeaseRequest { worker, max_nodes: None, wanted_ms: None, wait_ms: LONG_POLL_MS, built: Vec::new() };
         let asked = self.tally.asks();
         let start = Instant::now();
         let lease = self.until_answered(|| self.client.claim_lease(&request)).await?;

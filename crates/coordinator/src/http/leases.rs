@@ -28,6 +28,9 @@ const LONGEST_WAIT_MS: u32 = 20_000;
 /// Longest lease that a worker may wish for.
 const LONGEST_WANTED_MS: u32 = 3_600_000;
 
+/// Most scenes that a worker may say it has at hand.
+const MOST_BUILT: usize = 64;
+
 /// Longest reason for giving a lease back.
 const LONGEST_REASON: usize = 500;
 
@@ -53,6 +56,9 @@ pub(super) async fn claim(
     if let Some(wanted_ms) = request.wanted_ms.filter(|wanted_ms| !(1..=LONGEST_WANTED_MS).contains(wanted_ms)) {
         return Err(ApiError::invalid_field("wanted_ms", wanted_ms, format!("1 to {LONGEST_WANTED_MS}")));
     }
+    if request.built.len() > MOST_BUILT {
+        return Err(ApiError::invalid_field("built", request.built.len(), format!("at most {MOST_BUILT} jobs")));
+    }
     let until = Instant::now() + Duration::from_millis(request.wait_ms.into());
     let mut has_waited = false;
     loop {
@@ -77,6 +83,7 @@ pub(super) async fn claim(
 fn terms(farm: &Farm, request: &LeaseRequest) -> ClaimTerms {
     ClaimTerms {
         worker: request.worker,
+        built: request.built.clone(),
         lease: LeaseId::from(Uuid::now_v7()),
         max_nodes: request.max_nodes,
         fixed_nodes: farm.config.lease_nodes,

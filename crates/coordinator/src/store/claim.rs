@@ -3,7 +3,7 @@
 //! Jobs are served by priority, then age; within a job the oldest wave goes first. Claims run in the one writer, so no two
 //! of them see the same free row. Pending rows exist only for the near future: a claim that finds few of them cuts more
 //! from where the job's cursor stands. A job whose time is up before its first round is complete is served with the nodes
-//! of that round alone.
+//! of that round alone. A worker goes on with jobs whose scenes it has at hand ([`prefer_built`]).
 //!
 //! Nodes that are to be [checked](super::checks) come first, since a round waits for them.
 //!
@@ -39,10 +39,12 @@ const STOCK: u32 = 256;
 const JOBS_AT_ONCE: usize = 32;
 
 /// What a worker asks for.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct ClaimTerms {
     /// Who asks.
     pub(crate) worker: WorkerId,
+    /// Jobs whose scenes it has at hand.
+    pub(crate) built: Vec<JobId>,
     /// Identity of the lease, if there will be one.
     pub(crate) lease: LeaseId,
     /// Most nodes that it wants.
@@ -105,6 +107,7 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
         let is_last = open.len() < JOBS_AT_ONCE;
         seen += open.len();
         open.retain(|OpenJob { job, .. }| !job.is_out_of_time(terms.now_ms) && has_bits_of(job, &claimant));
+        prefer_built(&mut open, &terms.built);
         for open in open {
             if let Some(grant) = free_work(connection, &open, &claimant, terms).await? {
                 return Ok(Some(grant));
@@ -113,6 +116,17 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
         }
         if is_last {
             return Ok(held_work(connection, &without_work, &claimant, terms).await?);
+        }
+    }
+}
+
+/// Puts jobs whose scenes a worker has at hand before others that are as urgent and have workers already: each worker more that begins with one
+/// builds its scene. A job that nobody renders keeps its place, so that none is passed over for long.
+fn prefer_built(open: &mut [OpenJob], built: &[JobId]) {
+    let has_workers_of_its_own = |open: &OpenJob| open.pace.workers > 1 && !built.contains(&open.job.id);
+    for equals in open.chunk_by_mut(|a, b| a.job.priority == b.job.priority) {
+        if equals.iter().any(|open| built.contains(&open.job.id)) {
+            equals.sort_by_key(has_workers_of_its_own);
         }
     }
 }

@@ -1,26 +1,25 @@
 //! What every store must do, whatever lies under it: each test runs on SQLite and on a real PostgreSQL.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
-use clerestory_api::{JobId, JobState, LeaseId, NodeVerdict, StopReason, WorkerId, WorkerRegistration};
+use clerestory_api::{JobId, JobState, NodeVerdict, StopReason};
 use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{NodeAddress, TileGrid};
-use clerestory_test_servers::postgres;
-use tempfile::TempDir;
+use clerestory_render_core::film::NodeAddress;
 use uuid::Uuid;
 
-use super::accept::Acceptance;
 use super::sql::query;
 use super::{
-    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Ending, Grant, Identity, Keeping, LeaseError, Merge, NewJob,
-    SchemaError, Source, Store, StoreError, Work, WorkFailure, WorkerError,
+    DeliveredNode, Delivery, Ending, Grant, Keeping, LeaseError, Merge, SchemaError, Source, Store, StoreError, Work,
+    WorkerError,
 };
 use crate::blobs::Place;
-use crate::stop::Targets;
 
 mod adaptive;
 mod checks;
+mod claims;
+mod farm;
 mod model;
+mod several;
 mod silence;
 mod stragglers;
 mod targets;
@@ -39,6 +38,14 @@ use checks::{
     checks_of_a_worker_that_is_gone_go_to_another, points_that_were_measured_with_wrong_nodes_are_taken_back,
     two_who_agree_end_a_check,
 };
+use claims::{
+    a_node_that_nobody_can_bring_fails_its_job_with_the_reason,
+    a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job,
+    a_worker_that_dies_again_and_again_does_not_fail_the_job, an_unknown_worker_gets_no_work_and_is_told,
+    concurrent_claimants_never_get_the_same_node, jobs_are_served_by_priority_and_then_by_age,
+    returned_work_is_free_at_once_and_returning_twice_is_harmless,
+};
+use farm::{Farm, TTL_MS, delivered, merge, place};
 use stragglers::{
     a_node_is_not_leased_again_without_end, stragglers_do_not_hold_up_the_end,
     what_a_worker_sits_on_is_taken_over_and_the_first_result_wins,
@@ -49,174 +56,6 @@ use targets::{
     a_target_that_is_reached_after_the_end_changes_nothing,
     errors_and_targets_that_were_absent_at_first_are_stored_later,
 };
-
-const TTL_MS: i64 = 1000;
-
-/// A node that is on disk, with counters of its own.
-fn delivered(address: NodeAddress) -> DeliveredNode {
-    let counters = Counters { rays: 1 + u64::from(address.index), ..Counters::default() };
-    DeliveredNode { address, place: place(&Uuid::now_v7().to_string(), 0), counters, digest: None }
-}
-
-fn place(blob: &str, offset: u64) -> Place {
-    Place { blob: blob.to_owned(), offset, length: Some(10) }
-}
-
-/// The merge of the two halves of a node.
-fn merge(parent: NodeAddress, place: Place) -> Merge {
-    Merge { parent, place, children: parent.children().unwrap().to_vec() }
-}
-
-struct Farm {
-    store: Store,
-    source: Source,
-    /// Of a SQLite file.
-    _directory: Option<TempDir>,
-}
-
-impl Farm {
-    async fn in_a_file() -> Self {
-        let directory = tempfile::tempdir().unwrap();
-        let source = Source::file(&directory.path().join("farm ?#%.sqlite"));
-        Self { store: Store::open(source.clone()).await.unwrap(), source, _directory: Some(directory) }
-    }
-
-    async fn in_postgres() -> Self {
-        let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap();
-        Self { store: Store::open(source.clone()).await.unwrap(), source, _directory: None }
-    }
-
-    async fn reopened(self) -> Self {
-        self.store.close().await;
-        Self { store: Store::open(self.source.clone()).await.unwrap(), ..self }
-    }
-
-    async fn worker(&self) -> WorkerId {
-        self.worker_named("w").await.unwrap()
-    }
-
-    async fn worker_named(&self, name: &str) -> Result<WorkerId, WorkerError> {
-        self.worker_with(name, None).await
-    }
-
-    async fn worker_with(&self, name: &str, probe_digest: Option<&str>) -> Result<WorkerId, WorkerError> {
-        let id = WorkerId::from(Uuid::now_v7());
-        let (name, build) = (name.to_owned(), "b".to_owned());
-        let registration = WorkerRegistration { name, cores: 2, build, probe_digest: probe_digest.map(str::to_owned) };
-        self.store.register_worker(id, registration, 0).await?;
-        Ok(id)
-    }
-
-    async fn job(&self, passes: u32) -> JobId {
-        self.job_with(passes, 0, None).await
-    }
-
-    async fn job_with(&self, passes: u32, priority: i32, time_limit_ms: Option<i64>) -> JobId {
-        self.job_like(|job| NewJob { passes, priority, time_limit_ms, ..job }).await
-    }
-
-    async fn job_like(&self, change: impl FnOnce(NewJob) -> NewJob) -> JobId {
-        let id = JobId::from(Uuid::now_v7());
-        let job = NewJob {
-            id,
-            name: "window".to_owned(),
-            priority: 0,
-            scene: "{}".to_owned(),
-            scene_hash: "h".to_owned(),
-            integrator: "path".to_owned(),
-            missing_light: Vec::new(),
-            grid: TileGrid { width: 70, height: 40, tile_size: 16 },
-            samples_per_pass: 4,
-            samples_per_block: 64,
-            passes: 1,
-            reference: None,
-            time_limit_ms: None,
-            targets: Targets::default(),
-            adaptive: false,
-            assets: BTreeMap::new(),
-            created_ms: 0,
-        };
-        self.store.insert_job(change(job)).await.unwrap();
-        id
-    }
-
-    async fn claim(&self, worker: WorkerId, nodes: u32, now_ms: i64) -> Option<Grant> {
-        let terms = ClaimTerms {
-            worker,
-            lease: LeaseId::from(Uuid::now_v7()),
-            max_nodes: None,
-            fixed_nodes: Some(nodes),
-            target_ms: 1000,
-            ttl_ms: TTL_MS,
-            now_ms,
-        };
-        self.store.claim(terms).await.unwrap()
-    }
-
-    async fn deliver(&self, grant: &Grant, nodes: &[NodeAddress], now_ms: i64) -> Result<Acceptance, LeaseError> {
-        let nodes = nodes.iter().map(|address| delivered(*address)).collect();
-        self.bring(grant, nodes, now_ms).await
-    }
-
-    async fn bring(&self, grant: &Grant, nodes: Vec<DeliveredNode>, now_ms: i64) -> Result<Acceptance, LeaseError> {
-        let (lease, token) = (grant.lease.id, grant.lease.token);
-        self.store.accept(Delivery { lease, token, nodes, core_ms: 100, now_ms, alive_ms: now_ms - TTL_MS }).await
-    }
-
-    async fn addresses(&self, job: JobId) -> Vec<NodeAddress> {
-        self.store.nodes(job, 0, 0..u32::MAX).await.unwrap().into_iter().map(|node| node.address).collect()
-    }
-
-    async fn state(&self, job: JobId) -> JobState {
-        self.store.job(job).await.unwrap().unwrap().state
-    }
-
-    async fn next_wave(&self, job: JobId) -> Option<CompleteWave> {
-        let record = self.store.job(job).await.unwrap().unwrap();
-        self.store.complete_wave(&record).await.unwrap()
-    }
-}
-
-async fn concurrent_claimants_never_get_the_same_node(farm: Farm) {
-    let job = farm.job(40).await;
-    let mut claimants = Vec::new();
-    for size in 1..=8 {
-        let worker = farm.worker().await;
-        let farm = &farm;
-        claimants.push(async move {
-            let mut mine = Vec::new();
-            while let Some(grant) = farm.claim(worker, size, 0).await {
-                assert!(grant.nodes.len() <= size as usize);
-                mine.extend(grant.nodes);
-            }
-            mine
-        });
-    }
-    let nodes: Vec<NodeAddress> = futures::future::join_all(claimants).await.into_iter().flatten().collect();
-    let distinct: BTreeSet<NodeAddress> = nodes.iter().copied().collect();
-    assert_eq!(distinct.len(), nodes.len());
-    let mut passes: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
-    for node in &nodes {
-        for pass in node.passes().first..node.passes().first + node.passes().count {
-            assert!(passes.entry(node.tile).or_default().insert(pass), "{node:?} overlaps another node");
-        }
-    }
-    let grid = farm.store.job(job).await.unwrap().unwrap().grid;
-    assert_eq!(passes.len(), grid.len() as usize);
-    assert!(passes.values().all(|passes| passes.iter().copied().eq(0..40)));
-}
-
-async fn jobs_are_served_by_priority_and_then_by_age(farm: Farm) {
-    let older = farm.job_with(1, 0, None).await;
-    let newer = farm.job_with(1, 0, None).await;
-    let urgent = farm.job_with(1, 5, None).await;
-    let worker = farm.worker().await;
-    let mut order = Vec::new();
-    while let Some(grant) = farm.claim(worker, 100, 0).await {
-        order.push(grant.lease.job);
-    }
-    assert_eq!(order, [urgent, older, newer]);
-}
 
 async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing(farm: Farm) {
     let job = farm.job(1).await;
@@ -335,19 +174,6 @@ async fn a_blob_is_needed_until_the_last_of_its_nodes_has_been_replaced(farm: Fa
     assert_eq!(farm.store.node_blobs().await.unwrap(), BTreeSet::from(["merged".to_owned()]));
 }
 
-async fn returned_work_is_free_at_once_and_returning_twice_is_harmless(farm: Farm) {
-    farm.job(1).await;
-    let worker = farm.worker().await;
-    let grant = farm.claim(worker, 3, 0).await.unwrap();
-    farm.deliver(&grant, &grant.nodes[..1], 0).await.unwrap();
-    for _ in 0..2 {
-        farm.store.return_lease(grant.lease.id, grant.lease.token, 0).await.unwrap();
-    }
-    let again = farm.claim(worker, 2, 0).await.unwrap();
-    assert_eq!(again.nodes, grant.nodes[1..]);
-    assert!(matches!(farm.deliver(&grant, &grant.nodes, 0).await, Err(LeaseError::Returned)));
-}
-
 async fn a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
@@ -359,39 +185,6 @@ async fn a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has(farm: Farm) 
     assert_eq!(farm.state(job).await, JobState::Cancelled);
     assert_eq!(farm.addresses(job).await, grant.nodes[..1]);
     assert!(farm.claim(worker, 1, 0).await.is_none());
-}
-
-async fn a_node_that_nobody_can_bring_fails_its_job_with_the_reason(farm: Farm) {
-    let job = farm.job(1).await;
-    let worker = farm.worker().await;
-    let mut now_ms = 0;
-    for attempt in 1..=5 {
-        assert_eq!(farm.state(job).await, if attempt == 1 { JobState::Queued } else { JobState::Running });
-        let grant = farm.claim(worker, 1, now_ms).await.unwrap();
-        let failure = WorkFailure {
-            lease: grant.lease.id,
-            token: grant.lease.token,
-            reason: "not a number".to_owned(),
-            refused_partials: 1,
-            now_ms,
-        };
-        farm.store.fail_lease(failure).await.unwrap();
-        assert!(farm.claim(worker, 1, now_ms).await.is_none(), "a failing worker rests");
-        now_ms += 60_000;
-    }
-    let record = farm.store.job(job).await.unwrap().unwrap();
-    assert_eq!(record.state, JobState::Failed);
-    assert!(record.failure.unwrap().contains("not a number"));
-}
-
-async fn a_worker_that_dies_again_and_again_does_not_fail_the_job(farm: Farm) {
-    let job = farm.job(1).await;
-    let worker = farm.worker().await;
-    for attempt in 0..20 {
-        assert!(farm.claim(worker, 1, attempt * TTL_MS).await.is_some());
-        farm.store.expire_leases((attempt + 1) * TTL_MS).await.unwrap();
-    }
-    assert_eq!(farm.state(job).await, JobState::Running);
 }
 
 async fn nothing_is_lost_when_the_store_is_reopened(farm: Farm) {
@@ -486,20 +279,6 @@ async fn a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_i
     assert_eq!(farm.state(job).await, JobState::Done);
 }
 
-async fn an_unknown_worker_gets_no_work_and_is_told(farm: Farm) {
-    farm.job(1).await;
-    let terms = ClaimTerms {
-        worker: WorkerId::from(Uuid::now_v7()),
-        lease: LeaseId::from(Uuid::now_v7()),
-        max_nodes: None,
-        fixed_nodes: None,
-        target_ms: 1000,
-        ttl_ms: TTL_MS,
-        now_ms: 0,
-    };
-    assert!(matches!(farm.store.claim(terms).await, Err(WorkerError::Unknown(_))));
-}
-
 async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
     let write = |name: &'static str, then_fail: bool| {
         let store = farm.store.clone();
@@ -556,7 +335,7 @@ async fn a_lost_connection_fails_what_was_under_way_and_nothing_after_it(farm: F
          and pid <> pg_backend_pid()",
     );
     let has_server = ended.fetch_all(&farm.store.readers).await.is_ok();
-    assert_eq!(has_server, farm._directory.is_none());
+    assert_eq!(has_server, farm.source.is_shared());
     let worker = farm.worker().await;
     assert_eq!(farm.claim(worker, 3, 0).await.unwrap().nodes.len(), 3);
     assert_eq!(farm.state(job).await, JobState::Running);
@@ -578,98 +357,6 @@ async fn a_film_is_kept_by_one_coordinator_until_its_term_is_over(farm: Farm) {
     assert_eq!(keep(one, 190).await.unwrap(), Keeping::Ours);
     let gone = JobId::from(Uuid::now_v7());
     assert_eq!(farm.store.keep(gone, one, 0, 100).await.unwrap(), Keeping::Ours, "a job that is gone is no obstacle");
-}
-
-/// Several coordinators on one PostgreSQL database.
-mod several {
-    use futures::future::{BoxFuture, join_all};
-
-    use super::*;
-
-    async fn coordinators(count: usize) -> Vec<Farm> {
-        let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap();
-        // They start together, and each finds the schema as it should be.
-        join_all((0..count).map(|_| async {
-            Farm { store: Store::open(source.clone()).await.unwrap(), source: source.clone(), _directory: None }
-        }))
-        .await
-    }
-
-    #[tokio::test]
-    async fn eight_claimants_share_a_job_and_none_is_sent_away_while_there_is_work() {
-        let farms = coordinators(4).await;
-        // 300 nodes: more than are cut ahead at once.
-        let job = farms[0].job_like(|job| NewJob { passes: 20, ..job }).await;
-        let workers = join_all((0..8).map(|k| farms[k % 4].worker())).await;
-        let claims = workers.iter().enumerate().map(|(k, worker)| {
-            // What it brings goes to another coordinator than the one that gave the work.
-            let (farm, other) = (&farms[k % 4], &farms[(k + 1) % 4]);
-            async move {
-                let mut nodes = Vec::new();
-                while let Some(grant) = farm.claim(*worker, 3, 0).await {
-                    let acceptance = other.deliver(&grant, &grant.nodes, 1).await.unwrap();
-                    assert!(acceptance.verdicts.iter().all(|verdict| *verdict == NodeVerdict::Accepted));
-                    nodes.extend(grant.nodes);
-                }
-                nodes
-            }
-        });
-        let brought: Vec<Vec<NodeAddress>> = join_all(claims).await;
-        assert!(brought.iter().all(|nodes| !nodes.is_empty()), "every claimant has had work");
-        let passes: Vec<_> = brought.iter().flatten().map(|node| (node.tile, node.passes())).collect();
-        let rendered: u32 = passes.iter().map(|(_, passes)| passes.count).sum();
-        assert_eq!(rendered, 15 * 20, "each pass of each tile once");
-        let record = farms[3].store.job(job).await.unwrap().unwrap();
-        assert_eq!(record.samples, record.total_samples());
-        assert!(farms[1].store.complete_wave(&record).await.unwrap().is_some());
-    }
-
-    #[tokio::test]
-    async fn a_coordinator_that_is_suspended_in_a_transaction_does_not_hold_up_the_others() {
-        let farms = coordinators(2).await;
-        let (begun, has_begun) = tokio::sync::oneshot::channel();
-        let (go_on, wait) = tokio::sync::oneshot::channel::<()>();
-        let suspended = farms[0].store.clone();
-        let suspended = tokio::spawn(async move {
-            suspended
-                .write::<(), StoreError, _>(|_| {
-                    Box::pin(async move {
-                        begun.send(()).unwrap();
-                        wait.await.unwrap();
-                        Ok(())
-                    })
-                })
-                .await
-        });
-        has_begun.await.unwrap();
-        let job = farms[1].job(1).await;
-        go_on.send(()).unwrap();
-        assert!(suspended.await.unwrap().is_err(), "it has lost its transaction, and says so");
-        assert_eq!(farms[0].state(job).await, JobState::Queued);
-        farms[0].job(1).await;
-    }
-
-    #[tokio::test]
-    async fn coordinators_that_start_together_claim_blobs_in_turn() {
-        let farms = coordinators(4).await;
-        let claims = join_all(farms.iter().map(|farm| async {
-            let claim = |identity: Identity| -> BoxFuture<'static, Result<(), bool>> {
-                Box::pin(async move { if identity.has_blobs { Err(true) } else { Ok(()) } })
-            };
-            farm.store.claim_blobs(claim).await.unwrap()
-        }))
-        .await;
-        assert_eq!(claims.iter().filter(|claim| claim.is_ok()).count(), 1, "one is the first: {claims:?}");
-        assert!(farms[0].store.identity().await.unwrap().has_blobs);
-    }
-
-    #[tokio::test]
-    async fn what_one_sends_the_others_hear() {
-        let farms = coordinators(2).await;
-        let mut listener = farms[1].store.listener().await.unwrap().unwrap();
-        farms[0].store.notify("news".to_owned()).await.unwrap();
-        assert_eq!(listener.next().await.unwrap(), "news");
-    }
 }
 
 /// One test for each engine.
@@ -699,6 +386,7 @@ on_both! {
     a_film_is_kept_by_one_coordinator_until_its_term_is_over
     concurrent_claimants_never_get_the_same_node
     jobs_are_served_by_priority_and_then_by_age
+    a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job
     an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing
     a_lease_is_dead_at_its_deadline_even_before_the_sweep
     a_renewed_lease_lives_on

@@ -138,7 +138,7 @@ pub(crate) struct TestWorker {
 
 impl TestWorker {
     pub(crate) fn request(&self) -> LeaseRequest {
-        LeaseRequest { worker: self.id, max_nodes: None, wanted_ms: None, wait_ms: 0 }
+        LeaseRequest { worker: self.id, max_nodes: None, wanted_ms: None, wait_ms: 0, built: Vec::new() }
     }
 
     pub(crate) async fn claim(&self) -> Option<Lease> {

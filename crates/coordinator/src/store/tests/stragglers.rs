@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use clerestory_api::{JobId, NodeVerdict, WorkerId};
 use clerestory_render_core::film::{NodeAddress, TileGrid};
 
+use super::farm::terms;
 use super::{Farm, delivered};
 use crate::store::{ClaimTerms, Delivery, Grant, JobRecord, NewJob};
 
@@ -124,15 +125,7 @@ async fn is_complete(farm: &Farm, job: JobId) -> bool {
 }
 
 async fn claim(farm: &Farm, worker: WorkerId, now_ms: i64) -> Option<Grant> {
-    let terms = ClaimTerms {
-        worker,
-        lease: clerestory_api::LeaseId::from(uuid::Uuid::now_v7()),
-        max_nodes: None,
-        fixed_nodes: None,
-        target_ms: 10_000,
-        ttl_ms: 1_000_000,
-        now_ms,
-    };
+    let terms = ClaimTerms { target_ms: 10_000, ttl_ms: 1_000_000, ..terms(worker, now_ms) };
     farm.store.claim(terms).await.unwrap()
 }
 
