@@ -12,6 +12,8 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use tempfile::TempDir;
 
+use crate::system_calls;
+
 /// Longest wait for anything that a farm should do.
 const PATIENCE: Duration = Duration::from_secs(240);
 
@@ -28,6 +30,8 @@ pub struct Farm {
     coordinators: Vec<Coordinator>,
     workers: Vec<Process>,
     balancer: Option<Balancer>,
+    /// Where the system calls of the coordinators are written.
+    trace: Option<PathBuf>,
 }
 
 /// A coordinator.
@@ -56,6 +60,18 @@ impl Farm {
     /// When it does not start.
     pub fn start_in(environment: &[(String, String)], token: Option<&str>, options: &[&str]) -> Self {
         let mut farm = Self::nowhere(environment, token, options);
+        farm.coordinators.push(farm.coordinator(false));
+        farm.address = farm.coordinators[0].address.clone();
+        farm
+    }
+
+    /// As [`Self::start`], with the [system calls](crate::system_calls) of the coordinator written to a file by `strace`.
+    ///
+    /// # Panics
+    ///
+    /// When it does not start.
+    pub fn start_traced(trace: &Path, options: &[&str]) -> Self {
+        let mut farm = Self { trace: Some(trace.to_owned()), ..Self::nowhere(&[], None, options) };
         farm.coordinators.push(farm.coordinator(false));
         farm.address = farm.coordinators[0].address.clone();
         farm
@@ -95,6 +111,7 @@ impl Farm {
             coordinators: Vec::new(),
             workers: Vec::new(),
             balancer: None,
+            trace: None,
         }
     }
 
@@ -109,10 +126,18 @@ impl Farm {
 
     fn serving(&self, listen: &str, data: &Path, faults: Option<&Faults>) -> (Process, String) {
         let mut command = clerestory();
+        if let Some(trace) = &self.trace {
+            command = system_calls::traced(&command, trace);
+        }
         command.args(["coordinator", "--listen", listen, "--stop-with-stdin", "--data"]).arg(data).args(&self.options);
         command.envs(self.token.iter().map(|token| ("CLERESTORY_TOKEN", token)));
         command.envs(faults.into_iter().flat_map(Faults::environment));
         Process::serving(command.envs(self.environment.iter().cloned()))
+    }
+
+    /// The folder with the data of a coordinator.
+    pub fn data(&self, index: usize) -> &Path {
+        self.coordinators[index].data.path()
     }
 
     /// Where the coordinators listen.

@@ -10,6 +10,7 @@
 //! - [`comparisons`]: which method is held against which reference, and [`allocation`]: with how many samples where;
 //! - [`farm`]: a farm of real processes, [`made_images`]: what it makes, [`small_blocks`]: a scene for it, and [`browser`]: what a user sees of it;
 //! - [`siege`]: such a farm while its processes, disks, clocks and connections fail, these in a [`proxy`] that knows where `requests` end;
+//! - [`system_calls`]: what such a process did, call by call, and whether what it acknowledged was on disk;
 //! - [`large_frame`]: frames that are larger than a coordinator's memory, and [`cgroup`]: limits on that;
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
@@ -65,5 +66,6 @@ pub mod small_blocks;
 pub mod solution_lists;
 pub mod spline;
 pub mod sun_scene;
+pub mod system_calls;
 pub mod traced_scene;
 pub mod two_interfaces;
