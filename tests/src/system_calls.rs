@@ -132,9 +132,8 @@ impl Event<'_> {
         let read = self.text.split_once('"')?.1;
         let is_call =
             ["GET /", "HEAD /", "POST /", "PUT /", "DELETE /", "PATCH /"].iter().any(|start| read.starts_with(start));
-        is_call
-            .then(|| read.split([' ', '"', '?', '\\']).take(2).map(str::len).sum::<usize>() + 1)
-            .and_then(|length| read.get(..length))
+        let end = read.match_indices([' ', '"', '?', '\\']).nth(1).filter(|_| is_call)?.0;
+        read.get(..end)
     }
 }
 

@@ -46,8 +46,10 @@ fn whatever_is_acknowledged_is_on_disk() {
 
     // The same trace without some of its syncs is that of a coordinator which forgets them, and is seen through.
     let log = |path: &str| path.ends_with("-wal");
-    let blobs = |path: &str| path.contains("/nodes/") && path.contains('.');
-    let folders = |path: &str| path.contains("/nodes/") && !path.contains('.');
+    // Blobs are `nodes/JOB/NAME`.
+    let depth = |path: &str| path.split("/nodes/").nth(1).map(|below| below.split('/').count());
+    let blobs = |path: &str| depth(path) == Some(2);
+    let folders = |path: &str| depth(path) == Some(1);
     let faults: [(&str, &dyn Fn(&str) -> bool); 3] = [("the log", &log), ("blobs", &blobs), ("their names", &folders)];
     for (what, forgotten) in faults {
         let seen = acknowledgements(&trace, &data, is_index, |path| !forgotten(path));
