@@ -21,6 +21,7 @@ use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutPayload, WriteMultip
 use uuid::Uuid;
 
 use crate::bucket::Bucket;
+use crate::directory;
 use crate::store::Identity;
 
 /// Chunks of an upload that may wait for the disk.
@@ -120,7 +121,7 @@ impl<E> From<object_store::Error> for UploadError<E> {
 impl Blobs {
     /// Opens the store in a directory, which is made if there is none.
     pub(crate) fn in_directory(directory: PathBuf) -> io::Result<Self> {
-        fs::create_dir_all(&directory)?;
+        directory::create(&directory)?;
         remove_unfinished(&directory)?;
         let store = LocalFileSystem::new_with_prefix(&directory).map_err(io::Error::other)?.with_fsync(true);
         Ok(Self { store: Arc::new(store) })

@@ -25,6 +25,7 @@ mod bucket;
 mod clock;
 pub mod config;
 mod convergence;
+mod directory;
 mod events;
 mod farm;
 mod film;

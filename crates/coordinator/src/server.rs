@@ -4,7 +4,7 @@
 //! both. Every task that is started here is awaited here.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File, TryLockError};
+use std::fs::{File, TryLockError};
 use std::future::Future;
 use std::io;
 use std::path::PathBuf;
@@ -21,7 +21,7 @@ use crate::config::{Bucket, Config, ExposedWithoutToken};
 use crate::farm::{Bells, Farm};
 use crate::news::{self, News};
 use crate::store::{SchemaError, Source, Store, StoreError};
-use crate::{events, http, keeper};
+use crate::{directory, events, http, keeper};
 
 /// Longest time between two looks at deadlines.
 const LONGEST_TICK: Duration = Duration::from_secs(1);
@@ -125,22 +125,13 @@ pub async fn run(
     tracing::info!(%address, directory = %farm.config.data_directory.display(), "coordinator started");
 
     let mut tasks = start(&farm, bells).await?;
-    let stopping = farm.stopping.clone();
-    let server = axum::serve(listener, http::router(Arc::clone(&farm)))
-        .with_graceful_shutdown(async move { stopping.cancelled().await });
-    let mut server = std::pin::pin!(server.into_future());
-    let outcome = tokio::select! {
-        outcome = &mut server => outcome,
-        () = shutdown => {
-            tracing::info!("coordinator stopping");
-            farm.stopping.cancel();
-            tokio::time::timeout(GRACE, server).await.unwrap_or_else(|_| {
-                tracing::warn!("some requests did not finish in time");
-                Ok(())
-            })
-        }
-    };
+    let server = tokio::spawn(http::serve(listener, http::router(Arc::clone(&farm)), farm.stopping.clone()));
+    shutdown.await;
+    tracing::info!("coordinator stopping");
     farm.stopping.cancel();
+    if tokio::time::timeout(GRACE, server).await.is_err() {
+        tracing::warn!("some requests did not finish in time");
+    }
     while let Some(ended) = tasks.join_next().await {
         if let Err(error) = ended {
             tracing::error!(%error, "a task failed");
@@ -149,7 +140,7 @@ pub async fn run(
     farm.store.close().await;
     drop(lock);
     tracing::info!("coordinator stopped");
-    Ok(outcome?)
+    Ok(())
 }
 
 /// Opens the farm in its directory and puts it in order after whatever has happened to the last coordinator.
@@ -245,7 +236,7 @@ pub(crate) async fn start(farm: &Arc<Farm>, bells: Bells) -> Result<JoinSet<()>,
 fn lock(config: &Config) -> Result<File, RunError> {
     let directory = config.data_directory.clone();
     let open = || {
-        fs::create_dir_all(&directory)?;
+        directory::create(&config.data_directory)?;
         File::options().create(true).truncate(false).write(true).open(directory.join("lock"))
     };
     match open() {

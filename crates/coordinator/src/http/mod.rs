@@ -7,6 +7,7 @@
 
 mod assets;
 mod auth;
+mod connections;
 mod dashboard;
 mod events;
 mod extract;
@@ -34,6 +35,7 @@ use tower_http::set_header::SetResponseHeaderLayer;
 
 use crate::farm::Farm;
 
+pub(crate) use connections::serve;
 pub(crate) use problem::ApiError;
 
 /// Largest body that is not an asset or a partial: a scene with inline meshes.

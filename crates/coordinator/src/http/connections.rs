@@ -1,0 +1,60 @@
+//! Connections: accepted, served, and brought to an end.
+//!
+//! There may be thousands, most of them workers that wait or render. What a connection has read ahead stays with it, so the buffer for that is
+//! small: uploads are read in more pieces, which costs little beside what becomes of them.
+
+use std::io;
+use std::time::Duration;
+
+use axum::Router;
+use hyper_util::rt::{TokioExecutor, TokioIo};
+use hyper_util::server::conn::auto::Builder;
+use hyper_util::server::graceful::GracefulShutdown;
+use hyper_util::service::TowerToHyperService;
+use tokio::net::{TcpListener, TcpStream};
+use tokio_util::sync::CancellationToken;
+
+/// Bytes that are read from a connection at a time, and so the most that the head of a request may have.
+const BUFFER: usize = 16 << 10;
+
+/// Pause when a connection cannot be accepted, mostly because too many files are open.
+const PAUSE: Duration = Duration::from_secs(1);
+
+/// Serves whoever calls until `stopping`, and then those whose requests are under way until they are answered.
+pub(crate) async fn serve(listener: TcpListener, router: Router, stopping: CancellationToken) {
+    let mut server = Builder::new(TokioExecutor::new()).http1_only();
+    server.http1().max_buf_size(BUFFER);
+    let connections = GracefulShutdown::new();
+    while let Some(accepted) = stopping.run_until_cancelled(accept(&listener)).await {
+        let stream = match accepted {
+            Ok(stream) => stream,
+            Err(error) => {
+                tracing::error!(%error, "no connection can be accepted for now");
+                stopping.run_until_cancelled(tokio::time::sleep(PAUSE)).await;
+                continue;
+            }
+        };
+        let service = TowerToHyperService::new(router.clone());
+        let connection = server.serve_connection(TokioIo::new(stream), service).into_owned();
+        let connection = connections.watch(connection);
+        tokio::spawn(async move {
+            if let Err(error) = connection.await {
+                tracing::trace!(error, "a connection failed");
+            }
+        });
+    }
+    drop(listener);
+    connections.shutdown().await;
+}
+
+/// The next connection that is still there when it is taken.
+async fn accept(listener: &TcpListener) -> io::Result<TcpStream> {
+    use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
+    loop {
+        match listener.accept().await {
+            Ok((stream, _)) => return Ok(stream),
+            Err(error) if matches!(error.kind(), ConnectionAborted | ConnectionRefused | ConnectionReset) => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
