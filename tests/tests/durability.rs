@@ -50,7 +50,8 @@ fn whatever_is_acknowledged_is_on_disk() {
     let depth = |path: &str| path.split("/nodes/").nth(1).map(|below| below.split('/').count());
     let blobs = |path: &str| depth(path) == Some(2);
     let folders = |path: &str| depth(path) == Some(1);
-    let faults: [(&str, &dyn Fn(&str) -> bool); 3] = [("the log", &log), ("blobs", &blobs), ("their names", &folders)];
+    type Forgotten<'a> = &'a dyn Fn(&str) -> bool;
+    let faults: [(&str, Forgotten<'_>); 3] = [("the log", &log), ("blobs", &blobs), ("their names", &folders)];
     for (what, forgotten) in faults {
         let seen = acknowledgements(&trace, &data, is_index, |path| !forgotten(path));
         let partials: Vec<&Acknowledgement> = seen.iter().filter(|seen| is_partial(seen)).collect();
