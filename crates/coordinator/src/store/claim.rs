@@ -7,10 +7,7 @@
 //!
 //! Nodes that are to be [checked](super::checks) come first, since a round waits for them.
 //!
-//! A worker for whom nothing is free takes over what another has held for longer than it would need itself ([`take_over`]). The other's
-//! lease goes on, and the first result wins.
-
-use std::collections::BTreeMap;
+//! A worker for whom nothing is free [takes over](super::take_over) what another has held for too long.
 
 use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_render_core::film::{NodeAddress, PassRange};
@@ -23,14 +20,8 @@ use super::leases::{LeaseRecord, LeaseState, address};
 use super::row::{Row, nodes_json, nodes_of, to_json};
 use super::sql::{Kind, query, rows_of};
 use super::workers::{self, Claimant};
-use super::{Connection, Store, StoreError, WorkerError};
+use super::{Connection, Store, StoreError, WorkerError, take_over};
 use crate::schedule::{Pace, cut};
-
-/// How often a node is leased while another lease has it: whatever the first taker meets with, another may take it once more.
-const MOST_REPEATS: i64 = 2;
-
-/// How long a worker may keep what it has rendered before it brings it, in seconds.
-const GATHERING_SECONDS: f64 = 1.0;
 
 /// Free rows that a claim can choose from; also the largest lease.
 const STOCK: u32 = 256;
@@ -61,7 +52,7 @@ pub(crate) struct ClaimTerms {
 
 impl ClaimTerms {
     /// Most nodes that the lease may have.
-    fn most_nodes(&self) -> u32 {
+    pub(super) fn most_nodes(&self) -> u32 {
         self.fixed_nodes.or(self.max_nodes).unwrap_or(STOCK).clamp(1, STOCK)
     }
 }
@@ -86,14 +77,24 @@ impl Store {
 
 /// An open job, as it stands for the worker that asks.
 #[derive(Clone, Debug)]
-struct OpenJob {
-    job: JobRecord,
-    /// Nodes in its queue that nobody has, counted up to [`STOCK`].
-    free: u32,
+pub(super) struct OpenJob {
+    pub(super) job: JobRecord,
+    /// Whether there are nodes in its queue that nobody has.
+    has_free: bool,
     /// Whether there are nodes of it that this worker can check, which nobody has and which others have.
     has_checks: bool,
     has_held_checks: bool,
-    pace: Pace,
+    /// Whether another worker has a lease of it.
+    has_others: bool,
+    /// How fast the worker renders it; before its first partial, how fast others do for each of their cores.
+    samples_per_second: Option<f64>,
+}
+
+impl OpenJob {
+    /// Whether the next nodes of it can be put into the queue.
+    fn can_be_cut(&self) -> bool {
+        self.job.boundaries().wave(self.job.cursor[0]).is_some_and(|wave| !self.job.waits_for_shares(wave))
+    }
 }
 
 async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option<Grant>, WorkerError> {
@@ -123,7 +124,7 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
 /// Puts jobs whose scenes a worker has at hand before others that are as urgent and have workers already: each worker more that begins with one
 /// builds its scene. A job that nobody renders keeps its place, so that none is passed over for long.
 fn prefer_built(open: &mut [OpenJob], built: &[JobId]) {
-    let has_workers_of_its_own = |open: &OpenJob| open.pace.workers > 1 && !built.contains(&open.job.id);
+    let has_workers_of_its_own = |open: &OpenJob| open.has_others && !built.contains(&open.job.id);
     for equals in open.chunk_by_mut(|a, b| a.job.priority == b.job.priority) {
         if equals.iter().any(|open| built.contains(&open.job.id)) {
             equals.sort_by_key(has_workers_of_its_own);
@@ -143,35 +144,52 @@ async fn open_jobs(
          and not exists (select 1 from opinions where check_id = checks.id and worker = $1)";
     let rows = query(format!(
         "select {columns}, \
-         (select count(*) from (select 1 from pending where job = jobs.id and lease is null limit $2) as free_nodes) as free, \
-         (select count(distinct worker) from leases where job = jobs.id and state = 'active' and worker <> $1) as others, \
+         exists(select 1 from pending where job = jobs.id and lease is null) as has_free, \
+         exists(select 1 from leases where job = jobs.id and state = 'active' and worker <> $1) as has_others, \
          (select samples from rates where worker = $1 and job = jobs.id) as own_samples, \
          (select core_ms from rates where worker = $1 and job = jobs.id) as own_core_ms, \
          exists({can_check} and lease is null) as has_checks, exists({can_check} and lease is not null) as has_held_checks \
-         from jobs where state in ('queued', 'running') order by priority desc, created_ms, id limit $3 offset $4"
+         from jobs where state in ('queued', 'running') order by priority desc, created_ms, id limit $2 offset $3"
     ))
     .bind(terms.worker.to_string())
-    .bind(i64::from(STOCK))
     .bind(JOBS_AT_ONCE as i64)
     .bind(without as i64)
     .fetch_all(connection)
     .await?;
     let open = |row: &Row| {
         let job = jobs::record(row)?;
-        // Before its first partial, a worker renders as fast as others do for each of their cores.
         let (samples, core_ms) = match row.optional_integer("own_core_ms")? {
             Some(core_ms) => (row.number("own_samples")?, core_ms),
             None => (job.samples, job.core_ms),
         };
-        let pace = Pace {
+        let has = |column| Ok::<_, StoreError>(row.integer(column)? != 0);
+        Ok(OpenJob {
+            has_free: has("has_free")?,
+            has_checks: has("has_checks")?,
+            has_held_checks: has("has_held_checks")?,
+            has_others: has("has_others")?,
             samples_per_second: workers::rate(samples, core_ms, claimant.cores),
-            target_seconds: terms.target_ms as f64 / 1000.0,
-            workers: row.number::<u32>("others")?.saturating_add(1),
-        };
-        let (has_checks, has_held_checks) = (row.integer("has_checks")? != 0, row.integer("has_held_checks")? != 0);
-        Ok(OpenJob { job, free: row.number("free")?, has_checks, has_held_checks, pace })
+            job,
+        })
     };
     rows.iter().map(open).collect()
+}
+
+/// How fast the worker renders a job, and how many others do.
+async fn pace(connection: &mut Connection, open: &OpenJob, terms: &ClaimTerms) -> Result<Pace, StoreError> {
+    let others = query(
+        "select count(*) as others from (select distinct worker from leases \
+         where job = $1 and state = 'active' and worker <> $2) as other_workers",
+    )
+    .bind(open.job.id.to_string())
+    .bind(terms.worker.to_string())
+    .fetch_one(connection)
+    .await?;
+    Ok(Pace {
+        samples_per_second: open.samples_per_second,
+        target_seconds: terms.target_ms as f64 / 1000.0,
+        workers: others.number::<u32>("others")?.saturating_add(1),
+    })
 }
 
 /// Nodes of a job that nobody has, for this worker.
@@ -181,13 +199,17 @@ async fn free_work(
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Option<Grant>, StoreError> {
+    if !(open.has_checks || open.has_free || open.can_be_cut()) {
+        return Ok(None);
+    }
+    let pace = pace(connection, open, terms).await?;
     if open.has_checks {
-        let nodes = choose_checks(connection, open, terms, None).await?;
+        let nodes = choose_checks(connection, open, &pace, terms, None).await?;
         if !nodes.is_empty() {
             return Ok(Some(grant(connection, &open.job, nodes, Leased::Checks, claimant, terms).await?));
         }
     }
-    let nodes = choose(connection, open, terms).await?;
+    let nodes = choose(connection, open, &pace, terms).await?;
     if nodes.is_empty() {
         return Ok(None);
     }
@@ -201,17 +223,22 @@ async fn held_work(
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Option<Grant>, StoreError> {
-    let mut held = held_since(connection, jobs, terms).await?;
+    let mut held = take_over::held_longest(connection, jobs, terms).await?;
     for open in jobs {
-        if let Some(granted_ms) = held.remove(&open.job.id) {
-            let nodes = take_over(connection, open, granted_ms, terms).await?;
+        let lease = held.remove(&open.job.id);
+        if lease.is_none() && !open.has_held_checks {
+            continue;
+        }
+        let pace = pace(connection, open, terms).await?;
+        if let Some(lease) = lease {
+            let nodes = take_over::take_over(connection, &open.job, &lease, &pace, terms).await?;
             if !nodes.is_empty() {
                 return Ok(Some(grant(connection, &open.job, nodes, Leased::Work, claimant, terms).await?));
             }
         }
         if open.has_held_checks {
-            let held_before_ms = terms.now_ms.saturating_sub((open.pace.target_seconds * 1000.0) as i64);
-            let nodes = choose_checks(connection, open, terms, Some(held_before_ms)).await?;
+            let held_before_ms = terms.now_ms.saturating_sub(terms.target_ms);
+            let nodes = choose_checks(connection, open, &pace, terms, Some(held_before_ms)).await?;
             if !nodes.is_empty() {
                 return Ok(Some(grant(connection, &open.job, nodes, Leased::Checks, claimant, terms).await?));
             }
@@ -228,13 +255,12 @@ fn has_bits_of(job: &JobRecord, claimant: &Claimant) -> bool {
 /// Free nodes of a job for this worker; none when all work is leased or done.
 async fn choose(
     connection: &mut Connection,
-    OpenJob { job, free, pace, .. }: &OpenJob,
+    OpenJob { job, .. }: &OpenJob,
+    pace: &Pace,
     terms: &ClaimTerms,
 ) -> Result<Vec<NodeAddress>, StoreError> {
     let most = terms.most_nodes();
-    if free + stock(connection, job, pace, *free).await? == 0 {
-        return Ok(Vec::new());
-    }
+    stock(connection, job, pace).await?;
     let rows = query(
         "select frame, tile, level, idx from pending where job = $1 and lease is null and round <= $2 \
          order by round, frame, tile, idx limit $3",
@@ -251,7 +277,8 @@ async fn choose(
 /// Nodes of a job that this worker is to check, [as it can](checks::choose).
 async fn choose_checks(
     connection: &mut Connection,
-    OpenJob { job, pace, .. }: &OpenJob,
+    OpenJob { job, .. }: &OpenJob,
+    pace: &Pace,
     terms: &ClaimTerms,
     held_before_ms: Option<i64>,
 ) -> Result<Vec<NodeAddress>, StoreError> {
@@ -275,75 +302,20 @@ fn first_of(mut nodes: Vec<NodeAddress>, job: &JobRecord, pace: &Pace, terms: &C
 }
 
 /// The last round of a job for which nodes are given out: past its limit, it needs its first to end, and nothing else.
-fn last_round(job: &JobRecord, terms: &ClaimTerms) -> i64 {
+pub(super) fn last_round(job: &JobRecord, terms: &ClaimTerms) -> i64 {
     if job.is_past_limit(terms.now_ms) { 0 } else { i64::from(u32::MAX) }
 }
 
-/// Since when others have had leases with nodes of these jobs that may be taken over, if that is long enough for any worker: the oldest of each.
-async fn held_since(
-    connection: &mut Connection,
-    jobs: &[OpenJob],
-    terms: &ClaimTerms,
-) -> Result<BTreeMap<JobId, i64>, StoreError> {
-    let listed: Vec<(String, i64)> =
-        jobs.iter().map(|open| (open.job.id.to_string(), last_round(&open.job, terms))).collect();
-    let statement = format!(
-        "select c0 as job, min(granted_ms) as granted_ms from {} as listed_jobs join leases on leases.job = c0 \
-         where state = 'active' and worker <> $2 and granted_ms <= $3 \
-         and exists (select 1 from pending where lease = leases.id and repeats < $4 and round <= c1) group by c0",
-        rows_of(connection.engine(), 1, &[Kind::Text, Kind::Integer])
-    );
-    let rows = query(statement)
-        .bind(to_json(&listed)?)
-        .bind(terms.worker.to_string())
-        .bind(terms.now_ms.saturating_sub((GATHERING_SECONDS * 1000.0) as i64))
-        .bind(MOST_REPEATS)
-        .fetch_all(connection)
-        .await?;
-    rows.iter().map(|row| Ok((row.parsed("job")?, row.integer("granted_ms")?))).collect()
-}
-
-/// Nodes of a job that another worker has held since `granted_ms`, if this one would have needed less for all that is left of that lease: the
-/// later half of them, since the other renders them in their order. A node is taken over [`MOST_REPEATS`] times at most.
-async fn take_over(
-    connection: &mut Connection,
-    OpenJob { job, pace, .. }: &OpenJob,
-    granted_ms: i64,
-    terms: &ClaimTerms,
-) -> Result<Vec<NodeAddress>, StoreError> {
-    let rows = query(
-        "select frame, tile, level, idx from pending where lease = (select id from leases where job = $1 \
-         and state = 'active' and worker <> $2 and granted_ms = $3 and exists \
-         (select 1 from pending where lease = leases.id and repeats < $4 and round <= $5) order by token limit 1) \
-         and repeats < $4 and round <= $5 order by round desc, frame desc, tile desc, idx desc",
+/// Cuts work from the job's cursor on until there are enough free rows or none is left to cut.
+async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Result<(), StoreError> {
+    let free = query(
+        "select count(*) as free from (select 1 from pending where job = $1 and lease is null limit $2) as free_nodes",
     )
     .bind(job.id.to_string())
-    .bind(terms.worker.to_string())
-    .bind(granted_ms)
-    .bind(MOST_REPEATS)
-    .bind(last_round(job, terms))
-    .fetch_all(&mut *connection)
+    .bind(i64::from(STOCK))
+    .fetch_one(&mut *connection)
     .await?;
-    let held_seconds = terms.now_ms.saturating_sub(granted_ms) as f64 / 1000.0;
-    let held = rows.iter().map(address).collect::<Result<Vec<_>, _>>()?;
-    let samples: u64 = held.iter().map(|node| job.node_samples(node)).sum();
-    if held_seconds < pace.seconds(samples as f64) + GATHERING_SECONDS {
-        return Ok(Vec::new());
-    }
-    let count = held.len().div_ceil(2).min(terms.most_nodes() as usize);
-    let mut taken = held;
-    taken.truncate(count);
-    taken.reverse();
-    let statement = format!(
-        "update pending set repeats = repeats + 1 where job = $1 and (frame, tile, level, idx) in {}",
-        nodes_of(connection.engine(), 2)
-    );
-    query(statement).bind(job.id.to_string()).bind(nodes_json(&taken)?).execute(connection).await?;
-    Ok(taken)
-}
-
-/// Cuts work from the job's cursor on until there are enough free rows or none is left to cut, and answers how many rows those are.
-async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace, mut free: u32) -> Result<u32, StoreError> {
+    let mut free: u32 = free.number("free")?;
     let [mut round, mut frame, mut tile] = job.cursor;
     let mut pending = Vec::new();
     while free < STOCK {
@@ -386,7 +358,7 @@ async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace, mut fr
             .execute(connection)
             .await?;
     }
-    Ok(pending.len() as u32)
+    Ok(())
 }
 
 async fn open_wave(

@@ -26,6 +26,7 @@ mod signs_of_life;
 mod source;
 mod sql;
 mod sqlite;
+mod take_over;
 #[cfg(test)]
 mod tests;
 mod workers;

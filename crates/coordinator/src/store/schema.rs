@@ -39,7 +39,7 @@ pub enum SchemaError {
 }
 
 /// What makes a schema of the one before, each with its version and its name.
-const MIGRATIONS: [(i64, &str, &str); 9] = [
+const MIGRATIONS: [(i64, &str, &str); 10] = [
     (1, "first", include_str!("../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../migrations/0002_counters.sql")),
     (3, "farm", include_str!("../../migrations/0003_farm.sql")),
@@ -49,6 +49,7 @@ const MIGRATIONS: [(i64, &str, &str); 9] = [
     (7, "repeats", include_str!("../../migrations/0007_repeats.sql")),
     (8, "checks", include_str!("../../migrations/0008_checks.sql")),
     (9, "adaptive", include_str!("../../migrations/0009_adaptive.sql")),
+    (10, "held", include_str!("../../migrations/0010_held.sql")),
 ];
 
 /// Where applied migrations are noted, as the first builds made it; the hash is empty since.

@@ -198,6 +198,22 @@ async fn a_worker_that_waits_gets_work_as_soon_as_there_is_some() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn all_who_wait_get_work_as_soon_as_there_is_enough() {
+    // Of the six tiles each gets one.
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(1)).await;
+    let mut waiting = tokio::task::JoinSet::new();
+    for _ in 0..6 {
+        let worker = farm.worker().await;
+        let request = LeaseRequest { wait_ms: 20_000, ..worker.request() };
+        waiting.spawn(async move { worker.client.claim_lease(&request).await.unwrap() });
+    }
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    farm.submit(1).await;
+    let leases = tokio::time::timeout(Duration::from_secs(10), waiting.join_all()).await.unwrap();
+    assert!(leases.iter().all(Option::is_some), "{leases:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn returned_work_wakes_a_waiting_worker() {
     let farm = TestFarm::start_with(|config| config.lease_nodes = Some(200)).await;
     farm.submit(1).await;
