@@ -56,7 +56,7 @@ pub struct Plan {
     pub durations: Durations,
     /// Whether blows go on when each kind has come.
     pub is_endless: bool,
-    /// How much rougher than usual the network is.
+    /// How much rougher than usual the network in front of coordinators is.
     pub roughness: f64,
     /// Most passes of a job.
     pub passes: usize,
@@ -85,10 +85,12 @@ enum Relief {
     WakeWorker(usize),
     StartCoordinator(usize),
     WakeCoordinator(usize),
-    MendCoordinator(usize),
+    /// And how often its disk had failed before.
+    MendCoordinator(usize, u64),
     StartDatabase,
     WakeDatabase,
-    MendDatabase,
+    /// How often its disk had failed before.
+    MendDatabase(u64),
     StartObjects,
     WakeObjects,
     MendObjects,
@@ -129,7 +131,7 @@ impl Siege {
         let options = ["--lease-nodes", &lease_nodes, "--lease-seconds", LEASE_SECONDS];
         let log = ("CLERESTORY_LOG".to_owned(), plan.log.to_owned());
         let (mut farm, servers) = if plan.servers {
-            let servers = Servers::start(plan.seed, plan.roughness);
+            let servers = Servers::start(plan.seed);
             let shared = servers.options();
             let options: Vec<&str> = options.into_iter().chain(shared.iter().map(String::as_str)).collect();
             let environment: Vec<_> = servers.environment().into_iter().chain([log]).collect();
@@ -299,7 +301,9 @@ impl Siege {
                 }
             }
             if start.elapsed() > self.plan.patience {
-                self.wrong.push(format!("not done after {:?}: {jobs:#?}", self.plan.patience));
+                let told = |job: &JobView| format!("{} is {} ({:.3})", job.name, job.state.name(), job.progress);
+                let told: Vec<String> = jobs.iter().map(told).collect();
+                self.wrong.push(format!("not done after {:?}: {}", self.plan.patience, told.join(", ")));
                 return None;
             }
         }

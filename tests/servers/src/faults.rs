@@ -117,6 +117,15 @@ impl Faults {
         self.get(Word::FailedSyncs)
     }
 
+    /// How many writes and syncs have failed so far.
+    ///
+    /// # Panics
+    ///
+    /// When the control cannot be read.
+    pub fn failures(&self) -> u64 {
+        self.failed_writes() + self.failed_syncs()
+    }
+
     fn set(&self, word: Word, value: i64) {
         self.control.write_all_at(&value.to_ne_bytes(), word.place()).expect("the control can be written");
     }

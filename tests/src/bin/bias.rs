@@ -59,7 +59,7 @@ const UNBIASED: [(&str, &str); 18] = [
 ];
 
 /// Methods without bias, and the suns under which they find the light in the room: what is left to chance, by `path` all of
-/// it, takes a large one. The choice `bleed` is that of `random` there, bit for bit (`tests/tests/bias.rs`), and that is held to
+/// it, takes a large one. The choice `bleed` is that of `random` there, bit for bit (`tests/tests/statistics/bias.rs`), and that is held to
 /// single connections.
 const UNBIASED_IN_THE_ROOM: [(&str, &str); 5] =
     [("fnee", "sun"), ("cone", "sun"), ("fnee, sharp", "sun-40"), ("mnee", "sun-40"), ("path", "sun-40")];

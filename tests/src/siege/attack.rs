@@ -11,7 +11,11 @@ impl Siege {
         let now = Instant::now();
         while let Some(place) = self.due.iter().position(|(when, _)| *when <= now) {
             let (_, relief) = self.due.swap_remove(place);
-            self.relieve(relief);
+            if self.is_yet_to_be_felt(relief) {
+                self.due.push((now + RESTART, relief));
+            } else {
+                self.relieve(relief);
+            }
         }
         self.start_what_has_ended();
         let is_over = self.is_over || !self.plan.is_endless && self.missing_blows().is_empty();
@@ -89,13 +93,14 @@ impl Siege {
             }
             Blow::DiskFull | Blow::SyncsFail if !has_faults => {
                 let Some(faults) = self.farm.faults(index) else { return false };
+                let failures = faults.failures();
                 if blow == Blow::DiskFull {
                     faults.fill_disk(true)
                 } else {
                     faults.fail_syncs(true)
                 };
                 self.coordinators[index].has_faults = true;
-                self.in_time(fault, Relief::MendCoordinator(index));
+                self.in_time(fault, Relief::MendCoordinator(index, failures));
             }
             Blow::ClockStepped => {
                 let others: Vec<i64> = [-STEP, 0, STEP].into_iter().filter(|step| *step != clock_step).collect();
@@ -121,12 +126,14 @@ impl Siege {
                 (Relief::WakeDatabase, sleep)
             }
             (Blow::DiskFull, Some(faults)) => {
+                let failures = faults.failures();
                 faults.fill_disk(true);
-                (Relief::MendDatabase, fault)
+                (Relief::MendDatabase(failures), fault)
             }
             (Blow::SyncsFail, Some(faults)) => {
+                let failures = faults.failures();
                 faults.fail_syncs(true);
-                (Relief::MendDatabase, fault)
+                (Relief::MendDatabase(failures), fault)
             }
             _ => return false,
         };
@@ -167,6 +174,19 @@ impl Siege {
         }
     }
 
+    /// Whether a disk has faults of which nobody has noticed anything so far. Databases write and sync all the time, but not while all of
+    /// their coordinators are gone.
+    fn is_yet_to_be_felt(&self, relief: Relief) -> bool {
+        let (faults, failures) = match relief {
+            Relief::MendCoordinator(index, failures) => (self.farm.faults(index), failures),
+            Relief::MendDatabase(failures) => {
+                (self.servers.as_ref().and_then(|servers| servers.database.faults()), failures)
+            }
+            _ => return false,
+        };
+        faults.is_some_and(|faults| faults.failures() == failures)
+    }
+
     /// Takes back what somebody was hit with.
     pub(super) fn relieve(&mut self, relief: Relief) {
         match relief {
@@ -182,14 +202,14 @@ impl Siege {
                     self.farm.suspend_coordinator(index, false);
                 }
             }
-            Relief::MendCoordinator(index) => {
+            Relief::MendCoordinator(index, _) => {
                 self.coordinators[index].has_faults = false;
                 if let Some(faults) = self.farm.faults(index) {
                     faults.fill_disk(false);
                     faults.fail_syncs(false);
                 }
             }
-            Relief::StartDatabase | Relief::WakeDatabase | Relief::MendDatabase => self.relieve_database(relief),
+            Relief::StartDatabase | Relief::WakeDatabase | Relief::MendDatabase(_) => self.relieve_database(relief),
             Relief::StartObjects | Relief::WakeObjects | Relief::MendObjects => self.relieve_objects(relief),
         }
     }

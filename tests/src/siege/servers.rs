@@ -20,12 +20,12 @@ impl Servers {
     /// # Panics
     ///
     /// When they do not start.
-    pub(super) fn start(seed: u64, roughness: f64) -> Self {
+    pub(super) fn start(seed: u64) -> Self {
         let database = Postgres::start_with_faults().expect("PostgreSQL starts");
         let objects = S3Server::start_with_faults().expect("the S3 server starts");
         let network = [database.port(), objects.port()].map(|port| {
             let server = SocketAddr::from(([127, 0, 0, 1], port));
-            Proxy::start(Protocol::Other, vec![server], seed, roughness).expect("a free port")
+            Proxy::start(Protocol::Other, vec![server], seed, 1.0).expect("a free port")
         });
         Self { database, objects, network }
     }

@@ -1,0 +1,4 @@
+//! What holds for the project itself: who may use whom, and under which licences.
+
+mod architecture;
+mod licences;

@@ -1,0 +1,19 @@
+//! Light against independent ground truth, closed forms and laws of physics: the tests that draw random numbers and weigh them.
+
+mod bias;
+mod connections;
+mod laws;
+mod laws_energy;
+mod laws_index;
+mod laws_invariance;
+mod manifold;
+mod partition;
+mod partition_of_a_room;
+mod references;
+mod reflected_caustics;
+mod room;
+mod scenes;
+mod smooth_meshes;
+mod solutions;
+mod two_interfaces;
+mod water_caustics;

@@ -1,0 +1,11 @@
+//! Whole farms: real processes, real HTTP, real databases.
+
+mod adaptive;
+mod bad_input;
+mod bench_farm;
+mod chaos;
+mod durability;
+mod farm;
+mod large_frames;
+mod stop_rules;
+mod trust;
