@@ -89,14 +89,14 @@ impl Farm {
         farm
     }
 
-    /// So many coordinators behind a load balancer. Their options name the database and the object store that they share.
+    /// So many coordinators behind a load balancer, whose disks and clocks can have faults. Their options name the database and the object store that they share.
     ///
     /// # Panics
     ///
     /// When they do not start.
     pub fn start_several(count: usize, environment: &[(String, String)], options: &[&str]) -> Self {
         let mut farm = Self::nowhere(environment, None, options);
-        farm.coordinators = (0..count).map(|_| farm.coordinator(false)).collect();
+        farm.coordinators = (0..count).map(|_| farm.coordinator(true)).collect();
         let balancer = Balancer::start(farm.sockets()).expect("a free port");
         farm.address = format!("http://{}", balancer.address());
         Self { balancer: Some(balancer), ..farm }

@@ -1,35 +1,116 @@
-//! The coordinator's clock. Leases, time limits and series all read this one, so that tests can move it.
+//! The coordinator's clock. Leases, claims, time limits and series all read this one, so that tests can move it.
+//!
+//! It is not simply the machine's: somebody may set that, and then leases of workers that have died would run for as much longer.
+//! A farm with one coordinator has a clock that goes on when the machine's is set back. Several coordinators go by the clock of the
+//! database that they share, so that a deadline means the same to all.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicI64, Ordering};
-use std::time::{SystemTime, UNIX_EPOCH};
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Where the time comes from.
-#[derive(Clone, Debug, Default)]
+/// Where the time comes from. Clones show the same time.
+#[derive(Clone, Debug)]
 pub enum Clock {
-    /// The machine's clock.
-    #[default]
-    System,
+    /// A clock that runs.
+    Running(Arc<Running>),
     /// A clock that stands still until it is moved.
     Manual(Arc<AtomicI64>),
+}
+
+/// A clock that runs with the machine's, but not back, or with another's.
+#[derive(Debug)]
+pub struct Running {
+    /// When it was started, by a clock that nobody can set.
+    started: Instant,
+    /// What it showed then, or would have shown, milliseconds since the Unix epoch.
+    then_ms: AtomicI64,
+    /// Whether it goes by another clock.
+    is_led: AtomicBool,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        let then_ms = AtomicI64::new(machine_ms());
+        Self::Running(Arc::new(Running { started: Instant::now(), then_ms, is_led: AtomicBool::new(false) }))
+    }
 }
 
 impl Clock {
     /// Milliseconds since the Unix epoch.
     pub fn now_ms(&self) -> i64 {
         match self {
-            Self::System => {
-                let elapsed = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-                i64::try_from(elapsed.as_millis()).unwrap_or(i64::MAX)
-            }
+            Self::Running(clock) => clock.at(Instant::now(), machine_ms()),
             Self::Manual(now_ms) => now_ms.load(Ordering::SeqCst),
         }
     }
 
-    /// Moves a manual clock on; a system clock moves by itself.
+    /// Moves a manual clock on; one that runs moves by itself.
     pub fn advance(&self, milliseconds: i64) {
         if let Self::Manual(now_ms) = self {
             now_ms.fetch_add(milliseconds, Ordering::SeqCst);
         }
+    }
+
+    /// Goes by another clock from now on, which shows `now_ms`. A manual clock goes by nobody's.
+    pub(crate) fn follow(&self, now_ms: i64) {
+        if let Self::Running(clock) = self {
+            clock.then_ms.store(now_ms.saturating_sub(milliseconds(clock.started.elapsed())), Ordering::SeqCst);
+            clock.is_led.store(true, Ordering::SeqCst);
+        }
+    }
+}
+
+impl Running {
+    /// What it shows at some moment, when the machine's clock shows `machine_ms`.
+    fn at(&self, moment: Instant, machine_ms: i64) -> i64 {
+        let elapsed_ms = milliseconds(moment.saturating_duration_since(self.started));
+        if !self.is_led.load(Ordering::SeqCst) {
+            self.then_ms.fetch_max(machine_ms.saturating_sub(elapsed_ms), Ordering::SeqCst);
+        }
+        self.then_ms.load(Ordering::SeqCst).saturating_add(elapsed_ms)
+    }
+}
+
+fn machine_ms() -> i64 {
+    milliseconds(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default())
+}
+
+fn milliseconds(duration: Duration) -> i64 {
+    i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MINUTE: Duration = Duration::from_secs(60);
+    const MINUTE_MS: i64 = 60_000;
+
+    /// A clock that was started at some moment, when it was nought, and the moment.
+    fn started() -> (Running, Instant) {
+        let started = Instant::now();
+        (Running { started, then_ms: AtomicI64::new(0), is_led: AtomicBool::new(false) }, started)
+    }
+
+    #[test]
+    fn a_machine_whose_clock_is_set_back_does_not_set_it_back() {
+        let (clock, start) = started();
+        assert_eq!(clock.at(start + MINUTE, MINUTE_MS), MINUTE_MS);
+        // An hour fast, and right again.
+        assert_eq!(clock.at(start + 2 * MINUTE, 62 * MINUTE_MS), 62 * MINUTE_MS);
+        assert_eq!(clock.at(start + 3 * MINUTE, 3 * MINUTE_MS), 63 * MINUTE_MS);
+    }
+
+    #[test]
+    fn it_goes_by_the_clock_that_it_follows() {
+        let clock = Clock::default();
+        let machine = clock.now_ms();
+        let other = machine - 5 * MINUTE_MS;
+        clock.follow(other);
+        let shown = clock.now_ms();
+        assert!((other..machine - 4 * MINUTE_MS).contains(&shown), "{shown} where the other shows {other}");
+        // Clones are the same clock, and it can be set again.
+        clock.clone().follow(machine + MINUTE_MS);
+        assert!(clock.now_ms() >= machine + MINUTE_MS);
     }
 }

@@ -67,7 +67,7 @@ impl Config {
             node_cache_bytes: 128 << 20,
             image_bytes: 128 << 20,
             preview_bytes: 64 << 20,
-            clock: Clock::System,
+            clock: Clock::default(),
             build: env!("CARGO_PKG_VERSION").to_owned(),
         }
     }

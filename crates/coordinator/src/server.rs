@@ -9,7 +9,7 @@ use std::future::Future;
 use std::io;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
@@ -17,7 +17,7 @@ use tokio::time::MissedTickBehavior;
 use uuid::Uuid;
 
 use crate::blobs::{BlobError, Blobs, ClaimError};
-use crate::config::{Bucket, Config, ExposedWithoutToken};
+use crate::config::{Bucket, Clock, Config, ExposedWithoutToken};
 use crate::farm::{Bells, Farm};
 use crate::news::{self, News};
 use crate::store::{SchemaError, Source, Store, StoreError};
@@ -151,6 +151,7 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, Bells), RunError>
     let source = source.map_err(|source| RunError::DatabaseAddress { source })?;
     let database = source.name().to_owned();
     let store = Store::open(source).await?;
+    follow_clock(&config.clock, &store).await?;
     let known = store.node_blobs().await?;
     let blobs = blobs(&config, &store, &known, database).await?;
     // What another coordinator has stored and is about to accept is young.
@@ -275,8 +276,21 @@ async fn watch_deadlines(farm: Arc<Farm>) {
     }
 }
 
+/// Sets the clock by that of the database, where several coordinators share one.
+async fn follow_clock(clock: &Clock, store: &Store) -> Result<(), StoreError> {
+    let asked = Instant::now();
+    // An answer that was long under way, or waited for a coordinator that slept, is out of date.
+    if let Some(now_ms) = store.now_ms().await?
+        && asked.elapsed() < LONGEST_TICK
+    {
+        clock.follow(now_ms);
+    }
+    Ok(())
+}
+
 /// One look at all deadlines.
 pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
+    follow_clock(&farm.config.clock, &farm.store).await?;
     let now_ms = farm.config.clock.now_ms();
     for job in farm.store.end_jobs_out_of_time(now_ms).await? {
         tracing::info!(%job, "time limit reached");

@@ -202,6 +202,24 @@ fn a_suspended_coordinator_stops_nothing_and_changes_no_bit_when_it_wakes_up() {
     assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
 }
 
+#[test]
+fn a_coordinator_that_dies_with_a_clock_ten_minutes_fast_holds_nobody_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let alone = WITH_CONE.rendered_alone(&folder);
+    let mut farm = two_coordinators();
+    farm.kill_coordinator(1);
+    farm.faults(0).unwrap().step_clock(600);
+    farm.start_worker("first");
+    WITH_CONE.submit(&farm, "16");
+    // Whatever is claimed is claimed by it, and its leases are those of a worker that dies too.
+    farm.wait_until("going on", |job| job.complete_passes > 1);
+    farm.kill_worker(0);
+    farm.kill_coordinator(0);
+    farm.restart_coordinator(1);
+    farm.start_worker("second");
+    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
+}
+
 /// Two coordinators on PostgreSQL and S3.
 fn two_coordinators() -> Farm {
     let (database, bucket) = (postgres().new_database(), format!("s3://{}/farm", s3().new_bucket()));

@@ -230,13 +230,13 @@ impl Store {
         .await
     }
 
-    /// Lets every active lease last at least until `deadline_ms`, unless a worker was heard after `heard_ms`: when no coordinator was
+    /// Lets every active lease last until `deadline_ms`, unless a worker was heard after `heard_ms`: when no coordinator was
     /// there, workers need time to come back.
     pub(crate) async fn extend_leases(&self, deadline_ms: i64, heard_ms: i64) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
                 query(
-                    "update leases set deadline_ms = $1 where state = 'active' and deadline_ms < $1 \
+                    "update leases set deadline_ms = $1 where state = 'active' \
                      and not exists (select 1 from workers where seen_ms > $2)",
                 )
                 .bind(deadline_ms)

@@ -117,6 +117,11 @@ impl Store {
         self.source.is_shared()
     }
 
+    /// What the clock that all coordinators share shows, milliseconds since the Unix epoch; `None` where there is one coordinator.
+    pub(crate) async fn now_ms(&self) -> Result<Option<i64>, StoreError> {
+        self.source.now_ms(&self.readers).await
+    }
+
     /// Hears what is sent to all coordinators from now on; `None` where there is one coordinator.
     pub(crate) async fn listener(&self) -> Result<Option<Listener>, StoreError> {
         self.source.listener().await

@@ -33,6 +33,10 @@ impl SignsOfLife {
         waiting.len() == 1
     }
 
+    fn put(&self, signs: Vec<Sign>) {
+        *self.waiting.lock().unwrap_or_else(PoisonError::into_inner) = signs;
+    }
+
     fn take(&self) -> Vec<Sign> {
         mem::take(&mut *self.waiting.lock().unwrap_or_else(PoisonError::into_inner))
     }
@@ -46,36 +50,45 @@ impl Store {
             // Others depend on it: it goes on when this caller goes away.
             tokio::spawn(note_all(self.clone()));
         }
-        let failed = || StoreError::Database("the sign of life could not be noted".to_owned());
-        answer.await.unwrap_or_else(|_| Err(failed().into()))
+        answer.await.unwrap_or_else(|_| Err(StoreError::Closed.into()))
     }
 }
 
 async fn note_all(store: Store) {
     let signs_of_life = store.signs_of_life.clone();
+    let taken = SignsOfLife::default();
+    let noting = taken.clone();
     let noted = store.write(move |connection| {
         Box::pin(async move {
             let signs = signs_of_life.take();
-            let notes = note(connection, &signs).await?;
-            Ok::<_, StoreError>((signs, notes))
+            let said: Vec<(WorkerId, i64)> = signs.iter().map(|sign| (sign.worker, sign.now_ms)).collect();
+            noting.put(signs);
+            note(connection, &said).await
         })
     });
     match noted.await {
-        Ok((signs, notes)) => {
-            for (sign, note) in signs.into_iter().zip(notes) {
+        Ok(notes) => {
+            for (sign, note) in taken.take().into_iter().zip(notes) {
                 // The caller may have gone away.
                 let _ = sign.reply.send(note);
             }
         }
         // Nobody took them, perhaps: the next one is to be the first again.
-        Err(_) => drop(store.signs_of_life.take()),
+        Err(error) => {
+            for sign in taken.take().into_iter().chain(store.signs_of_life.take()) {
+                let _ = sign.reply.send(Err(error.clone().into()));
+            }
+        }
     }
 }
 
 /// Notes all signs, and answers what each caller is told.
-async fn note(connection: &mut Connection, signs: &[Sign]) -> Result<Vec<Result<(), WorkerError>>, StoreError> {
-    let Some(now_ms) = signs.iter().map(|sign| sign.now_ms).max() else { return Ok(Vec::new()) };
-    let workers: BTreeSet<[String; 1]> = signs.iter().map(|sign| [sign.worker.to_string()]).collect();
+async fn note(
+    connection: &mut Connection,
+    signs: &[(WorkerId, i64)],
+) -> Result<Vec<Result<(), WorkerError>>, StoreError> {
+    let Some(now_ms) = signs.iter().map(|(_, now_ms)| *now_ms).max() else { return Ok(Vec::new()) };
+    let workers: BTreeSet<[String; 1]> = signs.iter().map(|(worker, _)| [worker.to_string()]).collect();
     let statement = format!(
         "update workers set seen_ms = $1 where id in {} and quarantine is null returning id",
         rows_of(connection.engine(), 2, &[Kind::Text])
@@ -85,7 +98,7 @@ async fn note(connection: &mut Connection, signs: &[Sign]) -> Result<Vec<Result<
         noted.insert(row.parsed::<WorkerId>("id")?);
     }
     let mut notes = Vec::with_capacity(signs.len());
-    for Sign { worker, .. } in signs {
+    for (worker, _) in signs {
         notes.push(if noted.contains(worker) { Ok(()) } else { Err(refusal(connection, *worker).await?) });
     }
     Ok(notes)

@@ -197,6 +197,15 @@ impl Source {
         Ok(Some(Listener { connection, patience: self.patience }))
     }
 
+    /// What the clock of the server shows, milliseconds since the Unix epoch; `None` where there is none.
+    pub(super) async fn now_ms(&self, readers: &Readers) -> Result<Option<i64>, StoreError> {
+        if !self.is_shared() {
+            return Ok(None);
+        }
+        let row = query("select cast(extract(epoch from clock_timestamp()) * 1000 as bigint) as now_ms");
+        Ok(Some(row.fetch_one(readers).await?.integer("now_ms")?))
+    }
+
     /// Sends a text, shorter than 8000 bytes, to all coordinators of the database, where there may be several.
     pub(super) async fn notify(&self, readers: &Readers, text: String) -> Result<(), StoreError> {
         if self.is_shared() {
