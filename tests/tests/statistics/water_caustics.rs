@@ -6,17 +6,18 @@ use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Leaving, Ray, Surface};
 use clerestory_render_core::integrator::specular_method;
+use clerestory_render_core::scene::description::SceneDescription;
 use clerestory_render_core::scene::water::{WaterSettings, WaterView, pool};
 use clerestory_render_core::scene::{Scene, SceneBundle};
-use clerestory_render_core::specular::{ShadingPoint, SpecularEvent};
+use clerestory_render_core::specular::{ShadingPoint, SpecularEvent, SpecularMethod};
 use clerestory_tests::bias::{BiasReport, compare};
 use clerestory_tests::comparisons::pictures;
 use clerestory_tests::estimate::Estimate;
 use clerestory_tests::forward_tracer::{Fault, Tracing};
-use clerestory_tests::mesh_tracer::SheetScene;
+use clerestory_tests::mesh_tracer::{Lamp, LitSheet, SheetScene};
 use clerestory_tests::random::Random;
 use clerestory_tests::reference::{Image, Reference};
-use clerestory_tests::sheet_connections::{FOLDING, GENTLE, STEEP, SheetConnections, bundle, water};
+use clerestory_tests::sheet_connections::{FOLDING, GENTLE, STEEP, SheetConnections, water};
 use glam::DVec3;
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -24,41 +25,57 @@ use serde_json::{Value, json};
 /// Edge of the parts of the picture that are compared, pixels.
 const BLOCK: usize = 8;
 
-fn reference(scene: &SheetScene, photons: u64, fault: Fault) -> Reference {
-    Reference::from_batches(&scene.trace(&Tracing { photons, batches: 32, seed: 7, fault }))
+/// The light of a point through a sheet.
+fn through(scene: &SheetScene) -> LitSheet<'_> {
+    LitSheet { scene, lamp: Lamp::Point, event: SpecularEvent::Transmission }
 }
 
-fn rendered(scene: &SheetScene, integrator: &Value, samples: u32) -> Vec<Image> {
-    pictures(&bundle(scene, integrator, samples), samples, 1, &|_| 1).0
+fn reference(sheet: &LitSheet<'_>, photons: u64, fault: Fault) -> Reference {
+    Reference::from_batches(&sheet.trace(&Tracing { photons, batches: 32, seed: 7, fault }))
+}
+
+fn bundle(sheet: &LitSheet<'_>, integrator: &Value, samples: u32) -> SceneBundle {
+    let description = sheet.description(integrator, samples).to_string();
+    let description = SceneDescription::parse(description.as_bytes()).expect("a valid scene");
+    SceneBundle::from_parts(description, BTreeMap::new()).expect("nothing is missing")
+}
+
+fn rendered(sheet: &LitSheet<'_>, integrator: &Value, samples: u32) -> Vec<Image> {
+    pictures(&bundle(sheet, integrator, samples), samples, 1, &|_| 1).0
 }
 
 /// How much light is traced and rendered.
 #[derive(Clone, Copy)]
 struct Effort {
     photons: u64,
+    /// Photons where there are faults.
+    faulty: u64,
     /// For each pixel of each replicate.
     samples: u32,
 }
 
+/// As many photons as notice most faults.
+const FAULTY: u64 = 4_000_000;
+
 /// Compares a method with light traced forward, and requires that faults are noticed.
 #[track_caller]
 fn check(
-    scene: &SheetScene,
+    sheet: &LitSheet<'_>,
     integrator: &Value,
-    Effort { photons, samples }: Effort,
+    Effort { photons, faulty, samples }: Effort,
     faults: &[Fault],
 ) -> (BiasReport, f64) {
-    let folds = scene.folds();
-    let replicates = rendered(scene, integrator, samples);
-    let truth = reference(scene, photons, Fault::None);
+    let folds = sheet.folds();
+    let replicates = rendered(sheet, integrator, samples);
+    let truth = reference(sheet, photons, Fault::None);
     let report = compare(&replicates, &truth, &folds, BLOCK);
     println!("{integrator}: {report}");
     assert!(report.agrees(), "{integrator}: {report}");
     // With as few photons as the faults have, nothing is noticed where there is nothing.
-    let control = compare(&replicates, &reference(scene, 4_000_000, Fault::None), &folds, BLOCK);
+    let control = compare(&replicates, &reference(sheet, faulty, Fault::None), &folds, BLOCK);
     assert!(control.agrees(), "{integrator}: {control}");
     for &fault in faults {
-        let report = compare(&replicates, &reference(scene, 4_000_000, fault), &folds, BLOCK);
+        let report = compare(&replicates, &reference(sheet, faulty, fault), &folds, BLOCK);
         println!("{integrator} against {fault:?}: {report}");
         assert!(!report.agrees(), "{integrator} against {fault:?}: {report}");
     }
@@ -82,19 +99,25 @@ fn largest_deviation(ours: &Image, truth: &Image, folds: &[bool]) -> f64 {
 #[test]
 fn the_light_of_conic_is_that_of_light_traced_forward() {
     let conic = json!({"conic": {"chains": ["T"]}});
-    let effort = Effort { photons: 40_000_000, samples: 24 };
-    let (report, largest) = check(&water(GENTLE), &conic, effort, &[Fault::MissingFresnelFactor, Fault::Scaled]);
-    assert!(report.has_power() && report.fold_regions == [0, 0] && largest < 0.01, "{largest} {report}");
-    let effort = Effort { photons: 240_000_000, samples: 96 };
+    let effort = Effort { photons: 40_000_000, faulty: FAULTY, samples: 24 };
     let (report, largest) =
-        check(&water(FOLDING), &conic, effort, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles, Fault::Scaled]);
+        check(&through(&water(GENTLE)), &conic, effort, &[Fault::MissingFresnelFactor, Fault::Scaled]);
+    assert!(report.has_power() && report.fold_regions == [0, 0] && largest < 0.01, "{largest} {report}");
+    let effort = Effort { photons: 240_000_000, faulty: FAULTY, samples: 96 };
+    let (report, largest) = check(
+        &through(&water(FOLDING)),
+        &conic,
+        effort,
+        &[Fault::MissingFresnelFactor, Fault::DroppedSaddles, Fault::Scaled],
+    );
     assert!(
         report.has_power() && report.blocks > 10 && report.block_error < 0.003 && largest < 0.01,
         "{largest} {report}"
     );
     assert!(report.fold_regions[0] > 0 && report.fold_error < 0.003 && report.fold_deviation < 0.01, "{report}");
-    let effort = Effort { photons: 80_000_000, samples: 48 };
-    let (report, _) = check(&water(STEEP), &conic, effort, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
+    let effort = Effort { photons: 80_000_000, faulty: FAULTY, samples: 48 };
+    let (report, _) =
+        check(&through(&water(STEEP)), &conic, effort, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
     assert!(report.mean_error < 0.001 && report.fold_regions[0] > 0, "{report}");
     assert!(report.fold_error < 0.003 && report.fold_deviation < 0.01, "{report}");
 }
@@ -102,9 +125,9 @@ fn the_light_of_conic_is_that_of_light_traced_forward() {
 #[test]
 fn the_light_of_sms_is_that_of_light_traced_forward() {
     let sms = json!({"sms": {"chains": ["T"]}});
-    let effort = |samples| Effort { photons: 40_000_000, samples };
-    check(&water(GENTLE), &sms, effort(4), &[Fault::MissingFresnelFactor]);
-    check(&water(FOLDING), &sms, effort(12), &[Fault::DroppedSaddles]);
+    let effort = |samples| Effort { photons: 40_000_000, faulty: FAULTY, samples };
+    check(&through(&water(GENTLE)), &sms, effort(4), &[Fault::MissingFresnelFactor]);
+    check(&through(&water(FOLDING)), &sms, effort(12), &[Fault::DroppedSaddles]);
 }
 
 /// A fault that so few connections notice, relative. The binary `bias` takes as many as notice half a percent.
@@ -127,7 +150,8 @@ fn the_published_walk_along_the_conic_has_all_light_where_nothing_folds_and_lack
     let report = |steepness| {
         let scene = water(steepness);
         let published = json!({"conic": {"chains": ["T"], "search": "published"}});
-        let report = compare(&rendered(&scene, &published, 1), &reference(&scene, 4_000_000, Fault::None), &[], BLOCK);
+        let sheet = through(&scene);
+        let report = compare(&rendered(&sheet, &published, 1), &reference(&sheet, 4_000_000, Fault::None), &[], BLOCK);
         println!("published, {steepness}: {report}");
         report
     };
@@ -136,8 +160,52 @@ fn the_published_walk_along_the_conic_has_all_light_where_nothing_folds_and_lack
     assert!(!folding.agrees() && folding.mean_ratio[0] < 0.97, "{folding}");
 }
 
-/// Points of the floor of a pool in each replicate.
-const POINTS: u32 = 30_000;
+/// Replicates of the light on points of a floor.
+const REPLICATES: u32 = 32;
+
+/// The light of a method with rays on average, without them, and by rays alone, at so many points of a floor in each replicate. The points of
+/// the light are the same with and without.
+fn light_by_rays(scene: &Scene, reach: f64, height: f64, points: u32) -> Vec<[f64; 3]> {
+    let method = specular_method(scene).expect("a specular method");
+    let replicate = |replicate: u32| {
+        let mut random = Random::new(3, u64::from(replicate));
+        let mut light = [0.0; 3];
+        for index in 0..points {
+            let mut across = || 2.0 * reach * random.uniform() - reach;
+            let above = DVec3::new(across(), across(), height);
+            let lights = light_at(scene, &*method, above, [index, replicate]);
+            for (sum, light) in light.iter_mut().zip(lights) {
+                *sum += light / f64::from(points);
+            }
+        }
+        light
+    };
+    (0..REPLICATES).into_par_iter().map(replicate).collect()
+}
+
+/// As [`light_by_rays`], on the floor below a place.
+fn light_at(scene: &Scene, method: &dyn SpecularMethod, above: DVec3, number: [u32; 2]) -> [f64; 3] {
+    let counters = &mut Counters::default();
+    let down = Ray::new(above, DVec3::NEG_Z);
+    let hit = scene.accelerator().closest_hit(&down, 2.0, Leaving::Nothing, counters).expect("a floor");
+    let Surface::Triangle { index: floor, .. } = hit.surface else { panic!("panes in a pool") };
+    let position = down.at(hit.distance);
+    let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
+    let mut gather = |bounces: u32| {
+        let point = ShadingPoint { position, normal: DVec3::Z, leaving: Leaving::Triangle(floor), bounces };
+        let mut stream = SampleStream::new(&settings, 0, number, 0);
+        let mut arrivals = Vec::new();
+        method.gather(scene, &point, 0, &[SpecularEvent::Transmission], &mut stream, counters, &mut |arrival| {
+            arrivals.push((arrival.direction, arrival.weight.x * arrival.direction.z));
+        });
+        arrivals
+    };
+    // Rays are sent from what the camera sees, and from nothing else.
+    let (first, later) = (gather(0), gather(1));
+    let sum = |arrivals: &[(DVec3, f64)]| arrivals.iter().map(|(_, light)| light).sum::<f64>();
+    let by_rays = first.iter().filter(|(direction, _)| later.iter().all(|(other, _)| other != direction));
+    [sum(&first), sum(&later), by_rays.map(|(_, light)| light).sum()]
+}
 
 #[test]
 fn rays_to_where_waves_focus_the_sun_neither_add_nor_take_light() {
@@ -145,45 +213,7 @@ fn rays_to_where_waves_focus_the_sun_neither_add_nor_take_light() {
     let description = pool(&WaterSettings { triangles, time: 0.0, view: WaterView::Floor });
     let bundle = SceneBundle::from_parts(description, BTreeMap::new()).expect("nothing is missing");
     let scene = Scene::build(&bundle).expect("the scene can be built");
-    let method = specular_method(&scene).expect("a specular method");
-    let replicate = |replicate: u32| {
-        let mut random = Random::new(3, u64::from(replicate));
-        let counters = &mut Counters::default();
-        let [mut combined, mut alone, mut rays] = [0.0; 3];
-        for index in 0..POINTS {
-            let above = DVec3::new(1.6 * random.uniform() - 0.8, 1.6 * random.uniform() - 0.8, 1.0);
-            let down = Ray::new(above, DVec3::NEG_Z);
-            let hit = scene.accelerator().closest_hit(&down, 2.0, Leaving::Nothing, counters).expect("a floor");
-            let Surface::Triangle { index: floor, .. } = hit.surface else { panic!("panes in a pool") };
-            let position = down.at(hit.distance);
-            let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
-            let mut gather = |bounces: u32| {
-                let point = ShadingPoint { position, normal: DVec3::Z, leaving: Leaving::Triangle(floor), bounces };
-                let mut stream = SampleStream::new(&settings, 0, [index, replicate], 0);
-                let mut arrivals = Vec::new();
-                method.gather(
-                    &scene,
-                    &point,
-                    0,
-                    &[SpecularEvent::Transmission],
-                    &mut stream,
-                    counters,
-                    &mut |arrival| {
-                        arrivals.push((arrival.direction, arrival.weight.x * arrival.direction.z));
-                    },
-                );
-                arrivals
-            };
-            // Rays are sent from what the camera sees, and from nothing else.
-            let (first, later) = (gather(0), gather(1));
-            combined += first.iter().map(|(_, light)| light).sum::<f64>();
-            alone += later.iter().map(|(_, light)| light).sum::<f64>();
-            let by_rays = first.iter().filter(|(direction, _)| later.iter().all(|(other, _)| other != direction));
-            rays += by_rays.map(|(_, light)| light).sum::<f64>();
-        }
-        [combined, alone, rays].map(|light| light / f64::from(POINTS))
-    };
-    let light: Vec<[f64; 3]> = (0..32u32).into_par_iter().map(replicate).collect();
+    let light = light_by_rays(&scene, 0.8, 1.0, 30_000);
     let of = |value: fn(&[f64; 3]) -> f64| Estimate::of(&light.iter().map(value).collect::<Vec<f64>>());
     let (combined, alone) = (of(|light| light[0]), of(|light| light[1]));
     println!("combined {combined:?}, alone {alone:?}, by rays {:?}", of(|light| light[2]));
@@ -195,4 +225,39 @@ fn rays_to_where_waves_focus_the_sun_neither_add_nor_take_light() {
     let twice = of(|light| light[0] + light[2] - light[1]).probability(&nothing);
     assert!(lost < limit && twice < limit, "rays that are lost or count twice would not be noticed: {lost} {twice}");
     assert!(combined.relative_error() < alone.relative_error());
+}
+
+#[test]
+fn the_light_of_lamps_with_an_extent_by_search_and_rays_is_that_of_light_traced_forward() {
+    let conic = json!({"conic": {"chains": ["T"]}});
+    let scene = water(FOLDING);
+    for (lamp, samples) in [(Lamp::Sphere(0.06), 18), (Lamp::Sun(0.8), 22)] {
+        let sheet = LitSheet { scene: &scene, lamp, event: SpecularEvent::Transmission };
+        let effort = Effort { photons: 24_000_000, faulty: FAULTY, samples };
+        let (report, _) = check(&sheet, &conic, effort, &[Fault::DroppedSaddles, Fault::Scaled]);
+        // Nothing is pooled: each block is compared by itself, folds and all.
+        assert!(report.has_power() && report.blocks == 64, "{lamp:?}: {report}");
+        let built = Scene::build(&bundle(&sheet, &conic, 1)).expect("the scene can be built");
+        let light = light_by_rays(&built, 0.5 * scene.edge, scene.floor + 0.1, 1000);
+        let mean = |which: usize| light.iter().map(|light| light[which]).sum::<f64>() / f64::from(REPLICATES);
+        let by_rays = mean(2) / mean(0);
+        println!("{lamp:?}: {:.2} percent of the light is found by rays", 100.0 * by_rays);
+        assert!(by_rays > 10.0 * report.mean_error, "lost rays would not be noticed: {by_rays} {report}");
+    }
+}
+
+/// Slopes of waves whose reflections fold on the floor below them.
+const REFLECTING: f64 = 0.015;
+
+#[test]
+fn the_folded_light_that_water_reflects_by_conic_is_that_of_light_traced_forward() {
+    let conic = json!({"conic": {"chains": ["R"]}});
+    // Under water, so far aside that from 2 to about 10 percent come back.
+    let scene = SheetScene { lamp: DVec3::new(0.6, -0.4, -0.9), floor: -1.2, edge: 1.6, ..water(REFLECTING) };
+    let sheet = LitSheet { scene: &scene, lamp: Lamp::Point, event: SpecularEvent::Reflection };
+    let effort = Effort { photons: 80_000_000, faulty: 3 * FAULTY, samples: 48 };
+    let (report, _) =
+        check(&sheet, &conic, effort, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles, Fault::Scaled]);
+    assert!(report.mean_error < 0.001 && report.blocks > 10 && report.block_error < 0.005, "{report}");
+    assert!(report.fold_regions[0] > 0 && report.fold_error < 0.005 && report.fold_deviation < 0.01, "{report}");
 }
