@@ -30,6 +30,9 @@ const SLOWEST_LINE: usize = 64 << 10;
 /// Longest pause that an answer can ask for: below the time that a lease lasts by default.
 const LONGEST_RETRY_AFTER: Duration = Duration::from_secs(30);
 
+/// Characters of an unexpected answer that are shown.
+const SHOWN_BODY: usize = 100;
+
 /// Bytes of an upload that are handed to the connection at a time.
 const UPLOAD_PIECE: usize = 64 << 10;
 
@@ -47,7 +50,9 @@ pub struct Client {
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
     /// The address cannot be one of a coordinator.
-    #[error("`{value}` is not the address of a coordinator: expected something like http://127.0.0.1:7171")]
+    #[error(
+        "`{value}` is not the address of a coordinator: expected something like http://127.0.0.1:7171, without a path"
+    )]
     InvalidAddress {
         /// The address.
         value: String,
@@ -146,7 +151,8 @@ impl Client {
     fn with_patience(address: &str, token: Option<&str>, patience: Duration) -> Result<Self, ClientError> {
         let invalid = || ClientError::InvalidAddress { value: address.to_owned() };
         let mut base: Url = address.parse().map_err(|_| invalid())?;
-        if !matches!(base.scheme(), "http" | "https") || base.cannot_be_a_base() {
+        let is_host_alone = base.path() == "/" && base.query().is_none() && base.fragment().is_none();
+        if !matches!(base.scheme(), "http" | "https") || !is_host_alone {
             return Err(invalid());
         }
         base.set_path("");
@@ -377,7 +383,9 @@ async fn check(response: Response) -> Result<Response, ClientError> {
     if is_problem && let Ok(problem) = serde_json::from_slice(&body) {
         return Err(ClientError::Problem { problem: Box::new(problem), retry_after });
     }
-    let body = String::from_utf8_lossy(&body).chars().take(200).collect();
+    // In one line, even if it is a page.
+    let words: Vec<String> = String::from_utf8_lossy(&body).split_whitespace().map(str::to_owned).collect();
+    let body = words.join(" ").chars().take(SHOWN_BODY).collect();
     Err(ClientError::UnexpectedAnswer { status: status.as_u16(), body, retry_after })
 }
 

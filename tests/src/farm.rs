@@ -120,11 +120,12 @@ impl Farm {
         let data = tempfile::tempdir().expect("a temporary folder");
         let faults =
             has_faults.then(|| Faults::below(data.path(), None).expect("the library with the faults is built"));
-        let (process, address) = self.serving("127.0.0.1:0", data.path(), faults.as_ref());
+        let (process, address) = Process::serving(&mut self.serving("127.0.0.1:0", data.path(), faults.as_ref()));
         Coordinator { data, faults, address, process }
     }
 
-    fn serving(&self, listen: &str, data: &Path, faults: Option<&Faults>) -> (Process, String) {
+    /// The command of a coordinator.
+    fn serving(&self, listen: &str, data: &Path, faults: Option<&Faults>) -> Command {
         let mut command = clerestory();
         if let Some(trace) = &self.trace {
             command = system_calls::traced(&command, trace);
@@ -132,7 +133,8 @@ impl Farm {
         command.args(["coordinator", "--listen", listen, "--stop-with-stdin", "--data"]).arg(data).args(&self.options);
         command.envs(self.token.iter().map(|token| ("CLERESTORY_TOKEN", token)));
         command.envs(faults.into_iter().flat_map(Faults::environment));
-        Process::serving(command.envs(self.environment.iter().cloned()))
+        command.envs(self.environment.iter().cloned());
+        command
     }
 
     /// The folder with the data of a coordinator.
@@ -232,11 +234,25 @@ impl Farm {
         self.coordinators[index].process.kill();
     }
 
-    /// Starts it again, on the same port and with the same data.
+    /// Starts it again, on the same port and with the same data, and waits until it serves.
+    ///
+    /// # Panics
+    ///
+    /// When it cannot start.
     pub fn restart_coordinator(&mut self, index: usize) {
-        let Coordinator { data, faults, .. } = &self.coordinators[index];
-        let (process, _) = self.serving(&self.coordinators[index].socket(), data.path(), faults.as_ref());
+        let (process, _) = Process::serving(&mut self.serving_again(index));
         self.coordinators[index].process = process;
+    }
+
+    /// Starts it again, on the same port and with the same data. It may not be able to start.
+    pub fn launch_coordinator(&mut self, index: usize) {
+        let mut command = self.serving_again(index);
+        self.coordinators[index].process = Process::spawn(command.stdout(Stdio::null()));
+    }
+
+    fn serving_again(&self, index: usize) -> Command {
+        let Coordinator { data, faults, .. } = &self.coordinators[index];
+        self.serving(&self.coordinators[index].socket(), data.path(), faults.as_ref())
     }
 
     /// Whether the coordinator that was started as number `index` has not ended.

@@ -1,8 +1,11 @@
 //! What can be typed: the commands, and the options that all of them have. Each command's own options are in its module.
 
+use std::fmt::Display;
 use std::num::NonZeroU32;
+use std::ops::RangeInclusive;
+use std::str::FromStr;
 
-use clap::{Parser, Subcommand, ValueEnum};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use tracing_subscriber::EnvFilter;
 
 use crate::commands::bench::BenchArguments;
@@ -76,6 +79,33 @@ pub(crate) enum Command {
     Demo(DemoArguments),
 }
 
+/// Reads what was typed; ends the process, with a message, where it cannot be used.
+pub(crate) fn read() -> Arguments {
+    let mut command = with_negative_values(Arguments::command());
+    let matches = command.get_matches_mut();
+    Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
+}
+
+/// Lets a number below zero be the value of an option, which says then what it expects, and no option that nobody knows.
+fn with_negative_values(command: clap::Command) -> clap::Command {
+    let allowed = |argument: clap::Arg| {
+        let has_value = argument.get_long().is_some() && argument.get_action().takes_values();
+        if has_value { argument.allow_negative_numbers(true) } else { argument }
+    };
+    command.mut_args(allowed).mut_subcommands(with_negative_values)
+}
+
+/// A parser of whole numbers within a range.
+pub(crate) fn whole<T>(range: RangeInclusive<T>) -> impl Fn(&str) -> Result<T, String> + Clone
+where
+    T: FromStr + PartialOrd + Display + Clone,
+{
+    move |text| {
+        let number = text.parse().ok().filter(|number| range.contains(number));
+        number.ok_or_else(|| format!("expected a whole number, {} to {}", range.start(), range.end()))
+    }
+}
+
 /// Reads a number of things of which there is at least one.
 pub(crate) fn positive<T: TryFrom<NonZeroU32>>(text: &str) -> Result<T, String> {
     let number = text.parse::<NonZeroU32>().ok().and_then(|number| T::try_from(number).ok());
@@ -85,8 +115,6 @@ pub(crate) fn positive<T: TryFrom<NonZeroU32>>(text: &str) -> Result<T, String> 
 #[cfg(test)]
 mod tests {
     use std::num::NonZeroUsize;
-
-    use clap::CommandFactory;
 
     use super::*;
 
@@ -100,7 +128,16 @@ mod tests {
     }
 
     #[test]
+    fn a_whole_number_is_within_its_range() {
+        let priority = whole(-2..=2_i32);
+        assert_eq!((priority("-2"), priority("2")), (Ok(-2), Ok(2)));
+        for text in ["3", "-3", "1.5", "high", ""] {
+            assert_eq!(priority(text).unwrap_err(), "expected a whole number, -2 to 2", "{text}");
+        }
+    }
+
+    #[test]
     fn the_command_line_is_consistent() {
-        Arguments::command().debug_assert();
+        with_negative_values(Arguments::command()).debug_assert();
     }
 }

@@ -17,6 +17,9 @@ use crate::local_render::LocalRenderError;
 /// Exit code of a command whose arguments or settings cannot be used.
 pub(crate) const USAGE: u8 = 2;
 
+/// What the client's TLS says of an answer without TLS.
+const NO_TLS: &str = "InvalidContentType";
+
 /// A command failed. Printed with its causes.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
@@ -41,6 +44,9 @@ pub(crate) enum Failure {
     /// The scene is not valid.
     #[error("cannot use the scene {}", file.display())]
     Scene { file: PathBuf, source: SceneError },
+    /// The options change a scene into one that is not valid.
+    #[error("cannot use these options with the scene {}", file.display())]
+    Overrides { file: PathBuf, source: SceneError },
     /// A file is no image that can be used.
     #[error("cannot use the image {}", file.display())]
     Image { file: PathBuf, source: ImageError },
@@ -111,7 +117,9 @@ pub(crate) enum Failure {
 fn expected_address(address: &str, reason: &io::Error) -> String {
     match (reason.kind(), address.rsplit_once(':')) {
         (io::ErrorKind::AddrInUse, Some((host, _))) => {
-            format!("the port is taken, perhaps by another farm: expected another, or --listen {host}:0 for a free one")
+            format!(
+                "the port is taken, perhaps by another farm: choose another, or --listen {host}:0 to be given a free one"
+            )
         }
         (io::ErrorKind::PermissionDenied, _) => "expected a port that this user may listen on, 1024 or more".to_owned(),
         _ => "expected an address of this machine, such as 127.0.0.1:7171".to_owned(),
@@ -130,7 +138,14 @@ impl Failure {
     /// 2 when the arguments or settings are to blame, else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
-            Self::Usage(_) | Self::Configuration { .. } | Self::Process { is_usage: true, .. } => ExitCode::from(USAGE),
+            Self::Usage(_)
+            | Self::Configuration { .. }
+            | Self::Overrides { .. }
+            | Self::Connection(ClientError::InvalidAddress { .. } | ClientError::InvalidToken)
+            | Self::Worker(WorkerError::Connection(ClientError::InvalidAddress { .. } | ClientError::InvalidToken))
+            | Self::Process { is_usage: true, .. } => ExitCode::from(USAGE),
+            // What is no address at all, whatever this machine's are.
+            Self::Listen { source, .. } if source.kind() == io::ErrorKind::InvalidInput => ExitCode::from(USAGE),
             _ => ExitCode::FAILURE,
         }
     }
@@ -160,6 +175,13 @@ impl Failure {
                  with --coordinator"
                     .to_owned(),
             );
+        }
+        if let Self::Coordinator { address, .. } = self
+            && address.starts_with("https://")
+            && self.causes().any(|cause| cause.to_string().contains(NO_TLS))
+        {
+            let plain = address.replacen("https", "http", 1);
+            return Some(format!("whoever listens there speaks no TLS: is it {plain}?"));
         }
         let mut calls = self.causes().filter_map(|cause| cause.downcast_ref::<ClientError>());
         let is_refused = calls.any(|error| match error {

@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use clerestory_api::{ClientError, ConvergencePoint, EventBody, JobId, JobView, ProblemCode};
+use clerestory_api::{
+    ClientError, ConvergencePoint, Event, EventBody, JobId, JobView, ProblemCode, WorkerState, WorkerView,
+};
 use futures::StreamExt;
 
 use crate::commands::jobs::samples_text;
@@ -13,13 +15,17 @@ use crate::terminal::{Advance, Progress};
 /// Pause before the event stream is opened again, or a call repeated.
 const RECONNECT_PAUSE: Duration = Duration::from_millis(500);
 
+/// How long a farm may be without a worker before the user is told: one that is just being started needs a moment.
+const WORKER_PATIENCE: Duration = Duration::from_secs(5);
+
 /// How often in a row a call may meet a fault of the coordinator, which need not pass as an outage does.
 const MOST_FAULTS: u32 = 10;
 
 /// Shows a job's progress and rounds until it ends; returns it as it ended. A coordinator that goes away is waited for,
 /// and the user is told.
 pub(crate) async fn follow(connection: &Connection, job: JobId, progress: &mut Progress) -> Result<JobView, Failure> {
-    let mut follower = Follower { connection, job, progress, rounds: 0, outage: Outage::default() };
+    let mut follower =
+        Follower { connection, job, progress, rounds: 0, outage: Outage::default(), workers: Workers::Unknown };
     loop {
         match follower.until_final().await {
             Ok(Some(view)) => {
@@ -93,6 +99,34 @@ struct Follower<'a> {
     /// Rounds shown so far.
     rounds: u32,
     outage: Outage,
+    workers: Workers,
+}
+
+/// Whether somebody is there who could render.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Workers {
+    Unknown,
+    Present,
+    Absent,
+    /// Absent, and the user has been told.
+    Missed,
+}
+
+impl Workers {
+    /// Hears of all workers.
+    fn hear_all(&mut self, workers: &[WorkerView]) {
+        if *self == Self::Unknown {
+            *self = Self::Absent;
+        }
+        workers.iter().for_each(|worker| self.hear(worker));
+    }
+
+    /// Hears of a worker.
+    fn hear(&mut self, worker: &WorkerView) {
+        if matches!(worker.state, WorkerState::Rendering | WorkerState::Idle) {
+            *self = Self::Present;
+        }
+    }
 }
 
 impl Follower<'_> {
@@ -102,9 +136,22 @@ impl Follower<'_> {
         let mut events = self.connection.client.events(Some(self.job), None).await?;
         self.catch_up().await?;
         self.outage.end(self.connection, self.progress);
-        while let Some(Ok(event)) = events.next().await {
-            let views = match event.body {
-                EventBody::Snapshot { jobs, .. } => jobs,
+        let patience = tokio::time::sleep(WORKER_PATIENCE);
+        tokio::pin!(patience);
+        loop {
+            let event = tokio::select! {
+                event = events.next() => event,
+                () = &mut patience, if self.workers == Workers::Absent => {
+                    self.miss_workers();
+                    continue;
+                }
+            };
+            let Some(Ok(Event { body, .. })) = event else { return Ok(None) };
+            let views = match body {
+                EventBody::Snapshot { jobs, workers } => {
+                    self.workers.hear_all(&workers);
+                    jobs
+                }
                 EventBody::Job { job } | EventBody::Progress { job } => vec![*job],
                 EventBody::Round { job, point } => {
                     if job == self.job {
@@ -112,7 +159,10 @@ impl Follower<'_> {
                     }
                     continue;
                 }
-                EventBody::Worker { .. } => continue,
+                EventBody::Worker { worker } => {
+                    self.workers.hear(&worker);
+                    continue;
+                }
             };
             let Some(view) = views.into_iter().find(|view| view.id == self.job) else { continue };
             self.progress.show(&Advance {
@@ -127,7 +177,14 @@ impl Follower<'_> {
                 return Ok(Some(view));
             }
         }
-        Ok(None)
+    }
+
+    /// Says, once, that nobody renders.
+    fn miss_workers(&mut self) {
+        self.workers = Workers::Missed;
+        let address = self.connection.address();
+        self.progress
+            .note(&format!("The farm has no worker: start one with `clerestory worker --coordinator {address}`"));
     }
 
     /// Shows the rounds that no event told of.

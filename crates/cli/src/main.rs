@@ -19,6 +19,7 @@ mod local_render;
 mod logging;
 mod output_file;
 mod preview;
+mod render_limits;
 mod scene_overrides;
 mod settings;
 mod shutdown;
@@ -28,8 +29,6 @@ mod viewer;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use clap::Parser;
-
 use arguments::Arguments;
 use failure::Failure;
 
@@ -37,7 +36,7 @@ use failure::Failure;
 const LEFTOVER_TIME: Duration = Duration::from_millis(100);
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
+    let arguments = arguments::read();
     logging::start(&arguments);
     match run(arguments) {
         Ok(()) => ExitCode::SUCCESS,

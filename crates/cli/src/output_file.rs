@@ -1,7 +1,7 @@
 //! Files that a command leaves behind.
 
 use std::fs::{self, File};
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -125,6 +125,9 @@ fn place(file: &Path) -> PathBuf {
 
 /// Checks that a file can be written later.
 fn check_writable(file: &Path) -> Result<(), Failure> {
+    if file.is_dir() {
+        return Err(Failure::Write { file: file.to_owned(), source: io::ErrorKind::IsADirectory.into() });
+    }
     if is_special(file) {
         return Ok(());
     }
@@ -192,8 +195,10 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_does_not_exist_is_noticed_before_the_work() {
+    fn a_folder_that_does_not_exist_or_has_the_files_name_is_noticed_before_the_work() {
         let folder = tempfile::tempdir().unwrap();
+        let message = check_writable(folder.path()).unwrap_err();
+        assert!(message.causes().any(|cause| cause.to_string() == "is a directory"), "{message:?}");
         let message = check_writable(&folder.path().join("no/such/image.exr")).unwrap_err().to_string();
         assert!(message.contains("no/such/image.exr"), "{message}");
     }

@@ -2,50 +2,23 @@
 
 use std::path::Path;
 use std::str::FromStr;
-use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use clerestory_coordinator::{InvalidTarget, Targets, adaptation};
-use clerestory_render_core::film::{Adaptation, Sampling};
 use clerestory_render_core::scene::description::{
     ConicSearch, FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator,
     MissedPaths, PaneSelection, SceneDescription, WalkSteps,
 };
 use clerestory_render_core::scene::{self, SceneBundle};
 
+use crate::arguments::whole;
 use crate::failure::Failure;
 
-/// Samples per pixel where neither a number nor a time or an error is given: one block.
-const DEFAULT_SAMPLES_PER_PIXEL: u32 = 256;
+/// Most pixels along an edge of an image.
+const MOST_PIXELS: u32 = 16384;
 
-/// Samples per pixel that a time limit or a target alone never reaches.
-const UNREACHABLE_SAMPLES_PER_PIXEL: u32 = 1 << 24;
-
-/// Longest time that can be given, in seconds: ten years, as on a farm.
-const MOST_SECONDS: f64 = 10.0 * 365.0 * 24.0 * 3600.0;
-
-/// Options that change the scene and how much of it is rendered.
+/// Options that change the scene.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct SceneOverrides {
-    /// Samples per pixel, rounded up to whole passes [default: 256, or as many as --time allows or a target takes].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(UNREACHABLE_SAMPLES_PER_PIXEL)))]
-    pub(crate) spp: Option<u32>,
-    /// Stop after this time; what is complete then is the image.
-    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
-    pub(crate) time: Option<Duration>,
-    /// Stop at the first round at which the mean squared error against the reference, corrected for the reference's own noise
-    /// where that is known, is no more than this.
-    #[arg(long, value_name = "MSE", value_parser = parse_target)]
-    pub(crate) target_mse: Option<f64>,
-    /// Stop at the first round, from four blocks of samples on, at which the mean squared error that the image's own noise
-    /// tells is no more than this.
-    #[arg(long, value_name = "MSE", value_parser = parse_target)]
-    pub(crate) target_estimated_mse: Option<f64>,
-    /// Render more where the image is noisy: share out the passes of a round among the tiles by their noise, which a few more
-    /// passes tell that are in no image. The noisiest tile gets all, a quiet one an eighth, and none less than two blocks of samples,
-    /// or four with --target-estimated-mse.
-    #[arg(long)]
-    pub(crate) adaptive: bool,
     /// Integrator to use instead of the scene's.
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) integrator: Option<IntegratorName>,
@@ -56,10 +29,10 @@ pub(crate) struct SceneOverrides {
     #[arg(long, value_enum, value_name = "NAME")]
     pub(crate) selection: Option<SelectionName>,
     /// Trials after which the integrators fnee and sms cut off an estimate of an inverse probability.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole(1..=10_000_000_u32))]
     pub(crate) max_trials: Option<u32>,
     /// Sum the distinct paths that so many walks of the integrator sms find, instead of an estimate without bias.
-    #[arg(long, value_name = "N", conflicts_with = "max_trials")]
+    #[arg(long, value_name = "N", conflicts_with = "max_trials", value_parser = whole(1..=10_000_u32))]
     pub(crate) walks: Option<u32>,
     /// What a vertex of the integrator sms has to obey.
     #[arg(long, value_enum, value_name = "NAME")]
@@ -87,7 +60,7 @@ pub(crate) struct SceneOverrides {
     #[arg(long)]
     pub(crate) reflected: bool,
     /// Seed of the random numbers.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole(0..=u64::MAX))]
     pub(crate) seed: Option<u64>,
     /// Size of the image in pixels.
     #[arg(long, value_name = "WxH")]
@@ -154,8 +127,10 @@ pub(crate) enum StepsName {
 /// Names of the searches of `conic`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum SearchName {
-    /// All.
+    /// All, with rays to where a surface focuses a light that has an extent.
     Complete,
+    /// All, without these rays.
+    WithoutRays,
     /// The first along the curve from the straight line to the light, as in the paper.
     Published,
 }
@@ -180,72 +155,21 @@ impl FromStr for Size {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        let edge = |text: &str| text.parse().ok().filter(|pixels| (1..=MOST_PIXELS).contains(pixels));
         let size = text
             .split_once(['x', 'X'])
-            .and_then(|(width, height)| Some(Self { width: width.parse().ok()?, height: height.parse().ok()? }));
-        size.ok_or_else(|| "expected width and height in pixels, for instance 640x480".to_owned())
+            .and_then(|(width, height)| Some(Self { width: edge(width)?, height: edge(height)? }));
+        size.ok_or_else(|| format!("expected width and height in pixels, 1 to {MOST_PIXELS}, for instance 640x480"))
     }
-}
-
-pub(crate) fn parse_seconds(text: &str) -> Result<Duration, String> {
-    let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && *seconds <= MOST_SECONDS);
-    seconds
-        .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-        // A farm counts milliseconds, and none at all is no limit.
-        .map(|time| time.max(Duration::from_millis(1)))
-        .ok_or_else(|| format!("expected a positive number of seconds, at most {MOST_SECONDS} (ten years)"))
-}
-
-fn parse_target(text: &str) -> Result<f64, String> {
-    let target = text.parse().ok().filter(|target: &f64| target.is_finite() && *target > 0.0);
-    target.ok_or_else(|| "expected a positive number, such as 1e-4".to_owned())
 }
 
 impl SceneOverrides {
     /// Loads a scene and changes it.
     pub(crate) fn load(&self, file: &Path) -> Result<SceneBundle, Failure> {
-        let failure = |source| Failure::scene(file, source);
-        let bundle = scene::load(file).map_err(failure)?;
+        let bundle = scene::load(file).map_err(|source| Failure::scene(file, source))?;
         let description = self.apply(bundle.description().clone())?;
-        bundle.with_description(description).map_err(failure)
-    }
-
-    /// Samples per pixel to render at most.
-    pub(crate) fn samples_per_pixel(&self) -> u32 {
-        let has_other_end = self.time.is_some() || self.targets() != Targets::default();
-        let default = if has_other_end { UNREACHABLE_SAMPLES_PER_PIXEL } else { DEFAULT_SAMPLES_PER_PIXEL };
-        self.spp.unwrap_or(default)
-    }
-
-    /// The errors at which to stop.
-    pub(crate) fn targets(&self) -> Targets {
-        Targets { mse: self.target_mse, estimated_mse: self.target_estimated_mse }
-    }
-
-    /// Checks the errors at which to stop for a render that has a reference or not, with the mean square of its standard
-    /// errors where that is known.
-    pub(crate) fn check_targets(&self, has_reference: bool, reference_noise: Option<f64>) -> Result<(), Failure> {
-        self.targets().check(has_reference, reference_noise).map_err(|InvalidTarget { field, value, expected }| {
-            Failure::Usage(format!("--{} {value:e} cannot be used: expected {expected}", field.replace('_', "-")))
-        })
-    }
-
-    /// How so many passes are shared out among tiles, if they are to be.
-    pub(crate) fn adaptation(&self, sampling: Sampling, passes: u32) -> Result<Option<Adaptation>, Failure> {
-        let adaptation = self.adaptive.then(|| adaptation(sampling, passes, &self.targets())).transpose();
-        adaptation.map_err(|fewest| {
-            Failure::Usage(format!(
-                "--adaptive with {} samples in each pixel has nothing to share out: expected --spp of at least {fewest}, since \
-                 every pixel gets {} at least",
-                self.samples_per_pixel(),
-                fewest.saturating_sub(1)
-            ))
-        })
-    }
-
-    /// The time to render at most, in milliseconds, as a farm wants it.
-    pub(crate) fn time_limit_ms(&self) -> Option<i64> {
-        self.time.map(|time| i64::try_from(time.as_millis()).unwrap_or(i64::MAX))
+        // The scene was valid as it is in its file.
+        bundle.with_description(description).map_err(|source| Failure::Overrides { file: file.to_owned(), source })
     }
 
     fn apply(&self, mut description: SceneDescription) -> Result<SceneDescription, Failure> {
@@ -396,6 +320,7 @@ impl SearchName {
     fn setting(self) -> ConicSearch {
         match self {
             Self::Complete => ConicSearch::Complete,
+            Self::WithoutRays => ConicSearch::WithoutRays,
             Self::Published => ConicSearch::Published,
         }
     }
@@ -430,31 +355,9 @@ mod tests {
     #[test]
     fn a_size_is_two_numbers_around_an_x() {
         assert_eq!("640x480".parse(), Ok(Size { width: 640, height: 480 }));
-        for text in ["640", "640x", "x480", "640x480x1", "-1x5", "640 480", ""] {
+        for text in ["640", "640x", "x480", "640x480x1", "-1x5", "0x480", "640x16385", "640 480", ""] {
             assert!(text.parse::<Size>().is_err_and(|message| message.contains("640x480")), "{text}");
         }
-    }
-
-    #[test]
-    fn a_time_is_a_positive_number_of_seconds() {
-        assert_eq!(parse_seconds("2.5"), Ok(Duration::from_millis(2500)));
-        assert_eq!(parse_seconds("0.0004"), Ok(Duration::from_millis(1)));
-        assert_eq!(parse_seconds("315360000"), Ok(Duration::from_secs(315_360_000)));
-        for text in ["0", "-1", "nan", "inf", "1e17", "1e300", "315360001", "ten", ""] {
-            assert!(parse_seconds(text).is_err_and(|message| message.contains("at most 315360000")), "{text}");
-        }
-    }
-
-    #[test]
-    fn a_target_is_a_positive_number_and_lifts_the_usual_number_of_samples() {
-        assert_eq!(parse_target("2.5e-4"), Ok(2.5e-4));
-        for text in ["0", "-1e-3", "nan", "inf", "1e999", "little", ""] {
-            assert!(parse_target(text).is_err_and(|message| message.contains("a positive number")), "{text}");
-        }
-        let overrides = SceneOverrides { target_estimated_mse: Some(1e-3), ..SceneOverrides::default() };
-        assert_eq!(overrides.samples_per_pixel(), UNREACHABLE_SAMPLES_PER_PIXEL);
-        assert_eq!(SceneOverrides { spp: Some(64), ..overrides }.samples_per_pixel(), 64);
-        assert_eq!(SceneOverrides::default().samples_per_pixel(), DEFAULT_SAMPLES_PER_PIXEL);
     }
 
     #[test]

@@ -64,7 +64,7 @@ impl Config {
             lease_nodes: None,
             max_asset_bytes: 256 << 20,
             max_partial_bytes: 256 << 20,
-            node_cache_bytes: 128 << 20,
+            node_cache_bytes: 64 << 20,
             image_bytes: 128 << 20,
             preview_bytes: 64 << 20,
             clock: Clock::default(),

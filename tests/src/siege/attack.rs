@@ -246,7 +246,7 @@ impl Siege {
     }
 
     fn start_coordinator(&mut self, index: usize) {
-        self.farm.restart_coordinator(index);
+        self.farm.launch_coordinator(index);
         let coordinator = &mut self.coordinators[index];
         coordinator.is_down = false;
         coordinator.has_answered = false;

@@ -38,14 +38,15 @@ async fn the_camera_and_the_sun_move_and_the_picture_becomes_clear() {
     let first = finished(&browser, 1).await;
     assert_eq!(first.as_array().unwrap().len(), 96 * 72 * 4);
 
-    let key = "document.querySelector('#picture').dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowLeft' }))";
+    let key = "document.body.dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowLeft', bubbles: true }))";
     browser.script(key).await;
     let turned = finished(&browser, 2).await;
     assert_ne!(turned, first, "the camera has turned");
 
     let slide = "const slider = document.querySelector('#azimuth');
         slider.value = Number(slider.value) + 20;
-        slider.dispatchEvent(new Event('input'));";
+        slider.dispatchEvent(new Event('input'));
+        slider.dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowLeft', bubbles: true }));";
     browser.script(slide).await;
     let lit = finished(&browser, 3).await;
     assert_ne!(lit, turned, "the sun has moved");
@@ -64,13 +65,28 @@ async fn the_camera_and_the_sun_move_and_the_picture_becomes_clear() {
     browser.script(drag).await;
     assert_ne!(finished(&browser, 5).await, first, "dragging turns the camera, too");
 
+    let copy = "Object.defineProperty(navigator, 'clipboard', { configurable: true,
+        value: { writeText: (text) => COPY } });";
+    for (copied, said) in [
+        ("{ window.copied = JSON.parse(text); }", "Copied."),
+        ("{ throw new Error('no'); }", "The browser does not let the page copy."),
+    ] {
+        browser.script(&copy.replace("COPY", copied)).await;
+        browser.click("#copy", "Copy camera and sun").await;
+        browser.shows("#copied", said).await;
+    }
+    assert!(
+        browser.script("return window.copied").await["sun"].is_array(),
+        "what is copied can be put into a scene file"
+    );
+
     // While keys are held down, there are pictures all the same.
     let hold = "window.seen = [];
         const picture = document.querySelector('#picture');
         new MutationObserver(() => window.seen.push(picture.dataset.look)).observe(picture, { attributes: true });
         let presses = 0;
         const press = setInterval(() => {
-            picture.dispatchEvent(new KeyboardEvent('keydown', { key: presses++ % 2 ? 'ArrowLeft' : 'ArrowRight' }));
+            picture.dispatchEvent(new KeyboardEvent('keydown', { key: presses++ % 2 ? 'ArrowLeft' : 'ArrowRight', bubbles: true }));
             if (presses === 120) { clearInterval(press); window.pressed = true; }
         }, 10);";
     browser.script(hold).await;
@@ -83,6 +99,16 @@ async fn the_camera_and_the_sun_move_and_the_picture_becomes_clear() {
     let start = Instant::now();
     viewer.ends();
     assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
+}
+
+#[tokio::test]
+async fn a_scene_without_a_sun_has_nothing_to_move_one_with() {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap().join("scenes/references/flat-point.json");
+    let options = ["--size", "16x16", "--spp", "1", "--listen", "127.0.0.1:0"];
+    let (_viewer, address) = Process::serving(clerestory().arg("view").arg(scene).args(options));
+    let browser = Browser::open(&address).await;
+    browser.shows("#progress", "1 of 1 samples a pixel").await;
+    assert_eq!(browser.script("return getComputedStyle(document.querySelector('#sun')).display").await, "none");
 }
 
 #[test]

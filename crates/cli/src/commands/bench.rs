@@ -11,7 +11,7 @@ use clap::{Args, Subcommand};
 use rayon::ThreadPoolBuilder;
 use tokio::runtime::Handle;
 
-use crate::arguments::positive;
+use crate::arguments::{positive, whole};
 use crate::commands::worker::cores;
 use crate::connection::ConnectionArguments;
 use crate::experiments::farm::Farm;
@@ -21,15 +21,16 @@ use crate::failure::Failure;
 use crate::load;
 use crate::local_render::Control;
 use crate::output_file::check_outputs;
-use crate::scene_overrides::{Size, parse_seconds};
+use crate::render_limits::parse_seconds;
+use crate::scene_overrides::Size;
 use crate::shutdown::{self, Parent};
 use crate::terminal::print_line;
 
 /// Most renders of a variant, and most samples of a reference: more would not end.
-const MOST: i64 = 1 << 24;
+const MOST: u32 = 1 << 24;
 
 /// Most simulated workers: each has ports of its own, of which a machine has 65 536.
-const MOST_WORKERS: i64 = 20_000;
+const MOST_WORKERS: u32 = 20_000;
 
 /// Options of `clerestory bench`.
 #[derive(Debug, Args)]
@@ -54,17 +55,17 @@ struct FarmArguments {
     /// Connected workers, such as 10,1000: a line of the report for each.
     #[arg(
         long, value_name = "N", value_delimiter = ',', default_value = "10,100,1000,5000",
-        value_parser = clap::value_parser!(u32).range(1..=MOST_WORKERS)
+        value_parser = whole(1..=MOST_WORKERS)
     )]
     workers: Vec<u32>,
     /// How long each number of workers is measured. Before it comes a ramp, and after it the rest of the work.
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = parse_seconds)]
     seconds: Duration,
     /// Edge of a tile in pixels.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=256))]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole(1..=256_u32))]
     tile: u32,
     /// Nodes in a lease.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=256))]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole(1..=256_u32))]
     nodes_per_lease: u32,
     /// Nodes a second that all workers together offer, holding each lease as if they rendered meanwhile [default: as many as the
     /// coordinator takes].
@@ -103,13 +104,13 @@ struct ExperimentArguments {
     #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = parse_seconds)]
     times: Vec<Duration>,
     /// Independent renders of each variant.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", value_parser = whole(1..=1000_u32))]
     seeds: Option<u32>,
     /// Size of the pictures in pixels.
     #[arg(long, value_name = "WxH")]
     size: Option<Size>,
     /// Samples in each pixel of the references.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MOST))]
+    #[arg(long, value_name = "N", value_parser = whole(1..=MOST))]
     reference_spp: Option<u32>,
     /// Threads that render [default: one for each core].
     #[arg(long, value_name = "N", env = "CLERESTORY_THREADS", value_parser = positive::<NonZeroUsize>)]

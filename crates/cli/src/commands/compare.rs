@@ -34,7 +34,7 @@ fn rows(metrics: &Metrics) -> Vec<String> {
         row("MSE", Some(metrics.mse)),
         row("corrected MSE", metrics.corrected_mse),
         row("relMSE", metrics.rel_mse),
-        row("PSNR (dB)", metrics.psnr),
+        format!("{:<16} {}", "PSNR (dB)", metrics.psnr.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"))),
         row("mean ratio", metrics.mean_ratio),
         row("max difference", Some(metrics.max_abs_diff)),
         format!("{:<16} {}", "bit-identical", if metrics.bit_identical { "yes" } else { "no" }),

@@ -123,7 +123,6 @@ pub(crate) async fn run(arguments: CoordinatorArguments) -> Result<(), Failure> 
     let failure = |source| Failure::Listen { address: settings.listen.clone(), source };
     let listener = TcpListener::bind(&settings.listen).await.map_err(failure)?;
     let address = listener.local_addr().map_err(failure)?;
-    // Before the address is printed, on which a farm starts its workers.
     config.check_exposure(address).map_err(|error| Failure::Usage(error.to_string()))?;
     if address.ip().is_unspecified() {
         info!(
@@ -132,8 +131,16 @@ pub(crate) async fn run(arguments: CoordinatorArguments) -> Result<(), Failure> 
         );
     }
     let stop = shutdown::token(if arguments.stop_with_stdin { Parent::HoldsStdin } else { Parent::None });
-    print_line(&format!("http://{}", reachable(address)))?;
-    Ok(clerestory_coordinator::run(listener, config, async move { stop.cancelled().await }).await?)
+    let mut printed = Ok(());
+    // A coordinator waits to be stopped from when it serves: one that cannot start has no address, and a farm starts no workers for it.
+    let stopped = async {
+        printed = print_line(&format!("http://{}", reachable(address)));
+        if printed.is_ok() {
+            stop.cancelled().await;
+        }
+    };
+    clerestory_coordinator::run(listener, config, stopped).await?;
+    printed
 }
 
 /// Options and environment over the file over the defaults.

@@ -19,6 +19,7 @@ use crate::failure::Failure;
 use crate::follow::{follow, until_answered};
 use crate::image_file;
 use crate::local_farm::{FarmPlan, LocalFarm};
+use crate::render_limits::RenderLimits;
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
 use crate::terminal::{Progress, counted, duration_text, print_json, print_line};
@@ -51,6 +52,8 @@ pub(crate) struct DemoArguments {
     #[arg(long, value_name = "FILE", requires = "scene")]
     reference: Option<PathBuf>,
     #[command(flatten)]
+    limits: RenderLimits,
+    #[command(flatten)]
     overrides: SceneOverrides,
     /// Where the images and logs go.
     #[arg(long, value_name = "FOLDER", default_value = "demo-output")]
@@ -63,12 +66,12 @@ pub(crate) struct DemoArguments {
 pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
     let mut progress = Progress::new();
     let scene = arguments.scene.clone().map_or_else(|| shipped(SCENE), Ok)?;
-    let mut overrides = arguments.overrides;
-    if overrides.spp.is_none() && overrides.time.is_none() {
-        overrides.spp = Some(SAMPLES_PER_PIXEL);
-        overrides.time = Some(TIME_LIMIT);
+    let mut limits = arguments.limits;
+    if limits.spp.is_none() && limits.time.is_none() {
+        limits.spp = Some(SAMPLES_PER_PIXEL);
+        limits.time = Some(TIME_LIMIT);
     }
-    let bundle = overrides.load(&scene)?;
+    let bundle = arguments.overrides.load(&scene)?;
     let description = SceneDescription { sampling: SAMPLING, ..bundle.description().clone() };
     let failure = |source| Failure::scene(&scene, source);
     let bundle = bundle.with_description(description).map_err(failure)?;
@@ -76,13 +79,13 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
         Some(_) => arguments.reference,
         None => shipped_reference(bundle.description().film, &progress)?,
     };
-    overrides.check_targets(reference.is_some(), None)?;
+    limits.check_targets(reference.is_some(), None)?;
     let order = Order {
         name: None,
-        samples_per_pixel: overrides.samples_per_pixel(),
-        time_limit_ms: overrides.time_limit_ms(),
-        targets: overrides.targets(),
-        adaptive: overrides.adaptive,
+        samples_per_pixel: limits.samples_per_pixel(),
+        time_limit_ms: limits.time_limit_ms(),
+        targets: limits.targets(),
+        adaptive: limits.adaptive,
         tile_size: 32,
         priority: 0,
         reference: reference_asset(reference.as_deref(), &bundle)?,
@@ -123,6 +126,11 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
     };
     farm.stop().await;
     let (job, points, files) = result?;
+    progress.note(&format!(
+        "The page ended with the demo; for one that stays run `clerestory farm`, and beside it `clerestory submit {}{}`",
+        scene.display(),
+        reference.map(|file| format!(" --reference {}", file.display())).unwrap_or_default()
+    ));
     if arguments.json { print_json(&job) } else { report(&job, &points, &files) }?;
     check_done(&job)
 }

@@ -19,7 +19,7 @@ use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 use tokio::sync::mpsc;
 
-use crate::arguments::positive;
+use crate::arguments::{positive, whole};
 use crate::commands::worker::cores;
 use crate::failure::Failure;
 use crate::image_file::read_reference;
@@ -27,6 +27,7 @@ use crate::like::{self, Recipe};
 use crate::local_render::{self, Control, LocalRenderError, Outcome, PassPlan, Round};
 use crate::output_file::{check_image_name, check_outputs, png_beside, write, write_stats};
 use crate::preview::PreviewArguments;
+use crate::render_limits::RenderLimits;
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
 use crate::terminal::{Advance, Progress, counted, duration_text, print_json, print_line};
@@ -48,9 +49,11 @@ pub(crate) struct RenderArguments {
     #[command(flatten)]
     preview: PreviewArguments,
     #[command(flatten)]
+    limits: RenderLimits,
+    #[command(flatten)]
     overrides: SceneOverrides,
     /// Edge of a tile in pixels.
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=1024_u32))]
     tile: u32,
     /// Make this image again, bit for bit: its seed, integrator, size, sampling, tiles and the passes of each.
     #[arg(long, value_name = "FILE", conflicts_with_all =
@@ -95,6 +98,7 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     work += rendering.pilot;
     let summary = Summary {
         output: output.clone(),
+        png,
         scene_hash: order.scene.hash().to_string(),
         width: image.width(),
         height: image.height(),
@@ -164,17 +168,17 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
                 )));
             }
             let grid = grid(arguments.tile);
-            let passes = arguments.overrides.samples_per_pixel().div_ceil(sampling.samples_per_pass());
-            let adaptation = arguments.overrides.adaptation(sampling, passes)?;
+            let passes = arguments.limits.samples_per_pixel().div_ceil(sampling.samples_per_pass());
+            let adaptation = arguments.limits.adaptation(sampling, passes)?;
             PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize], adaptation }
         }
     };
     let reference = arguments.reference.as_deref().map(|file| read_reference(file, film)).transpose()?;
     let reference = reference.map(|(_, image)| image);
     let noise = reference.as_ref().and_then(mean_squared_standard_error);
-    arguments.overrides.check_targets(reference.is_some(), noise)?;
+    arguments.limits.check_targets(reference.is_some(), noise)?;
     let threads = arguments.threads.unwrap_or_else(cores);
-    let (time, targets) = (arguments.overrides.time, arguments.overrides.targets());
+    let (time, targets) = (arguments.limits.time, arguments.limits.targets());
     Ok(Order { scene, plan, reference, threads, time, targets })
 }
 
@@ -299,6 +303,7 @@ impl Order {
 #[derive(Serialize)]
 struct Summary {
     output: PathBuf,
+    png: Option<PathBuf>,
     scene_hash: String,
     width: u32,
     height: u32,
@@ -330,8 +335,9 @@ impl PassCounts {
 impl Summary {
     fn text(&self) -> String {
         let mut text = format!(
-            "Wrote {}: {}, {} in {}, {:.0} a second",
+            "Wrote {}{}: {}, {} in {}, {:.0} a second",
             self.output.display(),
+            self.png.as_ref().map(|file| format!(" and {}", file.display())).unwrap_or_default(),
             match self.passes {
                 PassCounts { fewest, most } if fewest == most => counted(most.into(), "pass", "passes"),
                 PassCounts { fewest, most } => format!("{fewest} to {most} passes"),

@@ -11,12 +11,14 @@ use clerestory_coordinator::Targets;
 use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
 use tracing::{info, warn};
 
+use crate::arguments::whole;
 use crate::commands::watch::{check_done, check_image};
 use crate::connection::{Connection, ConnectionArguments};
 use crate::failure::Failure;
 use crate::follow::{follow, until_answered};
 use crate::image_file::read_reference;
 use crate::output_file::{OutputFile, check_image_name, check_outputs, png_beside, write, write_stats};
+use crate::render_limits::RenderLimits;
 use crate::scene_overrides::SceneOverrides;
 use crate::terminal::{Progress, print_json, print_line, upload_bar};
 
@@ -31,15 +33,17 @@ pub(crate) struct SubmitArguments {
     #[command(flatten)]
     connection: ConnectionArguments,
     #[command(flatten)]
+    limits: RenderLimits,
+    #[command(flatten)]
     overrides: SceneOverrides,
     /// A name for lists [default: the scene's].
     #[arg(long)]
     name: Option<String>,
     /// Edge of a tile in pixels.
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=1024_u32))]
     tile: u32,
     /// Jobs of higher priority are served first.
-    #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(i32::MIN..=i32::MAX))]
     priority: i32,
     /// OpenEXR image that the error is measured against.
     #[arg(long, value_name = "FILE")]
@@ -73,14 +77,14 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     ])?;
     let connection = arguments.connection.open()?;
     // The coordinator looks at the reference; here it is only sent.
-    arguments.overrides.check_targets(arguments.reference.is_some(), None)?;
+    arguments.limits.check_targets(arguments.reference.is_some(), None)?;
     let bundle = arguments.overrides.load(&arguments.scene)?;
     let order = Order {
         name: arguments.name,
-        samples_per_pixel: arguments.overrides.samples_per_pixel(),
-        time_limit_ms: arguments.overrides.time_limit_ms(),
-        targets: arguments.overrides.targets(),
-        adaptive: arguments.overrides.adaptive,
+        samples_per_pixel: arguments.limits.samples_per_pixel(),
+        time_limit_ms: arguments.limits.time_limit_ms(),
+        targets: arguments.limits.targets(),
+        adaptive: arguments.limits.adaptive,
         tile_size: arguments.tile,
         priority: arguments.priority,
         reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
@@ -96,6 +100,8 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         if let Some(file) = &arguments.stats {
             write_stats(file, &job.counters)?;
         }
+        let files = [arguments.output, png, arguments.stats];
+        files.iter().flatten().for_each(|file| progress.note(&format!("Wrote {}", file.display())));
     }
     if arguments.json { print_json(&job) } else { print_line(&job.id.to_string()) }?;
     if arguments.wait { check_done(&job) } else { Ok(()) }

@@ -9,9 +9,10 @@ use clerestory_render_core::scene::Scene;
 use rayon::ThreadPoolBuilder;
 use tokio::net::TcpListener;
 
-use crate::arguments::positive;
+use crate::arguments::{positive, whole};
 use crate::commands::worker::cores;
 use crate::failure::Failure;
+use crate::render_limits::{DEFAULT_SAMPLES_PER_PIXEL, UNREACHABLE_SAMPLES_PER_PIXEL};
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
 use crate::terminal::print_line;
@@ -22,6 +23,10 @@ use crate::viewer::Viewer;
 pub(crate) struct ViewArguments {
     /// The scene file.
     scene: PathBuf,
+    /// Samples per pixel after which the picture is left as it is.
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_SAMPLES_PER_PIXEL,
+          value_parser = whole(1..=UNREACHABLE_SAMPLES_PER_PIXEL))]
+    spp: u32,
     #[command(flatten)]
     overrides: SceneOverrides,
     /// Address on which the page is. Whoever reaches it can use this machine's processors: keep it to this machine.
@@ -39,17 +44,6 @@ pub(crate) async fn run(arguments: ViewArguments) -> Result<(), Failure> {
             "--listen: found {found}, expected an address of this machine alone, such as 127.0.0.1:7272"
         )));
     }
-    let SceneOverrides { time, target_mse, target_estimated_mse, adaptive, .. } = &arguments.overrides;
-    for (option, is_given) in [
-        ("--time", time.is_some()),
-        ("--target-mse", target_mse.is_some()),
-        ("--target-estimated-mse", target_estimated_mse.is_some()),
-        ("--adaptive", *adaptive),
-    ] {
-        if is_given {
-            return Err(Failure::Usage(format!("{option}: a page is rendered until it has the samples of --spp")));
-        }
-    }
     let bundle = arguments.overrides.load(&arguments.scene)?;
     let scene = Scene::build(&bundle).map_err(|source| Failure::scene(&arguments.scene, source))?;
     let threads = arguments.threads.unwrap_or_else(cores);
@@ -58,7 +52,7 @@ pub(crate) async fn run(arguments: ViewArguments) -> Result<(), Failure> {
     let listener = TcpListener::bind(arguments.listen).await.map_err(failure)?;
     let address = listener.local_addr().map_err(failure)?;
     let stop = shutdown::token(Parent::None);
-    let viewer = Viewer::start(bundle, scene, pool, arguments.overrides.samples_per_pixel())?;
+    let viewer = Viewer::start(bundle, scene, pool, arguments.spp)?;
     print_line(&format!("http://{address}"))?;
     viewer.serve(listener, stop).await
 }

@@ -18,7 +18,7 @@ use crate::connection::Connection;
 use crate::failure::Failure;
 use crate::follow::until_answered;
 use crate::image_file::BUDGET;
-use crate::scene_overrides::SceneOverrides;
+use crate::render_limits::RenderLimits;
 
 /// Time between looks at a job.
 const PERIOD: Duration = Duration::from_millis(200);
@@ -61,17 +61,17 @@ impl Farm {
         amount: Amount,
         reference: Option<&Asset>,
     ) -> Result<Snapshot, Failure> {
-        let mut overrides = SceneOverrides::default();
+        let mut limits = RenderLimits::default();
         match amount {
-            Amount::Samples(samples) => overrides.spp = Some(samples),
-            Amount::Seconds(seconds) => overrides.time = Duration::try_from_secs_f64(seconds).ok(),
+            Amount::Samples(samples) => limits.spp = Some(samples),
+            Amount::Seconds(seconds) => limits.time = Duration::try_from_secs_f64(seconds).ok(),
         }
         let film = bundle.description().film;
         let order = Order {
             name: Some(session.activity().to_owned()),
-            samples_per_pixel: overrides.samples_per_pixel(),
-            time_limit_ms: overrides.time_limit_ms(),
-            targets: overrides.targets(),
+            samples_per_pixel: limits.samples_per_pixel(),
+            time_limit_ms: limits.time_limit_ms(),
+            targets: limits.targets(),
             adaptive: false,
             tile_size: TILE.max(smallest_tile(film.width, film.height)),
             priority: 0,

@@ -40,8 +40,9 @@ pub(super) struct Figure {
 /// Width and height of a figure, in CSS pixels.
 const SIZE: (u32, u32) = (620, 440);
 
-/// Colours that people with any kind of colour vision can tell apart (Okabe and Ito 2008).
-const COLOURS: [RGBColor; 8] = [
+/// Colours that people with any kind of colour vision can tell apart (Okabe and Ito 2008), and four more that differ from those of their
+/// hue in how dark they are.
+const COLOURS: [RGBColor; 12] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -50,6 +51,10 @@ const COLOURS: [RGBColor; 8] = [
     RGBColor(86, 180, 233),
     RGBColor(0, 0, 0),
     RGBColor(140, 120, 0),
+    RGBColor(150, 150, 150),
+    RGBColor(60, 20, 130),
+    RGBColor(120, 20, 50),
+    RGBColor(0, 75, 50),
 ];
 
 /// Space around the points, as a factor.

@@ -22,7 +22,9 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
     question: "The floor of a pool is seen straight from above while the waves move on in slow motion. Frames are rendered along the \
                conic at one sample for each pixel, and by specular manifold sampling in the same time. What a pixel does \
                from frame to frame that is not a straight line is noise, but for what the waves themselves do, which frames of many \
-               samples show. Granizo-Hidalgo and Holzschuch 2024 say that their caustics are free of noise, and coherent over \
+               samples show. Noise is stated against the brightness of a method's own frames and against that of all light: a \
+               method that misses light is dark, and its noise is small for that. A frame's time is that of its samples and of \
+               what a method prepares for it, such as the tree of conic. Granizo-Hidalgo and Holzschuch 2024 say that their caustics are free of noise, and coherent over \
                the frames of an animation. Each is rendered with the same random numbers in all frames, as one would to \
                keep noise still, and with others in each.",
     defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: Some(256), renders: true },
@@ -48,31 +50,41 @@ struct Row {
     random_numbers: &'static str,
     samples_per_pixel: u32,
     core_seconds: f64,
-    brightness: f64,
+    preparation_seconds: f64,
+    light: f64,
     flicker: f64,
     noise: f64,
     noise_at_equal_time: f64,
+    noise_of_all_light: f64,
+    noise_of_all_light_at_equal_time: f64,
 }
 
-const COLUMNS: [Column; 8] = [
+const COLUMNS: [Column; 11] = [
     column("variant", "the integrator and its settings, listed under variants"),
     column("random_numbers", "whether frames share them"),
     column("samples_per_pixel", "samples of each pixel in each frame"),
-    column("core_seconds", "time that all cores together spent on a frame, s, mean over the frames"),
-    column("brightness", "mean radiance over the pixels and frames"),
+    column(
+        "core_seconds",
+        "time that all cores together spent on a frame and its preparation, s, mean over the frames",
+    ),
+    column("preparation_seconds", "what of that the method takes to prepare a frame, beyond what path tracing does, s"),
+    column("light", "brightness, the mean radiance over pixels and frames, over that of converged frames by conic"),
     column(
         "flicker",
-        "root mean square of the second differences between frames, divided by the square root of 6, over brightness: the \
-         standard deviation of independent noise",
+        "root mean square of the second differences between frames, divided by the square root of 6, over the method's own \
+         brightness: the standard deviation of independent noise",
     ),
     column(
         "noise",
-        "the same without what the waves do: the root of the difference to the square for converged frames",
+        "the same without what the waves do: the root of the difference to the square for converged frames by conic. Of \
+         a method that misses light, the waves are taken to move the rest as much; flicker is what it is at the most",
     ),
     column(
         "noise_at_equal_time",
-        "the noise if a frame took as long as one along the conic: times the root of core_seconds over those of conic",
+        "the noise if a frame with its preparation took as long as one along the conic, by the root of the samples",
     ),
+    column("noise_of_all_light", "noise over the brightness of converged frames by conic: noise times light"),
+    column("noise_of_all_light_at_equal_time", "noise_at_equal_time times light"),
 ];
 
 /// The frames of a method.
@@ -85,7 +97,8 @@ struct Animation {
 fn run(session: &mut Session) -> Result<Report, Failure> {
     let conic = Variant::conic();
     let sms = [Variant::sms_biased(1), Variant::sms_biased(4), Variant::sms_biased(16), Variant::sms()];
-    let variants: Vec<Variant> = [conic.clone(), Variant::conic_published()].into_iter().chain(sms).collect();
+    let variants: Vec<Variant> =
+        [conic.clone(), Variant::conic_without_rays(), Variant::conic_published()].into_iter().chain(sms).collect();
     session.plan(1 + variants.len() * (1 + SEEDS.len()));
     let bundles =
         (0..FRAMES).map(|frame| frame_bundle(session, frame)).collect::<Result<Vec<SceneBundle>, Failure>>()?;
@@ -94,32 +107,41 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
     let many = session.settings.reference_samples;
     let converged = animation(session, &bundles, &conic, many, 0)?;
     let motion = flicker(&converged.frames);
-    let mut seconds = Vec::new();
+    let mut costs = Vec::new();
     for variant in &variants {
-        seconds.push(animation(session, &bundles[..1], variant, 1, 0)?.core_seconds);
+        costs.push(Cost::of(session, &bundles[0], variant)?);
     }
+    // One sample along the conic, and what others can do in that time.
+    let frame_seconds = costs[0].preparation + costs[0].sample;
     let mut rows = Vec::new();
     let mut curves = vec![curve("conic, converged", &converged.frames, 0)];
-    for ((variant, seconds_per_sample), colour) in variants.iter().zip(&seconds).zip(1..) {
-        // One sample along the conic, and what others can do in that time.
-        let samples = (seconds[0] / seconds_per_sample).round().clamp(1.0, f64::from(many)) as u32;
+    for ((variant, cost), colour) in variants.iter().zip(&costs).zip(1..) {
+        let samples = cost.samples_in(frame_seconds).round().clamp(1.0, f64::from(many)) as u32;
         for (random_numbers, step) in SEEDS {
             let Animation { frames, core_seconds } = animation(session, &bundles, variant, samples, step)?;
             if step > 0 {
                 curves.push(curve(&variant.name, &frames, colour));
             }
+            let core_seconds = core_seconds + cost.preparation;
+            let conic = rows.iter().find(|row: &&Row| row.random_numbers == random_numbers);
+            let conic_seconds = conic.map_or(core_seconds, |conic| conic.core_seconds);
+            let cost = Cost { sample: (core_seconds - cost.preparation) / f64::from(samples), ..*cost };
+            let light = brightness(&frames) / brightness(&converged.frames);
             let flicker = flicker(&frames);
             let noise = (flicker * flicker - motion * motion).max(0.0).sqrt();
-            let conic_seconds = rows.first().map_or(core_seconds, |first: &Row| first.core_seconds);
+            let noise_at_equal_time = noise * (f64::from(samples) / cost.samples_in(conic_seconds)).sqrt();
             rows.push(Row {
                 variant: variant.name.clone(),
                 random_numbers,
                 samples_per_pixel: samples,
                 core_seconds,
-                brightness: brightness(&frames),
+                preparation_seconds: cost.preparation,
+                light,
                 flicker,
                 noise,
-                noise_at_equal_time: noise * (core_seconds / conic_seconds).sqrt(),
+                noise_at_equal_time,
+                noise_of_all_light: noise * light,
+                noise_of_all_light_at_equal_time: noise_at_equal_time * light,
             });
         }
     }
@@ -133,6 +155,31 @@ fn run(session: &mut Session) -> Result<Report, Failure> {
     report.tables = vec![Table::new("flicker", caption, &COLUMNS, &rows)];
     report.variants = variants;
     Ok(report)
+}
+
+/// What a method takes, core seconds.
+#[derive(Clone, Copy, Debug)]
+struct Cost {
+    /// To prepare a frame.
+    preparation: f64,
+    /// For a sample of each pixel.
+    sample: f64,
+}
+
+impl Cost {
+    /// Measured on a frame.
+    fn of(session: &mut Session, bundle: &SceneBundle, variant: &Variant) -> Result<Self, Failure> {
+        let sample = animation(session, std::slice::from_ref(bundle), variant, 1, 0)?.core_seconds;
+        let integrator = variant.integrator(&bundle.description().integrator);
+        let bundle = changed(bundle, integrator, 1, SAMPLING);
+        let bundle = bundle.map_err(|source| Failure::scene(Path::new("pool"), source))?;
+        Ok(Self { preparation: measure::preparation_seconds(session, &bundle)?, sample })
+    }
+
+    /// Samples of each pixel for which there is time in a frame that takes so long: at least a hundredth.
+    fn samples_in(&self, seconds: f64) -> f64 {
+        ((seconds - self.preparation) / self.sample).max(0.01)
+    }
 }
 
 fn frame_bundle(session: &Session, frame: u32) -> Result<SceneBundle, Failure> {
@@ -199,15 +246,17 @@ fn statements(rows: &[Row], motion: f64) -> Vec<String> {
         vec![format!("The waves themselves make a pixel flicker by {} percent of the brightness.", percent(motion))];
     for row in rows {
         let first = rows.iter().find(|first| first.random_numbers == row.random_numbers);
-        let ratio = first.map_or(f64::NAN, |first| row.noise_at_equal_time / first.noise_at_equal_time);
+        let ratio = |value: fn(&Row) -> f64| rounded_number(first.map_or(f64::NAN, |first| value(row) / value(first)));
         statements.push(format!(
-            "{}, random numbers {}: noise of {} percent with {} samples in {} core seconds; at equal time {} times that of conic.",
+            "{}, random numbers {}: noise of {} percent of its brightness and {} of that of all light with {} samples in {} core seconds; at equal time {} and {} times those of conic.",
             row.variant,
             row.random_numbers,
             percent(row.noise),
+            percent(row.noise_of_all_light),
             row.samples_per_pixel,
             rounded_number(row.core_seconds),
-            rounded_number(ratio),
+            ratio(|row| row.noise_at_equal_time),
+            ratio(|row| row.noise_of_all_light_at_equal_time),
         ));
     }
     statements

@@ -1,4 +1,4 @@
-//! Rendering for a time, or for a number of samples, with everything counted.
+//! Rendering for a time, or for numbers of samples, with everything counted.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -11,7 +11,9 @@ use clerestory_render_core::scene::{Asset, Scene, SceneBundle};
 
 use super::farm::Amount;
 use super::machine::{Clocks, Spent};
+use super::scenes::changed;
 use super::session::Session;
+use super::variant::Variant;
 use crate::failure::Failure;
 use crate::local_render::{self, LocalFilm, Outcome, PassPlan};
 
@@ -52,6 +54,45 @@ pub(super) fn until(
         while render.passes == 0 || render.spent.wall.as_secs_f64() < time {
             render.pass(session)?;
             session.advance(render.spent.wall.as_secs_f64() / longest);
+        }
+        snapshots.push(render.snapshot()?);
+    }
+    Ok(snapshots)
+}
+
+/// Renders each of some numbers of samples in each pixel, ascending, until that has taken so many core seconds, and the first in any
+/// case: here by whole passes of one render, on a farm as one job for each number. Building the scene, with what the integrator
+/// looks things up in, does not count: [`preparation_seconds`] says how long that takes.
+pub(super) fn counts(
+    session: &mut Session,
+    bundle: &SceneBundle,
+    counts: &[u32],
+    core_seconds: f64,
+    reference: &Asset,
+) -> Result<Vec<Snapshot>, Failure> {
+    let mut snapshots: Vec<Snapshot> = Vec::new();
+    let is_over = |snapshots: &[Snapshot]| snapshots.last().is_some_and(|last| last.core_seconds >= core_seconds);
+    if let Some(mut farm) = session.farm.take() {
+        for &count in counts {
+            if is_over(&snapshots) {
+                break;
+            }
+            snapshots.push(farm.render(session, bundle, Amount::Samples(count), Some(reference))?);
+        }
+        session.farm = Some(farm);
+        return Ok(snapshots);
+    }
+    let most = counts.last().copied().unwrap_or(1);
+    let scene = build(bundle)?;
+    let plan = plan(&scene, u32::MAX);
+    let mut render = Render::new(&scene, &plan);
+    for &count in counts {
+        if is_over(&snapshots) {
+            break;
+        }
+        while render.samples() < u64::from(count) {
+            render.pass(session)?;
+            session.advance(render.samples() as f64 / f64::from(most));
         }
         snapshots.push(render.snapshot()?);
     }
@@ -131,6 +172,26 @@ pub(super) fn build_seconds(session: &Session, bundle: &SceneBundle) -> Result<f
     Ok(clocks.spent(session.settings.threads.get()).core.as_secs_f64())
 }
 
+/// How often a scene is built to learn how long that takes.
+const BUILDS: u32 = 5;
+
+/// Core seconds in which an integrator makes what it looks things up in, such as the tree of `conic`, once for each frame of an
+/// animation: by how much longer the scene takes to build than for path tracing alone, the shortest of some times in turns.
+pub(super) fn preparation_seconds(session: &Session, bundle: &SceneBundle) -> Result<f64, Failure> {
+    let description = bundle.description();
+    let path = Variant::path().integrator(&description.integrator);
+    let without = changed(bundle, path, description.seed, description.sampling)
+        .map_err(|source| Failure::scene(description.name.as_ref(), source))?;
+    let mut shortest = [f64::INFINITY; 2];
+    for _ in 0..BUILDS {
+        for (shortest, bundle) in shortest.iter_mut().zip([bundle, &without]) {
+            *shortest = shortest.min(build_seconds(session, bundle)?);
+        }
+    }
+    let [with, without] = shortest;
+    Ok((with - without).max(0.0))
+}
+
 fn build(bundle: &SceneBundle) -> Result<Scene, Failure> {
     Scene::build(bundle).map_err(|source| Failure::scene(bundle.description().name.as_ref(), source))
 }
@@ -156,6 +217,11 @@ impl<'a> Render<'a> {
         Self { scene, plan, film: LocalFilm::new(scene, plan), passes: 0, spent: Spent::default() }
     }
 
+    /// Samples in each pixel.
+    fn samples(&self) -> u64 {
+        u64::from(self.passes) * u64::from(self.plan.sampling.samples_per_pass())
+    }
+
     fn pass(&mut self, session: &Session) -> Result<(), Failure> {
         let clocks = Clocks::now();
         let (film, control) = (&mut self.film, &*session.control);
@@ -175,7 +241,7 @@ impl<'a> Render<'a> {
         let elapsed: Option<Duration> = Some(wall);
         let image = local_render::image(self.scene, self.plan, &sums, self.film.counters, elapsed);
         Ok(Snapshot {
-            samples: u64::from(self.passes) * u64::from(self.plan.sampling.samples_per_pass()),
+            samples: self.samples(),
             wall_seconds: wall.as_secs_f64(),
             core_seconds: core.as_secs_f64(),
             counters: self.film.counters,

@@ -1,13 +1,23 @@
 //! `pool`: conic paper, section 5. How long specular manifold sampling takes to errors that the walk along the conic reaches.
+//!
+//! Each method is rendered with several numbers of samples ([`Method`]), whose errors are one table ([`Measured`]). How long the
+//! methods along the conic take to the same errors ([`equal`]) is the other.
 
+mod equal;
+
+use clerestory_render_core::film::FrameImage;
+use clerestory_render_core::film::decomposition::{decompose, mean};
+use clerestory_render_core::film::preview::automatic_stops;
+use clerestory_render_core::scene::SceneBundle;
 use serde::Serialize;
 
-use super::comparison::{Case, Comparison, Summary};
-use super::reference::reference;
-use super::region::Region;
-use super::scenes::POOL;
+use self::equal::{At, Equal};
+use super::figure::{Curve, Figure, Point};
+use super::measure::{self, Snapshot};
+use super::reference::{Reference, noise, reference};
+use super::scenes::{POOL, changed};
 use super::session::Session;
-use super::table::{Column, Table, column, rounded_number};
+use super::table::{Column, Table, column};
 use super::variant::Variant;
 use super::{Defaults, Experiment, Report};
 use crate::failure::Failure;
@@ -16,13 +26,16 @@ use crate::failure::Failure;
 pub(super) const EXPERIMENT: Experiment = Experiment {
     name: "pool",
     title: "Time to equal error in a pool, along the conic and by manifold sampling (conic paper, section 5)",
-    question: "A pool is rendered along the conic, by the published walk to the first path and by all paths over the water, and by \
+    question: "A pool is rendered along the conic, by the published walk to the first path and by all paths over the water, with and without rays to where it focuses the lamp, and by \
                specular manifold sampling, biased with M = 1 to 32 trials and without bias. Granizo-Hidalgo and Holzschuch 2024 \
-               compare pictures and find their walk 6 times as fast as biased manifold sampling of the same quality, and more \
-               than 100 times as fast as 256 unbiased samples. Here each method is rendered for the same times, and what it \
-               reaches is compared with the time that the others take to the same error.",
+               compare pictures of one sample a pixel and find their walk 6 times as fast as biased manifold sampling of the same \
+               quality, and more than 100 times as fast as 256 unbiased samples. Here unbiased sampling is rendered with 1, 4, 16, \
+               64 and 256 samples a pixel, as there, and all else with 1, 2, 4 and so on up to 256, until a render has taken the \
+               longest of the times, in core seconds. The error that biased sampling ends with is mostly bias, which more time does not \
+               mend: what counts is when it first comes within 5 percent of it. Each time is that of the samples and of what a method \
+               prepares once for each frame, such as the tree of conic.",
     defaults: Defaults {
-        times: Some(&[1.0, 2.0, 4.0, 8.0]),
+        times: Some(&[60.0]),
         seeds: Some(5),
         size: [128, 128],
         reference_samples: Some(1024),
@@ -33,140 +46,160 @@ pub(super) const EXPERIMENT: Experiment = Experiment {
 
 const SCENE: &str = "pool";
 
-/// An error that manifold sampling reaches, and how long others take to it.
-#[derive(Debug, Serialize)]
-struct Row {
+/// Numbers of trials of biased sampling.
+const TRIALS: [u32; 6] = [1, 2, 4, 8, 16, 32];
+
+/// Samples in each pixel.
+const DOUBLED: [u32; 9] = [1, 2, 4, 8, 16, 32, 64, 128, 256];
+
+/// Samples in each pixel of unbiased sampling, as in the paper.
+const PAPER: [u32; 5] = [1, 4, 16, 64, 256];
+
+/// All seeds of a method with one number of samples.
+#[derive(Clone, Debug, Serialize)]
+struct Measured {
     variant: String,
-    time: f64,
+    samples_per_pixel: f64,
     core_seconds: f64,
+    preparation_seconds: f64,
     mse: f64,
-    mean_ratio: Option<f64>,
-    conic_core_seconds: Option<f64>,
-    conic_ratio: Option<f64>,
-    published_core_seconds: Option<f64>,
-    published_ratio: Option<f64>,
+    mse_standard_error: Option<f64>,
+    bias_squared: Option<f64>,
+    bias_squared_standard_error: Option<f64>,
+    mean_ratio: f64,
+    mean_ratio_standard_error: Option<f64>,
 }
 
-const COLUMNS: [Column; 9] = [
+const COLUMNS: [Column; 10] = [
     column("variant", "the integrator and its settings, listed under variants"),
-    column("time", "the render time that was asked for, s"),
-    column("core_seconds", "time that all cores together spent, s"),
+    column("samples_per_pixel", "samples in each pixel"),
+    column("core_seconds", "time that all cores together spent on them and on the preparation, mean over the seeds, s"),
+    column("preparation_seconds", "what of that the method takes to prepare a frame, beyond what path tracing does, s"),
     column("mse", "mean squared error less the noise of the reference, mean over the seeds"),
+    column("mse_standard_error", "standard error of mse by the spread of the seeds"),
+    column("bias_squared", "mse less the variance of one render, by the spread of the seeds"),
+    column("bias_squared_standard_error", "standard error of bias_squared by the jackknife over the seeds"),
     column("mean_ratio", "mean energy of the picture over that of the reference"),
-    column("conic_core_seconds", "time that conic takes to the same error, at least that of one sample a pixel"),
-    column("conic_ratio", "core_seconds over conic_core_seconds"),
-    column("published_core_seconds", "the same for the published walk, where it reaches that error"),
-    column("published_ratio", "core_seconds over published_core_seconds"),
+    column("mean_ratio_standard_error", "standard error of mean_ratio by the spread of the seeds"),
 ];
 
 fn run(session: &mut Session) -> Result<Report, Failure> {
-    let walks = [1, 2, 4, 8, 16, 32].map(Variant::sms_biased);
-    let manifold: Vec<Variant> = walks.into_iter().chain([Variant::sms()]).collect();
-    let variants: Vec<Variant> =
-        [Variant::conic(), Variant::conic_published()].into_iter().chain(manifold.clone()).collect();
-    session.plan(1 + Comparison::steps(session, &variants));
+    let conics = [Variant::conic(), Variant::conic_without_rays(), Variant::conic_published()];
+    let method = |variant| Method { variant, counts: DOUBLED.into(), preparation: 0.0, renders: Vec::new() };
+    let unbiased = Method { counts: PAPER.into(), ..method(Variant::sms()) };
+    let mut methods: Vec<Method> =
+        conics.iter().cloned().chain(TRIALS.map(Variant::sms_biased)).map(method).chain([unbiased]).collect();
+    session.plan(1 + methods.len() * session.settings.seeds as usize);
     let bundle = POOL.bundle(session.settings.size)?;
     let reference = reference(session, SCENE, &bundle)?;
-    let regions = [Region::whole(&reference.image)];
-    let region = &regions[0].name;
-    let mut comparison = Comparison::default();
-    let case = Case { scene: SCENE, bundle: &bundle, reference: &reference, regions: &regions };
-    comparison.run(session, &[case], &variants)?;
+    for seed in 1..=u64::from(session.settings.seeds) {
+        for method in &mut methods {
+            method.render(session, &bundle, &reference, seed)?;
+        }
+    }
+    let measured: Vec<Vec<Measured>> = methods.iter().map(|method| method.measured(&reference)).collect();
+    let (along_conics, manifold) = measured.split_at(conics.len());
+    let (unbiased, biased) = manifold.split_last().expect("unbiased sampling is the last");
+    let mut points: Vec<At> = biased.iter().flat_map(|measured| At::of_biased(measured)).collect();
+    points.extend(unbiased.iter().map(At::rendered));
+    let equals: Vec<Vec<Equal>> = points.iter().map(|at| at.equals(along_conics)).collect();
     let mut report = Report::default();
     report.add_scene(SCENE, &bundle, &reference);
-    report.add_pictures(SCENE, &reference, &mut comparison);
-    report.add_figure(&comparison.error_against_time(SCENE, region, &variants))?;
-    report.statements.push(comparison.energies(SCENE, region, &variants));
-    let rows = rows(&comparison.summaries, &manifold);
-    report.statements.extend(manifold.iter().filter_map(|variant| statement(&rows, variant)));
-    let caption = "What manifold sampling reaches, and how long the conic takes to the same error.".to_owned();
-    let [summary, measurements] = comparison.tables();
-    report.tables = vec![Table::new("equal_error", caption, &COLUMNS, &rows), summary, measurements];
-    report.variants = variants;
+    report.add_figure(&figure(&measured))?;
+    report.statements = equals.iter().filter_map(|row| equal::statement(row)).collect();
+    let caption = "What manifold sampling reaches, and how long others take to the same error.".to_owned();
+    let equal = Table::new("equal_error", caption, &equal::COLUMNS, &equals.concat());
+    let caption = "Error and cost of every number of samples: the mean over the seeds.".to_owned();
+    report.tables = vec![equal, Table::new("samples", caption, &COLUMNS, &measured.concat())];
+    let stops = automatic_stops(&reference.image);
+    for method in methods {
+        let last = method.renders.into_iter().next().and_then(|mut snapshots| snapshots.pop());
+        if let Some(Snapshot { image, .. }) = last {
+            report.add_picture(format!("{SCENE}: {}", method.variant.name), image, stops);
+        }
+        report.variants.push(method.variant);
+    }
     Ok(report)
 }
 
-fn rows(summaries: &[Summary], manifold: &[Variant]) -> Vec<Row> {
-    let of = |variant: &Variant| -> Vec<&Summary> {
-        summaries.iter().filter(|summary| summary.variant == variant.name).collect()
-    };
-    let reached = |variant: &Variant| of(variant).into_iter().map(Reached::of).collect::<Vec<_>>();
-    let (conic, published) = (reached(&Variant::conic()), reached(&Variant::conic_published()));
-    let mut rows = Vec::new();
-    for variant in manifold {
-        for summary in of(variant) {
-            let conic = core_seconds_to(&conic, summary.mse);
-            let published = core_seconds_to(&published, summary.mse);
-            let ratio = |seconds: Option<f64>| seconds.map(|seconds| summary.core_seconds / seconds);
-            rows.push(Row {
-                variant: summary.variant.clone(),
-                time: summary.time,
-                core_seconds: summary.core_seconds,
-                mse: summary.mse,
-                mean_ratio: summary.mean_ratio,
-                conic_core_seconds: conic,
-                conic_ratio: ratio(conic),
-                published_core_seconds: published,
-                published_ratio: ratio(published),
-            });
+/// A method and what it has rendered.
+struct Method {
+    variant: Variant,
+    /// Samples in each pixel; after the first seed those for which there was time.
+    counts: Vec<u32>,
+    /// Core seconds that it takes to prepare a frame.
+    preparation: f64,
+    /// For each seed and number of samples.
+    renders: Vec<Vec<Snapshot>>,
+}
+
+impl Method {
+    fn render(
+        &mut self,
+        session: &mut Session,
+        bundle: &SceneBundle,
+        reference: &Reference,
+        seed: u64,
+    ) -> Result<(), Failure> {
+        session.begin(format!("{SCENE}, {}, seed {seed}", self.variant.name));
+        let description = bundle.description();
+        let integrator = self.variant.integrator(&description.integrator);
+        let bundle = changed(bundle, integrator, seed, description.sampling).map_err(|source| POOL.failure(source))?;
+        let is_first = self.renders.is_empty();
+        if is_first {
+            self.preparation = measure::preparation_seconds(session, &bundle)?;
         }
+        let longest = session.settings.times.last().copied().filter(|_| is_first).unwrap_or(f64::INFINITY);
+        let snapshots = measure::counts(session, &bundle, &self.counts, longest, &reference.asset)?;
+        self.counts.truncate(snapshots.len());
+        if let Some(Snapshot { samples, core_seconds, .. }) = snapshots.last() {
+            let name = &self.variant.name;
+            session.end(&format!("{name}, seed {seed}: {samples} samples a pixel in {core_seconds:.1} core seconds"));
+        }
+        self.renders.push(snapshots);
+        Ok(())
     }
-    rows
-}
 
-/// What a method had reached at some time.
-#[derive(Clone, Copy, Debug)]
-struct Reached {
-    core_seconds: f64,
-    samples_per_pixel: f64,
-    mse: f64,
-    variance: f64,
-}
-
-impl Reached {
-    fn of(summary: &Summary) -> Self {
-        let Summary { core_seconds, samples_per_pixel, mse, variance, .. } = *summary;
-        Self { core_seconds, samples_per_pixel, mse, variance: variance.unwrap_or(mse).clamp(0.0, mse) }
+    fn measured(&self, reference: &Reference) -> Vec<Measured> {
+        let numbers = |image: &FrameImage| -> Vec<f64> {
+            image.layers().mean.as_flattened().iter().map(|number| f64::from(*number)).collect()
+        };
+        let right = numbers(&reference.image);
+        let ratio = |value: f64| value / mean(&right);
+        let row = |index: usize| {
+            let snapshots: Vec<&Snapshot> = self.renders.iter().map(|snapshots| &snapshots[index]).collect();
+            let renders: Vec<Vec<f64>> = snapshots.iter().map(|snapshot| numbers(&snapshot.image)).collect();
+            let renders: Vec<&[f64]> = renders.iter().map(Vec::as_slice).collect();
+            let error = decompose(&renders, &right, noise(&reference.image).unwrap_or(0.0))?;
+            let over_seeds =
+                |value: fn(&Snapshot) -> f64| mean(&snapshots.iter().map(|one| value(one)).collect::<Vec<_>>());
+            Some(Measured {
+                variant: self.variant.name.clone(),
+                samples_per_pixel: over_seeds(|snapshot| snapshot.samples as f64),
+                core_seconds: self.preparation + over_seeds(|snapshot| snapshot.core_seconds),
+                preparation_seconds: self.preparation,
+                mse: error.mse,
+                mse_standard_error: error.mse_standard_error,
+                bias_squared: error.bias_squared,
+                bias_squared_standard_error: error.bias_squared_standard_error,
+                mean_ratio: ratio(error.mean),
+                mean_ratio_standard_error: error.mean_standard_error.map(ratio),
+            })
+        };
+        (0..self.counts.len()).filter_map(row).collect()
     }
 }
 
-/// Core seconds after which a method has an error, by what it had at the last of some times: its variance falls with the
-/// inverse of the time, and the rest of its error does not. At least those of a sample for each pixel; `None` where the rest
-/// alone is more.
-fn core_seconds_to(measured: &[Reached], mse: f64) -> Option<f64> {
-    let Reached { core_seconds, samples_per_pixel, mse: last, variance } = *measured.last()?;
-    let rest = last - variance;
-    (mse > rest).then(|| (core_seconds * variance / (mse - rest)).max(core_seconds / samples_per_pixel))
-}
-
-fn statement(rows: &[Row], variant: &Variant) -> Option<String> {
-    let last = rows.iter().rfind(|row| row.variant == variant.name)?;
-    let faster = |name: &str, ratio: Option<f64>| match ratio {
-        Some(ratio) => format!("{name} is {} times as fast to the same error", rounded_number(ratio)),
-        None => format!("{name} does not reach that error"),
+fn figure(measured: &[Vec<Measured>]) -> Figure {
+    let point =
+        |row: &Measured| Point { x: row.core_seconds, y: row.mse, error: row.mse_standard_error.unwrap_or(0.0) };
+    let curve = |(colour, rows): (usize, &Vec<Measured>)| {
+        let label = rows.first()?.variant.clone();
+        Some(Curve { label, points: rows.iter().map(point).collect(), colour })
     };
-    Some(format!(
-        "{}: MSE {} after {} core seconds; {}, {}.",
-        variant.name,
-        rounded_number(last.mse),
-        rounded_number(last.core_seconds),
-        faster("conic", last.conic_ratio),
-        faster("the published walk", last.published_ratio),
-    ))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn variance_falls_with_time_and_what_a_method_misses_does_not() {
-        // 128 samples a pixel after 8 s, with a variance of 1/2 and what is missing 1/4.
-        let last = Reached { core_seconds: 8.0, samples_per_pixel: 128.0, mse: 0.75, variance: 0.5 };
-        let earlier = Reached { core_seconds: 4.0, samples_per_pixel: 64.0, mse: 1.25, variance: 1.0 };
-        let to = |mse| core_seconds_to(&[earlier, last], mse);
-        assert_eq!((to(1.25), to(0.5)), (Some(4.0), Some(16.0)));
-        assert_eq!(to(1e9), Some(8.0 / 128.0), "one sample");
-        assert_eq!((to(0.25), to(0.125), core_seconds_to(&[], 1.0)), (None, None, None));
+    Figure {
+        title: "Pool: whole picture".to_owned(),
+        axes: ["core seconds with the preparation", "mean squared error"],
+        curves: measured.iter().enumerate().filter_map(curve).collect(),
     }
 }

@@ -141,6 +141,11 @@ impl Variant {
         Self::conic_with("conic", ConicSearch::Complete)
     }
 
+    /// The same by the search alone, as manifold sampling is: without rays to where the mesh focuses a light.
+    pub(super) fn conic_without_rays() -> Self {
+        Self::conic_with("conic without rays", ConicSearch::WithoutRays)
+    }
+
     /// The published walk to the first path over one interface of a smooth mesh.
     pub(super) fn conic_published() -> Self {
         Self::conic_with("conic published", ConicSearch::Published)

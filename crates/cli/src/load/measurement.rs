@@ -10,7 +10,6 @@ use clerestory_render_core::film::TileGrid;
 use futures::stream::{self, StreamExt, TryStreamExt};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
-use tokio_util::sync::CancellationToken;
 use tokio_util::task::AbortOnDropHandle;
 
 use super::Settings;
@@ -109,7 +108,6 @@ impl<'a> Measurement<'a> {
             noise: Noise::new(grid, sampling()),
             tally: Tally::default(),
             cycle: settings.rate.map(|rate| Duration::from_secs_f64(leased_nodes as f64 / f64::from(rate.get()))),
-            hurry: CancellationToken::new(),
         });
         Ok(Self { settings, workers, grid, process, connection, load })
     }
@@ -139,7 +137,6 @@ impl<'a> Measurement<'a> {
         tally.measure(false);
         drop(viewer);
         let unloaded = self.moment(&mut supply).await?;
-        self.load.hurry.cancel();
         supply.finish().await?;
         // All work is done, so no claim that is cut off here takes a lease with it.
         running.abort_all();

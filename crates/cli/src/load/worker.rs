@@ -14,7 +14,6 @@ use clerestory_api::{
     WorkerRegistration,
 };
 use tokio::time::Instant;
-use tokio_util::sync::CancellationToken;
 
 use super::partials::{Noise, NoiseError};
 use super::tally::Tally;
@@ -41,8 +40,6 @@ pub(super) struct Load {
     pub(super) tally: Tally,
     /// Time from one lease of a worker to its next; without one, the next follows at once.
     pub(super) cycle: Option<Duration>,
-    /// Cancelled when the measured time is over: leases that are held are worked off at once.
-    pub(super) hurry: CancellationToken,
 }
 
 /// A simulated worker fails.
@@ -108,7 +105,7 @@ impl Load {
 
     /// Holds a lease until `due`, as if it were rendered meanwhile, and uploads its nodes.
     async fn work_off(&self, lease: &Lease, due: Instant) -> Result<(), WorkerFailure> {
-        self.hurry.run_until_cancelled(tokio::time::sleep_until(due)).await;
+        tokio::time::sleep_until(due).await;
         let mut outstanding = 0;
         for nodes in lease.nodes.chunks(self.noise.nodes_per_parcel()) {
             match self.upload(lease, nodes).await? {

@@ -45,7 +45,7 @@ fn experiments_are_listed_and_others_refused_with_the_list() {
     folder.fails(&["bench", "experiment", "table1", "--times", "1"], 2, &["--times", "table1"]);
     folder.fails(&["bench", "experiment", "basins", "--farm"], 2, &["--farm", "basins"]);
     folder.fails(&["bench", "experiment", "solvers", "--times", "2,1"], 2, &["--times", "2,1"]);
-    folder.fails(&["bench", "experiment", "solvers", "--size", "0x5"], 1, &["film.width"]);
+    folder.fails(&["bench", "experiment", "solvers", "--size", "0x5"], 2, &["--size", "640x480"]);
     folder.fails(&["bench", "experiment", "solvers", "-o", "scene.json/x"], 1, &["cannot write scene.json/x"]);
     assert!(!folder.path("experiment-table1").exists());
 }
@@ -153,6 +153,39 @@ fn a_farm_renders_the_variants_as_ordinary_jobs() {
 }
 
 #[test]
+fn the_time_to_an_equal_error_is_stated_with_what_it_can_be_at_the_least() {
+    let folder = Folder::new();
+    let options = ["--size", "16x16", "--times", "0.02", "--seeds", "2", "--reference-spp", "64"];
+    folder.succeeds(&[&["bench", "experiment", "pool"], &options[..]].concat());
+    let samples = rows(&folder, "pool", "samples");
+    let of = |row: &Value, name: &str| row[name].as_f64().unwrap();
+    for pair in samples.windows(2).filter(|pair| pair[0]["variant"] == pair[1]["variant"]) {
+        let factor = of(&pair[1], "samples_per_pixel") / of(&pair[0], "samples_per_pixel");
+        assert_eq!(factor, if pair[0]["variant"] == "sms unbiased" { 4.0 } else { 2.0 }, "{pair:?}");
+        assert!(of(&pair[1], "core_seconds") > of(&pair[0], "core_seconds"), "{pair:?}");
+    }
+    let first = |variant: &str| samples.iter().find(|row| row["variant"] == variant).unwrap();
+    let preparation = of(first("conic"), "preparation_seconds");
+    assert!(preparation > 0.0 && preparation < of(first("conic"), "core_seconds"), "there is a tree to build");
+
+    let equal = rows(&folder, "pool", "equal_error");
+    assert!(equal.len() >= (6 * 2 + 1) * 3, "biased sampling at two points, unbiased at one or more; three methods");
+    for row in &equal {
+        let first = first(row["method"].as_str().unwrap());
+        let is_bound = of(first, "mse") <= of(row, "mse");
+        assert_eq!(row["bound"] == "at least", is_bound, "{row}");
+        if is_bound {
+            assert_eq!(
+                (of(row, "method_samples_per_pixel"), &row["method_core_seconds"]),
+                (1.0, &first["core_seconds"])
+            );
+        }
+        assert_eq!(row["ratio"].is_null(), row["method_core_seconds"].is_null(), "{row}");
+    }
+    assert!(page(&folder, "pool").contains("sms biased M = 1, settled"));
+}
+
+#[test]
 fn more_triangles_are_measured_against_path_tracing_alone() {
     let folder = Folder::new();
     folder.succeeds(&["bench", "experiment", "triangles", "--size", "16x12", "--seeds", "1"]);
@@ -189,16 +222,20 @@ fn frames_of_an_animation_are_compared_with_those_before_and_after() {
     let folder = Folder::new();
     folder.succeeds(&["bench", "experiment", "flicker", "--size", "24x24", "--reference-spp", "16"]);
     let rows = rows(&folder, "flicker", "flicker");
-    assert_eq!(rows.len(), 6 * 2, "six variants, with the same random numbers and with others");
+    assert_eq!(rows.len(), 7 * 2, "seven variants, with the same random numbers and with others");
     for row in &rows {
         let [flicker, noise] = ["flicker", "noise"].map(|name| row[name].as_f64().unwrap());
         assert!(flicker > 0.0 && noise <= flicker, "{row}");
         assert!(row["samples_per_pixel"].as_u64() > Some(0), "{row}");
+        let [light, of_all_light] = ["light", "noise_of_all_light"].map(|name| row[name].as_f64().unwrap());
+        assert!((of_all_light - noise * light).abs() <= 1e-9 * of_all_light, "{row}");
     }
-    let brightness = |variant: &str| {
+    let of = |variant: &str, name: &str| {
         let row = rows.iter().find(|row| row["variant"] == variant).unwrap();
-        row["brightness"].as_f64().unwrap()
+        row[name].as_f64().unwrap()
     };
-    assert!(brightness("sms biased M = 1") < 0.8 * brightness("conic"), "one walk finds the less likely paths seldom");
+    let light = |variant: &str| of(variant, "light");
+    assert!(light("sms biased M = 1") < 0.8 * light("conic"), "one walk finds the less likely paths seldom");
+    assert!(of("conic", "preparation_seconds") > 0.0, "there is a tree to build");
     assert!(page(&folder, "flicker").contains("one pixel of the floor"));
 }

@@ -8,14 +8,23 @@ use crate::support::Folder;
 fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it_is() {
     let folder = Folder::new();
     folder.fails(&["render"], 2, &["SCENE"]);
-    folder.fails(&["render", "scene.json", "--spp", "0"], 2, &["--spp"]);
-    folder.fails(&["render", "scene.json", "--size", "12"], 2, &["--size", "640x480"]);
+    for number in ["0", "-5", "1.5"] {
+        folder.fails(
+            &["render", "scene.json", "--spp", number],
+            2,
+            &["--spp", number, "a whole number, 1 to 16777216"],
+        );
+    }
+    folder.fails(&["submit", "scene.json", "--priority", "high"], 2, &["--priority", "'high'", "a whole number"]);
+    for size in ["12", "0x0"] {
+        folder.fails(&["render", "scene.json", "--size", size], 2, &["--size", "640x480"]);
+    }
     folder.fails(
         &["render", "scene.json", "--size", "16384x16384", "--tile", "1"],
         2,
         &["--tile", "at least 64 pixels"],
     );
-    for time in ["1e19", "1e17", "0"] {
+    for time in ["1e19", "1e17", "0", "-1"] {
         folder.fails(&["render", "scene.json", "--time", time], 2, &["--time", "at most 315360000", "ten years"]);
         folder.fails(&["submit", "scene.json", "--time", time], 2, &["--time", "at most 315360000", "ten years"]);
     }
@@ -24,7 +33,14 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
         folder.fails(&[&target[..], &["1e-3"]].concat(), 2, &["--target-mse 1e-3", "expected a reference"]);
         folder.fails(&[&target[..], &["0"]].concat(), 2, &["--target-mse", "a positive number"]);
     }
-    folder.fails(&["view", "scene.json", "--target-estimated-mse", "1"], 2, &["--target-estimated-mse", "--spp"]);
+    for option in ["--time=1", "--target-estimated-mse=1", "--adaptive"] {
+        folder.fails(&["view", "scene.json", option], 2, &[option.split('=').next().unwrap()]);
+    }
+    folder.fails(
+        &["render", "scene.json", "--adaptive", "--spp", "16"],
+        2,
+        &["--adaptive with 16 samples", "expected --spp of at least", "--time"],
+    );
     let output = ["render", "scene.json", "--png", "-o", "a.exr", "--stats"];
     folder.fails(&[&output[..], &["a.png"]].concat(), 2, &["--png and --stats both write a.png"]);
     folder.fails(&[&output[..], &["./a.exr"]].concat(), 2, &["--output and --stats both write ./a.exr"]);
@@ -33,6 +49,12 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
         folder.fails(&words, 2, &["--output a.png", "OpenEXR", "expected a.exr", "--png"]);
     }
     folder.fails(&["render", "scene.json", "--solver", "published"], 2, &["--solver", "path", "--integrator fnee"]);
+    let chains = ["render", "scene.json", "--integrator", "sms", "--chains", "X"];
+    folder.fails(
+        &chains,
+        2,
+        &["cannot use these options with the scene scene.json", "chains", "\"X\"", "letters R and T"],
+    );
     folder.fails(&["render", "scene.json", "--png", "--exposure", "bright"], 2, &["--exposure", "auto"]);
     folder.fails(&["render", "scene.json", "--curve", "srgb"], 2, &["--png"]);
     for command in ["render", "submit"] {
@@ -47,7 +69,11 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
         1,
         &["`clerestory farm`", "`clerestory coordinator`", "--coordinator"],
     );
-    folder.fails(&["jobs", "--coordinator", "nonsense"], 1, &["nonsense", "expected"]);
+    for address in ["nonsense", "http://127.0.0.1:1/foo"] {
+        for command in ["jobs", "worker"] {
+            folder.fails(&[command, "--coordinator", address], 2, &[address, "expected", "without a path"]);
+        }
+    }
     for command in ["watch", "cancel"] {
         folder.fails(&[command, "17"], 2, &["'17'", "expected the UUID of a job", "`clerestory jobs`"]);
     }
@@ -59,12 +85,45 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
     ] {
         folder.fails(&[command, option, "0"], 2, &["'0'", option, "expected a whole number, 1 to 4294967295"]);
     }
-    folder.fails(&["coordinator", "--listen", "nowhere"], 1, &["nowhere", "127.0.0.1:7171"]);
+    folder.fails(&["coordinator", "--listen", "nowhere"], 2, &["nowhere", "127.0.0.1:7171"]);
     fs::write(folder.path("bad.toml"), "lisen = \"127.0.0.1:0\"\n").unwrap();
     folder.fails(&["coordinator", "--config", "bad.toml"], 2, &["bad.toml", "lisen", "listen"]);
 
     fs::write(folder.path("bad.json"), "{\"version\": 1, \"nmae\": \"x\"}").unwrap();
     folder.fails(&["render", "bad.json"], 1, &["bad.json", "nmae"]);
+}
+
+#[test]
+fn an_image_that_has_the_name_of_a_folder_is_refused_before_it_is_rendered() {
+    let folder = Folder::new();
+    fs::create_dir(folder.path("pictures")).unwrap();
+    fs::create_dir(folder.path("image.png")).unwrap();
+    // No coordinator is asked, and 16 million samples take long.
+    for command in [["render"].as_slice(), &["submit", "--wait"]] {
+        for (options, name) in
+            [(["-o", "pictures"].as_slice(), "pictures"), (&["-o", "image.exr", "--png"], "image.png")]
+        {
+            let words = [command, &["scene.json", "--spp", "16777216"], options].concat();
+            folder.fails(&words, 1, &[&format!("cannot write {name}: is a directory")]);
+        }
+    }
+}
+
+#[test]
+fn data_that_are_in_use_make_no_farm_and_print_no_address() {
+    let folder = Folder::new();
+    let _first = folder.coordinator("127.0.0.1:0", None);
+    for command in ["coordinator", "farm"] {
+        folder.fails(&[command, "--listen", "127.0.0.1:0", "--data", "data"], 1, &["in use by another coordinator"]);
+    }
+}
+
+#[test]
+fn who_speaks_tls_to_a_farm_without_is_told_its_address() {
+    let folder = Folder::new();
+    let farm = folder.coordinator("127.0.0.1:0", None);
+    let secure = farm.address().replacen("http", "https", 1);
+    folder.fails(&["jobs", "--coordinator", &secure], 1, &["no TLS", &format!("is it {}?", farm.address())]);
 }
 
 #[test]

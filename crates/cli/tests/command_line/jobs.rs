@@ -54,6 +54,8 @@ fn who_waits_is_told_once_that_the_coordinator_is_away_and_when_it_is_back() {
     assert!(away.contains(&listen) && away.contains("trying again"), "{away}");
     let coordinator = folder.coordinator(&listen, None);
     waiting.message("answers again");
+    let lonely = waiting.message("no worker");
+    assert!(lonely.contains(&format!("`clerestory worker --coordinator {}`", coordinator.address())), "{lonely}");
 
     let cancel = ["cancel", &waiting.job, "--coordinator", coordinator.address()];
     assert_eq!(folder.succeeds(&cancel), format!("{} is cancelled\n", waiting.job));
@@ -94,6 +96,8 @@ fn a_cancelled_job_leaves_its_image_and_fails_those_who_wait() {
     let (code, messages) = waiting.end();
     assert_eq!(code, Some(1), "{messages}");
     assert!(messages.contains(&format!("job {job} was cancelled; its image")), "{messages}");
+    assert!(messages.contains("Wrote image.exr\nWrote image.png"), "{messages}");
+    assert!(!messages.contains("no worker"), "{messages}");
     assert!(folder.path("image.png").is_file());
     assert_eq!(folder.comparison("image.exr", "image.exr")["bit_identical"], true);
 
@@ -114,6 +118,10 @@ fn a_demo_deletes_nothing_of_others_and_hears_no_settings_of_other_farms() {
     let messages = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{messages}");
     assert!(messages.contains("128x128"), "the reference has another size: {messages}");
+    assert!(
+        messages.contains("The page ended with the demo") && messages.contains("`clerestory submit "),
+        "{messages}"
+    );
     let mut left: Vec<_> = fs::read_dir(folder.path("demo-output"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())

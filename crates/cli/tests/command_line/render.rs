@@ -52,11 +52,14 @@ fn a_render_reports_to_scripts_and_to_people_apart() {
     let options = ["--spp", "8", "--json", "--png", "--stats", "stats.json", "-o", "image.exr"];
     let text = folder.succeeds(&[&["render", "scene.json"], options.as_slice()].concat());
     let summary: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!((&summary["output"], &summary["png"]), (&json!("image.exr"), &json!("image.png")));
     assert_eq!((&summary["samples"], &summary["width"]), (&json!(24 * 16 * 8), &json!(24)));
     let stats: Value = serde_json::from_str(&fs::read_to_string(folder.path("stats.json")).unwrap()).unwrap();
     assert_eq!(stats, summary["counters"]);
     assert!(fs::read(folder.path("image.png")).unwrap().starts_with(b"\x89PNG"));
 
+    let text = folder.succeeds(&["render", "scene.json", "--spp", "4", "--png", "-o", "both.exr"]);
+    assert!(text.starts_with("Wrote both.exr and both.png: 1 pass, "), "{text}");
     let text = folder.succeeds(&["render", "scene.json", "--spp", "4", "--size", "1x1", "-o", "pixel.exr"]);
     assert!(text.starts_with("Wrote pixel.exr: 1 pass, 4 samples in "), "{text}");
 
@@ -88,7 +91,8 @@ fn a_comparison_has_every_measure() {
     let rows = folder.succeeds(&["compare", "a.exr", "b.exr"]);
     let values: Vec<&str> = rows.lines().map(|row| row.split_whitespace().next_back().unwrap()).collect();
     assert_eq!(values.len(), 7, "{rows}");
-    for value in &values[..6] {
+    assert_eq!(values[3], format!("{:.2}", comparison["psnr"].as_f64().unwrap()));
+    for value in values[..6].iter().filter(|value| **value != values[3]) {
         let (digits, _) = value.split_once('e').unwrap();
         assert!(digits.bytes().filter(u8::is_ascii_digit).count() <= 6, "{rows}");
     }

@@ -15,7 +15,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio_util::sync::CancellationToken;
 
 /// Bytes that are read from a connection at a time, and so the most that the head of a request may have.
-const BUFFER: usize = 16 << 10;
+const BUFFER: usize = 8 << 10;
 
 /// Pause when a connection cannot be accepted, mostly because too many files are open.
 const PAUSE: Duration = Duration::from_secs(1);

@@ -160,7 +160,8 @@ pub(super) async fn partial(
     })?;
     let _permits = farm.receiving.acquire_many(permits_for(&request)).await.map_err(ApiError::internal)?;
     let body = read_body(request, farm.config.max_partial_bytes).await?;
-    Ok(Json(acceptance::accept(&farm, record, core_ms, body).await?))
+    // Thousands may wait above: what comes below takes its memory when its turn has come.
+    Ok(Json(Box::pin(acceptance::accept(&farm, record, core_ms, body)).await?))
 }
 
 /// Permits that a partial needs to be received. One of unknown size, which workers do not send, is received alone.

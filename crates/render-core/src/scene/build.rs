@@ -116,7 +116,7 @@ impl Scene {
         let IntegratorDescription::Conic { search, .. } = self.description.integrator else { return };
         for (mesh, _) in (0u32..).zip(&self.meshes).filter(|(_, mesh)| mesh.is_smooth()) {
             match search {
-                ConicSearch::Complete => _ = self.facets(mesh),
+                ConicSearch::Complete | ConicSearch::WithoutRays => _ = self.facets(mesh),
                 ConicSearch::Published => _ = self.neighbours(mesh),
             }
         }

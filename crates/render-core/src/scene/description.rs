@@ -220,9 +220,11 @@ pub enum IntegratorDescription {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ConicSearch {
-    /// All.
+    /// All, with rays to where a surface focuses a light that has an extent.
     #[default]
     Complete,
+    /// All, without these rays.
+    WithoutRays,
     /// The first along the curve from the straight line to the light (Granizo-Hidalgo and Holzschuch 2024).
     Published,
 }

@@ -51,7 +51,7 @@ impl SceneDescription {
         match self.integrator {
             IntegratorDescription::Path { .. }
             | IntegratorDescription::Cone { .. }
-            | IntegratorDescription::Conic { search: ConicSearch::Complete, .. }
+            | IntegratorDescription::Conic { search: ConicSearch::Complete | ConicSearch::WithoutRays, .. }
             | IntegratorDescription::Mnee { missed: MissedPaths::LeftToChance, .. } => Vec::new(),
             IntegratorDescription::Conic { search: ConicSearch::Published, .. } => vec![
                 "paths over a smooth mesh but for the first that a walk from the straight line to the light meets"

@@ -5,6 +5,7 @@ import { anglesOf, approached, directionOf, shifted, turned } from './camera.js'
 const picture = document.querySelector('#picture');
 const progress = document.querySelector('#progress');
 const problem = document.querySelector('#problem');
+const copied = document.querySelector('#copied');
 const sun = document.querySelector('#sun');
 const sliders = { azimuth: document.querySelector('#azimuth'), elevation: document.querySelector('#elevation') };
 
@@ -24,6 +25,7 @@ let waiting = null;
 let isSending = false;
 
 async function send() {
+    copied.textContent = '';
     if (isSending) {
         waiting = look;
         return;
@@ -91,9 +93,10 @@ const keys = {
     '+': (camera) => approached(camera, 0.9),
     '-': (camera) => approached(camera, 1 / 0.9),
 };
-picture.addEventListener('keydown', (event) => {
+document.addEventListener('keydown', (event) => {
     const act = keys[event.key];
-    if (!act) return;
+    // A slider has its own use for arrow keys, and a browser for + and - with others.
+    if (!act || event.target.matches?.('input') || event.ctrlKey || event.altKey || event.metaKey) return;
     event.preventDefault();
     change(act(look.camera));
 });
@@ -104,7 +107,12 @@ document.querySelector('#reset').addEventListener('click', () => {
     send();
 });
 document.querySelector('#copy').addEventListener('click', async () => {
-    await navigator.clipboard.writeText(JSON.stringify(look, null, 2));
+    try {
+        await navigator.clipboard.writeText(JSON.stringify(look, null, 2));
+        copied.textContent = 'Copied.';
+    } catch {
+        copied.textContent = 'The browser does not let the page copy.';
+    }
 });
 
 async function follow() {

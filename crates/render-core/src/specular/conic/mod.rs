@@ -92,7 +92,8 @@ impl SpecularMethod for Conic {
             let walk = ManifoldWalk { scene, point, source: sample.source, caster: seen, events, constraint, steps };
             let connection = Connection { mesh, event: *event, light, sample: &sample, walk };
             match self.search {
-                ConicSearch::Complete => connection.all(stream, counters, arrive),
+                ConicSearch::Complete => connection.all(Some(stream), counters, arrive),
+                ConicSearch::WithoutRays => connection.all(None, counters, arrive),
                 ConicSearch::Published => connection.first(counters, arrive),
             }
         }
@@ -113,12 +114,14 @@ struct Connection<'a> {
 }
 
 impl Connection<'_> {
-    /// The light over all places of the mesh.
-    fn all(&self, stream: &mut SampleStream, counters: &mut Counters, arrive: &mut dyn FnMut(Arrival)) {
+    /// The light over all places of the mesh, with rays to where it is focused if there are random numbers for them.
+    fn all(&self, stream: Option<&mut SampleStream>, counters: &mut Counters, arrive: &mut dyn FnMut(Arrival)) {
         let ManifoldWalk { scene, point, source, .. } = self.walk;
         let Some(tree) = scene.facets(self.mesh) else { return };
         let ways = |source| ways(scene, point, source, self.mesh, self.event);
-        let whole = (point.bounces == 0).then(|| whole(&scene.lights()[self.light as usize], point.position)).flatten();
+        let whole = (stream.is_some() && point.bounces == 0)
+            .then(|| whole(&scene.lights()[self.light as usize], point.position))
+            .flatten();
         let mut wholes =
             whole.iter().flat_map(|(source, spread)| ways(*source).into_iter().map(|ends| ends.spread(*spread)));
         let mut paths: Vec<SolvedChain> = Vec::new();
@@ -157,7 +160,7 @@ impl Connection<'_> {
         for path in &paths {
             self.weighted(path, self.sample, &focus, counters, arrive);
         }
-        if whole.is_some() {
+        if let Some(stream) = stream.filter(|_| whole.is_some()) {
             let (choice, place) = (stream.next_1d(), stream.next_2d());
             if let Some((triangle, weights)) = focus.draw(choice, place) {
                 self.ray(triangle, scene.facet(triangle).place(weights), &focus, counters, arrive);
