@@ -135,7 +135,11 @@ impl Siege {
             let shared = servers.options();
             let options: Vec<&str> = options.into_iter().chain(shared.iter().map(String::as_str)).collect();
             let environment: Vec<_> = servers.environment().into_iter().chain([log]).collect();
-            (Farm::start_with_faults(2, &environment, &options), Some(servers))
+            // A coordinator that starts in the middle of a fault may give up, and nobody starts the first ones again.
+            servers.network.iter().for_each(|network| network.calm(true));
+            let farm = Farm::start_with_faults(2, &environment, &options);
+            servers.network.iter().for_each(|network| network.calm(false));
+            (farm, Some(servers))
         } else {
             (Farm::start_with_faults(1, &[log], &options), None)
         };

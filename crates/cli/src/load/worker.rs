@@ -115,7 +115,11 @@ impl Load {
         }
         if outstanding > 0 {
             let body = LeaseReturn { token: lease.token, failure: None };
-            self.until_answered(|| self.client.return_lease(lease.id, &body)).await?;
+            match self.until_answered(|| self.client.return_lease(lease.id, &body)).await {
+                // Others have taken the rest over, and the job may have ended.
+                Err(failure) if !is_lease_over(&failure) => return Err(failure.into()),
+                Ok(()) | Err(_) => {}
+            }
         }
         Ok(())
     }
@@ -187,9 +191,9 @@ impl Load {
 
 /// Whether the nodes of a lease are somebody else's by now.
 fn is_lease_over(failure: &ClientError) -> bool {
-    failure
-        .problem()
-        .is_some_and(|problem| matches!(problem.code, ProblemCode::LeaseExpired | ProblemCode::LeaseReturned))
+    let is_over =
+        |code| matches!(code, ProblemCode::LeaseExpired | ProblemCode::LeaseReturned | ProblemCode::JobNotRunning);
+    failure.problem().is_some_and(|problem| is_over(problem.code))
 }
 
 fn with_causes(error: &dyn std::error::Error) -> String {
