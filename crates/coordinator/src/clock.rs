@@ -58,6 +58,11 @@ impl Clock {
             clock.is_led.store(true, Ordering::SeqCst);
         }
     }
+
+    /// Whether it goes by another clock.
+    pub(crate) fn follows(&self) -> bool {
+        matches!(self, Self::Running(clock) if clock.is_led.load(Ordering::SeqCst))
+    }
 }
 
 impl Running {

@@ -279,9 +279,9 @@ async fn watch_deadlines(farm: Arc<Farm>) {
 /// Sets the clock by that of the database, where several coordinators share one.
 async fn follow_clock(clock: &Clock, store: &Store) -> Result<(), StoreError> {
     let asked = Instant::now();
-    // An answer that was long under way, or waited for a coordinator that slept, is out of date.
+    // An answer that was long under way, or waited for a coordinator that slept, is out of date; but better than the machine's clock.
     if let Some(now_ms) = store.now_ms().await?
-        && asked.elapsed() < LONGEST_TICK
+        && (asked.elapsed() < LONGEST_TICK || !clock.follows())
     {
         clock.follow(now_ms);
     }

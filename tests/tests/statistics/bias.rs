@@ -4,10 +4,12 @@
 //! faults, but their standard errors are larger: the binary `bias` of this crate is the long version that has the power.
 //! `docs/validation.md` explains both.
 
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
 use clerestory_tests::bias::{BLOCK, BiasReport, compare};
-use clerestory_tests::comparisons::{Comparison, comparison};
+use clerestory_tests::comparisons::comparison;
 use clerestory_tests::forward_tracer::Fault;
 use clerestory_tests::reference::{Image, Reference};
 
@@ -21,39 +23,33 @@ const PHOTONS: u64 = 10_000_000;
 /// Photons of faulty references: enough for what the test has to notice.
 const FAULTY_PHOTONS: u64 = 200_000;
 
+/// The reference of a scene, with a fault or none. It has nothing to do with the method, and is read or traced once for all that are compared
+/// with it.
+fn reference(case: &str, light: &str, fault: Fault) -> Arc<Reference> {
+    type Made = BTreeMap<String, Arc<OnceLock<Arc<Reference>>>>;
+    static MADE: Mutex<Made> = Mutex::new(BTreeMap::new());
+    let key = format!("{case} {light} {fault:?}");
+    let made = Arc::clone(MADE.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default());
+    let photons = if matches!(fault, Fault::None) { PHOTONS } else { FAULTY_PHOTONS };
+    let make = || Arc::new(comparison(case, light, "path").reference(photons, fault).expect("the reference ships"));
+    Arc::clone(made.get_or_init(make))
+}
+
 /// Tests for bias with `samples` samples for each pixel in each replicate, and requires that the faults are noticed.
 #[track_caller]
 fn check(case: &str, light: &str, integrator: &str, samples: u32, faults: impl Fn(&Fault) -> bool) -> BiasReport {
     let comparison = comparison(case, light, integrator);
-    let reference = comparison.reference(PHOTONS, Fault::None).expect("the reference ships");
-    let faulty: Vec<(Fault, Reference)> = comparison
-        .faults()
-        .into_iter()
-        .filter(faults)
-        .map(|fault| (fault, comparison.reference(FAULTY_PHOTONS, fault).expect("the reference ships")))
-        .collect();
-    check_against(&comparison, samples, &reference, &faulty)
-}
-
-/// Tests for bias against `reference`, and requires that the `faulty` references are noticed.
-#[track_caller]
-fn check_against(
-    comparison: &Comparison,
-    samples: u32,
-    reference: &Reference,
-    faulty: &[(Fault, Reference)],
-) -> BiasReport {
     let folds = comparison.folds();
     let start = Instant::now();
     let (replicates, counters) = comparison.replicates(samples, 1);
     let seconds = start.elapsed().as_secs_f64();
-    let verdict = compare(&replicates, reference, &folds, BLOCK);
+    let verdict = compare(&replicates, &reference(case, light, Fault::None), &folds, BLOCK);
     println!("{} (rendered in {seconds:.1} s): {verdict}", comparison.name);
     assert!(verdict.agrees(), "{}: {verdict}", comparison.name);
     assert!(verdict.mean_error < SHORT_MEAN_ERROR, "{}: {verdict}", comparison.name);
     assert!(counters.truncated * 1000 <= counters.unique_solutions, "{}: {counters:?}", comparison.name);
-    for (fault, faulty) in faulty {
-        let report = compare(&replicates, faulty, &folds, BLOCK);
+    for fault in comparison.faults().into_iter().filter(faults) {
+        let report = compare(&replicates, &reference(case, light, fault), &folds, BLOCK);
         println!("{} against {fault:?}: {report}", comparison.name);
         assert!(!report.agrees(), "{} against {fault:?}: {report}", comparison.name);
     }
@@ -120,8 +116,7 @@ fn spheres_at_growing_distance_converge_to_the_sun() {
     // samples are enough to reject it, and more would make the chi-square larger still.
     let [near, farther] = ["distant-50", "distant-500"].map(|light| {
         let comparison = comparison("crown", light, "cone");
-        let reference = comparison.reference(PHOTONS, Fault::None).expect("the reference ships");
-        let report = compare(&comparison.replicates(4, 1).0, &reference, &[], BLOCK);
+        let report = compare(&comparison.replicates(4, 1).0, &reference("crown", light, Fault::None), &[], BLOCK);
         println!("{}: {report}", comparison.name);
         assert!(!report.agrees(), "{}: {report}", comparison.name);
         report
@@ -135,15 +130,8 @@ fn spheres_at_growing_distance_converge_to_the_sun() {
 #[test]
 fn path_and_cone_are_unbiased_for_a_large_light() {
     for case in ["crown", "bump", "flat", "cathedral"] {
-        // Both have the same scene, and so the same references.
-        let [path, cone] = ["path", "cone"].map(|integrator| comparison(case, "near", integrator));
-        let traced = |photons, fault| path.reference(photons, fault).expect("nothing is read");
-        let reference = traced(PHOTONS, Fault::None);
-        // Brightness alone, by half a percent, takes full power.
-        let faults = path.faults().into_iter().filter(|fault| *fault != Fault::Scaled);
-        let faulty: Vec<_> = faults.map(|fault| (fault, traced(FAULTY_PHOTONS, fault))).collect();
-        check_against(&path, 64, &reference, &faulty);
-        check_against(&cone, 16, &reference, &faulty);
+        check_without_power(case, "near", "path", 64);
+        check_without_power(case, "near", "cone", 16);
     }
 }
 
@@ -187,8 +175,7 @@ fn bleed_is_random_bit_for_bit_in_the_closed_room() {
 fn walks_that_are_too_few_and_paths_that_are_dropped_leave_the_picture_dark() {
     let lacking = |case, light, integrator, samples| {
         let comparison = comparison(case, light, integrator);
-        let reference = comparison.reference(PHOTONS, Fault::None).expect("the reference ships");
-        let report = compare(&comparison.replicates(samples, 1).0, &reference, &[], BLOCK);
+        let report = compare(&comparison.replicates(samples, 1).0, &reference(case, light, Fault::None), &[], BLOCK);
         println!("{}, which lacks light: {report}", comparison.name);
         let brightest = report.mean_ratio.iter().copied().fold(0.0, f64::max);
         assert!(!report.agrees() && brightest < 1.0, "{}: {report}", comparison.name);

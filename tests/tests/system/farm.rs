@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
-use clerestory_api::{JobState, StopReason};
+use clerestory_api::{JobState, JobView, StopReason};
 use clerestory_test_servers::{S3Server, postgres, s3};
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::made_images::{assert_made_alike, assert_same_bits, rendered_alone, rendered_by};
@@ -96,16 +96,11 @@ fn killing_a_worker_and_then_the_coordinator_changes_no_bit_in_postgres() {
 }
 
 fn kill_a_worker_and_then_the_coordinator(options: &[&str]) {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let alone = WITH_CONE.rendered_alone(&folder);
     let mut farm = Farm::start(None, &[&["--lease-nodes", "4", "--lease-seconds", "2"], options].concat());
-    farm.start_worker("doomed");
-    farm.start_worker("survivor");
-    WITH_CONE.submit(&farm, "16");
-    farm.wait_until("begun", |job| job.progress > 0.05);
+    begin(&mut farm);
     farm.kill_worker(0);
     kill_the_coordinator(&mut farm);
-    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
+    assert_made_as_alone(&farm);
 }
 
 /// Kills the coordinator once the job has gone on, and starts another, which has all that was acknowledged.
@@ -151,61 +146,44 @@ fn a_time_limited_image_is_made_again_bit_for_bit() {
 
 #[test]
 fn killing_the_object_server_and_the_coordinator_changes_no_bit_in_postgres_and_s3() {
-    let folder = tempfile::tempdir().unwrap();
-    let alone = WITH_CONE.rendered_alone(&folder);
     let mut objects = S3Server::start().unwrap();
     let (database, bucket) = (postgres().new_database(), format!("s3://{}/farm", objects.new_bucket()));
     let options = ["--lease-nodes", "4", "--lease-seconds", "2", "--database", &database, "--object-store", &bucket];
     let mut farm = Farm::start_in(&objects.environment(), None, &options);
-    farm.start_worker("first");
-    farm.start_worker("second");
-    WITH_CONE.submit(&farm, "16");
-    farm.wait_until("begun", |job| job.progress > 0.05);
+    begin(&mut farm);
     objects.kill();
     // Long enough for uploads to meet a store that is not there.
     std::thread::sleep(Duration::from_secs(1));
     objects.restart().unwrap();
     kill_the_coordinator(&mut farm);
-    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
+    assert_made_as_alone(&farm);
 }
 
 #[test]
 fn killing_any_of_several_coordinators_stops_nothing_and_changes_no_bit() {
-    let folder = tempfile::tempdir().unwrap();
-    let alone = WITH_CONE.rendered_alone(&folder);
     let mut farm = two_coordinators();
-    farm.start_worker("first");
-    farm.start_worker("second");
-    WITH_CONE.submit(&farm, "16");
-    farm.wait_until("begun", |job| job.progress > 0.05);
+    begin(&mut farm);
     farm.kill_coordinator(0);
     // The other goes on alone, whichever of them kept the film.
     farm.wait_until("going on", |job| job.progress > 0.4);
     farm.restart_coordinator(0);
     farm.kill_coordinator(1);
-    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
+    assert_made_as_alone(&farm);
 }
 
 #[test]
 fn a_suspended_coordinator_stops_nothing_and_changes_no_bit_when_it_wakes_up() {
-    let folder = tempfile::tempdir().unwrap();
-    let alone = WITH_CONE.rendered_alone(&folder);
     let mut farm = two_coordinators();
-    farm.start_worker("first");
-    farm.start_worker("second");
-    WITH_CONE.submit(&farm, "16");
-    let job = farm.wait_until("begun", |job| job.progress > 0.05);
+    let job = begin(&mut farm);
     farm.suspend_coordinator(0, true);
     // Calls that it has taken wait for it, and new ones too: no balancer knows. So the other is asked by itself.
     farm.wait_at(1, "going on", |record| record.id == job.id && record.progress > 0.4);
     farm.suspend_coordinator(0, false);
-    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
+    assert_made_as_alone(&farm);
 }
 
 #[test]
 fn a_coordinator_that_dies_with_a_clock_ten_minutes_fast_holds_nobody_up() {
-    let folder = tempfile::tempdir().unwrap();
-    let alone = WITH_CONE.rendered_alone(&folder);
     let mut farm = two_coordinators();
     farm.kill_coordinator(1);
     farm.faults(0).unwrap().step_clock(600);
@@ -217,7 +195,22 @@ fn a_coordinator_that_dies_with_a_clock_ten_minutes_fast_holds_nobody_up() {
     farm.kill_coordinator(0);
     farm.restart_coordinator(1);
     farm.start_worker("second");
-    assert_made_alike(&rendered_by(&farm, folder.path()), &alone);
+    assert_made_as_alone(&farm);
+}
+
+/// Starts two workers, and submits a job that is begun when this returns.
+fn begin(farm: &mut Farm) -> JobView {
+    farm.start_worker("first");
+    farm.start_worker("second");
+    WITH_CONE.submit(farm, "16");
+    farm.wait_until("begun", |job| job.progress > 0.05)
+}
+
+/// Tests that the image of the newest job is that which one process makes.
+#[track_caller]
+fn assert_made_as_alone(farm: &Farm) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    assert_made_alike(&rendered_by(farm, folder.path()), &WITH_CONE.rendered_alone(&folder));
 }
 
 /// Two coordinators on PostgreSQL and S3.

@@ -7,6 +7,8 @@
 //! are. Where waves focus a light that has an extent, a ray is sent as well (`focus`).
 
 #[cfg(test)]
+mod any_mesh;
+#[cfg(test)]
 mod certified;
 mod curve;
 #[cfg(test)]
