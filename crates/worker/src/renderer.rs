@@ -1,4 +1,6 @@
-//! Nodes of a lease, rendered one after another on a pool of threads.
+//! Nodes of a lease, rendered in their order on a pool of threads.
+//!
+//! Threads that find nothing more to do in a node, while others still work on its last rows, begin the next one.
 
 use std::any::Any;
 use std::num::NonZeroUsize;
@@ -15,11 +17,15 @@ use tracing::info;
 
 use crate::job_cache::JobPlan;
 
+/// Nodes that are rendered at a time: one, and the next for threads that have nothing left to do in the first. With more, more
+/// would be lost when the worker dies.
+const NODES_IN_FLIGHT: usize = 2;
+
 /// A node, and how long it took.
 pub(crate) struct RenderedNode {
     /// The node, with what was counted.
     pub(crate) rendered: Rendered,
-    /// Time spent rendering it, summed over cores.
+    /// Time since the node before was complete, summed over cores.
     pub(crate) core_time: Duration,
 }
 
@@ -61,20 +67,37 @@ impl Renderer {
         complete: &mpsc::Sender<RenderedNode>,
     ) -> Result<(), LeaseError> {
         let start = Instant::now();
+        let mut last = start;
         let mut samples = 0;
-        for node in nodes {
-            let address = NodeAddress { frame: node.frame, tile: node.tile, level: node.level, index: node.index };
-            if address.frame != 0 {
-                return Err(LeaseError::NoSuchFrame(address.frame));
+        let (ends, ended) = std::sync::mpsc::channel();
+        let mut nodes_left = nodes.iter();
+        self.pool.in_place_scope(|scope| {
+            let mut begin_next = || {
+                let Some(node) = nodes_left.next() else { return false };
+                let ends = ends.clone();
+                scope.spawn(move |_| {
+                    // The receiver is gone after a failure, when no node counts any more.
+                    let _ = ends.send(self.render_node(plan, node, cancelled));
+                });
+                true
+            };
+            let mut in_flight = (0..NODES_IN_FLIGHT).filter(|_| begin_next()).count();
+            while in_flight > 0 {
+                let Ok(rendered) = ended.recv() else { break };
+                let rendered = rendered?;
+                if !begin_next() {
+                    in_flight -= 1;
+                }
+                samples += rendered.counters.samples;
+                let now = Instant::now();
+                let core_time = (now - last) * u32::try_from(self.pool.current_num_threads()).unwrap_or(u32::MAX);
+                last = now;
+                if complete.blocking_send(RenderedNode { rendered, core_time }).is_err() {
+                    return Err(LeaseError::Stopped);
+                }
             }
-            let node_start = Instant::now();
-            let rendered = self.render_node(plan, address, cancelled)?;
-            samples += rendered.counters.samples;
-            let core_time = node_start.elapsed() * u32::try_from(self.pool.current_num_threads()).unwrap_or(u32::MAX);
-            if complete.blocking_send(RenderedNode { rendered, core_time }).is_err() {
-                return Err(LeaseError::Stopped);
-            }
-        }
+            Ok(())
+        })?;
         let seconds = start.elapsed().as_secs_f64();
         info!(job = %plan.job, nodes = nodes.len(), seconds, rate = samples as f64 / seconds, "rendered a lease");
         Ok(())
@@ -83,10 +106,14 @@ impl Renderer {
     fn render_node(
         &self,
         plan: &JobPlan,
-        address: NodeAddress,
+        node: &clerestory_api::NodeAddress,
         cancelled: &AtomicBool,
     ) -> Result<Rendered, LeaseError> {
-        let work = || self.pool.install(|| render_node(&plan.scene, &plan.grid, address, cancelled));
+        let address = NodeAddress { frame: node.frame, tile: node.tile, level: node.level, index: node.index };
+        if address.frame != 0 {
+            return Err(LeaseError::NoSuchFrame(address.frame));
+        }
+        let work = || render_node(&plan.scene, &plan.grid, address, cancelled);
         // Nothing is written that a panic could leave half done: the scene is immutable and the node is dropped.
         match catch_unwind(AssertUnwindSafe(work)) {
             Ok(Ok(rendered)) => Ok(rendered),

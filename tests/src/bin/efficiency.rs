@@ -1,7 +1,7 @@
 //! What a farm costs: samples a second of `clerestory farm` beside those of `clerestory render`, and of two workers beside one.
 //!
 //! Both render the same image of the same scene, in turn, so that whatever else the machine does falls on both. The time of `render` is that of
-//! its process; the time of a farm is that from the order until the job is done and merged. Each pair gives a ratio; the median is what counts.
+//! its process; the time of a farm is that of an order that waits until its job is done and merged. Each pair gives a ratio; the median is what counts.
 //!
 //! ```text
 //! cargo run --release -p clerestory-tests --bin efficiency
@@ -16,7 +16,7 @@ use clap::Parser;
 use clerestory_api::Client;
 use clerestory_tests::farm::{Process, clerestory, succeeded};
 
-/// Time between two looks at a job, far below what a render takes.
+/// Time between two looks at the workers of a farm that starts.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Compares the speed of a farm with that of one process, and of two workers with that of one.
@@ -103,11 +103,8 @@ fn farm(work: &Work, workers: usize, options: &[&str]) -> Duration {
     }
     let start = Instant::now();
     let mut order = clerestory();
-    order.arg("submit").env("CLERESTORY_COORDINATOR", &address);
+    order.args(["submit", "--wait"]).env("CLERESTORY_COORDINATOR", &address);
     succeeded(work.order(&mut order));
-    while !runtime.block_on(client.jobs()).expect("an answer").iter().all(|job| job.state.is_final()) {
-        thread::sleep(LOOK);
-    }
     let time = start.elapsed();
     process.ends();
     time

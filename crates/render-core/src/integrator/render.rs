@@ -124,8 +124,9 @@ impl Renderer<'_> {
 
     fn leaf(&self, address: NodeAddress) -> Result<Rendered, RenderError> {
         let pass = address.passes().first;
-        let rows: Vec<Row> =
-            (0..self.tile.height).into_par_iter().map(|row| self.row(address.frame, pass, row)).collect();
+        // Left to itself, rayon makes pieces of many rows, and threads wait for the last one.
+        let rows = (0..self.tile.height).into_par_iter().with_max_len(1);
+        let rows: Vec<Row> = rows.map(|row| self.row(address.frame, pass, row)).collect();
         if self.cancelled.load(Ordering::Relaxed) {
             return Err(RenderError::Cancelled);
         }
