@@ -173,6 +173,15 @@ impl Farm {
         self.workers.push(Process::spawn(&mut command));
     }
 
+    /// Whether the worker that was started as number `index` has not ended.
+    ///
+    /// # Panics
+    ///
+    /// When the system does not know the process.
+    pub fn worker_runs(&mut self, index: usize) -> bool {
+        self.workers[index].runs()
+    }
+
     /// Kills the worker that was started as number `index`, as a power cut would.
     pub fn kill_worker(&mut self, index: usize) {
         self.workers[index].kill();
@@ -261,7 +270,7 @@ impl Farm {
     ///
     /// When the system does not know the process.
     pub fn coordinator_runs(&mut self, index: usize) -> bool {
-        self.coordinators[index].process.0.try_wait().expect("a process of ours").is_none()
+        self.coordinators[index].process.runs()
     }
 
     /// Suspends the coordinator that was started as number `index`, or wakes it up again.
@@ -481,6 +490,10 @@ impl Process {
 
     fn signal(&self, signal: Signal) {
         kill(Pid::from_raw(self.0.id().cast_signed()), signal).expect("the process runs");
+    }
+
+    fn runs(&mut self) -> bool {
+        self.0.try_wait().expect("a process of ours").is_none()
     }
 
     fn spawn(command: &mut Command) -> Self {

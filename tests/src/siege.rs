@@ -17,7 +17,7 @@ use clerestory_api::{Client, ClientError, JobId, JobView};
 use clerestory_test_servers::Faults;
 
 pub use blows::Durations;
-use blows::{Kind, ON_FILES, ON_SERVERS, Rounds, Victim, below};
+use blows::{Blow, Kind, ON_FILES, ON_SERVERS, Rounds, Victim, below};
 use order::{Order, strangers};
 use servers::Servers;
 
@@ -93,7 +93,8 @@ enum Relief {
     MendDatabase(u64),
     StartObjects,
     WakeObjects,
-    MendObjects,
+    /// How often its disk had failed before.
+    MendObjects(u64),
 }
 
 /// A farm under attack.
@@ -127,13 +128,16 @@ impl Siege {
     ///
     /// When it does not start.
     pub fn lay(plan: Plan) -> Self {
-        let lease_nodes = (1 + plan.seed % 7).to_string();
-        let options = ["--lease-nodes", &lease_nodes, "--lease-seconds", LEASE_SECONDS];
+        // Nodes in each lease; none: as many as each worker's pace asks for.
+        let lease_nodes = plan.seed % 7;
+        let lease_nodes = (lease_nodes > 0).then(|| ["--lease-nodes".to_owned(), lease_nodes.to_string()]);
+        let lease_seconds = ["--lease-seconds", LEASE_SECONDS];
+        let options = || lease_nodes.iter().flatten().map(String::as_str).chain(lease_seconds);
         let log = ("CLERESTORY_LOG".to_owned(), plan.log.to_owned());
         let (mut farm, servers) = if plan.servers {
             let servers = Servers::start(plan.seed);
             let shared = servers.options();
-            let options: Vec<&str> = options.into_iter().chain(shared.iter().map(String::as_str)).collect();
+            let options: Vec<&str> = options().chain(shared.iter().map(String::as_str)).collect();
             let environment: Vec<_> = servers.environment().into_iter().chain([log]).collect();
             // A coordinator that starts in the middle of a fault may give up, and nobody starts the first ones again.
             servers.network.iter().for_each(|network| network.calm(true));
@@ -141,7 +145,7 @@ impl Siege {
             servers.network.iter().for_each(|network| network.calm(false));
             (farm, Some(servers))
         } else {
-            (Farm::start_with_faults(1, &[log], &options), None)
+            (Farm::start_with_faults(1, &[log], &options().collect::<Vec<_>>()), None)
         };
         let network = Proxy::start(Protocol::Http, farm.sockets(), plan.seed, plan.roughness).expect("a free port");
         farm.call_through(network.address());
@@ -222,6 +226,12 @@ impl Siege {
         let fates = self.network.fates();
         let all = [Fate::Delayed, Fate::Dropped, Fate::Cut, Fate::Unanswered, Fate::Duplicated];
         missing.extend(all.iter().filter(|fate| !fates.contains_key(fate)).map(|fate| format!("requests {fate}")));
+        let between = self.servers.iter().flat_map(|servers| &servers.network).map(Proxy::fates);
+        let all = [Fate::Delayed, Fate::Cut, Fate::Swallowed];
+        let unmet = |fate: &&Fate| between.clone().all(|fates| !fates.contains_key(fate));
+        if self.servers.is_some() {
+            missing.extend(all.iter().filter(unmet).map(|fate| format!("messages to servers {fate}")));
+        }
         missing
     }
 
@@ -229,11 +239,14 @@ impl Siege {
     fn missing_blows(&self) -> Vec<String> {
         let kinds = self.rounds.kinds().iter().filter(|kind| !self.blows.contains_key(kind));
         let mut missing: Vec<String> = kinds.map(|(victim, blow)| format!("{victim} {blow}")).collect();
-        if self.failed_writes() == 0 {
-            missing.push("writes that fail".to_owned());
-        }
-        if self.failed_syncs() == 0 {
-            missing.push("syncs that fail".to_owned());
+        let fell_on = |victim: Victim, blow: Blow| self.rounds.kinds().contains(&(victim, blow));
+        for (victim, faults) in self.faults() {
+            if fell_on(victim, Blow::DiskFull) && faults.iter().all(|faults| faults.failed_writes() == 0) {
+                missing.push(format!("writes of {victim} that fail"));
+            }
+            if fell_on(victim, Blow::SyncsFail) && faults.iter().all(|faults| faults.failed_syncs() == 0) {
+                missing.push(format!("syncs of {victim} that fail"));
+            }
         }
         missing
     }
@@ -249,7 +262,14 @@ impl Siege {
         for ((victim, blow), count) in &self.blows {
             let _ = writeln!(text, "{count:6} {victim} {blow}");
         }
-        let _ = writeln!(text, "{:6} writes and {} syncs failed", self.failed_writes(), self.failed_syncs());
+        for (victim, faults) in self.faults() {
+            let (writes, syncs) = faults.iter().fold((0, 0), |(writes, syncs), faults| {
+                (writes + faults.failed_writes(), syncs + faults.failed_syncs())
+            });
+            if writes + syncs > 0 {
+                let _ = writeln!(text, "{writes:6} writes and {syncs} syncs of {victim} failed");
+            }
+        }
         for (fate, count) in self.network.fates() {
             let _ = writeln!(text, "{count:6} requests to coordinators {fate}");
         }
@@ -266,18 +286,12 @@ impl Siege {
         text
     }
 
-    fn failed_writes(&self) -> u64 {
-        self.faults().map(Faults::failed_writes).sum()
-    }
-
-    fn failed_syncs(&self) -> u64 {
-        self.faults().map(Faults::failed_syncs).sum()
-    }
-
-    fn faults(&self) -> impl Iterator<Item = &Faults> {
-        let coordinators = (0..self.coordinators.len()).filter_map(|index| self.farm.faults(index));
-        let of_servers = self.servers.iter().flat_map(|servers| [servers.database.faults(), servers.objects.faults()]);
-        coordinators.chain(of_servers.flatten())
+    /// The faults of everybody's disks.
+    fn faults(&self) -> [(Victim, Vec<&Faults>); 3] {
+        let coordinators = (0..self.coordinators.len()).filter_map(|index| self.farm.faults(index)).collect();
+        let database = self.servers.iter().filter_map(|servers| servers.database.faults()).collect();
+        let objects = self.servers.iter().filter_map(|servers| servers.objects.faults()).collect();
+        [(Victim::Coordinator, coordinators), (Victim::Database, database), (Victim::ObjectStore, objects)]
     }
 
     /// Waits, under attack, until all jobs of the orders from `first` on have ended and their images are checked.

@@ -2,30 +2,26 @@
 
 use std::fs;
 use std::io;
-use std::net::TcpListener;
 use std::os::unix::fs::chown;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::{Pid, Uid, User};
+use nix::unistd::{Uid, User};
 use tempfile::TempDir;
 
-use crate::Faults;
+use crate::watched::{self, Watched};
+use crate::{Faults, free_port};
 
 /// Longest time until a server takes connections.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Where Debian and Ubuntu keep the programs of each version.
 const VERSIONS: &str = "/usr/lib/postgresql";
-
-/// Runs the server until it ends, or until standard input does, as happens when the process that holds the other end is gone.
-const WATCH: &str = r#"exec 3<&0; "$0" "$@" 3<&- & server=$!; { read -r _ <&3; kill -INT $server; } & reader=$!; wait $server; kill $reader"#;
 
 /// A server with a superuser `postgres` who needs no password, on a free port of the loopback interface.
 #[derive(Debug)]
@@ -35,8 +31,7 @@ pub struct Postgres {
     databases: AtomicU32,
     owner: Option<User>,
     faults: Option<Faults>,
-    /// The shell that ends the server.
-    watch: Child,
+    process: Watched,
     folder: TempDir,
 }
 
@@ -81,9 +76,9 @@ impl Postgres {
         initialise.arg("-D").arg(&data);
         initialise.args(["-U", "postgres", "--auth=trust", "--no-sync", "--encoding=UTF8", "--locale=C"]);
         run(owned(&mut initialise, owner.as_ref(), folder.path()))?;
-        let port = TcpListener::bind("127.0.0.1:0")?.local_addr()?.port();
-        let watch = launch(&programs, port, owner.as_ref(), faults.as_ref(), folder.path())?;
-        let mut server = Self { programs, port, databases: AtomicU32::new(0), owner, faults, watch, folder };
+        let port = free_port()?;
+        let process = launch(&programs, port, owner.as_ref(), faults.as_ref(), folder.path())?;
+        let mut server = Self { programs, port, databases: AtomicU32::new(0), owner, faults, process, folder };
         server.wait()?;
         Ok(server)
     }
@@ -104,45 +99,25 @@ impl Postgres {
     ///
     /// When the system does not let it be killed.
     pub fn kill(&mut self) {
-        self.signal(Signal::SIGKILL);
-        // Whatever the server has become, its shell does not wait for it without standard input.
-        drop(self.watch.stdin.take());
-        self.watch.wait().expect("a process of ours");
+        self.process.kill();
     }
 
     /// Suspends the server and all its processes, or wakes them up again. One that has ended by itself stays dead.
+    ///
+    /// # Panics
+    ///
+    /// When the system does not know it.
     pub fn suspend(&mut self, suspended: bool) {
-        self.signal(if suspended { Signal::SIGSTOP } else { Signal::SIGCONT });
-    }
-
-    /// Sends a signal to the server and all its processes, as Linux describes them.
-    fn signal(&self, signal: Signal) {
-        let Some(server) = self.process() else { return };
-        let children = fs::read_to_string(format!("/proc/{server}/task/{server}/children")).unwrap_or_default();
-        let children = children.split_whitespace().filter_map(|number| number.parse::<u32>().ok());
-        // The server first: it starts others.
-        for process in [server].into_iter().chain(children) {
-            // A process that has just ended hears nothing.
-            let _ = kill(Pid::from_raw(process.cast_signed()), signal);
-        }
-    }
-
-    /// Number of the server's process, as the file in its folder has it, if that is still its own.
-    fn process(&self) -> Option<u32> {
-        let text = fs::read_to_string(self.folder.path().join("data/postmaster.pid")).ok()?;
-        let process: u32 = text.lines().next()?.parse().ok()?;
-        let data = self.folder.path().join("data").canonicalize().ok()?;
-        let is_ours = fs::read_link(format!("/proc/{process}/cwd")).ok()? == data;
-        is_ours.then_some(process)
+        self.process.suspend(suspended);
     }
 
     /// Whether the server has ended, by itself or killed.
     ///
     /// # Panics
     ///
-    /// When the system does not know its shell.
+    /// When the system does not know it.
     pub fn has_ended(&mut self) -> bool {
-        self.watch.try_wait().expect("a process of ours").is_some()
+        self.process.has_ended()
     }
 
     /// Starts it again, on the same port and with what it had stored.
@@ -157,7 +132,7 @@ impl Postgres {
 
     fn launch_again(&mut self) -> io::Result<()> {
         let Self { programs, port, owner, faults, folder, .. } = self;
-        self.watch = launch(programs, *port, owner.as_ref(), faults.as_ref(), folder.path())?;
+        self.process = launch(programs, *port, owner.as_ref(), faults.as_ref(), folder.path())?;
         Ok(())
     }
 
@@ -195,20 +170,19 @@ impl Postgres {
     }
 }
 
-/// The server over a folder with a database cluster, in a shell that ends it.
+/// The server over a folder with a database cluster.
 fn launch(
     programs: &Path,
     port: u16,
     owner: Option<&User>,
     faults: Option<&Faults>,
     folder: &Path,
-) -> io::Result<Child> {
-    let mut server = Command::new("sh");
-    server.args(["-c", WATCH]).arg(programs.join("postgres")).arg("-D").arg(folder.join("data"));
+) -> io::Result<Watched> {
+    let mut server = watched::command(&programs.join("postgres"));
+    server.arg("-D").arg(folder.join("data"));
     server.args(["-p", &port.to_string(), "-c", "listen_addresses=127.0.0.1", "-c", "unix_socket_directories="]);
     server.envs(faults.into_iter().flat_map(Faults::environment));
-    server.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
-    owned(&mut server, owner, folder).spawn()
+    Watched::start(owned(server.stderr(Stdio::null()), owner, folder))
 }
 
 /// The folder with the programs of the newest version.

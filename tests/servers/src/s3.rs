@@ -1,32 +1,43 @@
-//! A server that speaks S3 over a temporary folder: the program `s3-server` of this package.
+//! A server that speaks S3 over a temporary folder: the program `s3-server` of this package, or Garage.
 
 use std::fs;
-use std::io::{self, BufRead, BufReader};
-use std::path::PathBuf;
-use std::process::{Child, Command, Stdio};
+use std::io;
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
 
-use nix::sys::signal::{Signal, kill};
-use nix::unistd::Pid;
 use tempfile::TempDir;
 
-use crate::Faults;
+use crate::garage::Garage;
+use crate::watched::{self, Watched};
+use crate::{Faults, free_port};
 
-/// Who may use the server.
-const ACCESS_KEY: &str = "clerestory";
+/// Who may use the server, in the form that Garage asks for.
+pub(crate) const ACCESS_KEY: &str = "GK31415926535897932384626433";
 
 /// What they have to know.
-const SECRET_KEY: &str = "stained-glass";
+pub(crate) const SECRET_KEY: &str = "2718281828459045235360287471352662497757247093699959574966967627";
+
+/// Where it is.
+pub(crate) const REGION: &str = "us-east-1";
+
+/// Longest time until a server takes connections.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A server on a free port of the loopback interface. It checks signatures, as S3 does.
+///
+/// It is a small program of this package, unless the environment variable `CLERESTORY_TEST_GARAGE` has the path of Garage's.
 #[derive(Debug)]
 pub struct S3Server {
-    folder: TempDir,
     port: u16,
     buckets: AtomicU32,
     faults: Option<Faults>,
-    process: Child,
+    garage: Option<Garage>,
+    process: Watched,
+    folder: TempDir,
 }
 
 /// The server that all tests of this process share, started when it is asked for first.
@@ -61,8 +72,10 @@ impl S3Server {
     }
 
     fn start_on(folder: TempDir, faults: Option<Faults>) -> io::Result<Self> {
-        let (process, port) = launch(&folder, 0, faults.as_ref())?;
-        Ok(Self { folder, port, buckets: AtomicU32::new(0), faults, process })
+        let port = free_port()?;
+        let garage = Garage::if_wanted(folder.path(), port)?;
+        let process = launch(folder.path(), port, faults.as_ref(), garage.as_ref())?;
+        Ok(Self { port, buckets: AtomicU32::new(0), faults, garage, process, folder })
     }
 
     /// The faults of its disk, where it can have some.
@@ -79,10 +92,14 @@ impl S3Server {
     ///
     /// # Panics
     ///
-    /// When the disk is full.
+    /// When the server does not make it.
     pub fn new_bucket(&self) -> String {
         let name = format!("glass-{}", self.buckets.fetch_add(1, Ordering::Relaxed));
-        fs::create_dir(self.folder.path().join(&name)).expect("a writable folder");
+        let made = match &self.garage {
+            Some(garage) => garage.make_bucket(&name),
+            None => fs::create_dir(self.folder.path().join(&name)),
+        };
+        made.expect("the server makes a bucket");
         name
     }
 
@@ -104,18 +121,16 @@ impl S3Server {
     ///
     /// When the system does not let it be killed.
     pub fn kill(&mut self) {
-        self.process.kill().expect("a process of ours");
-        self.process.wait().expect("a process of ours");
+        self.process.kill();
     }
 
-    /// Suspends the server, or wakes it up again.
+    /// Suspends the server, or wakes it up again. One that has ended by itself stays dead.
     ///
     /// # Panics
     ///
-    /// When it has ended by itself.
+    /// When the system does not know it.
     pub fn suspend(&mut self, suspended: bool) {
-        let signal = if suspended { Signal::SIGSTOP } else { Signal::SIGCONT };
-        kill(Pid::from_raw(self.process.id().cast_signed()), signal).expect("the server runs");
+        self.process.suspend(suspended);
     }
 
     /// Starts it again, on the same port and with what it had stored.
@@ -124,31 +139,30 @@ impl S3Server {
     ///
     /// When it does not start.
     pub fn restart(&mut self) -> io::Result<()> {
-        (self.process, self.port) = launch(&self.folder, self.port, self.faults.as_ref())?;
+        self.process = launch(self.folder.path(), self.port, self.faults.as_ref(), self.garage.as_ref())?;
         Ok(())
     }
 }
 
-impl Drop for S3Server {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.process.kill();
-        let _ = self.process.wait();
+/// The server over a folder, as soon as it takes connections.
+fn launch(folder: &Path, port: u16, faults: Option<&Faults>, garage: Option<&Garage>) -> io::Result<Watched> {
+    let mut server = match garage {
+        Some(garage) => garage.server(),
+        None => {
+            let mut server = watched::command(&program()?);
+            server.arg(folder).args([&port.to_string(), ACCESS_KEY, SECRET_KEY]);
+            server
+        }
+    };
+    let mut process = Watched::start(server.envs(faults.into_iter().flat_map(Faults::environment)))?;
+    let start = Instant::now();
+    while let Err(error) = TcpStream::connect(("127.0.0.1", port)) {
+        if process.has_ended() || start.elapsed() > PATIENCE {
+            return Err(error);
+        }
+        thread::sleep(Duration::from_millis(10));
     }
-}
-
-/// The server over a folder, and the port on which it listens; 0 takes a free one.
-fn launch(folder: &TempDir, port: u16, faults: Option<&Faults>) -> io::Result<(Child, u16)> {
-    let mut command = Command::new(program()?);
-    command.arg(folder.path()).args([&port.to_string(), ACCESS_KEY, SECRET_KEY]);
-    command.envs(faults.into_iter().flat_map(Faults::environment));
-    let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::inherit()).spawn()?;
-    let mut line = String::new();
-    if let Some(output) = process.stdout.take() {
-        BufReader::new(output).read_line(&mut line)?;
-    }
-    let port = line.trim().parse().map_err(|_| io::Error::other("the S3 server did not name its port"))?;
-    Ok((process, port))
+    Ok(process)
 }
 
 /// The server's program, as cargo built it with this test.

@@ -11,7 +11,7 @@ use clerestory_tests::siege::{Durations, Plan, Siege};
 /// stepped and whose connections are cut, and compares every image, bit for bit, with that of one process.
 #[derive(Parser)]
 struct Arguments {
-    /// How long, minutes; the jobs that then run are waited for.
+    /// How long, minutes, and at least until 200 processes have been killed or suspended; the jobs that then run are waited for.
     #[arg(long, default_value_t = 10.0)]
     minutes: f64,
     /// Seed of the moments, the blows and the jobs.
@@ -34,6 +34,13 @@ const DURATIONS: Durations = Durations { pauses: [0.1, 1.2], away: 2.0, fault: 2
 /// Shortest and longest time between two blows where there are servers, seconds: when any of them is down, nothing goes on.
 const PAUSES_ON_SERVERS: [f64; 2] = [0.1, 2.3];
 
+/// Fewest kills and suspensions.
+const SUDDEN_BLOWS: u32 = 200;
+
+/// Most passes of a job: with servers, there is hardly a second in which nobody is down.
+const PASSES: usize = 21;
+const PASSES_ON_SERVERS: usize = 6;
+
 /// Longest time that a job may take, however often its farm is hit.
 const PATIENCE: Duration = Duration::from_secs(600);
 
@@ -48,13 +55,14 @@ fn main() -> ExitCode {
         durations: Durations { pauses, ..DURATIONS },
         is_endless: true,
         roughness: 1.0,
-        passes: 21,
+        passes: if servers { PASSES_ON_SERVERS } else { PASSES },
         patience: PATIENCE,
         log,
     };
     let start = Instant::now();
     let mut siege = Siege::lay(plan);
-    while start.elapsed().as_secs_f64() < minutes * 60.0 && siege.wrong().is_empty() {
+    let is_over = |siege: &Siege| siege.sudden() >= SUDDEN_BLOWS && start.elapsed().as_secs_f64() >= minutes * 60.0;
+    while !is_over(&siege) && siege.wrong().is_empty() {
         siege.wave();
         println!("{:.0} s: {}", start.elapsed().as_secs_f64(), siege.told());
     }

@@ -74,7 +74,8 @@ impl Siege {
     fn hit_coordinator(&mut self, blow: Blow) -> bool {
         let index = below(&mut self.random, self.coordinators.len());
         let Coordinator { is_asleep, has_faults, has_answered, is_down, clock_step, .. } = self.coordinators[index];
-        if is_down || !has_answered {
+        // One that is about to start may give up when it meets a fault; killed it may be at any time.
+        if is_down || !has_answered && blow != Blow::Killed {
             return false;
         }
         let (away, fault) = (self.some(self.plan.durations.away), self.some(self.plan.durations.fault));
@@ -116,6 +117,9 @@ impl Siege {
         let (away, fault, sleep) =
             (self.some(self.plan.durations.away), self.some(self.plan.durations.fault), self.sleep());
         let Some(servers) = self.servers.as_mut().filter(|_| !self.database_is_hit) else { return false };
+        if servers.database.has_ended() {
+            return false;
+        }
         let (relief, seconds) = match (blow, servers.database.faults()) {
             (Blow::Killed, _) => {
                 servers.database.kill();
@@ -156,8 +160,9 @@ impl Siege {
                 (Relief::WakeObjects, sleep)
             }
             (Blow::DiskFull, Some(faults)) => {
+                let failures = faults.failures();
                 faults.fill_disk(true);
-                (Relief::MendObjects, fault)
+                (Relief::MendObjects(failures), fault)
             }
             _ => return false,
         };
@@ -181,6 +186,9 @@ impl Siege {
             Relief::MendCoordinator(index, failures) => (self.farm.faults(index), failures),
             Relief::MendDatabase(failures) => {
                 (self.servers.as_ref().and_then(|servers| servers.database.faults()), failures)
+            }
+            Relief::MendObjects(failures) => {
+                (self.servers.as_ref().and_then(|servers| servers.objects.faults()), failures)
             }
             _ => return false,
         };
@@ -210,7 +218,7 @@ impl Siege {
                 }
             }
             Relief::StartDatabase | Relief::WakeDatabase | Relief::MendDatabase(_) => self.relieve_database(relief),
-            Relief::StartObjects | Relief::WakeObjects | Relief::MendObjects => self.relieve_objects(relief),
+            Relief::StartObjects | Relief::WakeObjects | Relief::MendObjects(_) => self.relieve_objects(relief),
         }
     }
 
@@ -254,8 +262,17 @@ impl Siege {
     }
 
     /// Starts what has ended by itself, as a supervisor of services does. A coordinator that starts without its database or on a full
-    /// disk may give up; one that has answered may not.
+    /// disk may give up; one that has answered may not, nor may a worker.
     fn start_what_has_ended(&mut self) {
+        for place in 0..self.workers.len() {
+            let (worker, _) = self.workers[place];
+            if !self.farm.worker_runs(worker) {
+                self.wrong.push(format!("worker {worker} ended by itself"));
+                self.workers.remove(place);
+                self.start_worker();
+                return;
+            }
+        }
         for index in 0..self.coordinators.len() {
             let Coordinator { is_down, has_answered, again, .. } = self.coordinators[index];
             if is_down || again > Instant::now() || self.farm.coordinator_runs(index) {

@@ -22,6 +22,9 @@ const SCENES: [(&str, &str); 4] = [
     ("room.json", "path"),
 ];
 
+/// How its passes are shared out, and when it ends before it has all of them.
+const RULES: [&[&str]; 4] = [&[], &[], &["--adaptive"], &["--target-estimated-mse", "0.001"]];
+
 /// How long to wait before asking again, when it is not known whether the farm has heard.
 const PAUSE: Duration = Duration::from_millis(500);
 
@@ -60,7 +63,8 @@ impl Order {
         let tile = ["8", "16", "64"][below(random, 3)];
         let seed = below(random, 1000).to_string();
         let options = ["--integrator", integrator, "--spp", &samples, "--size", &size, "--seed", &seed, "--tile", tile];
-        let options: Vec<String> = options.map(str::to_owned).into();
+        let rule = RULES[below(random, RULES.len())];
+        let options: Vec<String> = options.iter().chain(rule).map(|&option| option.to_owned()).collect();
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(scene);
         let alone = {
             let (scene, options) = (scene.clone(), options.clone());

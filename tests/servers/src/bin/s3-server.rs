@@ -1,4 +1,4 @@
-//! A server that speaks S3 over a folder, whose folders are the buckets. It prints its port, and ends with standard input.
+//! A server that speaks S3 over a folder, whose folders are the buckets, until it is interrupted.
 //!
 //! `s3-server FOLDER PORT ACCESS_KEY SECRET_KEY`
 
@@ -9,7 +9,6 @@ use hyper_util::server::conn::auto::Builder;
 use s3s::auth::SimpleAuth;
 use s3s::service::S3ServiceBuilder;
 use s3s_fs::FileSystem;
-use tokio::io::AsyncReadExt;
 use tokio::net::TcpListener;
 
 #[tokio::main]
@@ -23,11 +22,10 @@ async fn main() -> Result<(), Box<dyn Error>> {
     service.set_auth(SimpleAuth::from_single(access_key.as_str(), secret_key.as_str()));
     let service = service.build();
     let listener = TcpListener::bind(("127.0.0.1", port.parse()?)).await?;
-    println!("{}", listener.local_addr()?.port());
-    let (mut input, mut ignored) = (tokio::io::stdin(), Vec::new());
+    // A shell that runs it in the background has told it to ignore interrupts.
     tokio::select! {
-        accepted = serve(listener, service) => accepted,
-        _ = input.read_to_end(&mut ignored) => Ok(()),
+        served = serve(listener, service) => served,
+        interrupted = tokio::signal::ctrl_c() => Ok(interrupted?),
     }
 }
 
