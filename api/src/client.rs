@@ -13,8 +13,8 @@ use serde::de::DeserializeOwned;
 use crate::{
     ACCEPTED_NODES_HEADER, API_PREFIX, CORE_MILLISECONDS_HEADER, ContentHash, ConvergenceSeries, EXR_MEDIA_TYPE,
     EventStream, FENCING_TOKEN_HEADER, JobId, JobScene, JobSubmission, JobView, Lease, LeaseId, LeaseRenewal,
-    LeaseRequest, LeaseReturn, LeaseToken, PROBLEM_MEDIA_TYPE, PartialAnswer, PartialUpload, Preview, PreviewQuery,
-    Problem, WorkerId, WorkerRegistration, WorkerView,
+    LeaseRequest, LeaseReturn, LeaseToken, LiveMeasurement, PROBLEM_MEDIA_TYPE, PartialAnswer, PartialUpload, Preview,
+    PreviewQuery, Problem, WorkerId, WorkerRegistration, WorkerView,
 };
 
 /// Longest wait for a connection.
@@ -227,6 +227,11 @@ impl Client {
     /// The convergence of a job.
     pub async fn convergence(&self, job: JobId) -> Result<ConvergenceSeries, ClientError> {
         self.get(&format!("/jobs/{job}/convergence")).await
+    }
+
+    /// The error of a job as it is now, between its rounds.
+    pub async fn live(&self, job: JobId) -> Result<LiveMeasurement, ClientError> {
+        self.get(&format!("/jobs/{job}/live")).await
     }
 
     /// The image as it is now, as OpenEXR, whole.

@@ -16,6 +16,24 @@ pub struct ConvergenceSeries {
     pub points: Vec<ConvergencePoint>,
 }
 
+/// The error of a job's first frame as it is now, between its rounds: over the pixels that have samples, of which one may have more than another.
+/// It is measured when it is asked for, never stored, and nothing is stopped by it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct LiveMeasurement {
+    /// The job.
+    pub job: JobId,
+    /// Part of the pixels that have samples and are measured, 0 to 1.
+    pub covered: f64,
+    /// Samples in each of these pixels, on average.
+    pub samples_per_pixel: f64,
+    /// Mean squared error of these pixels against the reference, over their channels; absent without a reference.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mse: Option<f64>,
+    /// Mean squared standard error of these pixels, from their block means; absent before all of them have two blocks.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub estimated_mse: Option<f64>,
+}
+
 /// The error of a frame at a complete round. An error that is not a finite number is absent: without a reference, or,
 /// for `psnr`, when the image equals the reference.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -46,6 +64,9 @@ pub struct ConvergencePoint {
     /// Peak signal-to-noise ratio, dB.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<f64>,
+    /// Mean FLIP, 0 to 1: how different frame and reference look to someone who alternates between them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flip: Option<f64>,
     /// Mean squared standard error of the image itself, from its block means; absent before there are two blocks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub estimated_mse: Option<f64>,

@@ -91,6 +91,8 @@ pub struct LeaseRenewal {
     pub deadline_ms: i64,
     /// The same from the moment of the answer.
     pub expires_in_ms: i64,
+    /// Nodes of the lease that are still wanted from this worker; where it is none, the lease is over.
+    pub outstanding: u32,
 }
 
 /// A partial on its way to the coordinator.
@@ -111,7 +113,7 @@ pub struct PartialUpload {
 pub struct PartialAnswer {
     /// One answer for each part, in the order of the file.
     pub nodes: Vec<NodeAnswer>,
-    /// Nodes of the lease that are still wanted from this worker.
+    /// Nodes of the lease that are still wanted from this worker; where it is none, the lease is over.
     pub outstanding: u32,
 }
 

@@ -27,7 +27,7 @@ mod submission;
 mod worker;
 
 pub use client::{Client, ClientError, ImageDownload};
-pub use convergence::{ConvergencePoint, ConvergenceSeries};
+pub use convergence::{ConvergencePoint, ConvergenceSeries, LiveMeasurement};
 pub use counters::Counters;
 pub use event::{Event, EventBody};
 pub use event_stream::EventStream;

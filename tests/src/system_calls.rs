@@ -2,7 +2,7 @@
 //!
 //! A file is on disk when a sync of it has succeeded that began after the last write to it had ended; a name when the same is so of its
 //! folder since the name was made. At the moment when an answer to a call that changes something begins to be sent, everything in the
-//! server's folder should be.
+//! server's folder should be; and when a blob begins to be removed, everything that makes it superfluous.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -16,7 +16,7 @@ const TRACED: &str = "openat,open,creat,mkdir,mkdirat,rename,renameat,renameat2,
 /// The command under `strace`, which writes what it and its threads do to a file. Arguments can be added as to the command itself.
 pub fn traced(command: &Command, trace: &Path) -> Command {
     let mut traced = Command::new("strace");
-    traced.args(["-f", "-qq", "-y", "-s", "48", "-e", "signal=none", "-e"]).arg(format!("trace={TRACED}"));
+    traced.args(["-f", "-qq", "-y", "-s", "96", "-e", "signal=none", "-e"]).arg(format!("trace={TRACED}"));
     traced.arg("-o").arg(trace).arg("--").arg(command.get_program()).args(command.get_args());
     for (name, value) in command.get_envs() {
         match value {
@@ -27,40 +27,73 @@ pub fn traced(command: &Command, trace: &Path) -> Command {
     traced
 }
 
+/// What a server's files are, by their paths.
+#[derive(Clone, Copy)]
+pub struct Roles {
+    /// What need not be on disk.
+    pub is_ignored: fn(&str) -> bool,
+    /// The log of the database: a transaction is on disk when what it has written there is.
+    pub is_log: fn(&str) -> bool,
+    /// Files that are written once, and that rows of the database name.
+    pub is_blob: fn(&str) -> bool,
+}
+
 /// An answer to a call that changes something.
 #[derive(Clone, Debug)]
 pub struct Acknowledgement {
     /// Method and path of the call.
     pub call: String,
+    /// On which line of the trace the call had come; the first is 0.
+    pub received: usize,
     /// Files and folders that were not on disk when the answer began to be sent.
     pub unsynced: BTreeSet<String>,
 }
 
-/// All successful answers to calls that change something, in the order in which they were sent. Of what lies in `folder`, files that `ignored`
-/// names need not be on disk, and only syncs of what `counted` names count.
+/// A blob that is removed.
+#[derive(Clone, Debug)]
+pub struct Removal {
+    /// The blob.
+    pub path: String,
+    /// Other files and folders that were not on disk when it began to be removed.
+    pub unsynced: BTreeSet<String>,
+    /// Other blobs that no row on disk could name then: nothing that had been written to the log since they were there
+    /// had been synced.
+    pub unnamed: BTreeSet<String>,
+}
+
+/// What relied on the disk.
+#[derive(Clone, Debug, Default)]
+pub struct Replay {
+    /// All successful answers to calls that change something, in the order in which they were sent.
+    pub acknowledgements: Vec<Acknowledgement>,
+    /// All removals of blobs, in their order.
+    pub removals: Vec<Removal>,
+}
+
+/// Goes through a trace, and notes what of a server's `folder` was on disk whenever something relied on it.
 ///
 /// # Panics
 ///
 /// When the trace is not one.
-pub fn acknowledgements(
-    trace: &str,
-    folder: &Path,
-    ignored: impl Fn(&str) -> bool,
-    counted: impl Fn(&str) -> bool,
-) -> Vec<Acknowledgement> {
+pub fn replayed(trace: &str, folder: &Path, roles: Roles) -> Replay {
     let folder = folder.to_str().expect("a path that is text");
     let mut disk = Disk::default();
-    let mut calls: BTreeMap<String, String> = BTreeMap::new();
-    let mut acknowledgements = Vec::new();
+    let mut calls: BTreeMap<String, (String, usize)> = BTreeMap::new();
+    // Those that are there, each with how often the log had been changed when it got its name.
+    let mut blobs: BTreeMap<String, u64> = BTreeMap::new();
+    let mut replay = Replay::default();
     for event in events(trace) {
-        let path = event.path().filter(|path| path.starts_with(folder) && !ignored(path));
+        let path = event.path().filter(|path| path.starts_with(folder) && !(roles.is_ignored)(path));
         match (event.name, path) {
             ("write" | "writev" | "pwrite64" | "pwritev" | "pwritev2" | "ftruncate" | "fallocate", Some(path)) => {
                 disk.changes(path);
             }
-            ("fsync" | "fdatasync", Some(path)) if counted(path) => disk.syncs(&event, path),
+            ("fsync" | "fdatasync", Some(path)) => disk.syncs(&event, path),
             ("openat" | "open" | "creat", _) if event.ended == Some(true) && event.text.contains("O_CREAT") => {
-                if let Some(path) = event.result_path().filter(|path| path.starts_with(folder) && !ignored(path)) {
+                if let Some(path) = event.result_path()
+                    && path.starts_with(folder)
+                    && !(roles.is_ignored)(path)
+                {
                     disk.has(path);
                 }
             }
@@ -74,33 +107,74 @@ pub fn acknowledgements(
                     && to.starts_with(folder)
                 {
                     disk.moves(from, to);
+                    if (roles.is_blob)(to) {
+                        let [changes, _] = disk.changes_of(roles.is_log);
+                        blobs.insert(to.to_owned(), changes);
+                    }
                 }
             }
-            ("unlink" | "unlinkat", _) if event.ended == Some(true) => {
-                event.quoted().into_iter().for_each(|path| disk.forgets(path));
+            ("unlink" | "unlinkat", _) => {
+                for path in event.quoted() {
+                    if event.begins && path.starts_with(folder) && (roles.is_blob)(path) {
+                        replay.removals.push(removal(path, &disk, &blobs, roles));
+                    }
+                    if event.ended == Some(true) {
+                        disk.forgets(path);
+                        blobs.remove(path);
+                    }
+                }
             }
             ("read" | "readv" | "recvfrom" | "recvmsg", None) if event.ended.is_some() => {
                 if let (Some(connection), Some(call)) = (event.path(), event.call()) {
-                    calls.insert(connection.to_owned(), call.to_owned());
+                    calls.insert(connection.to_owned(), (call.to_owned(), event.line));
                 }
             }
             ("write" | "writev" | "sendto" | "sendmsg", None)
                 if event.begins && event.text.contains("\"HTTP/1.1 2") =>
             {
-                let call = event.path().and_then(|connection| calls.remove(connection)).unwrap_or_default();
+                let known = event.path().and_then(|connection| calls.remove(connection));
+                let (call, received) = known.unwrap_or_default();
                 if !call.starts_with("GET ") && !call.starts_with("HEAD ") {
-                    acknowledgements.push(Acknowledgement { call, unsynced: disk.unsynced() });
+                    replay.acknowledgements.push(Acknowledgement { call, received, unsynced: disk.unsynced() });
                 }
             }
             _ => {}
         }
     }
-    acknowledgements
+    replay
+}
+
+/// A removal that begins now.
+fn removal(path: &str, disk: &Disk, blobs: &BTreeMap<String, u64>, roles: Roles) -> Removal {
+    let mut unsynced = disk.unsynced();
+    unsynced.remove(path);
+    let [_, on_disk] = disk.changes_of(roles.is_log);
+    let unnamed = blobs.iter().filter(|(blob, changes)| blob.as_str() != path && on_disk <= **changes);
+    Removal { path: path.to_owned(), unsynced, unnamed: unnamed.map(|(blob, _)| blob.clone()).collect() }
+}
+
+/// The trace of a server that does not make some of the calls which this one has made from a line on: those of which
+/// `missing` says so, asked with the name of a call and with what its first argument is open on.
+pub fn without(trace: &str, from: usize, missing: impl Fn(&str, &str) -> bool) -> String {
+    let is_missing = |line: &str| {
+        let call = line.split_once(' ').map_or("", |(_, call)| call.trim_start());
+        let name = call.split_once('(').map_or("", |(name, _)| name);
+        open_on(call).is_some_and(|path| missing(name, path))
+    };
+    // What is left of a call that another thread has interrupted has no beginning, and counts for nothing.
+    let made = trace.lines().enumerate().filter(|(number, line)| *number < from || !is_missing(line));
+    made.map(|(_, line)| line).collect::<Vec<_>>().join("\n")
+}
+
+/// Whether a call of this name syncs.
+pub fn is_sync(name: &str) -> bool {
+    matches!(name, "fsync" | "fdatasync")
 }
 
 /// The beginning of a system call, its end, or both.
 #[derive(Clone, Debug)]
 struct Event<'a> {
+    line: usize,
     thread: &'a str,
     name: &'a str,
     begins: bool,
@@ -113,8 +187,7 @@ struct Event<'a> {
 impl Event<'_> {
     /// What the first argument, a descriptor, is open on.
     fn path(&self) -> Option<&str> {
-        let (descriptor, rest) = self.text.split_once('(')?.1.split_once('<')?;
-        descriptor.bytes().all(|byte| byte.is_ascii_digit()).then(|| rest.split_once('>').map(|(path, _)| path))?
+        open_on(&self.text)
     }
 
     /// What the descriptor that is its result is open on.
@@ -137,11 +210,17 @@ impl Event<'_> {
     }
 }
 
+/// What the first argument of a call, a descriptor, is open on.
+fn open_on(call: &str) -> Option<&str> {
+    let (descriptor, rest) = call.split_once('(')?.1.split_once('<')?;
+    descriptor.bytes().all(|byte| byte.is_ascii_digit()).then(|| rest.split_once('>').map(|(path, _)| path))?
+}
+
 /// The lines of a trace, those of calls that other threads interrupted put together.
 fn events(trace: &str) -> Vec<Event<'_>> {
     let mut begun: BTreeMap<&str, String> = BTreeMap::new();
     let mut events = Vec::new();
-    for line in trace.lines() {
+    for (number, line) in trace.lines().enumerate() {
         let (thread, rest) = line.split_once(' ').expect("a line begins with a thread");
         let rest = rest.trim_start();
         if rest.starts_with("+++") || rest.starts_with("---") {
@@ -161,10 +240,10 @@ fn events(trace: &str) -> Vec<Event<'_>> {
         };
         if let Some(unfinished) = text.strip_suffix(" <unfinished ...>") {
             begun.insert(thread, unfinished.to_owned());
-            events.push(Event { thread, name, begins, ended: None, text: unfinished.to_owned() });
+            events.push(Event { line: number, thread, name, begins, ended: None, text: unfinished.to_owned() });
         } else {
             let succeeded = text.rsplit_once(" = ").is_some_and(|(_, result)| !result.starts_with('-'));
-            events.push(Event { thread, name, begins, ended: Some(succeeded), text });
+            events.push(Event { line: number, thread, name, begins, ended: Some(succeeded), text });
         }
     }
     events
@@ -213,6 +292,12 @@ impl Disk {
 
     fn forgets(&mut self, path: &str) {
         self.paths.remove(path);
+    }
+
+    /// Changes of all files of a kind, and how many of them are on disk.
+    fn changes_of(&self, is_one: fn(&str) -> bool) -> [u64; 2] {
+        let found = self.paths.iter().filter(|(path, _)| is_one(path));
+        found.fold([0_u64; 2], |sums, (_, counts)| [sums[0] + counts[0], sums[1] + counts[1]])
     }
 
     fn unsynced(&self) -> BTreeSet<String> {

@@ -3,9 +3,11 @@
 use std::time::Duration;
 
 use clerestory_api::{
-    ClientError, ConvergencePoint, Event, EventBody, JobId, JobView, ProblemCode, WorkerState, WorkerView,
+    ClientError, ConvergencePoint, Event, EventBody, JobId, JobView, LiveMeasurement, ProblemCode, WorkerState,
+    WorkerView,
 };
 use futures::StreamExt;
+use tokio::time::MissedTickBehavior;
 
 use crate::commands::jobs::samples_text;
 use crate::connection::Connection;
@@ -18,14 +20,27 @@ const RECONNECT_PAUSE: Duration = Duration::from_millis(500);
 /// How long a farm may be without a worker before the user is told: one that is just being started needs a moment.
 const WORKER_PATIENCE: Duration = Duration::from_secs(5);
 
+/// How often the error between rounds is asked for: coordinators measure it no more often.
+const LIVE_PERIOD: Duration = Duration::from_secs(1);
+
+/// How long it is waited for.
+const LIVE_PATIENCE: Duration = Duration::from_secs(5);
+
 /// How often in a row a call may meet a fault of the coordinator, which need not pass as an outage does.
 const MOST_FAULTS: u32 = 10;
 
 /// Shows a job's progress and rounds until it ends; returns it as it ended. A coordinator that goes away is waited for,
 /// and the user is told.
 pub(crate) async fn follow(connection: &Connection, job: JobId, progress: &mut Progress) -> Result<JobView, Failure> {
-    let mut follower =
-        Follower { connection, job, progress, rounds: 0, outage: Outage::default(), workers: Workers::Unknown };
+    let mut follower = Follower {
+        connection,
+        job,
+        progress,
+        rounds: 0,
+        live: None,
+        outage: Outage::default(),
+        workers: Workers::Unknown,
+    };
     loop {
         match follower.until_final().await {
             Ok(Some(view)) => {
@@ -98,6 +113,8 @@ struct Follower<'a> {
     progress: &'a mut Progress,
     /// Rounds shown so far.
     rounds: u32,
+    /// The error between rounds, in words.
+    live: Option<String>,
     outage: Outage,
     workers: Workers,
 }
@@ -138,11 +155,18 @@ impl Follower<'_> {
         self.outage.end(self.connection, self.progress);
         let patience = tokio::time::sleep(WORKER_PATIENCE);
         tokio::pin!(patience);
+        let mut looks = tokio::time::interval(LIVE_PERIOD);
+        looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             let event = tokio::select! {
                 event = events.next() => event,
                 () = &mut patience, if self.workers == Workers::Absent => {
                     self.miss_workers();
+                    continue;
+                }
+                // Measuring is work: it is not asked for where nobody sees it.
+                _ = looks.tick(), if self.progress.is_drawn() => {
+                    self.look().await;
                     continue;
                 }
             };
@@ -168,7 +192,7 @@ impl Follower<'_> {
             self.progress.show(&Advance {
                 fraction: view.progress,
                 activity: None,
-                samples: Some(samples_text(&view, " samples a pixel")),
+                samples: Some(self.samples_text(&view)),
                 samples_per_second: view.samples_per_second,
                 remaining: view.remaining_ms.and_then(|left| u64::try_from(left).ok()).map(Duration::from_millis),
             });
@@ -176,6 +200,21 @@ impl Follower<'_> {
                 self.catch_up().await?;
                 return Ok(Some(view));
             }
+        }
+    }
+
+    /// Asks for the error between rounds. It is a courtesy: a coordinator that fails to tell it may know none, and what else is wrong the events show.
+    async fn look(&mut self) {
+        let live = tokio::time::timeout(LIVE_PATIENCE, self.connection.client.live(self.job)).await;
+        self.live = live.ok().and_then(Result::ok).and_then(|live| live_text(&live));
+    }
+
+    /// How many samples there are, and how good the image is that they make.
+    fn samples_text(&self, view: &JobView) -> String {
+        let samples = samples_text(view, " samples a pixel");
+        match self.live.as_ref().filter(|_| !view.state.is_final()) {
+            Some(live) => format!("{samples}, {live}"),
+            None => samples,
         }
     }
 
@@ -199,5 +238,31 @@ impl Follower<'_> {
             self.rounds = point.round + 1;
             self.progress.round(point);
         }
+    }
+}
+
+/// The error between rounds, where one is known, and the part of the pixels that it is of.
+fn live_text(live: &LiveMeasurement) -> Option<String> {
+    let error = match (live.mse, live.estimated_mse) {
+        (Some(mse), _) => format!("MSE {mse:.2e}"),
+        (None, Some(estimated)) => format!("estimated MSE {estimated:.2e}"),
+        (None, None) => return None,
+    };
+    Some(format!("live: {error} over {:.0} %", (live.covered * 100.0).floor()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_live_error_says_of_how_much_it_is() {
+        let job = "01890a5d-ac96-774b-bcce-b302099a8057".parse().unwrap();
+        let live = |mse, estimated_mse| {
+            live_text(&LiveMeasurement { job, covered: 0.639, samples_per_pixel: 12.5, mse, estimated_mse })
+        };
+        assert_eq!(live(Some(3.104e-4), Some(1.0)).as_deref(), Some("live: MSE 3.10e-4 over 63 %"));
+        assert_eq!(live(None, Some(0.25)).as_deref(), Some("live: estimated MSE 2.50e-1 over 63 %"));
+        assert_eq!(live(None, None), None);
     }
 }

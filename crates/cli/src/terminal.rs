@@ -68,6 +68,11 @@ impl Progress {
         Self { bar, is_drawn, last_line: None, has_header: false }
     }
 
+    /// Whether it is drawn for somebody who looks at it.
+    pub(crate) fn is_drawn(&self) -> bool {
+        self.is_drawn
+    }
+
     /// Shows how far it is.
     pub(crate) fn show(&mut self, advance: &Advance) {
         let text = advance_text(advance);
@@ -99,7 +104,7 @@ impl Progress {
     /// Writes a row of the table of rounds, with a header above the first.
     pub(crate) fn round(&mut self, point: &ConvergencePoint) {
         if !std::mem::replace(&mut self.has_header, true) {
-            self.note("  round     spp       time          MSE    corrected       relMSE       PSNR");
+            self.note("  round     spp       time          MSE    corrected       relMSE       PSNR     FLIP");
         }
         self.note(&round_text(point));
     }
@@ -133,9 +138,10 @@ fn round_text(point: &ConvergencePoint) -> String {
     let estimate = point.estimated_mse.filter(|_| point.mse.is_none());
     let number = |value: Option<f64>| value.map_or_else(|| format!("{:>12}", "-"), |value| format!("{value:12.4e}"));
     let psnr = point.psnr.map_or_else(|| format!("{:>8}   ", "-"), |psnr| format!("{psnr:8.2} dB"));
+    let flip = point.flip.map_or_else(|| format!("{:>8}", "-"), |flip| format!("{flip:8.4}"));
     let time = duration_text(Duration::from_millis(u64::try_from(point.wall_ms).unwrap_or(0)));
     let row = format!(
-        "{:>7} {:>7} {time:>10} {} {} {} {psnr}",
+        "{:>7} {:>7} {time:>10} {} {} {} {psnr} {flip}",
         point.round + 1,
         point.samples_per_pixel,
         number(point.mse),

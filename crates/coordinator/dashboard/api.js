@@ -41,6 +41,9 @@ export const releaseWorker = (worker) => json('POST', `/workers/${encodeURICompo
 /** The convergence series of a job. */
 export const convergence = (job) => json('GET', `/jobs/${encodeURIComponent(job)}/convergence`);
 
+/** The error of a job as it is now, between its rounds. */
+export const live = (job) => json('GET', `/jobs/${encodeURIComponent(job)}/live`);
+
 /** Cancels a job; what is complete is kept. */
 export const cancelJob = (job) => json('POST', `/jobs/${encodeURIComponent(job)}/cancel`);
 

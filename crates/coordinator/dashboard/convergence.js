@@ -2,7 +2,8 @@
 
 import { html, useEffect, useRef, useState } from './vendor/htm-preact.js';
 import { LogLogChart } from './chart.js';
-import { count, counted, decibels, duration, errorValue } from './format.js';
+import { count, counted, decibels, difference, duration, errorValue } from './format.js';
+import { LiveError } from './live.js';
 import { ProblemText } from './problem.js';
 import { useWidth } from './size.js';
 import { loadConvergence } from './store.js';
@@ -50,6 +51,7 @@ export function Convergence({ job, entry, isReachable }) {
       </div>
       ${entry?.problem && html`<div class="notice warning"><${ProblemText} problem=${entry.problem} /></div>`}
       <p class="quiet">${explanation(hasReference)} ${target && explanationOfTarget(hasReference, target)}</p>
+      <${LiveError} job=${job} isReachable=${isReachable} />
       ${points.length === 0
         ? html`<p class="card empty">${emptyText(job, isReachable)}</p>`
         : html`
@@ -133,7 +135,7 @@ function summary(points, curves) {
 function RoundTable({ points, hasReference }) {
   const columns = [
     ...(hasReference ? MEASURED : []).map(({ key, label }) => [label, (point) => errorValue(point[key])]),
-    ...(hasReference ? [['PSNR', (point) => decibels(point.psnr)]] : []),
+    ...(hasReference ? [['PSNR', (point) => decibels(point.psnr)], ['FLIP', (point) => difference(point.flip)]] : []),
     ['estimated MSE', (point) => errorValue(point.estimated_mse)],
   ];
   return html`

@@ -26,6 +26,9 @@ export const errorValue = (value) => (value === undefined ? '–' : value.toExpo
 /** A signal-to-noise ratio. */
 export const decibels = (value) => (value === undefined ? '–' : `${value.toFixed(2)} dB`);
 
+/** A mean FLIP. */
+export const difference = (value) => (value === undefined ? '–' : value.toFixed(4));
+
 /** A fraction as whole percent; 100 only when it is complete. */
 export const percent = (fraction) => `${Math.floor(fraction * 100 + 1e-9)} %`;
 

@@ -2,7 +2,8 @@
 //!
 //! The order makes the promise: the blob of the nodes is synced to disk, then one transaction accepts them, then the worker
 //! is told. A crash anywhere in between leaves a blob that nobody names, or a worker that uploads again and hears that all
-//! is there.
+//! is there. A worker that hangs up cuts none of it short: what is accepted has to be told to those who wait for it, and its next
+//! upload, of nodes that are all there, would tell nobody.
 
 use std::sync::Arc;
 
@@ -11,7 +12,7 @@ use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, ProblemCod
 use clerestory_render_core::film::{self, Expectation, NodeAddress, Rendered, partial};
 
 use crate::blobs::Place;
-use crate::farm::{DECODED_BYTES, Farm, permits};
+use crate::farm::{DECODED_BYTES, Farm, permits, to_its_end};
 use crate::http::ApiError;
 use crate::news::News;
 use crate::store::{DeliveredNode, Delivery, JobRecord, LeaseError, LeaseRecord, Outcome, WorkFailure, is_chosen};
@@ -24,7 +25,7 @@ pub(crate) fn wire_address(address: &NodeAddress) -> clerestory_api::NodeAddress
 
 /// Accepts a partial under a lease. A partial that cannot be merged sends the lease's nodes back to the queue.
 pub(crate) async fn accept(
-    farm: &Farm,
+    farm: &Arc<Farm>,
     record: LeaseRecord,
     core_ms: u64,
     body: Bytes,
@@ -39,7 +40,7 @@ pub(crate) async fn accept(
         allowed: record.nodes,
     };
     let wanted = permits(memory(&body).min(DECODED_BYTES));
-    let _permits = farm.decoding.acquire_many(wanted).await.map_err(ApiError::internal)?;
+    let permits = Arc::clone(&farm.decoding).acquire_many_owned(wanted).await.map_err(ApiError::internal)?;
     let decoded = tokio::task::spawn_blocking(move || partial::decode(&body, &expectation, expectation.budget()));
     let nodes = match decoded.await.map_err(ApiError::internal)? {
         Ok(nodes) => nodes,
@@ -52,7 +53,13 @@ pub(crate) async fn accept(
             return Err(ApiError::new(ProblemCode::InvalidPartial, reason).field("body"));
         }
     };
-    store(farm, &job, lease, token, core_ms, nodes).await
+    let farm = Arc::clone(farm);
+    let stored = to_its_end(async move {
+        let answer = store(&farm, &job, lease, token, core_ms, nodes).await;
+        drop(permits);
+        answer
+    });
+    stored.await.map_err(ApiError::internal)?
 }
 
 /// Memory that a partial takes: that of its pixels twice, as they are decoded and as they are in its nodes, and then encoded again to be stored.
@@ -61,12 +68,29 @@ fn memory(body: &[u8]) -> u64 {
 }
 
 /// Takes a lease back because its work failed.
-pub(crate) async fn fail(farm: &Farm, failure: WorkFailure) -> Result<(), ApiError> {
-    if let Some(job) = farm.store.fail_lease(failure).await? {
-        tracing::warn!(%job, "the job has failed");
-        farm.tell(News::Job(job));
-    }
-    farm.tell(News::Work);
+pub(crate) async fn fail(farm: &Arc<Farm>, failure: WorkFailure) -> Result<(), ApiError> {
+    let farm = Arc::clone(farm);
+    let failed = to_its_end(async move {
+        if let Some(job) = farm.store.fail_lease(failure).await? {
+            tracing::warn!(%job, "the job has failed");
+            farm.tell(News::Job(job));
+        }
+        farm.tell(News::Work);
+        Ok::<_, LeaseError>(())
+    });
+    failed.await.map_err(ApiError::internal)??;
+    Ok(())
+}
+
+/// Takes back a lease whose worker does no more of it.
+pub(crate) async fn give_back(farm: &Arc<Farm>, lease: LeaseId, token: u64, now_ms: i64) -> Result<(), ApiError> {
+    let farm = Arc::clone(farm);
+    let returned = to_its_end(async move {
+        farm.store.return_lease(lease, token, now_ms).await?;
+        farm.tell(News::Work);
+        Ok::<_, LeaseError>(())
+    });
+    returned.await.map_err(ApiError::internal)??;
     Ok(())
 }
 

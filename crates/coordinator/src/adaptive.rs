@@ -64,9 +64,8 @@ impl TilePasses {
     }
 }
 
-/// Decides the shares of a job whose pilot is complete, and stores them in its place. Answers what is not needed any more; changes
-/// nothing when that has been done.
-pub(crate) async fn share_out(farm: &Farm, job: &JobRecord) -> Result<Removed, FilmError> {
+/// Decides the shares of the tiles of a job whose pilot is complete, by frame.
+pub(crate) async fn decide(farm: &Farm, job: &JobRecord) -> Result<BTreeMap<u32, Vec<Share>>, FilmError> {
     let rows = farm.store.pilot(job.id).await?;
     let mut by_frame: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
     // One tile after another: all of them need not fit into memory.
@@ -76,7 +75,15 @@ pub(crate) async fn share_out(farm: &Farm, job: &JobRecord) -> Result<Removed, F
         let noise = tokio::task::spawn_blocking(move || noise(&nodes)).await?;
         by_frame.entry(address.frame).or_default().push(noise);
     }
-    let shares = by_frame.into_iter().map(|(frame, noise)| (frame, shares(&job.grid, &noise))).collect();
+    Ok(by_frame.into_iter().map(|(frame, noise)| (frame, shares(&job.grid, &noise))).collect())
+}
+
+/// Stores the shares of a job in the place of its pilot. Answers what is not needed any more; changes nothing when that has been done.
+pub(crate) async fn share_out(
+    farm: &Farm,
+    job: &JobRecord,
+    shares: BTreeMap<u32, Vec<Share>>,
+) -> Result<Removed, FilmError> {
     let removed = farm.store.share_out(job, shares).await?;
     tracing::info!(job = %job.id, "passes shared out among the tiles");
     farm.tell(News::Work);

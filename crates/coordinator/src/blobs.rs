@@ -21,7 +21,7 @@ use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutPayload, WriteMultip
 use uuid::Uuid;
 
 use crate::bucket::Bucket;
-use crate::directory;
+use crate::directory::{self, Folders};
 use crate::store::Identity;
 
 /// Chunks of an upload that may wait for the disk.
@@ -31,6 +31,9 @@ const CHUNKS_IN_FLIGHT: usize = 2;
 #[derive(Clone, Debug)]
 pub(crate) struct Blobs {
     store: Arc<dyn ObjectStore>,
+    /// Where they are files: the folders in which they lie. `LocalFileSystem` makes these too, but does not sync the name of one that a
+    /// process made which was killed before it had done so.
+    folders: Option<Arc<Folders>>,
 }
 
 /// Where the bytes of a node lie.
@@ -124,12 +127,12 @@ impl Blobs {
         directory::create(&directory)?;
         remove_unfinished(&directory)?;
         let store = LocalFileSystem::new_with_prefix(&directory).map_err(io::Error::other)?.with_fsync(true);
-        Ok(Self { store: Arc::new(store) })
+        Ok(Self { store: Arc::new(store), folders: Some(Arc::new(Folders::below(directory))) })
     }
 
     /// Opens the store in a bucket, which has to be there.
     pub(crate) fn in_bucket(bucket: &Bucket) -> Result<Self, BlobError> {
-        Ok(Self { store: Arc::new(bucket.client()?) })
+        Ok(Self { store: Arc::new(bucket.client()?), folders: None })
     }
 
     /// Makes sure that the store is this farm's, whose database names the nodes in `known`. It is marked when it is nobody's: when it holds
@@ -193,7 +196,9 @@ impl Blobs {
     where
         S: Stream<Item = Result<Bytes, E>> + Unpin,
     {
-        let mut upload = WriteMultipart::new(self.store.put_multipart(&asset_path(hash)).await?);
+        let path = asset_path(hash);
+        self.make_folder_of(&path).await?;
+        let mut upload = WriteMultipart::new(self.store.put_multipart(&path).await?);
         let mut hasher = blake3::Hasher::new();
         let mut size = 0_u64;
         let outcome = loop {
@@ -250,6 +255,19 @@ impl Blobs {
         Ok(AssetFile { store: self.store.clone(), path, size, position: 0, piece: Bytes::new(), piece_start: 0 })
     }
 
+    /// Makes the folder in which a blob is to lie, where blobs are files.
+    async fn make_folder_of(&self, blob: &Path) -> Result<(), BlobError> {
+        let folder = std::path::Path::new(blob.as_ref()).parent();
+        let (Some(folders), Some(folder)) = (self.folders.clone(), folder) else { return Ok(()) };
+        if folders.has(folder) {
+            return Ok(());
+        }
+        let folder = folder.to_owned();
+        let made = tokio::task::spawn_blocking(move || folders.make(&folder));
+        let made = made.await.unwrap_or_else(|error| Err(io::Error::other(error)));
+        made.map_err(|source| BlobError(object_store::Error::Generic { store: "directory", source: Box::new(source) }))
+    }
+
     /// Stores nodes in one blob with a new name. Answers where each lies when the bytes are safe on disk.
     pub(crate) async fn put_nodes(&self, job: JobId, nodes: Vec<Vec<u8>>) -> Result<Vec<Place>, BlobError> {
         let blob = format!("nodes/{job}/{}", Uuid::now_v7());
@@ -261,7 +279,9 @@ impl Blobs {
         };
         let places = nodes.iter().map(place).collect();
         let bytes: PutPayload = nodes.into_iter().map(Bytes::from).collect();
-        self.store.put(&Path::from(blob.as_str()), bytes).await?;
+        let path = Path::from(blob.as_str());
+        self.make_folder_of(&path).await?;
+        self.store.put(&path, bytes).await?;
         Ok(places)
     }
 

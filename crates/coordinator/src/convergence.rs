@@ -7,13 +7,14 @@ use std::ops::Range;
 
 use clerestory_api::{ContentHash, ConvergencePoint};
 use clerestory_render_core::film::{
-    self, Comparison, DecodeBudget, ImageLayers, LayerChoice, NoiseMeasure, ReferenceMeasure, ReferenceSummary,
-    TileGrid,
+    self, Comparison, DecodeBudget, FlipComparison, ImageLayers, LayerChoice, MeanLuminance, NoiseMeasure,
+    ReferenceMeasure, ReferenceSummary, TileGrid, ToneCurve,
 };
+use tokio::sync::SemaphorePermit;
 
 use crate::adaptive::TilePasses;
 use crate::blobs::Blobs;
-use crate::farm::Farm;
+use crate::farm::{Farm, permits};
 use crate::film::FilmError;
 use crate::frame::{Extent, Frame, Reading, strips};
 use crate::store::{CompleteWave, JobRecord};
@@ -28,6 +29,8 @@ pub(crate) struct Reference {
     hash: ContentHash,
     budget: DecodeBudget,
     summary: ReferenceSummary,
+    /// The exposure at which it and images are shown, in stops.
+    stops: f64,
 }
 
 impl Reference {
@@ -39,17 +42,30 @@ impl Reference {
     pub(crate) async fn measure(farm: &Farm, grid: TileGrid, hash: ContentHash) -> Result<Self, FilmError> {
         let budget = DecodeBudget { pixel_bytes: farm.config.image_bytes };
         let summary = ReferenceSummary { mean_magnitude: 0.0, peak: 0.0, sum: 0.0, noise: None };
-        let mut reference = Self { blobs: farm.blobs.clone(), hash, budget, summary };
-        let mut measure = ReferenceMeasure::new(grid);
+        let mut reference = Self { blobs: farm.blobs.clone(), hash, budget, summary, stops: 0.0 };
+        let (mut measure, mut luminance) = (ReferenceMeasure::new(grid), MeanLuminance::new());
         for strip in strips(grid, REFERENCE_PIXEL_BYTES, farm.strip_bytes()) {
+            let _turn = turn(farm, grid, strip.len(), REFERENCE_PIXEL_BYTES).await;
             let layers = reference.rows(strip.clone()).await?;
-            measure = tokio::task::spawn_blocking(move || {
+            (measure, luminance) = tokio::task::spawn_blocking(move || {
+                luminance.add(&layers.mean);
                 measure.add(strip, &layers);
-                measure
+                (measure, luminance)
+            })
+            .await?;
+        }
+        let mut exposure = luminance.finish();
+        for strip in strips(grid, REFERENCE_PIXEL_BYTES, farm.strip_bytes()) {
+            let _turn = turn(farm, grid, strip.len(), REFERENCE_PIXEL_BYTES).await;
+            let layers = reference.rows(strip).await?;
+            exposure = tokio::task::spawn_blocking(move || {
+                exposure.add(&layers.mean);
+                exposure
             })
             .await?;
         }
         reference.summary = measure.finish();
+        reference.stops = exposure.finish();
         Ok(reference)
     }
 
@@ -70,6 +86,14 @@ impl Reference {
     }
 }
 
+/// Waits until some rows may be in memory to be measured. Jobs take turns at it strip by strip, so that none waits until the whole of
+/// another's large frame has been measured, and all of them together take no more memory than one.
+async fn turn(farm: &Farm, grid: TileGrid, rows: usize, bytes_per_pixel: u64) -> Option<SemaphorePermit<'_>> {
+    let bytes = rows as u64 * u64::from(grid.width) * bytes_per_pixel;
+    // The semaphore is never closed.
+    farm.measuring.acquire_many(permits(bytes.min(farm.strip_bytes()))).await.ok()
+}
+
 /// The point of the convergence series that a frame makes at a complete round.
 pub(crate) async fn point(
     farm: &Farm,
@@ -86,7 +110,9 @@ pub(crate) async fn point(
     let mut reading = Reading::default();
     let mut noise = NoiseMeasure::new(job.grid);
     let mut comparison = reference.map(|reference| Comparison::new(job.grid, reference.summary));
+    let mut flip = reference.map(|reference| FlipComparison::new(job.grid.width, reference.stops, ToneCurve::Filmic));
     for strip in strips(job.grid, bytes, farm.strip_bytes()) {
+        let _turn = turn(farm, job.grid, strip.len(), bytes).await;
         let rows = image.rows(strip.clone(), choice, &mut reading).await?;
         let expected = match reference {
             Some(reference) => Some(reference.rows(strip.clone()).await?),
@@ -94,12 +120,13 @@ pub(crate) async fn point(
         };
         let measured = tokio::task::spawn_blocking(move || {
             noise.add(strip.clone(), rows.layers());
-            if let (Some(comparison), Some(expected)) = (&mut comparison, &expected) {
+            if let (Some(comparison), Some(flip), Some(expected)) = (&mut comparison, &mut flip, &expected) {
                 comparison.add(strip, rows.layers(), expected);
+                flip.add(&rows.layers().mean, &expected.mean)?;
             }
-            (noise, comparison)
+            Ok::<_, FilmError>((noise, comparison, flip))
         });
-        (noise, comparison) = measured.await?;
+        (noise, comparison, flip) = measured.await??;
     }
     let metrics = comparison.map(Comparison::finish);
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
@@ -115,6 +142,7 @@ pub(crate) async fn point(
         corrected_mse: metrics.and_then(|metrics| metrics.corrected_mse).and_then(finite),
         rel_mse: metrics.and_then(|metrics| metrics.rel_mse).and_then(finite),
         psnr: metrics.and_then(|metrics| metrics.psnr).and_then(finite),
+        flip: flip.and_then(FlipComparison::finish).and_then(finite),
         estimated_mse: has_standard_error.then(|| noise.finish()).and_then(finite),
     })
 }

@@ -5,19 +5,22 @@ use std::time::Duration;
 
 use clerestory_api::JobId;
 use tokio::sync::{Notify, Semaphore, mpsc};
+use tokio::task::JoinError;
 use tokio_util::sync::CancellationToken;
+use tracing::Instrument;
 use uuid::Uuid;
 
 use crate::blobs::Blobs;
 use crate::config::Config;
 use crate::events::Events;
 use crate::film::FilmReader;
+use crate::live::LiveValues;
 use crate::news::News;
 use crate::previews::Previews;
 use crate::rate::Rates;
 use crate::store::{Removed, Store};
 
-/// Bytes of partials that are received at the same time. A larger one is received alone.
+/// Bytes of partials that are received at the same time, but for one that goes on beyond them.
 pub(crate) const RECEIVED_BYTES: u64 = 32 << 20;
 
 /// Memory for partials that are decoded at the same time, and for their nodes until they are accepted. One that takes more is decoded alone.
@@ -27,6 +30,9 @@ pub(crate) const DECODED_BYTES: u64 = 64 << 20;
 pub(crate) fn permits(bytes: u64) -> u32 {
     u32::try_from(bytes >> 10).unwrap_or(u32::MAX).max(1)
 }
+
+/// Batches of tiles that are merged at the same time, of whichever jobs: while one is computed, another waits for the disk.
+pub(crate) const MERGES: usize = 2;
 
 /// How long a worker may be silent before others do without it, where a lease does not run out earlier: three signs of life.
 const LONGEST_SILENCE: Duration = Duration::from_secs(15);
@@ -52,6 +58,8 @@ pub(crate) struct Farm {
     pub(crate) images: Semaphore,
     /// Previews that may be asked for again.
     pub(crate) previews: Previews,
+    /// Errors between rounds that may be asked for again.
+    pub(crate) live: LiveValues,
     /// Tells listeners what happens.
     pub(crate) events: Events,
     /// How fast jobs advance.
@@ -60,8 +68,14 @@ pub(crate) struct Farm {
     pub(crate) work: Notify,
     /// Permits for receiving partials, one for each kibibyte.
     pub(crate) receiving: Semaphore,
+    /// Permit for receiving the rest of a partial without them: those that have begun to come could wait for each other.
+    pub(crate) receiving_beyond: Semaphore,
     /// Permits for decoding partials, one for each kibibyte.
-    pub(crate) decoding: Semaphore,
+    pub(crate) decoding: Arc<Semaphore>,
+    /// Permits for rows that are measured, one for each kibibyte.
+    pub(crate) measuring: Semaphore,
+    /// Permits for batches of tiles that are merged.
+    pub(crate) merging: Semaphore,
     /// Permit for building a submitted scene, which may take much memory.
     pub(crate) building: Semaphore,
     /// Rings the keeper for a job of which a round may be complete.
@@ -87,7 +101,7 @@ impl Farm {
         let (keeper, grown) = mpsc::unbounded_channel();
         let (tell, told) = mpsc::unbounded_channel();
         let film = FilmReader::new(blobs.clone(), config.node_cache_bytes);
-        let images = Semaphore::new(permits(config.image_bytes / 2) as usize);
+        let [images, measuring] = [(); 2].map(|()| Semaphore::new(permits(config.image_bytes / 2) as usize));
         let previews = Previews::new(config.preview_bytes);
         let rates = Rates::new(config.clock.now_ms());
         let farm = Self {
@@ -98,11 +112,15 @@ impl Farm {
             film,
             images,
             previews,
+            live: LiveValues::default(),
             events: Events::default(),
             rates,
             work: Notify::new(),
             receiving: Semaphore::new(permits(RECEIVED_BYTES) as usize),
-            decoding: Semaphore::new(permits(DECODED_BYTES) as usize),
+            receiving_beyond: Semaphore::new(1),
+            decoding: Arc::new(Semaphore::new(permits(DECODED_BYTES) as usize)),
+            measuring,
+            merging: Semaphore::new(MERGES),
             building: Semaphore::new(1),
             keeper,
             told: tell,
@@ -192,6 +210,18 @@ impl Farm {
         // The keeper is gone only when the coordinator stops; it looks at all open jobs when it starts again.
         let _ = self.keeper.send(job);
     }
+}
+
+/// Carries out to its end what must not be cut short, such as a write with the news of it: the future of a request is dropped wherever it
+/// stands when its caller hangs up.
+///
+/// # Errors
+///
+/// When the work panics.
+pub(crate) async fn to_its_end<T: Send + 'static>(
+    work: impl Future<Output = T> + Send + 'static,
+) -> Result<T, JoinError> {
+    tokio::spawn(work.in_current_span()).await
 }
 
 fn milliseconds(duration: Duration) -> i64 {

@@ -61,6 +61,9 @@ pub(crate) enum FilmError {
     /// A file could not be written.
     #[error("the image cannot be written")]
     Write(#[from] film::OpenExrError),
+    /// A frame and its reference do not have the same rows.
+    #[error("the image and its reference cannot be compared")]
+    Flip(#[from] film::FlipError),
     /// A preview could not be written.
     #[error("the preview cannot be written")]
     Preview(#[from] film::PreviewError),

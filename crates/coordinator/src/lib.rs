@@ -33,6 +33,7 @@ mod frame;
 mod http;
 mod images;
 mod keeper;
+mod live;
 mod news;
 mod previews;
 mod rate;

@@ -1,7 +1,8 @@
 //! Previews: images as they are now, for whoever looks at a job while it converges.
 //!
 //! What a preview shows is kept, and with it how many passes of each tile it shows. So an update reads the nodes of those tiles alone that
-//! have grown; the cost is in proportion to what has changed. However many look, there is one update in a quarter of a second at most, and no
+//! have grown; the cost is in proportion to what has changed. Only where nodes were taken out of the film, to be rendered again, all tiles are
+//! read: one may have as many passes as before, and others. However many look, there is one update in a quarter of a second at most, and no
 //! more than half of the time of a core goes into those of a job.
 
 use std::collections::BTreeMap;
@@ -58,12 +59,28 @@ struct Canvas {
     /// Passes of each tile in it.
     tile_passes: Vec<u32>,
     accepted_nodes: u64,
+    /// Nodes that had been taken out of the film when it was read.
+    redone_nodes: u64,
     is_final: bool,
     /// Until when it may stay as it is; `None` when it was never brought up to date.
     fresh_until_ms: Option<i64>,
     png: Option<(PreviewSettings, Bytes)>,
     /// Returned when it is dropped.
     _memory: Option<OwnedSemaphorePermit>,
+}
+
+impl Canvas {
+    /// Shows nothing, of a film out of which so many nodes have been taken.
+    fn begin_again(&mut self, redone_nodes: u64) {
+        for (tile, passes) in (0..).zip(&mut self.tile_passes) {
+            if std::mem::take(passes) > 0 {
+                self.image.clear(tile);
+            }
+        }
+        self.redone_nodes = redone_nodes;
+        // Nobody is shown it again, even if the film cannot be read now.
+        (self.fresh_until_ms, self.png) = (None, None);
+    }
 }
 
 impl Previews {
@@ -97,6 +114,7 @@ impl Previews {
             image,
             tile_passes: vec![0; job.grid.len() as usize],
             accepted_nodes: 0,
+            redone_nodes: job.redone_nodes,
             is_final: false,
             fresh_until_ms: None,
             png: None,
@@ -167,6 +185,9 @@ async fn update(
     job: &JobRecord,
     mut canvas: OwnedMutexGuard<Canvas>,
 ) -> Result<OwnedMutexGuard<Canvas>, FilmError> {
+    if canvas.redone_nodes != job.redone_nodes {
+        canvas.begin_again(job.redone_nodes);
+    }
     for tiles in runs(0..job.grid.len()) {
         let mut tries = 1;
         loop {

@@ -9,6 +9,12 @@ use clerestory_render_core::film::PassRange;
 /// Passes between late boundaries; a power of two.
 const LATE_STEP: u32 = 16;
 
+/// A lease may go on without an accepted node for so many times as long as its work should take.
+const PATIENCE: f64 = 3.0;
+
+/// Longest time for which a lease may, in seconds: a week.
+const LONGEST_PATIENCE: f64 = 7.0 * 24.0 * 3600.0;
+
 /// The round boundaries of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rounds {
@@ -86,8 +92,17 @@ impl Pace {
         self.samples_per_second.map_or(self.target_seconds, |rate| samples / rate)
     }
 
-    /// Samples that a lease should hold: what the worker renders in the wanted time, but towards the end of a job no more
-    /// than half of an equal share of what is left, so that all workers finish together.
+    /// How long a lease of some samples may go on without an accepted node before others are given its work, in seconds. For work that has
+    /// been given out `repeats` times while others had it, four times as long for each: work that takes longer than anybody expects is
+    /// not taken from all who begin it.
+    pub(crate) fn patience_seconds(&self, samples: f64, repeats: u32) -> f64 {
+        let needed = self.seconds(samples).max(self.target_seconds);
+        (PATIENCE * needed * f64::from(1_u32 << (2 * repeats.min(10)))).min(LONGEST_PATIENCE)
+    }
+
+    /// Samples that a lease should hold, and a node at most: what the worker renders in the wanted time, but towards the end of a job no
+    /// more than half of an equal share of what is left, so that all workers finish together. None before its speed is known: then one
+    /// pass is enough to measure it.
     pub(crate) fn lease_samples(&self, samples_left: f64) -> f64 {
         let by_rate = self.samples_per_second.unwrap_or(0.0) * self.target_seconds;
         by_rate.min(samples_left / f64::from(2 * self.workers.max(1)))
@@ -146,6 +161,19 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn work_that_was_given_out_before_is_left_to_the_next_for_longer() {
+        let patience = |samples_per_second, samples, repeats| {
+            Pace { samples_per_second, target_seconds: 10.0, workers: 3 }.patience_seconds(samples, repeats)
+        };
+        assert_eq!(patience(None, 1e9, 0), 30.0);
+        assert_eq!(patience(Some(100.0), 1.0, 0), 30.0, "as long as a lease should take, at least");
+        assert_eq!(patience(Some(100.0), 2000.0, 0), 60.0);
+        assert_eq!(patience(Some(100.0), 2000.0, 1), 240.0);
+        assert_eq!(patience(Some(100.0), 2000.0, 2), 960.0);
+        assert_eq!(patience(Some(1e-9), 2000.0, u32::MAX), LONGEST_PATIENCE);
     }
 
     #[test]

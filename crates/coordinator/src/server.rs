@@ -322,9 +322,10 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
         // What other coordinators did without being heard: they may have died before they told it.
         farm.events.stored();
         farm.ring_for_work();
-        for job in running {
-            farm.look_at_film(job);
-        }
+    }
+    // No round depends on the news of it.
+    for job in running {
+        farm.look_at_film(job);
     }
     Ok(())
 }

@@ -34,7 +34,7 @@ const SHORTEST_RENEWAL: Duration = Duration::from_millis(50);
 pub(crate) enum Ending {
     /// All its nodes are rendered.
     Complete,
-    /// The lease does not count any more.
+    /// The lease does not count any more, or nothing of it is wanted.
     Over,
     /// The worker was told to end.
     Stopped,
@@ -50,7 +50,7 @@ pub(crate) struct LeaseWork {
     build: String,
     /// Cancelled when the worker is told to end, or `over` is.
     stop: CancellationToken,
-    /// Cancelled when the lease does not count any more.
+    /// Cancelled when the lease does not count any more, or nothing of it is wanted: all is accepted, or others have it.
     over: CancellationToken,
     renewal: AbortOnDropHandle<()>,
     receipts: Vec<oneshot::Receiver<Receipt>>,
@@ -69,7 +69,7 @@ impl LeaseWork {
         let renewal = {
             let (client, lease, stop, over) = (client.clone(), lease.clone(), stop.clone(), over.clone());
             AbortOnDropHandle::new(tokio::spawn(async move {
-                renew_until_over(&client, &lease).await;
+                over.run_until_cancelled(renew_until_over(&client, &lease)).await;
                 over.cancel();
                 stop.cancel();
             }))
@@ -151,7 +151,8 @@ impl LeaseWork {
         let (plan, build) = (plan.clone(), self.build.clone());
         let nodes: Vec<_> = nodes.into_iter().map(|node| node.rendered).collect();
         let encode = Box::new(move || plan.encode_partial(&nodes, &build).map_err(|error| with_causes(&error)));
-        let parcel = Parcel { lease: self.lease.id, token: self.lease.token, encode, core_time, receipt };
+        let (lease, token, over) = (self.lease.id, self.lease.token, self.over.clone());
+        let parcel = Parcel { lease, token, encode, core_time, receipt, over };
         tokio::select! {
             sent = self.outbox.send(parcel) => {
                 if sent.is_ok() {
@@ -198,13 +199,17 @@ impl LeaseWork {
     }
 }
 
-/// Renews a lease well before its deadline; returns when it does not count any more.
+/// Renews a lease well before its deadline; returns when it does not count any more, or nothing of it is wanted.
 async fn renew_until_over(client: &Client, lease: &Lease) {
     let mut expires_in_ms = lease.expires_in_ms;
     loop {
         let term = Duration::from_millis(u64::try_from(expires_in_ms).unwrap_or(0));
         tokio::time::sleep((term / 3).max(SHORTEST_RENEWAL)).await;
         match until_answered("renew a lease", || client.renew_lease(lease.id, lease.token)).await {
+            Ok(renewal) if renewal.outstanding == 0 => {
+                info!(lease = %lease.id, "others have what is left of the lease");
+                return;
+            }
             Ok(renewal) => {
                 debug!(lease = %lease.id, "renewed a lease");
                 expires_in_ms = renewal.expires_in_ms;

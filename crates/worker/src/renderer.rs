@@ -25,7 +25,7 @@ const NODES_IN_FLIGHT: usize = 2;
 pub(crate) struct RenderedNode {
     /// The node, with what was counted.
     pub(crate) rendered: Rendered,
-    /// Time since the node before was complete, summed over cores.
+    /// Time since the node before was complete, or since this one was begun if that was later, summed over cores.
     pub(crate) core_time: Duration,
 }
 
@@ -67,7 +67,7 @@ impl Renderer {
         complete: &mpsc::Sender<RenderedNode>,
     ) -> Result<(), LeaseError> {
         let start = Instant::now();
-        let mut last = start;
+        let mut last_completed = start;
         let mut samples = 0;
         let (ends, ended) = std::sync::mpsc::channel();
         let mut nodes_left = nodes.iter();
@@ -76,22 +76,25 @@ impl Renderer {
                 let Some(node) = nodes_left.next() else { return false };
                 let ends = ends.clone();
                 scope.spawn(move |_| {
+                    // Its result may lie here for long, while the coordinator is away: that is no time of this node, nor of the next.
+                    let begun = Instant::now();
+                    let rendered = self.render_node(plan, node, cancelled);
                     // The receiver is gone after a failure, when no node counts any more.
-                    let _ = ends.send(self.render_node(plan, node, cancelled));
+                    let _ = ends.send((rendered, begun, Instant::now()));
                 });
                 true
             };
             let mut in_flight = (0..NODES_IN_FLIGHT).filter(|_| begin_next()).count();
             while in_flight > 0 {
-                let Ok(rendered) = ended.recv() else { break };
+                let Ok((rendered, begun, completed)) = ended.recv() else { break };
                 let rendered = rendered?;
                 if !begin_next() {
                     in_flight -= 1;
                 }
                 samples += rendered.counters.samples;
-                let now = Instant::now();
-                let core_time = (now - last) * u32::try_from(self.pool.current_num_threads()).unwrap_or(u32::MAX);
-                last = now;
+                let took = completed.saturating_duration_since(begun.max(last_completed));
+                let core_time = took.saturating_mul(u32::try_from(self.pool.current_num_threads()).unwrap_or(u32::MAX));
+                last_completed = last_completed.max(completed);
                 if complete.blocking_send(RenderedNode { rendered, core_time }).is_err() {
                     return Err(LeaseError::Stopped);
                 }

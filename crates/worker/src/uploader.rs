@@ -5,6 +5,7 @@ use std::time::Duration;
 use bytes::Bytes;
 use clerestory_api::{Client, ClientError, LeaseId, NodeVerdict, PartialAnswer, PartialUpload, ProblemCode};
 use tokio::sync::{mpsc, oneshot};
+use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
 use crate::error::with_causes;
@@ -25,6 +26,8 @@ pub(crate) struct Parcel {
     pub(crate) core_time: Duration,
     /// Told what became of them.
     pub(crate) receipt: oneshot::Sender<Receipt>,
+    /// Cancelled when nothing more of the lease is wanted.
+    pub(crate) over: CancellationToken,
 }
 
 /// What became of a parcel.
@@ -49,13 +52,17 @@ pub(crate) fn uploader(client: Client) -> (Outbox, impl Future<Output = ()>) {
     let (outbox, mut parcels) = mpsc::channel::<Parcel>(QUEUE_LENGTH);
     let work = async move {
         while let Some(parcel) = parcels.recv().await {
-            let Parcel { lease, token, encode, core_time, receipt } = parcel;
-            let core_ms = u64::try_from(core_time.as_millis()).unwrap_or(u64::MAX);
+            let Parcel { lease, token, encode, core_time, receipt, over } = parcel;
+            // Part of a millisecond counts as one: a node that took no time would tell nothing of the worker's speed.
+            let core_ms = u64::try_from(core_time.as_nanos().div_ceil(1_000_000)).unwrap_or(u64::MAX);
             let outcome = match tokio::task::spawn_blocking(encode).await {
                 Ok(Ok(file)) => send(&client, PartialUpload { lease, token, core_ms, body: Bytes::from(file) }).await,
                 Ok(Err(reason)) => Receipt::Rejected(reason),
                 Err(panic) => Receipt::Rejected(panic.to_string()),
             };
+            if matches!(outcome, Receipt::Answered { outstanding: 0 } | Receipt::LeaseOver) {
+                over.cancel();
+            }
             // Nobody waits for the receipt of a lease that was dropped because the worker ends.
             let _ = receipt.send(outcome);
         }

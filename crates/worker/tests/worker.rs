@@ -39,6 +39,8 @@ struct Fake {
     /// Workers that are known; a claim of another is refused.
     known: Vec<WorkerId>,
     lease_is_over: bool,
+    /// Renewals of the first lease are told that nothing of it is wanted.
+    nothing_is_wanted: bool,
     uploads: Vec<Upload>,
     returns: Vec<(LeaseId, LeaseReturn)>,
     leases: BTreeMap<LeaseId, Lease>,
@@ -212,6 +214,7 @@ async fn claim(State(farm): State<Farm>, Json(request): Json<Value>) -> Response
             fake.outstanding.insert(lease.id, lease.nodes.len() as u32);
             fake.leases.insert(lease.id, lease.clone());
             fake.lease_is_over &= lease.token == 1;
+            fake.nothing_is_wanted &= lease.token == 1;
             Json(lease).into_response()
         }
         Some(Claim::Garbage(body)) => ([("content-type", "application/json")], body).into_response(),
@@ -224,10 +227,12 @@ async fn claim(State(farm): State<Farm>, Json(request): Json<Value>) -> Response
 }
 
 async fn renew(State(farm): State<Farm>) -> Response {
-    if farm.lock().lease_is_over {
+    let fake = farm.lock();
+    if fake.lease_is_over {
         return problem(409, "lease_expired");
     }
-    Json(LeaseRenewal { deadline_ms: 0, expires_in_ms: 600 }).into_response()
+    let outstanding = u32::from(!fake.nothing_is_wanted);
+    Json(LeaseRenewal { deadline_ms: 0, expires_in_ms: 600, outstanding }).into_response()
 }
 
 async fn scene(State(farm): State<Farm>, Path(job): Path<String>) -> Json<JobScene> {
@@ -325,6 +330,21 @@ async fn a_lease_that_is_over_is_abandoned_for_the_next() {
     farm.until(|fake| uploaded(fake, &next) == next.nodes).await;
     worker.stop().await;
     assert!(uploaded(&farm.lock(), &lost).len() < lost.nodes.len());
+}
+
+#[tokio::test]
+async fn a_lease_of_which_nothing_is_wanted_any_more_is_left_for_the_next() {
+    let farm = farm();
+    let (lost, next) = (lease(1, endless()), lease(2, wave(0, 0)));
+    farm.lock().claims = VecDeque::from([Claim::Lease(lost.clone()), Claim::Lease(next.clone())]);
+    let worker = farm.start().await;
+    farm.until(|fake| !fake.uploads.is_empty()).await;
+    farm.lock().nothing_is_wanted = true;
+    farm.until(|fake| uploaded(fake, &next) == next.nodes).await;
+    worker.stop().await;
+    let fake = farm.lock();
+    assert!(uploaded(&fake, &lost).len() < lost.nodes.len());
+    assert_eq!(fake.returns, [], "there is nothing to give back");
 }
 
 #[tokio::test]

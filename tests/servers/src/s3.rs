@@ -133,6 +133,15 @@ impl S3Server {
         self.process.suspend(suspended);
     }
 
+    /// Whether the server has ended, by itself or killed.
+    ///
+    /// # Panics
+    ///
+    /// When the system does not know it.
+    pub fn has_ended(&mut self) -> bool {
+        self.process.has_ended()
+    }
+
     /// Starts it again, on the same port and with what it had stored.
     ///
     /// # Errors

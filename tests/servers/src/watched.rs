@@ -10,7 +10,7 @@ use nix::unistd::Pid;
 
 /// Runs the server until it ends, or until standard input does, as happens when the process that holds the other end is gone. Says the
 /// number of the server's process first.
-const WATCH: &str = r#"exec 3<&0; "$0" "$@" 3<&- >/dev/null & server=$!; echo $server; { read -r _ <&3; kill -INT $server; } >/dev/null & reader=$!; wait $server; kill $reader"#;
+const WATCH: &str = r#"exec 3<&0; "$0" "$@" 3<&- >/dev/null & server=$!; echo $server; { read -r _ <&3; kill -INT $server; } >/dev/null 2>&1 & reader=$!; wait $server; kill $reader 2>/dev/null"#;
 
 /// A server in a shell that ends it.
 #[derive(Debug)]

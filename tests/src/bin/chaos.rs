@@ -32,7 +32,7 @@ struct Arguments {
 const DURATIONS: Durations = Durations { pauses: [0.1, 1.2], away: 2.0, fault: 2.0, sleep: 12.0, long_sleeps: 8 };
 
 /// Shortest and longest time between two blows where there are servers, seconds: when any of them is down, nothing goes on.
-const PAUSES_ON_SERVERS: [f64; 2] = [0.1, 2.3];
+const PAUSES_ON_SERVERS: [f64; 2] = [0.1, 4.0];
 
 /// Fewest kills and suspensions.
 const SUDDEN_BLOWS: u32 = 200;
@@ -53,7 +53,7 @@ fn main() -> ExitCode {
         servers,
         workers: workers.into(),
         durations: Durations { pauses, ..DURATIONS },
-        is_endless: true,
+        is_long: true,
         roughness: 1.0,
         passes: if servers { PASSES_ON_SERVERS } else { PASSES },
         patience: PATIENCE,

@@ -18,7 +18,7 @@ impl Siege {
             }
         }
         self.start_what_has_ended();
-        let is_over = self.is_over || !self.plan.is_endless && self.missing_blows().is_empty();
+        let is_over = self.is_over || !self.plan.is_long && self.missing_blows().is_empty();
         if self.next_blow <= now && !is_over {
             let [shortest, longest] = self.plan.durations.pauses;
             let pause = shortest + (longest - shortest) * self.random.uniform();
@@ -150,6 +150,9 @@ impl Siege {
         let (away, fault, sleep) =
             (self.some(self.plan.durations.away), self.some(self.plan.durations.fault), self.sleep());
         let Some(servers) = self.servers.as_mut().filter(|_| !self.objects_are_hit) else { return false };
+        if servers.objects.has_ended() {
+            return false;
+        }
         let (relief, seconds) = match (blow, servers.objects.faults()) {
             (Blow::Killed, _) => {
                 servers.objects.kill();
@@ -180,19 +183,21 @@ impl Siege {
     }
 
     /// Whether a disk has faults of which nobody has noticed anything so far. Databases write and sync all the time, but not while all of
-    /// their coordinators are gone.
-    fn is_yet_to_be_felt(&self, relief: Relief) -> bool {
-        let (faults, failures) = match relief {
-            Relief::MendCoordinator(index, failures) => (self.farm.faults(index), failures),
-            Relief::MendDatabase(failures) => {
-                (self.servers.as_ref().and_then(|servers| servers.database.faults()), failures)
+    /// their coordinators are gone; and a server that is ending of what was before notices nothing any more.
+    fn is_yet_to_be_felt(&mut self, relief: Relief) -> bool {
+        let (faults, failures, has_ended) = match (relief, &mut self.servers) {
+            (Relief::MendCoordinator(index, failures), _) => (self.farm.faults(index), failures, false),
+            (Relief::MendDatabase(failures), Some(Servers { database, .. })) => {
+                let has_ended = database.has_ended();
+                (database.faults(), failures, has_ended)
             }
-            Relief::MendObjects(failures) => {
-                (self.servers.as_ref().and_then(|servers| servers.objects.faults()), failures)
+            (Relief::MendObjects(failures), Some(Servers { objects, .. })) => {
+                let has_ended = objects.has_ended();
+                (objects.faults(), failures, has_ended)
             }
             _ => return false,
         };
-        faults.is_some_and(|faults| faults.failures() == failures)
+        !has_ended && faults.is_some_and(|faults| faults.failures() == failures)
     }
 
     /// Takes back what somebody was hit with.
@@ -289,6 +294,12 @@ impl Siege {
         {
             *self.restarts.entry(Victim::Database).or_default() += 1;
             self.relieve_database(Relief::StartDatabase);
+        }
+        if let Some(servers) = self.servers.as_mut().filter(|_| !self.objects_are_hit)
+            && servers.objects.has_ended()
+        {
+            *self.restarts.entry(Victim::ObjectStore).or_default() += 1;
+            self.relieve_objects(Relief::StartObjects);
         }
     }
 

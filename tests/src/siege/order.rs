@@ -23,7 +23,11 @@ const SCENES: [(&str, &str); 4] = [
 ];
 
 /// How its passes are shared out, and when it ends before it has all of them.
-const RULES: [&[&str]; 4] = [&[], &[], &["--adaptive"], &["--target-estimated-mse", "0.001"]];
+const RULES: [&[&str]; 4] = [&[], &[], SHARED_OUT, &["--target-estimated-mse", "0.001"]];
+const SHARED_OUT: &[&str] = &["--adaptive"];
+
+/// Samples that every pixel of these scenes gets at least where passes are shared out.
+const LEAST_SHARED_OUT: usize = 512;
 
 /// How long to wait before asking again, when it is not known whether the farm has heard.
 const PAUSE: Duration = Duration::from_millis(500);
@@ -55,15 +59,16 @@ enum Alone {
 }
 
 impl Order {
-    /// An order at random, of up to so many passes. One process begins with it at once.
-    pub(super) fn draw(random: &mut Random, number: usize, most_passes: usize) -> Self {
+    /// An order at random, of up to so many passes, and perhaps with a rule for them. One process begins with it at once.
+    pub(super) fn draw(random: &mut Random, number: usize, most_passes: usize, has_rules: bool) -> Self {
         let (scene, integrator) = SCENES[below(random, SCENES.len())];
-        let samples = (16 * (1 + below(random, most_passes))).to_string();
-        let size = format!("{}x{}", 40 + below(random, 60), 30 + below(random, 60));
+        let rule = if has_rules { RULES[below(random, RULES.len())] } else { &[] };
+        let (least, spread) = if rule == SHARED_OUT { (LEAST_SHARED_OUT, 16) } else { (0, 60) };
+        let samples = (least + 16 * (1 + below(random, most_passes))).to_string();
+        let size = format!("{}x{}", 40 + below(random, spread), 30 + below(random, spread));
         let tile = ["8", "16", "64"][below(random, 3)];
         let seed = below(random, 1000).to_string();
         let options = ["--integrator", integrator, "--spp", &samples, "--size", &size, "--seed", &seed, "--tile", tile];
-        let rule = RULES[below(random, RULES.len())];
         let options: Vec<String> = options.iter().chain(rule).map(|&option| option.to_owned()).collect();
         let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes").join(scene);
         let alone = {

@@ -114,6 +114,26 @@ async fn a_job_is_watched_from_its_submission_to_its_last_round() {
 }
 
 #[tokio::test]
+async fn between_rounds_the_page_shows_a_live_error_and_what_it_is_of() {
+    let mut farm = Farm::start(None, &[]);
+    farm.start_worker("nave");
+    let reference = in_scenes("crown-point-reference.exr");
+    let job = farm.submit(&scene(), &["--spp", ENDLESS, "--tile", "32", "--reference", reference.to_str().unwrap()]);
+    let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
+    browser.shows(".live-error", "live: MSE ").await;
+    browser.shows(".live-error", "over 100 % of the pixels at ").await;
+    browser.click("button.danger", "Cancel job").await;
+    browser.click("dialog button", "Cancel the job").await;
+    browser.shows("article.job .state", "Cancelled").await;
+    assert_eq!(
+        browser.script("return document.querySelector('.live-error')").await,
+        Value::Null,
+        "what has ended is not live"
+    );
+    assert_eq!(browser.complaints().await, [""; 0]);
+}
+
+#[tokio::test]
 async fn a_job_that_its_time_ends_shows_the_time_and_no_total() {
     let mut farm = Farm::start(None, &[]);
     farm.start_worker("nave");

@@ -5,8 +5,23 @@ use clerestory_tests::farm::{clerestory, succeeded};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// A short load by four workers, and its report.
-fn report(options: &[&str]) -> Value {
+/// Rows of every table, by how they begin.
+const ROWS: [&str; 11] = [
+    "nodes merged, /s",
+    "claim until lease, p50, ms",
+    "upload until answer, p50, ms",
+    "last upload of a round until merged, p50, ms",
+    "any upload until merged, p50, ms",
+    "stored for each camera sample, bytes",
+    "written for each byte of partials, bytes",
+    "the bare machine:",
+    "  SQLite commits of one row, synced, /s",
+    "  SQLite commits of 16 rows, synced, /s",
+    "  SQLite commits of 256 rows, synced, /s",
+];
+
+/// A short load by four workers: its report, and its table.
+fn measure(options: &[&str]) -> (Value, String) {
     let folder = TempDir::new().expect("a temporary folder");
     let file = folder.path().join("report.json");
     let mut command = clerestory();
@@ -16,8 +31,30 @@ fn report(options: &[&str]) -> Value {
     command.arg("--data").arg(folder.path().join("data")).args(options).envs(s3().environment());
     let output = succeeded(&mut command);
     let table = String::from_utf8(output.stdout).expect("text");
-    assert!(table.contains("nodes merged, /s") && table.contains("the bare machine:"), "{table}");
-    serde_json::from_slice(&std::fs::read(&file).expect("the report is there")).expect("JSON")
+    for row in ROWS {
+        assert!(has_row(&table, row), "{row} in {table}");
+    }
+    let first = table.lines().next().expect("a first line");
+    assert!(first.ends_with("fraction of nodes that are checked: 0"), "{table}");
+    (serde_json::from_slice(&std::fs::read(&file).expect("the report is there")).expect("JSON"), table)
+}
+
+fn has_row(table: &str, name: &str) -> bool {
+    table.lines().any(|line| line.starts_with(name))
+}
+
+/// Of groups of 16 and 256 rows some are committed, and as many rows as they have.
+#[track_caller]
+fn assert_groups(groups: &Value) {
+    let groups = groups.as_array().expect("groups");
+    let sizes: Vec<Option<u64>> = groups.iter().map(|group| group["rows"].as_u64()).collect();
+    assert_eq!(sizes, [Some(16), Some(256)]);
+    for group in groups {
+        let [rows, commits, all] = ["rows", "commits_per_second", "rows_per_second"].map(|name| group[name].as_f64());
+        let expected = rows.zip(commits).map(|(rows, commits)| rows * commits);
+        assert!(commits > Some(0.0), "{group}");
+        assert!(expected.zip(all).is_some_and(|(expected, all)| (all - expected).abs() < 1e-6 * expected), "{group}");
+    }
 }
 
 /// All nodes that were leased were uploaded and merged, each once.
@@ -35,24 +72,57 @@ fn assert_nothing_is_lost(report: &Value) {
         assert_eq!(number(name), 0, "{name} in {line}");
     }
     assert_eq!(number("samples") % (16 * 16 * 16), 0, "{line}");
+    let count = |latency: &str| line[latency]["count"].as_u64().unwrap_or_else(|| panic!("{latency} in {line}"));
+    // A partial may have nodes of two rounds.
+    assert!(count("upload") > 0 && count("upload_merge") >= count("upload"), "{line}");
+    assert_eq!(report["checked_fraction"].as_f64(), Some(0.0), "{report}");
+    assert_groups(&report["ceilings"]["sqlite_groups"]);
 }
 
 #[test]
 fn all_nodes_are_merged_into_files() {
-    let report = report(&[]);
+    let (report, table) = measure(&[]);
     assert_eq!((&report["state"], &report["blobs"]), (&"sqlite".into(), &"folder".into()));
     assert_nothing_is_lost(&report);
-    assert!(report["lines"][0]["claim"]["count"].as_u64() > Some(0), "{report}");
-    assert!(report["ceilings"].get("postgres_commits_per_second").is_none(), "{report}");
+    for latency in ["claim", "round_merge"] {
+        assert!(report["lines"][0][latency]["count"].as_u64() > Some(0), "{latency} in {report}");
+    }
+    for ceiling in ["postgres_commits_per_second", "postgres_groups"] {
+        assert!(report["ceilings"].get(ceiling).is_none(), "{ceiling} in {report}");
+    }
+    assert!(report["lines"][0].get("database_log_amplification").is_none(), "{report}");
+    for row in ["  and by PostgreSQL", "  PostgreSQL", "preview"] {
+        assert!(!has_row(&table, row), "{row} in {table}");
+    }
 }
 
 #[test]
 fn all_nodes_are_merged_into_postgres_and_a_bucket() {
     let (database, bucket) = (postgres().new_database(), format!("s3://{}/farm", s3().new_bucket()));
-    let report = report(&["--database", &database, "--object-store", &bucket, "--rate", "400"]);
+    let (report, table) = measure(&["--database", &database, "--object-store", &bucket, "--rate", "400"]);
     assert_eq!((&report["state"], &report["blobs"]), (&"postgres".into(), &"bucket".into()));
     assert_nothing_is_lost(&report);
     assert!(report["ceilings"]["postgres_commits_per_second"].as_f64() > Some(0.0), "{report}");
+    assert_groups(&report["ceilings"]["postgres_groups"]);
+    assert!(report["lines"][0]["database_log_amplification"].as_f64() > Some(0.0), "{report}");
+    for row in ["  and by PostgreSQL to its log, bytes", "  PostgreSQL commits of 256 rows, synced, /s"] {
+        assert!(has_row(&table, row), "{row} in {table}");
+    }
+}
+
+#[test]
+fn previews_come_while_somebody_looks() {
+    // Larger tiles, so that fewer nodes are left when the measured time is over.
+    let (report, table) = measure(&["--watch", "--tile", "64"]);
+    assert_nothing_is_lost(&report);
+    let line = &report["lines"][0];
+    assert_eq!((report["is_watched"].as_bool(), line["failed_previews"].as_u64()), (Some(true), Some(0)), "{report}");
+    for latency in ["preview", "preview_age"] {
+        assert!(line[latency]["count"].as_u64() > Some(0), "{latency} in {line}");
+    }
+    for row in ["previews", "previews that failed", "preview, age when it comes", "preview, age when it is replaced"] {
+        assert!(has_row(&table, row), "{row} in {table}");
+    }
 }
 
 #[test]

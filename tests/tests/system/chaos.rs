@@ -20,7 +20,7 @@ fn attack(servers: bool) {
         servers,
         workers: 2,
         durations: Durations { pauses: if servers { PAUSES_ON_SERVERS } else { DURATIONS.pauses }, ..DURATIONS },
-        is_endless: false,
+        is_long: false,
         roughness: 3.0,
         passes: 6,
         patience: PATIENCE,

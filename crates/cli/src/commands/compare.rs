@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use clerestory_render_core::film::{Metrics, compare};
+use clerestory_render_core::film::{Metrics, ToneCurve, compare, mean_flip};
+use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::image_file::read;
@@ -21,12 +22,22 @@ pub(crate) struct CompareArguments {
     json: bool,
 }
 
-pub(crate) fn run(arguments: &CompareArguments) -> Result<(), Failure> {
-    let metrics = compare(&read(&arguments.image)?, &read(&arguments.reference)?).map_err(Failure::Compare)?;
-    if arguments.json { print_json(&metrics) } else { rows(&metrics).iter().try_for_each(|row| print_line(row)) }
+#[derive(Serialize)]
+struct Measures {
+    #[serde(flatten)]
+    metrics: Metrics,
+    flip: f64,
 }
 
-fn rows(metrics: &Metrics) -> Vec<String> {
+pub(crate) fn run(arguments: &CompareArguments) -> Result<(), Failure> {
+    let (image, reference) = (read(&arguments.image)?, read(&arguments.reference)?);
+    let metrics = compare(&image, &reference).map_err(Failure::Compare)?;
+    let flip = mean_flip(&image, &reference, ToneCurve::Filmic).map_err(Failure::Compare)?;
+    let measures = Measures { metrics, flip };
+    if arguments.json { print_json(&measures) } else { rows(&measures).iter().try_for_each(|row| print_line(row)) }
+}
+
+fn rows(Measures { metrics, flip }: &Measures) -> Vec<String> {
     let row = |name: &str, value: Option<f64>| {
         format!("{name:<16} {}", value.map_or_else(|| "-".to_owned(), |value| format!("{value:.5e}")))
     };
@@ -35,6 +46,7 @@ fn rows(metrics: &Metrics) -> Vec<String> {
         row("corrected MSE", metrics.corrected_mse),
         row("relMSE", metrics.rel_mse),
         format!("{:<16} {}", "PSNR (dB)", metrics.psnr.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"))),
+        format!("{:<16} {flip:.4}", "FLIP"),
         row("mean ratio", metrics.mean_ratio),
         row("max difference", Some(metrics.max_abs_diff)),
         format!("{:<16} {}", "bit-identical", if metrics.bit_identical { "yes" } else { "no" }),

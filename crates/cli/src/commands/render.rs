@@ -12,7 +12,8 @@ use clerestory_api::{ConvergencePoint, StopReason};
 use clerestory_coordinator::{Targets, smallest_tile};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{
-    FrameImage, ImageError, Metrics, TileGrid, TileSum, compare, encode_png, mean_squared_standard_error,
+    FrameImage, ImageError, Metrics, TileGrid, TileSum, ToneCurve, compare, encode_png, mean_flip,
+    mean_squared_standard_error,
 };
 use clerestory_render_core::scene::Scene;
 use rayon::ThreadPoolBuilder;
@@ -261,6 +262,8 @@ impl Order {
         let image = self.image(round.sums, counters, Some(elapsed)).ok();
         let metrics = image.as_ref().and_then(|image| self.metrics(image).ok().flatten());
         let estimated_mse = image.as_ref().and_then(mean_squared_standard_error);
+        let with_reference = image.as_ref().zip(self.reference.as_ref());
+        let flip = with_reference.and_then(|(image, reference)| mean_flip(image, reference, ToneCurve::Filmic).ok());
         let milliseconds = |duration: Duration| i64::try_from(duration.as_millis()).unwrap_or(i64::MAX);
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         ConvergencePoint {
@@ -275,6 +278,7 @@ impl Order {
             corrected_mse: metrics.and_then(|metrics| metrics.corrected_mse),
             rel_mse: metrics.and_then(|metrics| metrics.rel_mse),
             psnr: metrics.and_then(|metrics| metrics.psnr),
+            flip,
             estimated_mse,
         }
     }

@@ -11,10 +11,49 @@ use serde::Serialize;
 use sqlx::postgres::PgConnectOptions;
 use sqlx::{ConnectOptions, Connection, Executor, PgConnection, Row};
 
+use crate::commands::worker::BUILD;
 use crate::failure::Failure;
 
 /// How long each is measured.
 const TIME: Duration = Duration::from_secs(1);
+
+/// Rows of a group: as many nodes as a lease has unless it is told otherwise, and those of sixteen leases whose partials come at the same time.
+const GROUPS: [u32; 2] = [16, 256];
+
+/// A table as that of the coordinator's accepted nodes, which has the largest rows of those that it writes for every node.
+const NODES_TABLE: &str = "
+    create table clerestory_bench_nodes (
+        job text not null, frame bigint not null, tile bigint not null, level bigint not null, idx bigint not null,
+        first_pass bigint not null, end_pass bigint not null, blob text not null, blob_offset bigint not null, blob_length bigint,
+        counters text not null, builds text not null, primary key (job, frame, tile, level, idx)
+    );
+    create index clerestory_bench_nodes_by_pass on clerestory_bench_nodes (job, frame, tile, first_pass);
+    create index clerestory_bench_nodes_by_blob on clerestory_bench_nodes (blob)";
+
+/// Stores a group of rows in SQLite, in one statement as the coordinator's.
+const SQLITE_INSERT: &str = "
+    insert into clerestory_bench_nodes
+        (job, frame, tile, level, idx, first_pass, end_pass, blob, blob_offset, blob_length, counters, builds)
+    select ?1, value ->> 0, value ->> 1, value ->> 2, value ->> 3, value ->> 4, value ->> 5, value ->> 6, value ->> 7, value ->> 8,
+        value ->> 9, value ->> 10
+    from json_each(?2)";
+
+/// The same in PostgreSQL.
+const POSTGRES_INSERT: &str = "
+    insert into clerestory_bench_nodes
+        (job, frame, tile, level, idx, first_pass, end_pass, blob, blob_offset, blob_length, counters, builds)
+    select $1, (value ->> 0)::bigint, (value ->> 1)::bigint, (value ->> 2)::bigint, (value ->> 3)::bigint, (value ->> 4)::bigint,
+        (value ->> 5)::bigint, value ->> 6, (value ->> 7)::bigint, (value ->> 8)::bigint, value ->> 9, value ->> 10
+    from jsonb_array_elements($2::jsonb) as listed (value)";
+
+/// A job's identity.
+const JOB: &str = "01999999-9999-7999-8999-999999999999";
+
+/// What a node's row says of the work that it took.
+const COUNTERS: &str = r#"{"height_evaluations":0,"solver_calls":0,"converged":0,"unique_solutions":0,"trials":0,"truncated":0,"rays":4096,"samples":4096}"#;
+
+/// Bytes of a node that is said to be stored.
+const NODE_BYTES: u32 = 12_000;
 
 /// Bytes of an append: a page of most file systems.
 const APPEND: usize = 4096;
@@ -33,9 +72,14 @@ const COPIES: u32 = 8;
 pub(super) struct Ceilings {
     /// Transactions of one small row that a SQLite file commits each second, synced as the coordinator's.
     sqlite_commits_per_second: f64,
+    /// Transactions of groups of rows that it commits, for each size of a group.
+    sqlite_groups: [Grouped; 2],
     /// The same of the PostgreSQL database, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     postgres_commits_per_second: Option<f64>,
+    /// The same of groups of rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    postgres_groups: Option<[Grouped; 2]>,
     /// Appends of 4 KiB to a file, each synced.
     synced_appends_per_second: f64,
     /// Megabytes (10^6 bytes) a second written to a file in a row and synced once.
@@ -44,23 +88,44 @@ pub(super) struct Ceilings {
     memory_megabytes_per_second: f64,
 }
 
+/// Transactions with as many rows as the coordinator's writer has when many uploads come at the same time.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+struct Grouped {
+    /// Rows in each transaction, of the size of an accepted node's.
+    rows: u32,
+    /// Transactions that are committed each second, each synced.
+    commits_per_second: f64,
+    /// Rows in them.
+    rows_per_second: f64,
+}
+
+impl Grouped {
+    /// So many transactions were committed in this time.
+    fn new(rows: u32, commits: u32, time: Duration) -> Self {
+        let commits_per_second = f64::from(commits) / time.as_secs_f64();
+        Self { rows, commits_per_second, rows_per_second: commits_per_second * f64::from(rows) }
+    }
+}
+
 impl Ceilings {
     /// Measures in `folder`, and in the database at this address.
     pub(super) async fn measure(folder: &Path, database: Option<&str>) -> Result<Self, Failure> {
         let postgres = match database {
-            Some(url) => Some(postgres_commits(url).await.map_err(database_failure)?),
+            Some(url) => Some(postgres(url).await.map_err(database_failure)?),
             None => None,
         };
         let folder = folder.to_owned();
         let rest = tokio::task::spawn_blocking(move || {
-            let commits = sqlite_commits(&folder.join("commits.sqlite")).map_err(database_failure)?;
-            Ok::<_, Failure>((commits, appends(&folder.join("appends"))?, disk(&folder.join("row"))?, memory()))
+            let sqlite = sqlite(&folder.join("commits.sqlite")).map_err(database_failure)?;
+            Ok::<_, Failure>((sqlite, appends(&folder.join("appends"))?, disk(&folder.join("row"))?, memory()))
         });
-        let (commits, appends, disk, memory) =
+        let ((sqlite_commits, sqlite_groups), appends, disk, memory) =
             rest.await.map_err(|panic| Failure::Job(format!("a measurement failed: {panic}")))??;
         Ok(Self {
-            sqlite_commits_per_second: commits,
-            postgres_commits_per_second: postgres,
+            sqlite_commits_per_second: sqlite_commits,
+            sqlite_groups,
+            postgres_commits_per_second: postgres.map(|(commits, _)| commits),
+            postgres_groups: postgres.map(|(_, groups)| groups),
             synced_appends_per_second: appends,
             disk_megabytes_per_second: disk,
             memory_megabytes_per_second: memory,
@@ -68,29 +133,52 @@ impl Ceilings {
     }
 
     /// The ceilings with their names, for people.
-    pub(super) fn lines(&self) -> Vec<(&'static str, f64)> {
-        let mut lines = vec![("SQLite commits of one row, synced, /s", self.sqlite_commits_per_second)];
-        lines.extend(self.postgres_commits_per_second.map(|rate| ("PostgreSQL commits of one row, synced, /s", rate)));
-        lines.extend([
+    pub(super) fn lines(&self) -> Vec<(String, f64)> {
+        let databases = [
+            ("SQLite", Some(self.sqlite_commits_per_second), Some(self.sqlite_groups)),
+            ("PostgreSQL", self.postgres_commits_per_second, self.postgres_groups),
+        ];
+        let mut lines = Vec::new();
+        for (engine, commits, groups) in databases {
+            lines.extend(commits.map(|rate| (format!("{engine} commits of one row, synced, /s"), rate)));
+            for group in groups.into_iter().flatten() {
+                let name = format!("{engine} commits of {} rows, synced, /s", group.rows);
+                lines.extend([(name, group.commits_per_second), ("  rows, /s".to_owned(), group.rows_per_second)]);
+            }
+        }
+        let others = [
             ("appends of 4 KiB, each synced, /s", self.synced_appends_per_second),
             ("disk, written in a row and synced, MB/s", self.disk_megabytes_per_second),
             ("memory, copied by one core, MB/s", self.memory_megabytes_per_second),
-        ]);
+        ];
+        lines.extend(others.map(|(name, rate)| (name.to_owned(), rate)));
         lines
     }
 }
 
 /// Bytes of a PostgreSQL database.
 pub(super) async fn database_bytes(url: &str) -> Result<u64, Failure> {
-    let measured = async {
-        let mut connection = url.parse::<PgConnectOptions>()?.connect().await?;
-        let row =
-            sqlx::query("select pg_database_size(current_database()) as bytes").fetch_one(&mut connection).await?;
-        connection.close().await?;
-        row.try_get::<i64, _>("bytes")
-    };
-    let bytes: Result<i64, sqlx::Error> = measured.await;
+    let bytes = number(url, "select pg_database_size(current_database()) as number").await;
     Ok(bytes.map_err(database_failure)?.unsigned_abs())
+}
+
+/// Bytes that a PostgreSQL server has written to its log (WAL) so far, for all of its databases; `None` where it does not say so, as some do
+/// that speak its language and are none.
+pub(super) async fn log_bytes(url: &str) -> Result<Option<u64>, Failure> {
+    let statement = "select cast(pg_wal_lsn_diff(pg_current_wal_lsn(), '0/0') as bigint) as number";
+    match number(url, statement).await {
+        Ok(bytes) => Ok(Some(bytes.unsigned_abs())),
+        Err(sqlx::Error::Database(_)) => Ok(None),
+        Err(error) => Err(database_failure(error)),
+    }
+}
+
+/// The column `number` of the only row of a statement.
+async fn number(url: &str, statement: &'static str) -> Result<i64, sqlx::Error> {
+    let mut connection = url.parse::<PgConnectOptions>()?.connect().await?;
+    let row = sqlx::query(statement).fetch_one(&mut connection).await?;
+    connection.close().await?;
+    row.try_get::<i64, _>("number")
 }
 
 /// A database that was measured failed.
@@ -98,11 +186,35 @@ fn database_failure(error: impl std::error::Error + Send + Sync + 'static) -> Fa
     Failure::Database(Box::new(error))
 }
 
-fn sqlite_commits(file: &Path) -> Result<f64, rusqlite::Error> {
+/// A group of accepted nodes as the coordinator's writer hands them to a database: a JSON array of arrays. Groups of one size have each its own
+/// number, and with it addresses and a blob of their own.
+fn group(rows: u32, number: u32) -> String {
+    let (blob, builds) = (format!("nodes/{JOB}/{rows:04}{number:032}"), format!("[\"{BUILD}\"]"));
+    let row = |place: u32| {
+        // The size of the groups stands for the frame.
+        let (frame, tile, offset) = (rows, number * rows + place, place * NODE_BYTES);
+        (frame, tile, 0, 0, 0, 1, &blob, offset, NODE_BYTES, COUNTERS, &builds)
+    };
+    let all: Vec<_> = (0..rows).map(row).collect();
+    serde_json::to_string(&all).expect("numbers and texts have a form in JSON")
+}
+
+/// Commits of one row, and of groups of rows, each second.
+fn sqlite(file: &Path) -> Result<(f64, [Grouped; 2]), rusqlite::Error> {
     let connection = rusqlite::Connection::open(file)?;
     connection.execute_batch(
         "pragma journal_mode = wal; pragma synchronous = full; create table commits (number bigint primary key)",
     )?;
+    connection.execute_batch(NODES_TABLE)?;
+    let commits = sqlite_commits(&connection)?;
+    let mut groups = [Grouped::default(); 2];
+    for (grouped, rows) in groups.iter_mut().zip(GROUPS) {
+        *grouped = sqlite_group(&connection, rows)?;
+    }
+    Ok((commits, groups))
+}
+
+fn sqlite_commits(connection: &rusqlite::Connection) -> Result<f64, rusqlite::Error> {
     let (start, mut commits) = (Instant::now(), 0_i64);
     let mut insert = connection.prepare("insert into commits (number) values (?1)")?;
     while start.elapsed() < TIME {
@@ -112,19 +224,41 @@ fn sqlite_commits(file: &Path) -> Result<f64, rusqlite::Error> {
     Ok(commits as f64 / start.elapsed().as_secs_f64())
 }
 
-async fn postgres_commits(url: &str) -> Result<f64, sqlx::Error> {
-    let mut connection = url.parse::<PgConnectOptions>()?.connect().await?;
-    connection.execute("set synchronous_commit = on").await?;
-    // A run that was killed may have left it.
-    connection.execute("drop table if exists clerestory_bench_commits").await?;
-    connection.execute("create table clerestory_bench_commits (number bigint primary key)").await?;
-    let rate = postgres_rate(&mut connection).await;
-    connection.execute("drop table clerestory_bench_commits").await?;
-    connection.close().await?;
-    rate
+fn sqlite_group(connection: &rusqlite::Connection, rows: u32) -> Result<Grouped, rusqlite::Error> {
+    let (start, mut commits) = (Instant::now(), 0);
+    let mut insert = connection.prepare(SQLITE_INSERT)?;
+    while start.elapsed() < TIME {
+        insert.execute((JOB, group(rows, commits)))?;
+        commits += 1;
+    }
+    Ok(Grouped::new(rows, commits, start.elapsed()))
 }
 
-async fn postgres_rate(connection: &mut PgConnection) -> Result<f64, sqlx::Error> {
+/// Commits of one row, and of groups of rows, each second.
+async fn postgres(url: &str) -> Result<(f64, [Grouped; 2]), sqlx::Error> {
+    const DROP: &str = "drop table if exists clerestory_bench_commits, clerestory_bench_nodes";
+    let mut connection = url.parse::<PgConnectOptions>()?.connect().await?;
+    connection.execute("set synchronous_commit = on").await?;
+    // A run that was killed may have left them.
+    connection.execute(DROP).await?;
+    connection.execute("create table clerestory_bench_commits (number bigint primary key)").await?;
+    sqlx::raw_sql(NODES_TABLE).execute(&mut connection).await?;
+    let rates = postgres_rates(&mut connection).await;
+    connection.execute(DROP).await?;
+    connection.close().await?;
+    rates
+}
+
+async fn postgres_rates(connection: &mut PgConnection) -> Result<(f64, [Grouped; 2]), sqlx::Error> {
+    let commits = postgres_commits(connection).await?;
+    let mut groups = [Grouped::default(); 2];
+    for (grouped, rows) in groups.iter_mut().zip(GROUPS) {
+        *grouped = postgres_group(connection, rows).await?;
+    }
+    Ok((commits, groups))
+}
+
+async fn postgres_commits(connection: &mut PgConnection) -> Result<f64, sqlx::Error> {
     let (start, mut commits) = (Instant::now(), 0_i64);
     while start.elapsed() < TIME {
         commits += 1;
@@ -132,6 +266,15 @@ async fn postgres_rate(connection: &mut PgConnection) -> Result<f64, sqlx::Error
         insert.bind(commits).execute(&mut *connection).await?;
     }
     Ok(commits as f64 / start.elapsed().as_secs_f64())
+}
+
+async fn postgres_group(connection: &mut PgConnection, rows: u32) -> Result<Grouped, sqlx::Error> {
+    let (start, mut commits) = (Instant::now(), 0);
+    while start.elapsed() < TIME {
+        sqlx::query(POSTGRES_INSERT).bind(JOB).bind(group(rows, commits)).execute(&mut *connection).await?;
+        commits += 1;
+    }
+    Ok(Grouped::new(rows, commits, start.elapsed()))
 }
 
 /// Writes a file and takes it away again.
@@ -182,8 +325,16 @@ mod tests {
     async fn everything_is_measured_and_nothing_but_the_database_is_left() {
         let folder = tempfile::tempdir().unwrap();
         let ceilings = Ceilings::measure(folder.path(), None).await.unwrap();
-        assert_eq!(ceilings.lines().len(), 4);
-        assert!(ceilings.lines().iter().all(|(_, rate)| rate.is_finite() && *rate > 0.0), "{ceilings:?}");
+        let lines = ceilings.lines();
+        let names: Vec<&str> = lines.iter().map(|(name, _)| &**name).collect();
+        let groups = [
+            "SQLite commits of 16 rows, synced, /s",
+            "  rows, /s",
+            "SQLite commits of 256 rows, synced, /s",
+            "  rows, /s",
+        ];
+        assert_eq!((names.len(), &names[1..5]), (8, &groups[..]));
+        assert!(lines.iter().all(|(_, rate)| rate.is_finite() && *rate > 0.0), "{ceilings:?}");
         assert!(!folder.path().join("appends").exists() && !folder.path().join("row").exists());
     }
 

@@ -12,9 +12,9 @@ use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_util::task::AbortOnDropHandle;
 
-use super::Settings;
-use super::ceilings::database_bytes;
+use super::ceilings::{database_bytes, log_bytes};
 use super::echo::exchanges_per_second;
+use super::merging;
 use super::partials::Noise;
 use super::process::{Process, Usage, bytes_in};
 use super::report::Line;
@@ -23,6 +23,7 @@ use super::supply::{Supply, grid, sampling, watched_grid};
 use super::tally::{Counts, Tally};
 use super::viewer;
 use super::worker::Load;
+use super::{CHECKED_FRACTION, Settings};
 use crate::child::{Child, Environment};
 use crate::connection::Connection;
 use crate::failure::Failure;
@@ -67,8 +68,7 @@ pub(super) async fn measure(settings: &Settings, folder: &Path, workers: u32) ->
         ["coordinator", "--listen", "127.0.0.1:0", "--data"].map(OsString::from).to_vec();
     arguments.push(data.clone().into());
     arguments.extend(["--lease-nodes".into(), settings.nodes_per_lease.to_string().into()]);
-    // Each node is brought once, so that what is brought and what is merged is the same.
-    arguments.extend(["--checked-fraction".into(), "0".into()]);
+    arguments.extend(["--checked-fraction".into(), CHECKED_FRACTION.to_string().into()]);
     for (option, value) in [("--database", &settings.database), ("--object-store", &settings.object_store)] {
         arguments.extend(value.iter().flat_map(|value| [option.into(), value.into()]));
     }
@@ -106,7 +106,7 @@ impl<'a> Measurement<'a> {
         let load = Arc::new(Load {
             client: connection.client.clone(),
             noise: Noise::new(grid, sampling()),
-            tally: Tally::default(),
+            tally: Tally::new(grid.len()),
             cycle: settings.rate.map(|rate| Duration::from_secs_f64(leased_nodes as f64 / f64::from(rate.get()))),
         });
         Ok(Self { settings, workers, grid, process, connection, load })
@@ -121,13 +121,14 @@ impl<'a> Measurement<'a> {
         let registration = began.elapsed();
 
         let tally = &self.load.tally;
-        let mut supply = Supply::new(&self.connection, tally, self.grid)?;
+        let leased_nodes = u64::from(self.workers) * u64::from(self.settings.nodes_per_lease);
+        let mut supply = Supply::new(&self.connection, tally, self.grid, leased_nodes)?;
         let ramp = self.load.cycle.unwrap_or_default().max(SHORTEST_RAMP);
-        // Without a pause, all workers ask at once.
-        let at_once = u64::from(self.workers) * u64::from(self.settings.nodes_per_lease);
-        supply.fill(at_once + supply.job_passes()).await?;
+        supply.begin().await?;
         let own = Process::this();
+        let log_start = self.log_bytes().await?;
         let (own_start, start) = (own.processor()?, self.moment(&mut supply).await?);
+        let follower = self.follow();
         let mut running = self.start(workers);
         supply.keep_full(ramp).await?;
         tally.measure(true);
@@ -135,22 +136,27 @@ impl<'a> Measurement<'a> {
         let viewer = self.settings.watch.then(|| self.view());
         supply.keep_full(self.settings.time).await?;
         tally.measure(false);
-        drop(viewer);
         let unloaded = self.moment(&mut supply).await?;
         supply.finish().await?;
+        drop(follower);
         // All work is done, so no claim that is cut off here takes a lease with it.
         running.abort_all();
         while running.join_next().await.is_some() {}
         let rested = self.rest().await?;
-        let end = self.moment(&mut supply).await?;
+        let (end, log_end) = (self.moment(&mut supply).await?, self.log_bytes().await?);
+        let own_end = own.processor()?;
+        if let Some(viewer) = viewer {
+            viewer.await.map_err(|panic| Failure::Job(format!("looking at the image failed: {panic}")))?;
+        }
 
-        let times = tally.times();
+        let (times, merges) = (tally.times(), tally.merge_times());
         let in_load = unloaded.time - loaded.time;
         let rate = |count: u64| count as f64 / in_load.as_secs_f64();
         let counts = end.counts;
         let nodes_per_pass = counts.accepted as f64 / counts.accepted_passes.max(1) as f64;
         let merged = |passes: u64| (passes as f64 * nodes_per_pass).round() as u64;
         let received = counts.bytes.max(1);
+        let logged = log_start.zip(log_end).map(|(start, end)| end.saturating_sub(start));
         Ok(Line {
             workers: self.workers,
             tile_size: self.grid.tile_size,
@@ -170,9 +176,13 @@ impl<'a> Measurement<'a> {
             partial_bytes: partial_bytes as u64,
             claim: Latency::of(times.claims),
             upload: Latency::of(times.uploads),
+            round_merge: Latency::of(merges.rounds),
+            upload_merge: Latency::of(merges.uploads),
             encoding: Latency::of(times.encodings),
             preview_age: Latency::of(times.ages),
+            preview_replaced_age: Latency::of(times.replaced_ages),
             preview: Latency::of(times.previews),
+            failed_previews: tally.counts().failed_previews,
             leases: counts.leases,
             leased_nodes: counts.leased,
             uploaded_nodes: counts.accepted,
@@ -187,9 +197,10 @@ impl<'a> Measurement<'a> {
             coordinator_megabytes_under_load: unloaded.coordinator.resident_bytes as f64 / 1e6,
             coordinator_sockets: unloaded.coordinator.sockets,
             coordinator_processor_seconds: (end.coordinator.processor - start.coordinator.processor).as_secs_f64(),
-            generator_processor_seconds: (own.processor()? - own_start).as_secs_f64(),
+            generator_processor_seconds: (own_end - own_start).as_secs_f64(),
             write_amplification: (end.coordinator.written_bytes - start.coordinator.written_bytes) as f64
                 / received as f64,
+            database_log_amplification: logged.map(|bytes| bytes as f64 / received as f64),
             stored_bytes_per_sample: 0.0,
         })
     }
@@ -235,7 +246,13 @@ impl<'a> Measurement<'a> {
         running
     }
 
-    /// Looks at the image until the answer is dropped.
+    /// Follows complete rounds until the answer is dropped.
+    fn follow(&self) -> AbortOnDropHandle<()> {
+        let load = self.load.clone();
+        AbortOnDropHandle::new(tokio::spawn(async move { merging::follow(&load.client, &load.tally).await }))
+    }
+
+    /// Looks at the image for as long as times are measured and the answer is not dropped.
     fn view(&self) -> AbortOnDropHandle<()> {
         let load = self.load.clone();
         AbortOnDropHandle::new(tokio::spawn(async move { viewer::look(&load.client, &load.tally).await }))
@@ -245,6 +262,14 @@ impl<'a> Measurement<'a> {
         let (time, counts) = (Instant::now(), self.load.tally.counts());
         let coordinator = self.process.usage()?;
         Ok(Moment { time, counts, merged_passes: supply.merged_passes().await?, coordinator })
+    }
+
+    /// What the server of the database has written to its log so far, if there is one that says so.
+    async fn log_bytes(&self) -> Result<Option<u64>, Failure> {
+        match &self.settings.database {
+            Some(url) => log_bytes(url).await,
+            None => Ok(None),
+        }
     }
 
     /// Waits until the coordinator has nothing left to do, and answers since when that is so.

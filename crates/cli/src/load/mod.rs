@@ -2,12 +2,14 @@
 //!
 //! A coordinator runs as a process of its own, as for any farm. Simulated workers in this process ([`worker`]) speak to it as real ones do,
 //! but bring noise ([`partials`]) instead of rendering. [`supply`] submits jobs so that there is always work, and afterwards waits until
-//! every round of them is recorded: what is only accepted counts as uploaded, and not yet as merged. [`viewer`] looks at the image meanwhile, if it is to. [`measurement`] makes a line of the
-//! report for each number of workers; beside them stands what the machine does without a farm ([`ceilings`], [`echo`]).
+//! every round of them is recorded: what is only accepted counts as uploaded, and not yet as merged; [`merging`] measures how long that takes. [`viewer`]
+//! looks at the image meanwhile, if it is to. [`measurement`] makes a line of the report for each number of workers; beside them stands what the
+//! machine does without a farm ([`ceilings`], [`echo`]).
 
 mod ceilings;
 mod echo;
 mod measurement;
+mod merging;
 mod partials;
 mod process;
 mod report;
@@ -25,6 +27,10 @@ use std::time::Duration;
 use crate::failure::Failure;
 use ceilings::Ceilings;
 use report::Report;
+
+/// Fraction of the nodes that the coordinator has rendered twice to compare them: each is brought once, so that what is brought and what is merged is
+/// the same.
+const CHECKED_FRACTION: f64 = 0.0;
 
 /// What load is put on which coordinator.
 #[derive(Clone, Debug)]

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::Settings;
 use super::ceilings::Ceilings;
 use super::statistics::Latency;
+use super::{CHECKED_FRACTION, Settings};
 use crate::experiments::machine::Machine;
 use crate::failure::Failure;
 use crate::output_file;
@@ -23,6 +23,10 @@ pub(crate) struct Report {
     state: &'static str,
     /// `folder` or `bucket`.
     blobs: &'static str,
+    /// Fraction of the nodes that were rendered twice to be compared.
+    checked_fraction: f64,
+    /// Whether somebody looked at the image.
+    is_watched: bool,
     ceilings: Ceilings,
     lines: Vec<Line>,
 }
@@ -67,12 +71,20 @@ pub(super) struct Line {
     pub(super) claim: Latency,
     /// From the start of an upload to its answer.
     pub(super) upload: Latency,
+    /// From the answer that acknowledged the last node of a round until the coordinator showed the round as recorded.
+    pub(super) round_merge: Latency,
+    /// From every answer that acknowledged nodes of a round until the same moment: with the wait for the others of the round.
+    pub(super) upload_merge: Latency,
     /// Encoding of a partial by the generator.
     pub(super) encoding: Latency,
     /// From the answer that acknowledged the first node which a preview lacked until it came; nothing where no preview was looked at.
     pub(super) preview_age: Latency,
+    /// The same until a preview took its place that showed more of the same job: the greatest age that somebody saw.
+    pub(super) preview_replaced_age: Latency,
     /// From the request for a preview to its last byte.
     pub(super) preview: Latency,
+    /// Previews that were asked for and did not come.
+    pub(super) failed_previews: u64,
     /// Leases granted, from the first claim to the end, as all counts below.
     pub(super) leases: u64,
     /// Nodes in them.
@@ -105,6 +117,10 @@ pub(super) struct Line {
     pub(super) generator_processor_seconds: f64,
     /// Bytes that the coordinator made the system write, for each byte of a partial. Those that a database server writes are not in it.
     pub(super) write_amplification: f64,
+    /// Bytes that a PostgreSQL server wrote to its log (WAL), for all of its databases, for each byte of a partial; absent where there is none, or it
+    /// does not say so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) database_log_amplification: Option<f64>,
     /// Growth of the state and of the blobs that are not in a bucket, for each camera sample.
     pub(super) stored_bytes_per_sample: f64,
 }
@@ -114,7 +130,15 @@ impl Report {
     pub(super) fn new(settings: &Settings, ceilings: Ceilings, lines: Vec<Line>) -> Self {
         let state = if settings.database.is_some() { "postgres" } else { "sqlite" };
         let blobs = if settings.object_store.is_some() { "bucket" } else { "folder" };
-        Self { machine: Machine::this(), state, blobs, ceilings, lines }
+        Self {
+            machine: Machine::this(),
+            state,
+            blobs,
+            checked_fraction: CHECKED_FRACTION,
+            is_watched: settings.watch,
+            ceilings,
+            lines,
+        }
     }
 
     /// Writes it as JSON.
@@ -131,14 +155,16 @@ impl Report {
             || "as many nodes as the coordinator takes".to_owned(),
             |rate| format!("{rate} nodes/s offered"),
         );
-        let Self { state, blobs, .. } = self;
+        let Self { state, blobs, checked_fraction, .. } = self;
         table.push_str(&format!(
             "state: {state}, blobs: {blobs}; tiles of {tile_size} x {tile_size} pixels, {nodes_per_lease} nodes in a lease, partials of \
-             {partial_bytes} bytes, {offered}\n"
+             {partial_bytes} bytes, {offered}; fraction of nodes that are checked: {checked_fraction}\n"
         ));
         let [names, numbers] = WIDTHS;
-        let is_watched = self.lines.iter().any(|line| line.preview.count > 0);
-        for (name, digits, value) in ROWS.into_iter().chain(WATCHED_ROWS.into_iter().filter(|_| is_watched)) {
+        let is_logged = self.lines.iter().any(|line| line.database_log_amplification.is_some());
+        let logged = LOGGED_ROWS.iter().filter(|_| is_logged);
+        let watched = WATCHED_ROWS.iter().filter(|_| self.is_watched);
+        for &(name, digits, value) in ROWS.iter().chain(logged).chain(watched) {
             table.push_str(&format!("{name:<names$}"));
             table.extend(self.lines.iter().map(|line| format!("{:>numbers$.digits$}", value(line))));
             table.push('\n');
@@ -156,7 +182,7 @@ impl Report {
 /// A row of the table: its name, digits after the point, and where the number comes from.
 type Row = (&'static str, usize, fn(&Line) -> f64);
 
-const ROWS: [Row; 26] = [
+const ROWS: &[Row] = &[
     ("workers", 0, |line| line.workers.into()),
     ("nodes leased, /s", 0, |line| line.leased_per_second),
     ("nodes uploaded, /s", 0, |line| line.uploaded_per_second),
@@ -171,6 +197,13 @@ const ROWS: [Row; 26] = [
     ("upload until answer, p50, ms", 1, |line| line.upload.p50_ms),
     ("  p99, ms", 1, |line| line.upload.p99_ms),
     ("  max, ms", 1, |line| line.upload.max_ms),
+    ("last upload of a round until merged, p50, ms", 1, |line| line.round_merge.p50_ms),
+    ("  p99, ms", 1, |line| line.round_merge.p99_ms),
+    ("  max, ms", 1, |line| line.round_merge.max_ms),
+    ("  rounds", 0, |line| line.round_merge.count as f64),
+    ("any upload until merged, p50, ms", 1, |line| line.upload_merge.p50_ms),
+    ("  p99, ms", 1, |line| line.upload_merge.p99_ms),
+    ("  max, ms", 1, |line| line.upload_merge.max_ms),
     ("measured, s", 1, |line| line.load_seconds),
     ("drain until all is merged, s", 1, |line| line.drain_seconds),
     ("registration of all workers, s", 1, |line| line.registration_seconds),
@@ -183,15 +216,24 @@ const ROWS: [Row; 26] = [
     ("coordinator, processor ms for each node", 3, |line| processor_ms(line, line.coordinator_processor_seconds)),
     ("generator, processor ms for each node", 3, |line| processor_ms(line, line.generator_processor_seconds)),
     ("  of which encoding, p50, ms", 3, |line| line.encoding.p50_ms / f64::from(line.nodes_per_lease)),
-    ("written for each byte of partials, bytes", 2, |line| line.write_amplification),
     ("stored for each camera sample, bytes", 3, |line| line.stored_bytes_per_sample),
+    ("written for each byte of partials, bytes", 2, |line| line.write_amplification),
 ];
 
+/// Rows for databases whose server says what it writes to its log.
+const LOGGED_ROWS: &[Row] =
+    &[("  and by PostgreSQL to its log, bytes", 2, |line| line.database_log_amplification.unwrap_or(0.0))];
+
 /// Rows for loads whose image was looked at.
-const WATCHED_ROWS: [Row; 6] = [
+const WATCHED_ROWS: &[Row] = &[
+    ("previews", 0, |line| line.preview.count as f64),
+    ("previews that failed", 0, |line| line.failed_previews as f64),
     ("preview, age when it comes, p50, ms", 1, |line| line.preview_age.p50_ms),
     ("  p99, ms", 1, |line| line.preview_age.p99_ms),
     ("  max, ms", 1, |line| line.preview_age.max_ms),
+    ("preview, age when it is replaced, p50, ms", 1, |line| line.preview_replaced_age.p50_ms),
+    ("  p99, ms", 1, |line| line.preview_replaced_age.p99_ms),
+    ("  max, ms", 1, |line| line.preview_replaced_age.max_ms),
     ("preview until it comes, p50, ms", 1, |line| line.preview.p50_ms),
     ("  p99, ms", 1, |line| line.preview.p99_ms),
     ("  max, ms", 1, |line| line.preview.max_ms),

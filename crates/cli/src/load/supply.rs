@@ -31,6 +31,12 @@ const MOST_PIXELS: u64 = 1 << 20;
 /// Pixels across and down an image that is looked at.
 const WATCHED_SIZE: [u32; 2] = [1920, 1080];
 
+/// Passes of tiles that are kept free at least, if a job has as many: a second's work of a coordinator.
+const LEAST_RESERVE: u64 = 4096;
+
+/// Leases of every worker for which passes are kept free, if a job has as many.
+const RESERVED_LEASES: u64 = 8;
+
 /// Time between looks at how much work is left, and at jobs.
 const PERIOD: Duration = Duration::from_millis(20);
 
@@ -65,20 +71,33 @@ pub(super) struct Supply<'a> {
     tally: &'a Tally,
     grid: TileGrid,
     bundle: SceneBundle,
+    /// Nodes that are leased at the same time.
+    leased_nodes: u64,
     /// All jobs of the load, with the passes that every tile had at the last look.
     jobs: BTreeMap<JobId, u32>,
 }
 
 impl<'a> Supply<'a> {
-    /// A supply of jobs with this image.
-    pub(super) fn new(connection: &'a Connection, tally: &'a Tally, grid: TileGrid) -> Result<Self, Failure> {
+    /// A supply of jobs with this image for workers who lease so many nodes at the same time.
+    pub(super) fn new(
+        connection: &'a Connection,
+        tally: &'a Tally,
+        grid: TileGrid,
+        leased_nodes: u64,
+    ) -> Result<Self, Failure> {
         let bundle = bundle(grid)?;
-        Ok(Self { connection, tally, grid, bundle, jobs: BTreeMap::new() })
+        Ok(Self { connection, tally, grid, bundle, leased_nodes, jobs: BTreeMap::new() })
     }
 
     /// Passes of tiles in a job.
-    pub(super) fn job_passes(&self) -> u64 {
+    fn job_passes(&self) -> u64 {
         u64::from(self.grid.len()) * u64::from(PASSES)
+    }
+
+    /// Passes of tiles that are to be free all the while: those of a job, but of a large one, as images that are looked at are, no more than are
+    /// needed until the next is there. All that is submitted has to be worked off in the end.
+    fn reserve(&self) -> u64 {
+        self.job_passes().min((RESERVED_LEASES * self.leased_nodes).max(LEAST_RESERVE))
     }
 
     /// Jobs that have been submitted.
@@ -86,8 +105,13 @@ impl<'a> Supply<'a> {
         self.jobs.len() as u64
     }
 
+    /// Submits the first jobs: a lease for every worker, since without a pause all ask at once, and the reserve.
+    pub(super) async fn begin(&mut self) -> Result<(), Failure> {
+        self.fill(self.leased_nodes + self.reserve()).await
+    }
+
     /// Submits jobs until at least so many passes of tiles are free.
-    pub(super) async fn fill(&mut self, passes: u64) -> Result<(), Failure> {
+    async fn fill(&mut self, passes: u64) -> Result<(), Failure> {
         while self.tally.free_passes() < passes {
             let order = Order {
                 name: None,
@@ -106,11 +130,11 @@ impl<'a> Supply<'a> {
         Ok(())
     }
 
-    /// Sees to it, for so long, that more than a job's work is free.
+    /// Sees to it, for so long, that the reserve is free.
     pub(super) async fn keep_full(&mut self, time: Duration) -> Result<(), Failure> {
         let end = Instant::now() + time;
         while Instant::now() < end {
-            self.fill(self.job_passes()).await?;
+            self.fill(self.reserve()).await?;
             self.check_workers()?;
             tokio::time::sleep(PERIOD.min(end - Instant::now())).await;
         }
@@ -159,6 +183,7 @@ impl<'a> Supply<'a> {
             let reason = job.failure.unwrap_or_else(|| job.state.name().to_owned());
             return Err(Failure::Job(format!("a job of the load has ended before it was done: {reason}")));
         }
+        self.tally.recorded(id, job.complete_passes);
         Ok(job.complete_passes)
     }
 

@@ -10,6 +10,8 @@ use std::time::Duration;
 use clerestory_api::{JobId, NodeAddress, NodeVerdict, PartialAnswer};
 use tokio::time::Instant;
 
+use super::merging::{MergeTimes, OpenRounds};
+
 /// What has been counted so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Counts {
@@ -33,6 +35,8 @@ pub(super) struct Counts {
     pub(super) late: u64,
     /// Calls that were repeated because they failed in a way that may pass.
     pub(super) repeated: u64,
+    /// Previews that were asked for and did not come.
+    pub(super) failed_previews: u64,
 }
 
 /// When a claim was sent, if its time is to be measured.
@@ -44,7 +48,7 @@ pub(super) struct Asked(Option<u64>);
 pub(super) struct Sent(bool);
 
 /// The counters that all workers of a load share.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Tally {
     state: Mutex<State>,
 }
@@ -60,6 +64,9 @@ struct State {
     times: Times,
     /// Of each job, when partials of it were answered, and how many nodes of it had then been accepted.
     arrivals: BTreeMap<JobId, Vec<(Instant, u64)>>,
+    rounds: OpenRounds,
+    /// The preview that somebody looks at: its job, and how many nodes of it had been accepted when it was begun.
+    shown: Option<(JobId, u64)>,
     failure: Option<String>,
 }
 
@@ -76,9 +83,16 @@ pub(super) struct Times {
     pub(super) previews: Vec<Duration>,
     /// From the answer that acknowledged the first node which a preview lacked until it came.
     pub(super) ages: Vec<Duration>,
+    /// The same until another took its place that shows more of the job.
+    pub(super) replaced_ages: Vec<Duration>,
 }
 
 impl Tally {
+    /// Nothing is counted yet; every job will have so many tiles.
+    pub(super) fn new(tiles: u32) -> Self {
+        Self { state: Mutex::new(State { rounds: OpenRounds::new(tiles), ..State::default() }) }
+    }
+
     fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -93,9 +107,19 @@ impl Tally {
         self.state().is_measuring = is_measuring;
     }
 
+    /// Whether times are measured.
+    pub(super) fn is_measuring(&self) -> bool {
+        self.state().is_measuring
+    }
+
     /// The measured times.
     pub(super) fn times(&self) -> Times {
         self.state().times.clone()
+    }
+
+    /// The measured times until rounds were recorded.
+    pub(super) fn merge_times(&self) -> MergeTimes {
+        self.state().rounds.times().clone()
     }
 
     /// Passes of tiles that nobody has leased yet.
@@ -153,15 +177,31 @@ impl Tally {
         counts.duplicate += with(NodeVerdict::Duplicate).count() as u64;
         counts.refused += with(NodeVerdict::Refused).count() as u64;
         state.free_passes += passes(with(NodeVerdict::Refused));
-        state.arrives(job, accepted, Instant::now());
+        let now = Instant::now();
+        state.arrives(job, accepted, now);
+        state.rounds.acknowledged(job, with(NodeVerdict::Accepted), sent.0, now);
+    }
+
+    /// Jobs with rounds that are complete and not known to be recorded, and since when.
+    pub(super) fn due(&self) -> Vec<(JobId, Instant)> {
+        self.state().rounds.due()
+    }
+
+    /// The coordinator shows that the rounds of a job are recorded up to so many passes.
+    pub(super) fn recorded(&self, job: JobId, complete_passes: u32) {
+        let now = Instant::now();
+        self.state().rounds.recorded(job, complete_passes, now);
     }
 
     /// A preview has come that was asked for at a moment, and shows what had been accepted of a job when it had so many nodes.
     pub(super) fn seen(&self, job: JobId, accepted_nodes: u64, asked: Instant) {
-        let mut state = self.state();
-        if state.is_measuring {
-            state.sees(job, accepted_nodes, asked, Instant::now());
-        }
+        let now = Instant::now();
+        self.state().sees(job, accepted_nodes, asked, now);
+    }
+
+    /// A preview was asked for and did not come.
+    pub(super) fn looked_in_vain(&self) {
+        self.state().counts.failed_previews += 1;
     }
 
     /// These nodes are back in the queue: their lease was over before they were answered.
@@ -196,11 +236,24 @@ impl State {
     }
 
     fn sees(&mut self, job: JobId, accepted_nodes: u64, asked: Instant, now: Instant) {
-        let arrivals = self.arrivals.get(&job).map(Vec::as_slice).unwrap_or_default();
-        let first_lacking = arrivals.partition_point(|(_, nodes)| *nodes <= accepted_nodes);
-        let age = arrivals.get(first_lacking).map_or(Duration::ZERO, |(time, _)| now - *time);
+        // The same once more does not replace it, and with another job somebody begins anew.
+        if let Some((shown_job, shown_nodes)) = self.shown.replace((job, accepted_nodes))
+            && shown_job == job
+            && shown_nodes != accepted_nodes
+        {
+            let age = self.age(job, shown_nodes, now);
+            self.times.replaced_ages.push(age);
+        }
+        let age = self.age(job, accepted_nodes, now);
         self.times.ages.push(age);
         self.times.previews.push(now - asked);
+    }
+
+    /// Since when a node of a job has been acknowledged that a preview with so many of them lacks; nothing, when it lacks none.
+    fn age(&self, job: JobId, accepted_nodes: u64, now: Instant) -> Duration {
+        let arrivals = self.arrivals.get(&job).map(Vec::as_slice).unwrap_or_default();
+        let first_lacking = arrivals.partition_point(|(_, nodes)| *nodes <= accepted_nodes);
+        arrivals.get(first_lacking).map_or(Duration::ZERO, |(time, _)| now - *time)
     }
 }
 
@@ -218,7 +271,7 @@ mod tests {
 
     #[test]
     fn only_claims_for_which_there_was_work_all_the_while_are_measured() {
-        let tally = Tally::default();
+        let tally = Tally::new(1);
         let time = Duration::from_millis(5);
         let measured = || tally.times().claims.len();
         tally.supply(4);
@@ -251,18 +304,19 @@ mod tests {
         state.arrives(job(1), 2, after(0));
         state.arrives(job(2), 2, after(1));
         state.arrives(job(1), 2, after(2));
-        for accepted_nodes in [0, 1, 2, 3, 4, 9] {
+        for accepted_nodes in [0, 1, 2, 3, 3, 4, 9] {
             state.sees(job(1), accepted_nodes, after(4), after(7));
         }
         state.sees(job(3), 0, after(4), after(7));
-        let Times { ages, previews, .. } = state.times;
-        assert_eq!(ages.iter().map(Duration::as_secs).collect::<Vec<_>>(), [7, 7, 5, 5, 0, 0, 0]);
-        assert_eq!(previews, [Duration::from_secs(3); 7]);
+        let Times { ages, replaced_ages, previews, .. } = state.times;
+        assert_eq!(ages.iter().map(Duration::as_secs).collect::<Vec<_>>(), [7, 7, 5, 5, 5, 0, 0, 0]);
+        assert_eq!(replaced_ages.iter().map(Duration::as_secs).collect::<Vec<_>>(), [7, 7, 5, 5, 0]);
+        assert_eq!(previews, [Duration::from_secs(3); 8]);
     }
 
     #[test]
     fn nodes_are_counted_by_verdict_and_those_that_are_not_taken_are_free_again() {
-        let tally = Tally::default();
+        let tally = Tally::new(1);
         let answer = |verdict, level| clerestory_api::NodeAnswer {
             node: NodeAddress { frame: 0, tile: 0, level, index: 0 },
             verdict,

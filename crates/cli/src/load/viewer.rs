@@ -1,4 +1,5 @@
-//! Somebody who looks at a job: fetches its preview again and again, as the page does, and notes how old each is when it comes.
+//! Somebody who looks at a job: fetches its preview again and again, as the page does, and notes how old each is when it comes, and when a newer
+//! one replaces it.
 //!
 //! The age of a preview is the time since the first node was acknowledged that it lacks; nothing, when it lacks none.
 
@@ -12,31 +13,34 @@ use super::tally::Tally;
 /// Between two previews, as in the page.
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// Looks at the job that is being rendered for as long as it is polled. What fails is tried again.
+/// Looks at the job that is being rendered for as long as times are measured, and then waits for the preview that is still to come: one
+/// that is slow is not left out. What fails is tried again.
 pub(super) async fn look(client: &Client, tally: &Tally) {
     let mut watched = None;
-    loop {
-        match running(client, watched).await {
-            Some(job) => {
-                watched = Some(job);
-                look_at(client, tally, job).await;
-            }
-            None => watched = None,
+    while tally.is_measuring() {
+        watched = running(client, tally, watched).await;
+        if let Some(job) = watched {
+            look_at(client, tally, job).await;
         }
         tokio::time::sleep(PAUSE).await;
     }
 }
 
 /// The oldest job that is being rendered; the last one, as long as it is.
-async fn running(client: &Client, watched: Option<JobId>) -> Option<JobId> {
+async fn running(client: &Client, tally: &Tally, watched: Option<JobId>) -> Option<JobId> {
     let is_running = |state| state == JobState::Running;
     if let Some(job) = watched
         && client.job(job).await.is_ok_and(|job| is_running(job.state))
     {
         return Some(job);
     }
-    let jobs = client.jobs().await.ok()?;
-    jobs.into_iter().rev().find(|job| is_running(job.state)).map(|job| job.id)
+    match client.jobs().await {
+        Ok(jobs) => jobs.into_iter().rev().find(|job| is_running(job.state)).map(|job| job.id),
+        Err(_) => {
+            tally.repeats();
+            None
+        }
+    }
 }
 
 async fn look_at(client: &Client, tally: &Tally, job: JobId) {
@@ -44,6 +48,9 @@ async fn look_at(client: &Client, tally: &Tally, job: JobId) {
     match client.preview(job, &PreviewQuery::default()).await {
         Ok(preview) => tally.seen(job, preview.accepted_nodes, start),
         Err(failure) if failure.problem().is_some_and(|problem| problem.code == ProblemCode::NoImageYet) => {}
-        Err(_) => tally.repeats(),
+        Err(failure) => {
+            tracing::info!(error = &failure as &dyn std::error::Error, "a preview failed");
+            tally.looked_in_vain();
+        }
     }
 }

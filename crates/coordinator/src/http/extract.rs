@@ -3,23 +3,26 @@
 use std::str::FromStr;
 use std::time::Duration;
 
-use axum::body::Bytes;
-use axum::extract::rejection::BytesRejection;
+use axum::body::{BodyDataStream, Bytes};
 use axum::extract::{FromRequest, FromRequestParts, Query, RawPathParams, Request};
-use axum::http::StatusCode;
-use axum::http::header::{CONTENT_TYPE, HeaderMap};
+use axum::http::header::{CONTENT_LENGTH, CONTENT_TYPE, HeaderMap};
 use axum::http::request::Parts;
-use axum::response::IntoResponse;
+use bytes::BytesMut;
 use clerestory_api::ProblemCode;
+use futures::stream::StreamExt;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use serde_path_to_error::Segment;
+use tokio::time::Instant;
 
 use super::problem::ApiError;
 use super::strict_object::StrictObject;
 
-/// How long a body that fits into memory may take to arrive.
+/// How long a body that fits into memory may be waited for, all in all.
 const BODY_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// Longest silence before or in the middle of such a body: who has stopped sending is not to keep memory from others.
+const LONGEST_SILENCE: Duration = Duration::from_secs(5);
 
 /// How the reader begins when it speaks of a number that no double can hold.
 const OUT_OF_RANGE: &str = "number out of range";
@@ -113,11 +116,69 @@ impl<S: Send + Sync, T: FromStr> FromRequestParts<S> for PathParameter<T> {
 }
 
 /// A whole body of a route that reads `limit` bytes.
-pub(crate) async fn read_body(request: Request, limit: u64) -> Result<Bytes, ApiError> {
-    match tokio::time::timeout(BODY_TIMEOUT, Bytes::from_request(request, &())).await {
-        Ok(Ok(bytes)) => Ok(bytes),
-        Ok(Err(rejection)) => Err(of_body_rejection(rejection, limit)),
-        Err(_) => Err(too_slow()),
+async fn read_body(request: Request, limit: u64) -> Result<Bytes, ApiError> {
+    let mut arriving = ArrivingBody::new(request, limit)?;
+    let mut body = BytesMut::new();
+    while let Some(piece) = arriving.piece().await? {
+        body.extend_from_slice(&piece);
+    }
+    Ok(body.freeze())
+}
+
+/// A body that fits into memory, on its way.
+pub(crate) struct ArrivingBody {
+    stream: BodyDataStream,
+    announced_bytes: Option<u64>,
+    received_bytes: u64,
+    limit: u64,
+    /// How long the rest of it may be waited for.
+    patience: Duration,
+}
+
+impl ArrivingBody {
+    /// The body of a request to a route that reads `limit` bytes.
+    ///
+    /// # Errors
+    ///
+    /// When it is announced to be larger.
+    pub(crate) fn new(request: Request, limit: u64) -> Result<Self, ApiError> {
+        let announced = request.headers().get(CONTENT_LENGTH);
+        let announced_bytes = announced.and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
+        if announced_bytes.is_some_and(|bytes| bytes > limit) {
+            return Err(ApiError::body_too_large(limit));
+        }
+        let stream = request.into_body().into_data_stream();
+        Ok(Self { stream, announced_bytes, received_bytes: 0, limit, patience: BODY_TIMEOUT })
+    }
+
+    /// How many bytes it has, as far as it says.
+    pub(crate) fn announced_bytes(&self) -> Option<u64> {
+        self.announced_bytes
+    }
+
+    /// Its next bytes; `None` when those were all.
+    ///
+    /// # Errors
+    ///
+    /// When it is too large, is cut off, or stops coming.
+    pub(crate) async fn piece(&mut self) -> Result<Option<Bytes>, ApiError> {
+        let begin = Instant::now();
+        let next = tokio::time::timeout(LONGEST_SILENCE.min(self.patience), self.stream.next()).await;
+        // What passes between two calls is not the sender's.
+        self.patience = self.patience.saturating_sub(begin.elapsed());
+        let piece = match next {
+            Ok(Some(Ok(piece))) => piece,
+            Ok(Some(Err(_))) => {
+                return Err(ApiError::new(ProblemCode::InvalidBody, "the body was cut off").field("body"));
+            }
+            Ok(None) => return Ok(None),
+            Err(_) => return Err(too_slow()),
+        };
+        self.received_bytes = self.received_bytes.saturating_add(piece.len() as u64);
+        if self.received_bytes > self.limit {
+            return Err(ApiError::body_too_large(self.limit));
+        }
+        Ok(Some(piece))
     }
 }
 
@@ -144,13 +205,6 @@ pub(crate) fn number_header(headers: &HeaderMap, name: &'static str) -> Result<u
     let number = found.as_deref().and_then(|text| text.parse().ok());
     number
         .ok_or_else(|| ApiError::invalid_field(name, found.as_deref().unwrap_or("absent"), "a whole number, 0 or more"))
-}
-
-fn of_body_rejection(rejection: BytesRejection, limit: u64) -> ApiError {
-    match rejection.into_response().status() {
-        StatusCode::PAYLOAD_TOO_LARGE => ApiError::body_too_large(limit),
-        _ => ApiError::new(ProblemCode::InvalidBody, "the body was cut off").field("body"),
-    }
 }
 
 /// From what serde says to field, value and expectation. Its messages are of the forms ``unknown field `a`, expected b``,

@@ -5,14 +5,14 @@ use std::sync::Arc;
 use axum::Json;
 use axum::extract::State;
 use axum::http::StatusCode;
-use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobSubmission, JobView, ProblemCode};
+use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobSubmission, JobView, LiveMeasurement, ProblemCode};
 
 use super::extract::{PathParameter, StrictJson};
 use super::problem::ApiError;
-use crate::farm::Farm;
+use crate::farm::{Farm, to_its_end};
 use crate::news::News;
-use crate::store::{Ending, JobRecord};
-use crate::{submit, views};
+use crate::store::{Ending, JobRecord, StoreError};
+use crate::{live, submit, views};
 
 /// Submits a job. When content is missing the answer is a problem with status 409 whose `missing` lists the hashes.
 #[utoipa::path(
@@ -25,8 +25,13 @@ pub(super) async fn submit(
     let job = submit::job(&farm, submission).await?;
     let id = job.id;
     tracing::info!(job = %id, name = job.name, scene = job.scene_hash, passes = job.passes, "job submitted");
-    farm.store.insert_job(job).await?;
-    farm.tell(News::Job(id));
+    let told = Arc::clone(&farm);
+    let inserted = to_its_end(async move {
+        told.store.insert_job(job).await?;
+        told.tell(News::Job(id));
+        Ok::<_, StoreError>(())
+    });
+    inserted.await.map_err(ApiError::internal)??;
     Ok((StatusCode::CREATED, Json(views::job(&farm, find(&farm, id).await?).await?)))
 }
 
@@ -57,10 +62,15 @@ pub(super) async fn cancel(
     PathParameter(job): PathParameter<JobId>,
 ) -> Result<Json<JobView>, ApiError> {
     find(&farm, job).await?;
-    if farm.store.end_job(job, Ending::Cancelled, farm.config.clock.now_ms()).await? {
-        tracing::info!(%job, "job cancelled");
-        farm.tell(News::Job(job));
-    }
+    let told = Arc::clone(&farm);
+    let cancelled = to_its_end(async move {
+        if told.store.end_job(job, Ending::Cancelled, told.config.clock.now_ms()).await? {
+            tracing::info!(%job, "job cancelled");
+            told.tell(News::Job(job));
+        }
+        Ok::<_, StoreError>(())
+    });
+    cancelled.await.map_err(ApiError::internal)??;
     Ok(Json(views::job(&farm, find(&farm, job).await?).await?))
 }
 
@@ -92,6 +102,19 @@ pub(super) async fn convergence(
     let record = find(&farm, job).await?;
     let points = farm.store.convergence(job).await?;
     Ok(Json(ConvergenceSeries { job, has_reference: record.reference.is_some(), points }))
+}
+
+/// The error of a job between its rounds, as it is now. It is brought up to date once a second at most; that of a large frame, over several
+/// calls.
+#[utoipa::path(
+    get, path = "/jobs/{job}/live", tag = "jobs", params(("job" = JobId, Path)),
+    responses((status = 200, body = LiveMeasurement))
+)]
+pub(super) async fn live_error(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(job): PathParameter<JobId>,
+) -> Result<Json<LiveMeasurement>, ApiError> {
+    Ok(Json(live::current(&farm, find(&farm, job).await?).await?))
 }
 
 /// The job, or the problem that there is none.

@@ -6,19 +6,20 @@ use std::time::Duration;
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
-use axum::http::header::CONTENT_LENGTH;
 use axum::response::{IntoResponse, Response};
+use bytes::{Bytes, BytesMut};
 use clerestory_api::{
     CORE_MILLISECONDS_HEADER, EXR_MEDIA_TYPE, FENCING_TOKEN_HEADER, Lease, LeaseId, LeaseRenewal, LeaseRequest,
     LeaseReturn, LeaseToken, PartialAnswer, ProblemCode,
 };
+use tokio::sync::SemaphorePermit;
 use tokio::time::Instant;
 use uuid::Uuid;
 
-use super::extract::{PathParameter, StrictJson, number_header, read_body, require_media_type};
+use super::extract::{ArrivingBody, PathParameter, StrictJson, number_header, require_media_type};
 use super::problem::ApiError;
 use crate::acceptance;
-use crate::farm::{Farm, RECEIVED_BYTES, permits};
+use crate::farm::{Farm, permits};
 use crate::news::News;
 use crate::store::{ClaimTerms, Grant, LeaseError, WorkFailure};
 
@@ -37,6 +38,9 @@ const LONGEST_REASON: usize = 500;
 /// Longest time that a partial may have taken, in milliseconds of one core: thirty years. Who claims more has not
 /// measured.
 const MOST_CORE_MS: u64 = 1_000_000_000_000;
+
+/// Bytes of a partial for which memory is kept before they have come: few partials are larger, and those who stop sending hold little.
+const PIECE_BYTES: u64 = 1 << 20;
 
 /// Asks for work, and waits for it if there is none and the worker wants to.
 #[utoipa::path(
@@ -125,8 +129,8 @@ pub(super) async fn renew(
     let now_ms = farm.config.clock.now_ms();
     let expires_in_ms = milliseconds(farm.config.lease_ttl);
     let deadline_ms = now_ms.saturating_add(expires_in_ms);
-    farm.store.renew(lease, token, now_ms, deadline_ms).await?;
-    Ok(Json(LeaseRenewal { deadline_ms, expires_in_ms }))
+    let outstanding = farm.store.renew(lease, token, now_ms, deadline_ms).await?;
+    Ok(Json(LeaseRenewal { deadline_ms, expires_in_ms, outstanding }))
 }
 
 /// Uploads complete nodes of a lease. The answer comes when they are safe on disk.
@@ -158,16 +162,58 @@ pub(super) async fn partial(
         LeaseError::StaleToken(_) => ApiError::from(error).field(FENCING_TOKEN_HEADER),
         error => error.into(),
     })?;
-    let _permits = farm.receiving.acquire_many(permits_for(&request)).await.map_err(ApiError::internal)?;
-    let body = read_body(request, farm.config.max_partial_bytes).await?;
+    let (body, _room) = receive(&farm, ArrivingBody::new(request, farm.config.max_partial_bytes)?).await?;
     // Thousands may wait above: what comes below takes its memory when its turn has come.
     Ok(Json(Box::pin(acceptance::accept(&farm, record, core_ms, body)).await?))
 }
 
-/// Permits that a partial needs to be received. One of unknown size, which workers do not send, is received alone.
-fn permits_for(request: &Request) -> u32 {
-    let bytes = request.headers().get(CONTENT_LENGTH).and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
-    permits(bytes.unwrap_or(u64::MAX).min(RECEIVED_BYTES))
+/// Receives a partial when there is room for it.
+async fn receive(farm: &Farm, mut arriving: ArrivingBody) -> Result<(Bytes, Room<'_>), ApiError> {
+    let mut room = Room { farm, announced: arriving.announced_bytes(), bytes: 0, permits: Vec::new(), beyond: None };
+    room.widen_to(1).await?;
+    let mut body = BytesMut::with_capacity(arriving.announced_bytes().unwrap_or(0).min(PIECE_BYTES) as usize);
+    while let Some(piece) = arriving.piece().await? {
+        room.widen_to((body.len() + piece.len()) as u64).await?;
+        body.extend_from_slice(&piece);
+    }
+    Ok((body.freeze(), room))
+}
+
+/// Memory for a partial, taken as it comes. Whoever has announced much and sends nothing takes no more than a piece of it.
+struct Room<'a> {
+    farm: &'a Farm,
+    announced: Option<u64>,
+    /// Bytes that there is room for.
+    bytes: u64,
+    permits: Vec<SemaphorePermit<'a>>,
+    /// Makes room for any number.
+    beyond: Option<SemaphorePermit<'a>>,
+}
+
+impl Room<'_> {
+    /// Waits until there is room for so many bytes.
+    async fn widen_to(&mut self, bytes: u64) -> Result<(), ApiError> {
+        let farm = self.farm;
+        while self.bytes < bytes && self.beyond.is_none() {
+            let rest = self.announced.map_or(PIECE_BYTES, |announced| announced.saturating_sub(self.bytes));
+            let more = rest.clamp(1, PIECE_BYTES);
+            let room = farm.receiving.acquire_many(permits(more));
+            if self.bytes == 0 {
+                self.permits.push(room.await.map_err(ApiError::internal)?);
+            } else {
+                tokio::select! {
+                    biased;
+                    room = room => self.permits.push(room.map_err(ApiError::internal)?),
+                    // All of the room may be taken by partials of which a part has come: one at a time comes to its end.
+                    beyond = farm.receiving_beyond.acquire() => {
+                        self.beyond = Some(beyond.map_err(ApiError::internal)?);
+                    }
+                }
+            }
+            self.bytes += more;
+        }
+        Ok(())
+    }
 }
 
 /// Gives the rest of a lease back.
@@ -182,7 +228,7 @@ pub(super) async fn give_back(
 ) -> Result<StatusCode, ApiError> {
     let (token, now_ms) = (request.token, farm.config.clock.now_ms());
     match request.failure {
-        None => farm.store.return_lease(lease, token, now_ms).await?,
+        None => acceptance::give_back(&farm, lease, token, now_ms).await?,
         Some(reason) if reason.chars().count() > LONGEST_REASON => {
             let detail = "the reason is too long";
             return Err(ApiError::new(ProblemCode::InvalidField, detail)
@@ -196,6 +242,5 @@ pub(super) async fn give_back(
             acceptance::fail(&farm, failure).await?;
         }
     }
-    farm.tell(News::Work);
     Ok(StatusCode::NO_CONTENT)
 }

@@ -41,6 +41,7 @@ pub(super) fn small() -> OpenApiRouter<Arc<Farm>> {
         .routes(routes!(jobs::cancel))
         .routes(routes!(jobs::scene))
         .routes(routes!(jobs::convergence))
+        .routes(routes!(jobs::live_error))
         .routes(routes!(images::exr))
         .routes(routes!(images::preview))
         .routes(routes!(events::all))

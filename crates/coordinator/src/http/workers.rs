@@ -10,8 +10,9 @@ use uuid::Uuid;
 
 use super::extract::{PathParameter, StrictJson};
 use super::problem::ApiError;
-use crate::farm::Farm;
+use crate::farm::{Farm, to_its_end};
 use crate::news::News;
+use crate::store::WorkerError;
 use crate::views;
 
 /// Longest name or build.
@@ -75,9 +76,14 @@ pub(super) async fn release(
     State(farm): State<Arc<Farm>>,
     PathParameter(worker): PathParameter<WorkerId>,
 ) -> Result<Json<WorkerView>, ApiError> {
-    farm.store.release_worker(worker).await?;
-    tracing::info!(%worker, "worker released");
-    farm.tell(News::Work);
+    let told = Arc::clone(&farm);
+    let released = to_its_end(async move {
+        told.store.release_worker(worker).await?;
+        tracing::info!(%worker, "worker released");
+        told.tell(News::Work);
+        Ok::<_, WorkerError>(())
+    });
+    released.await.map_err(ApiError::internal)??;
     Ok(Json(views::worker(&farm, worker).await?))
 }
 

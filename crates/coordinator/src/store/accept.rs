@@ -22,6 +22,10 @@ use super::sql::{Kind, query, rows_of};
 use super::{Connection, Store, StoreError};
 use crate::blobs::Place;
 
+/// So much of what a worker rendered before counts in the mean of its speed, in microseconds of each of its cores: scenes change from tile to
+/// tile, and machines from minute to minute.
+const REMEMBERED_US: f64 = 30e6;
+
 /// A node that was brought and whose blob is on disk.
 #[derive(Clone, Debug)]
 pub(crate) struct DeliveredNode {
@@ -79,19 +83,26 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     let job = jobs::job_in(connection, lease.job).await?.ok_or(LeaseError::JobNotRunning)?;
     let all_samples: u64 = delivery.nodes.iter().map(|node| job.node_samples(&node.address)).sum();
     let taken = take_all(connection, &lease, &delivery.nodes).await?;
+    // Shares of a whole number of milliseconds that have the whole as their sum, however short each node has taken.
+    let core_ms_up_to = |samples: u64| (delivery.core_ms as f64 * samples as f64 / all_samples.max(1) as f64) as i64;
+    let mut samples_before = 0;
     let (mut samples, mut core_ms, mut counters) = (0, 0_i64, Counters::default());
     let mut accepted = Vec::new();
     let (mut to_be_checked, mut checked) = (Vec::new(), Vec::new());
     let mut waves: BTreeMap<(u32, i64), Wave> = BTreeMap::new();
     for (node, taken) in delivery.nodes.iter().zip(&taken) {
         let brought = node.digest.clone().map(|digest| Brought { address: node.address, digest });
+        let own_samples = job.node_samples(&node.address);
+        let own_core_ms = core_ms_up_to(samples_before + own_samples).saturating_sub(core_ms_up_to(samples_before));
+        samples_before += own_samples;
         let Taken::From { round } = *taken else {
+            if matches!(taken, Taken::Duplicate) && lease.nodes.contains(&node.address) {
+                free_rest(connection, &lease, &node.address).await?;
+            }
             checked.extend(brought);
             continue;
         };
         to_be_checked.extend(brought.map(|brought| (round, brought)));
-        let own_samples = job.node_samples(&node.address);
-        let own_core_ms = (delivery.core_ms as f64 * own_samples as f64 / all_samples.max(1) as f64) as i64;
         counters += node.counters;
         samples += own_samples;
         core_ms = core_ms.saturating_add(own_core_ms);
@@ -109,7 +120,9 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     if !accepted.is_empty() {
         let count = accepted.len() as u64;
         jobs::add_accepted(connection, &job, count, samples, core_ms, counters).await?;
-        credit_worker(connection, lease.worker, job.id, count, samples, core_ms).await?;
+        credit_worker(connection, lease.worker, count, samples, core_ms).await?;
+        let core_us = delivery.core_ms as f64 * 1000.0 * samples as f64 / all_samples.max(1) as f64;
+        measure(connection, lease.worker, job.id, samples, core_us).await?;
     }
     let mut checks = Outcome::default();
     if !to_be_checked.is_empty() {
@@ -119,17 +132,14 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
         let answered = checks::answer(connection, &lease, &checked, delivery.now_ms).await?;
         checks = Outcome { has_work: checks.has_work || answered.has_work, ..answered };
     }
-    let outstanding = query(
-        "select (select count(*) from pending where lease = $1) + (select count(*) from checks where lease = $1) \
-         as outstanding",
-    )
-    .bind(delivery.lease.to_string())
-    .fetch_one(&mut *connection)
-    .await?
-    .number("outstanding")?;
+    let outstanding = leases::outstanding(connection, delivery.lease).await?;
     if outstanding == 0 {
-        query("update leases set state = 'complete' where id = $1 and state = 'active'")
+        leases::complete(connection, delivery.lease).await?;
+    } else if !accepted.is_empty() {
+        // Renewals alone do not keep its work from others.
+        query("update leases set due_ms = $2 + patience_ms where id = $1 and state = 'active'")
             .bind(delivery.lease.to_string())
+            .bind(delivery.now_ms)
             .execute(connection)
             .await?;
     }
@@ -279,6 +289,26 @@ async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress)
     Ok(Some(round))
 }
 
+/// Frees what a lease still has of a node of which others have brought a part: its worker has brought the whole, and will not bring the rest.
+async fn free_rest(connection: &mut Connection, lease: &LeaseRecord, node: &NodeAddress) -> Result<(), StoreError> {
+    if node.level == 0 {
+        return Ok(());
+    }
+    let [first, end] = nodes::ends(node);
+    query(
+        "update pending set lease = null where lease = $1 and frame = $2 and tile = $3 \
+         and (idx << cast(level as integer)) >= $4 and ((idx + 1) << cast(level as integer)) <= $5",
+    )
+    .bind(lease.id.to_string())
+    .bind(i64::from(node.frame))
+    .bind(i64::from(node.tile))
+    .bind(first)
+    .bind(end)
+    .execute(connection)
+    .await?;
+    Ok(())
+}
+
 /// Notes what has been accepted of a wave, and answers how many passes of it are not.
 async fn count_down(
     connection: &mut Connection,
@@ -308,7 +338,6 @@ async fn count_down(
 async fn credit_worker(
     connection: &mut Connection,
     worker: WorkerId,
-    job: JobId,
     nodes: u64,
     samples: u64,
     core_ms: i64,
@@ -322,18 +351,31 @@ async fn credit_worker(
     .bind(big(nodes))
     .bind(big(samples))
     .bind(core_ms)
-    .execute(&mut *connection)
+    .execute(connection)
     .await?;
+    Ok(())
+}
+
+/// Notes how fast a worker has rendered some of a job. Of all that was before, no more than [`REMEMBERED_US`] counts.
+async fn measure(
+    connection: &mut Connection,
+    worker: WorkerId,
+    job: JobId,
+    samples: u64,
+    core_us: f64,
+) -> Result<(), StoreError> {
+    let cores = query("select cores from workers where id = $1").bind(worker.to_string()).fetch_one(&mut *connection);
+    let cores: u32 = cores.await?.number("cores")?;
     query(
-        "insert into rates (worker, job, samples, core_ms) values ($1, $2, $3, $4) on conflict (worker, job) \
-         do update set samples = rates.samples + excluded.samples, \
-         core_ms = case when rates.core_ms > 9223372036854775807 - excluded.core_ms then 9223372036854775807 \
-         else rates.core_ms + excluded.core_ms end",
+        "insert into rates (worker, job, samples, core_us) values ($1, $2, $3, $4) on conflict (worker, job) do update set \
+         samples = rates.samples * (case when rates.core_us > $5 then $5 / rates.core_us else 1.0 end) + excluded.samples, \
+         core_us = (case when rates.core_us > $5 then $5 else rates.core_us end) + excluded.core_us",
     )
     .bind(worker.to_string())
     .bind(job.to_string())
-    .bind(big(samples))
-    .bind(core_ms)
+    .bind(Some(samples as f64))
+    .bind(Some(core_us))
+    .bind(Some(REMEMBERED_US * f64::from(cores)))
     .execute(connection)
     .await?;
     Ok(())

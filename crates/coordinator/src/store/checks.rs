@@ -2,7 +2,9 @@
 //!
 //! Which nodes those are follows from their addresses, so that a node that is rendered again is checked again. When two workers disagree, a
 //! third decides: the odd one is quarantined, and [what it has rendered](super::redo) is rendered again. A round is not complete while nodes
-//! of it are to be checked. A check that nobody is left to do is given up.
+//! of it are to be checked. A check that nobody is left to do is given up: nobody who computes the bits that the job was begun with.
+//!
+//! A machine does not check itself, and is quarantined as a whole: in all of this, workers of one name are one.
 
 use std::collections::BTreeMap;
 
@@ -10,11 +12,13 @@ use clerestory_api::{JobId, Quarantine, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 use uuid::Uuid;
 
+use super::claim::HAS_BITS;
 use super::jobs::JobRecord;
 use super::leases::{self, LeaseRecord, address};
 use super::nodes::Removed;
 use super::row::to_json;
 use super::sql::query;
+use super::workers::OF_THE_SAME_NAME;
 use super::{Connection, Store, StoreError, redo};
 
 /// Opinions with which a check ends, whatever they say.
@@ -63,19 +67,31 @@ pub(crate) struct GivenUp {
     pub(crate) workers: Vec<WorkerId>,
 }
 
-/// Opens checks of nodes that have just been accepted, by their rounds, if another worker was heard of since `alive_ms`.
+/// A condition on a row of `checks`: no worker of this name, which is an expression of SQL, has an opinion about the node.
+pub(super) fn is_new_to(name: &str) -> String {
+    format!(
+        "not exists (select 1 from opinions join workers as bringers on bringers.id = opinions.worker \
+         where opinions.check_id = checks.id and bringers.name = {name})"
+    )
+}
+
+/// Opens checks of nodes that have just been accepted, by their rounds, if a worker that can do them was heard of since `alive_ms`.
 pub(super) async fn open(
     connection: &mut Connection,
     lease: &LeaseRecord,
     nodes: &[(i64, Brought)],
     alive_ms: i64,
 ) -> Result<Outcome, StoreError> {
-    let others =
-        query("select count(*) as others from workers where id <> $1 and seen_ms >= $2 and quarantine is null")
-            .bind(lease.worker.to_string())
-            .bind(alive_ms)
-            .fetch_one(&mut *connection)
-            .await?;
+    let others = query(format!(
+        "select count(*) as others from workers join jobs on jobs.id = $3 \
+         where workers.seen_ms >= $2 and workers.quarantine is null and {HAS_BITS} \
+         and workers.name <> (select own.name from workers as own where own.id = $1)"
+    ))
+    .bind(lease.worker.to_string())
+    .bind(alive_ms)
+    .bind(lease.job.to_string())
+    .fetch_one(&mut *connection)
+    .await?;
     if others.integer("others")? == 0 {
         return Ok(Outcome::default());
     }
@@ -207,7 +223,7 @@ async fn end(connection: &mut Connection, check: &str) -> Result<(), StoreError>
     Ok(())
 }
 
-/// Gives a worker no work any more, and has rendered again what it may have rendered.
+/// Gives a worker no work any more, nor any other of its name, and has rendered again what they may have rendered.
 async fn quarantine(
     connection: &mut Connection,
     worker: WorkerId,
@@ -215,28 +231,31 @@ async fn quarantine(
     now_ms: i64,
     outcome: &mut Outcome,
 ) -> Result<(), StoreError> {
-    let held = query("select id from leases where worker = $1 and state = 'active'")
+    let held = query(format!("select id from leases where worker in {OF_THE_SAME_NAME} and state = 'active'"))
         .bind(worker.to_string())
         .fetch_all(&mut *connection)
         .await?;
     for lease in held {
         leases::release(connection, lease.parsed("id")?).await?;
     }
-    // Whatever it brings once more under a lease that is complete is what has just been taken out.
-    query("update leases set state = 'returned' where worker = $1 and state = 'complete'")
+    // Whatever is brought once more under a lease that is complete is what has just been taken out.
+    query(format!("update leases set state = 'returned' where worker in {OF_THE_SAME_NAME} and state = 'complete'"))
         .bind(worker.to_string())
         .execute(&mut *connection)
         .await?;
-    // What it thinks of other nodes does not count.
-    query("delete from opinions where worker = $1").bind(worker.to_string()).execute(&mut *connection).await?;
+    // What they think of other nodes does not count.
+    query(format!("delete from opinions where worker in {OF_THE_SAME_NAME}"))
+        .bind(worker.to_string())
+        .execute(&mut *connection)
+        .await?;
     let redone = redo::redo(connection, worker, now_ms).await?;
     let quarantine = Quarantine { since_ms: now_ms, reason, ended_jobs: redone.ended };
-    query("update workers set quarantine = $2 where id = $1")
+    query(format!("update workers set quarantine = $2 where id in {OF_THE_SAME_NAME}"))
         .bind(worker.to_string())
         .bind(to_json(&quarantine)?)
         .execute(&mut *connection)
         .await?;
-    // A check of its nodes that had no other opinion has none now.
+    // A check of their nodes that had no other opinion has none now.
     query("delete from checks where not exists (select 1 from opinions where check_id = checks.id)")
         .execute(&mut *connection)
         .await?;
@@ -247,23 +266,23 @@ async fn quarantine(
     Ok(())
 }
 
-/// Nodes of a job that this worker is to check: those that nobody has, and with `held_before_ms` also those that another has held since
+/// Nodes of a job that a worker of this name is to check: those that nobody has, and with `held_before_ms` also those that another has held since
 /// before that.
 pub(super) async fn choose(
     connection: &mut Connection,
     job: &JobRecord,
-    worker: WorkerId,
+    name: &str,
     most: u32,
     held_before_ms: Option<i64>,
 ) -> Result<Vec<NodeAddress>, StoreError> {
-    let rows = query(
+    let rows = query(format!(
         "select frame, tile, level, idx from checks where job = $1 \
          and (lease is null or exists (select 1 from leases where id = checks.lease and granted_ms <= $4)) \
-         and not exists (select 1 from opinions where check_id = checks.id and worker = $2) \
-         order by round, frame, tile, idx limit $3",
-    )
+         and {} order by round, frame, tile, idx limit $3",
+        is_new_to("$2")
+    ))
     .bind(job.id.to_string())
-    .bind(worker.to_string())
+    .bind(name)
     .bind(i64::from(most))
     .bind(held_before_ms.unwrap_or(i64::MIN))
     .fetch_all(connection)
@@ -282,11 +301,12 @@ impl Store {
 }
 
 async fn give_up(connection: &mut Connection, alive_ms: i64) -> Result<Vec<GivenUp>, StoreError> {
-    let rows = query(
-        "select id, job, frame, tile, level, idx from checks where lease is null and not exists \
-         (select 1 from workers where seen_ms >= $1 and quarantine is null and not exists \
-          (select 1 from opinions where check_id = checks.id and worker = workers.id))",
-    )
+    let rows = query(format!(
+        "select checks.id, job, frame, tile, level, idx from checks join jobs on jobs.id = checks.job \
+         where lease is null and not exists (select 1 from workers \
+         where workers.seen_ms >= $1 and workers.quarantine is null and {HAS_BITS} and {})",
+        is_new_to("workers.name")
+    ))
     .bind(alive_ms)
     .fetch_all(&mut *connection)
     .await?;

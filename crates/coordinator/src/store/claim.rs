@@ -1,8 +1,10 @@
 //! Claims: which nodes a worker gets.
 //!
-//! Jobs are served by priority, then age; within a job the oldest wave goes first. Claims run in the one writer, so no two
-//! of them see the same free row. Pending rows exist only for the near future: a claim that finds few of them cuts more
-//! from where the job's cursor stands. A job whose time is up before its first round is complete is served with the nodes
+//! Jobs are served by priority, then age; within a job the oldest wave goes first. What a job's next round waits for and another has had for far
+//! too long goes before work of later rounds, and what is left of urgent jobs and was had for far too long before free work of less urgent ones.
+//! Claims run in the one writer, so no two of them see the same free row. Pending rows exist only for the near future: a claim that finds few of them cuts more
+//! from where the job's cursor stands. How large nodes may be is known only when they are given out: one that is too large for the worker that
+//! asks is [split](super::parts) then. A job whose time is up before its first round is complete is served with the nodes
 //! of that round alone. A worker goes on with jobs whose scenes it has at hand ([`prefer_built`]).
 //!
 //! Nodes that are to be [checked](super::checks) come first, since a round waits for them.
@@ -17,14 +19,20 @@ use super::checks;
 use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};
 use super::leases::{LeaseRecord, LeaseState, address};
+use super::parts::{Side, split_off};
 use super::row::{Row, nodes_json, nodes_of, to_json};
 use super::sql::{Kind, query, rows_of};
+use super::take_over::{self, TakenOver};
 use super::workers::{self, Claimant};
-use super::{Connection, Store, StoreError, WorkerError, take_over};
+use super::{Connection, Store, StoreError, WorkerError};
 use crate::schedule::{Pace, cut};
 
 /// Free rows that a claim can choose from; also the largest lease.
 const STOCK: u32 = 256;
+
+/// A check that another has had for so many times as long as a lease should take is given to the next, whatever else there is to do. Whoever had it
+/// before does it in vain, so that only what has stopped may seem to.
+const CHECK_PATIENCE: i64 = 30;
 
 /// Open jobs that are looked at together: one after the other has nothing only where all that is left of them is leased.
 const JOBS_AT_ONCE: usize = 32;
@@ -86,6 +94,8 @@ pub(super) struct OpenJob {
     has_held_checks: bool,
     /// Whether another worker has a lease of it.
     has_others: bool,
+    /// Whether another worker has had a lease of it for [too long](Pace::patience_seconds) without an accepted node.
+    has_overdue: bool,
     /// How fast the worker renders it; before its first partial, how fast others do for each of their cores.
     samples_per_second: Option<f64>,
 }
@@ -102,7 +112,9 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
     if claimant.rests_until_ms > terms.now_ms {
         return Ok(None);
     }
-    let (mut seen, mut without_work) = (0, Vec::new());
+    let (mut seen, mut without_work) = (0, Vec::<OpenJob>::new());
+    // Where those begin that are as urgent as the last one.
+    let mut equals = 0;
     loop {
         let mut open = open_jobs(connection, &claimant, terms, seen).await?;
         let is_last = open.len() < JOBS_AT_ONCE;
@@ -110,12 +122,21 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
         open.retain(|OpenJob { job, .. }| !job.is_out_of_time(terms.now_ms) && has_bits_of(job, &claimant));
         prefer_built(&mut open, &terms.built);
         for open in open {
+            if without_work.last().is_some_and(|last| last.job.priority != open.job.priority) {
+                if let Some(grant) = overdue_work(connection, &without_work[equals..], &claimant, terms).await? {
+                    return Ok(Some(grant));
+                }
+                equals = without_work.len();
+            }
             if let Some(grant) = free_work(connection, &open, &claimant, terms).await? {
                 return Ok(Some(grant));
             }
             without_work.push(open);
         }
         if is_last {
+            if let Some(grant) = overdue_work(connection, &without_work[equals..], &claimant, terms).await? {
+                return Ok(Some(grant));
+            }
             return Ok(held_work(connection, &without_work, &claimant, terms).await?);
         }
     }
@@ -140,27 +161,31 @@ async fn open_jobs(
     without: usize,
 ) -> Result<Vec<OpenJob>, StoreError> {
     let columns = jobs::COLUMNS;
-    let can_check = "select 1 from checks where job = jobs.id \
-         and not exists (select 1 from opinions where check_id = checks.id and worker = $1)";
+    let can_check = format!("select 1 from checks where job = jobs.id and {}", checks::is_new_to("$4"));
     let rows = query(format!(
         "select {columns}, \
          exists(select 1 from pending where job = jobs.id and lease is null) as has_free, \
          exists(select 1 from leases where job = jobs.id and state = 'active' and worker <> $1) as has_others, \
          (select samples from rates where worker = $1 and job = jobs.id) as own_samples, \
-         (select core_ms from rates where worker = $1 and job = jobs.id) as own_core_ms, \
+         (select core_us from rates where worker = $1 and job = jobs.id) as own_core_us, \
+         jobs.id in (select job from leases where state = 'active' and worker <> $1 and due_ms <= $5) as has_overdue, \
          exists({can_check} and lease is null) as has_checks, exists({can_check} and lease is not null) as has_held_checks \
          from jobs where state in ('queued', 'running') order by priority desc, created_ms, id limit $2 offset $3"
     ))
     .bind(terms.worker.to_string())
     .bind(JOBS_AT_ONCE as i64)
     .bind(without as i64)
+    .bind(&claimant.name)
+    .bind(terms.now_ms)
     .fetch_all(connection)
     .await?;
     let open = |row: &Row| {
         let job = jobs::record(row)?;
-        let (samples, core_ms) = match row.optional_integer("own_core_ms")? {
-            Some(core_ms) => (row.number("own_samples")?, core_ms),
-            None => (job.samples, job.core_ms),
+        let samples_per_second = match (row.optional_float("own_samples")?, row.optional_float("own_core_us")?) {
+            (Some(samples), Some(core_us)) if samples > 0.0 && core_us > 0.0 => {
+                Some(samples / core_us * 1e6 * f64::from(claimant.cores))
+            }
+            _ => workers::rate(job.samples, job.core_ms, claimant.cores),
         };
         let has = |column| Ok::<_, StoreError>(row.integer(column)? != 0);
         Ok(OpenJob {
@@ -168,7 +193,8 @@ async fn open_jobs(
             has_checks: has("has_checks")?,
             has_held_checks: has("has_held_checks")?,
             has_others: has("has_others")?,
-            samples_per_second: workers::rate(samples, core_ms, claimant.cores),
+            has_overdue: has("has_overdue")?,
+            samples_per_second,
             job,
         })
     };
@@ -199,24 +225,80 @@ async fn free_work(
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Option<Grant>, StoreError> {
-    if !(open.has_checks || open.has_free || open.can_be_cut()) {
+    let may_have_free = open.has_free || open.can_be_cut();
+    if !(open.has_checks || may_have_free) {
         return Ok(None);
     }
     let pace = pace(connection, open, terms).await?;
     if open.has_checks {
-        let nodes = choose_checks(connection, open, &pace, terms, None).await?;
+        let nodes = choose_checks(connection, open, &pace, claimant, terms, None).await?;
         if !nodes.is_empty() {
-            return Ok(Some(grant(connection, &open.job, nodes, Leased::Checks, claimant, terms).await?));
+            let offer = Offer::new(nodes, Leased::Checks, &open.job, &pace, 0);
+            return Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?));
+        }
+    }
+    if open.has_overdue && may_have_free {
+        // All later rounds wait for it.
+        let next_round = i64::from(open.job.rounds);
+        let grant = overdue_work_up_to(connection, open, next_round, &pace, claimant, terms).await?;
+        if grant.is_some() {
+            return Ok(grant);
         }
     }
     let nodes = choose(connection, open, &pace, terms).await?;
     if nodes.is_empty() {
         return Ok(None);
     }
-    Ok(Some(grant(connection, &open.job, nodes, Leased::Work, claimant, terms).await?))
+    let offer = Offer::new(nodes, Leased::Work, &open.job, &pace, 0);
+    Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?))
 }
 
-/// Nodes of some jobs that others have held for too long, for this worker.
+/// Nodes of some jobs that others have had for too long without bringing one, for this worker.
+async fn overdue_work(
+    connection: &mut Connection,
+    jobs: &[OpenJob],
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    for open in jobs.iter().filter(|open| open.has_overdue) {
+        let pace = pace(connection, open, terms).await?;
+        let last_round = last_round(&open.job, terms);
+        let grant = overdue_work_up_to(connection, open, last_round, &pace, claimant, terms).await?;
+        if grant.is_some() {
+            return Ok(grant);
+        }
+    }
+    Ok(None)
+}
+
+/// The same of one job, up to a round.
+async fn overdue_work_up_to(
+    connection: &mut Connection,
+    open: &OpenJob,
+    last_round: i64,
+    pace: &Pace,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    if let Some(lease) = take_over::overdue(connection, &open.job, last_round, terms).await?
+        && let Some(TakenOver { nodes, repeats }) =
+            take_over::take_over(connection, &open.job, &lease, pace, terms).await?
+    {
+        let offer = Offer::new(nodes, Leased::Work, &open.job, pace, repeats);
+        return Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?));
+    }
+    if open.has_held_checks {
+        let held_before_ms = terms.now_ms.saturating_sub(terms.target_ms.saturating_mul(CHECK_PATIENCE));
+        let nodes = choose_checks(connection, open, pace, claimant, terms, Some(held_before_ms)).await?;
+        if !nodes.is_empty() {
+            let offer = Offer::new(nodes, Leased::Checks, &open.job, pace, 0);
+            return Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?));
+        }
+    }
+    Ok(None)
+}
+
+/// Nodes of some jobs that others have held for longer than this worker would need, when there is nothing else for it.
 async fn held_work(
     connection: &mut Connection,
     jobs: &[OpenJob],
@@ -230,17 +312,19 @@ async fn held_work(
             continue;
         }
         let pace = pace(connection, open, terms).await?;
-        if let Some(lease) = lease {
-            let nodes = take_over::take_over(connection, &open.job, &lease, &pace, terms).await?;
-            if !nodes.is_empty() {
-                return Ok(Some(grant(connection, &open.job, nodes, Leased::Work, claimant, terms).await?));
-            }
+        if let Some(lease) = lease
+            && let Some(TakenOver { nodes, repeats }) =
+                take_over::take_over(connection, &open.job, &lease, &pace, terms).await?
+        {
+            let offer = Offer::new(nodes, Leased::Work, &open.job, &pace, repeats);
+            return Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?));
         }
         if open.has_held_checks {
             let held_before_ms = terms.now_ms.saturating_sub(terms.target_ms);
-            let nodes = choose_checks(connection, open, &pace, terms, Some(held_before_ms)).await?;
+            let nodes = choose_checks(connection, open, &pace, claimant, terms, Some(held_before_ms)).await?;
             if !nodes.is_empty() {
-                return Ok(Some(grant(connection, &open.job, nodes, Leased::Checks, claimant, terms).await?));
+                let offer = Offer::new(nodes, Leased::Checks, &open.job, &pace, 0);
+                return Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?));
             }
         }
     }
@@ -252,7 +336,11 @@ fn has_bits_of(job: &JobRecord, claimant: &Claimant) -> bool {
     job.probe_digest.as_ref().is_none_or(|digest| *digest == claimant.probe_digest)
 }
 
-/// Free nodes of a job for this worker; none when all work is leased or done.
+/// The same as [`has_bits_of`], as a condition on a row of `jobs` and one of `workers`.
+pub(super) const HAS_BITS: &str =
+    "(jobs.probe_digest is null or jobs.probe_digest = coalesce(workers.probe_digest, ''))";
+
+/// Free nodes of a job for this worker, the first a part of one where it is too large; none when all work is leased or done.
 async fn choose(
     connection: &mut Connection,
     OpenJob { job, .. }: &OpenJob,
@@ -268,10 +356,14 @@ async fn choose(
     .bind(job.id.to_string())
     .bind(last_round(job, terms))
     .bind(i64::from(most))
-    .fetch_all(connection)
+    .fetch_all(&mut *connection)
     .await?;
     let nodes = rows.iter().map(address).collect::<Result<_, _>>()?;
-    Ok(first_of(nodes, job, pace, terms))
+    let mut nodes = first_of(nodes, job, pace, terms);
+    if let Some(first) = nodes.first_mut() {
+        *first = split_off(connection, job, *first, most_samples(job, pace, terms), Side::First).await?;
+    }
+    Ok(nodes)
 }
 
 /// Nodes of a job that this worker is to check, [as it can](checks::choose).
@@ -279,17 +371,31 @@ async fn choose_checks(
     connection: &mut Connection,
     OpenJob { job, .. }: &OpenJob,
     pace: &Pace,
+    claimant: &Claimant,
     terms: &ClaimTerms,
     held_before_ms: Option<i64>,
 ) -> Result<Vec<NodeAddress>, StoreError> {
-    let nodes = checks::choose(connection, job, terms.worker, terms.most_nodes(), held_before_ms).await?;
+    let nodes = checks::choose(connection, job, &claimant.name, terms.most_nodes(), held_before_ms).await?;
     Ok(first_of(nodes, job, pace, terms))
 }
 
-/// As many of some nodes as a lease should have.
-fn first_of(mut nodes: Vec<NodeAddress>, job: &JobRecord, pace: &Pace, terms: &ClaimTerms) -> Vec<NodeAddress> {
+/// Samples that a lease should hold at most.
+pub(super) fn most_samples(job: &JobRecord, pace: &Pace, terms: &ClaimTerms) -> f64 {
+    if terms.fixed_nodes.is_some() {
+        return f64::INFINITY;
+    }
     let left = job.total_samples().saturating_sub(job.samples);
-    let wanted = if terms.fixed_nodes.is_some() { f64::INFINITY } else { pace.lease_samples(left as f64) };
+    pace.lease_samples(left as f64)
+}
+
+/// As many of some nodes as a lease should have.
+pub(super) fn first_of(
+    mut nodes: Vec<NodeAddress>,
+    job: &JobRecord,
+    pace: &Pace,
+    terms: &ClaimTerms,
+) -> Vec<NodeAddress> {
+    let wanted = most_samples(job, pace, terms);
     let mut samples = 0;
     let fitting = nodes.iter().take_while(|node| {
         samples += job.node_samples(node);
@@ -306,7 +412,7 @@ pub(super) fn last_round(job: &JobRecord, terms: &ClaimTerms) -> i64 {
     if job.is_past_limit(terms.now_ms) { 0 } else { i64::from(u32::MAX) }
 }
 
-/// Cuts work from the job's cursor on until there are enough free rows or none is left to cut.
+/// Cuts work from the job's cursor on until there are enough free rows or none is left to cut: as large as it may be by what is known now.
 async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Result<(), StoreError> {
     let free = query(
         "select count(*) as free from (select 1 from pending where job = $1 and lease is null limit $2) as free_nodes",
@@ -412,20 +518,37 @@ enum Leased {
     Checks,
 }
 
+/// Nodes for a lease.
+struct Offer {
+    nodes: Vec<NodeAddress>,
+    leased: Leased,
+    /// How long the lease may go on without an accepted node before others are given them.
+    patience_ms: i64,
+}
+
+impl Offer {
+    /// Nodes that have been given out so often while others had them.
+    fn new(nodes: Vec<NodeAddress>, leased: Leased, job: &JobRecord, pace: &Pace, repeats: u32) -> Self {
+        let samples: u64 = nodes.iter().map(|node| job.node_samples(node)).sum();
+        let patience_ms = (pace.patience_seconds(samples as f64, repeats) * 1000.0) as i64;
+        Self { nodes, leased, patience_ms }
+    }
+}
+
 async fn grant(
     connection: &mut Connection,
     job: &JobRecord,
-    nodes: Vec<NodeAddress>,
-    leased: Leased,
+    offer: Offer,
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Grant, StoreError> {
+    let Offer { nodes, leased, patience_ms } = offer;
     let listed = nodes_json(&nodes)?;
     let token = events::next_value(connection, "fencing_token").await?;
     let deadline_ms = terms.now_ms.saturating_add(terms.ttl_ms);
     query(
-        "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms) \
-         values ($1, $2, $3, $4, 'active', $5, $6, $7)",
+        "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms, patience_ms, due_ms) \
+         values ($1, $2, $3, $4, 'active', $5, $6, $7, $8, $9)",
     )
     .bind(terms.lease.to_string())
     .bind(token)
@@ -434,6 +557,8 @@ async fn grant(
     .bind(listed.as_str())
     .bind(terms.now_ms)
     .bind(deadline_ms)
+    .bind(patience_ms)
+    .bind(terms.now_ms.saturating_add(patience_ms))
     .execute(&mut *connection)
     .await?;
     let table = match leased {
@@ -470,7 +595,7 @@ async fn start(
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<(), StoreError> {
-    // One that an older build has started goes on with whoever comes first.
+    // One that an older build has started, or that begins again, goes on with whoever comes first.
     query("update jobs set state = 'running', started_ms = coalesce(started_ms, $2), probe_digest = $3 where id = $1")
         .bind(job.id.to_string())
         .bind(terms.now_ms)

@@ -25,7 +25,7 @@ const LEASES_KEPT_MS: i64 = 7 * 24 * 3600 * 1000;
 pub(crate) enum LeaseState {
     /// A worker holds it.
     Active,
-    /// Every node was accepted.
+    /// Nothing is wanted under it any more: its nodes were accepted, or others have them.
     Complete,
     /// Given back by the worker, or taken back because what it brought could not be used.
     Returned,
@@ -152,6 +152,27 @@ pub(super) async fn valid(
     Ok(lease)
 }
 
+/// How much a lease still has: work, and checks.
+pub(super) async fn outstanding(connection: &mut Connection, lease: LeaseId) -> Result<u32, StoreError> {
+    query(
+        "select (select count(*) from pending where lease = $1) + (select count(*) from checks where lease = $1) \
+         as outstanding",
+    )
+    .bind(lease.to_string())
+    .fetch_one(connection)
+    .await?
+    .number("outstanding")
+}
+
+/// Closes a lease of which nothing is wanted any more.
+pub(super) async fn complete(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    query("update leases set state = 'complete' where id = $1 and state = 'active'")
+        .bind(lease.to_string())
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
 /// The node of a row.
 pub(super) fn address(row: &Row) -> Result<NodeAddress, StoreError> {
     Ok(NodeAddress {
@@ -169,23 +190,29 @@ impl Store {
         Ok(record(&row.ok_or(LeaseError::Unknown(lease))?)?)
     }
 
-    /// Keeps a lease until `deadline_ms`. A lease whose nodes are all accepted stays as it is.
+    /// Keeps a lease until `deadline_ms`, and answers how many of its nodes are still wanted under it. One of which none is stays as it is,
+    /// complete: they are accepted, or others have them.
     pub(crate) async fn renew(
         &self,
         lease: LeaseId,
         token: u64,
         now_ms: i64,
         deadline_ms: i64,
-    ) -> Result<(), LeaseError> {
+    ) -> Result<u32, LeaseError> {
         self.write(move |connection| {
             Box::pin(async move {
                 valid(connection, lease, token, now_ms).await?;
+                let outstanding = outstanding(connection, lease).await?;
+                if outstanding == 0 {
+                    complete(connection, lease).await?;
+                    return Ok(0);
+                }
                 query("update leases set deadline_ms = $2 where id = $1 and state = 'active'")
                     .bind(lease.to_string())
                     .bind(deadline_ms)
                     .execute(connection)
                     .await?;
-                Ok(())
+                Ok(outstanding)
             })
         })
         .await

@@ -16,6 +16,7 @@ mod jobs;
 mod keepers;
 mod leases;
 mod nodes;
+mod parts;
 mod patience;
 mod postgres;
 mod redo;

@@ -207,6 +207,12 @@ pub(super) async fn discard_beyond(
     Ok(discarded)
 }
 
+/// Whether any nodes of a job are accepted.
+pub(super) async fn has_any(connection: &mut Connection, job: JobId) -> Result<bool, StoreError> {
+    let any = query("select 1 from nodes where job = $1 limit 1").bind(job.to_string());
+    Ok(any.fetch_optional(connection).await?.is_some())
+}
+
 /// Takes out all nodes that share a pass with one of some others.
 pub(super) async fn take_out(
     connection: &mut Connection,

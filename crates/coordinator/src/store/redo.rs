@@ -1,8 +1,11 @@
-//! What a worker has rendered that turned out to be wrong is rendered again.
+//! What a worker has rendered that turned out to be wrong is rendered again, and with it what all workers of its name have: they are one machine.
 //!
-//! Its leases tell which nodes may be its own; what others brought of them in the end is rendered again too, and so is what was merged with
+//! Their leases tell which nodes may be their own; what others brought of them in the end is rendered again too, and so is what was merged with
 //! them. The points of the series that were measured with them go, and are not measured again: the film has been merged across the ends of
 //! their rounds. The next round waits until all passes before it are there again. A job that has ended keeps its image, and is named.
+//!
+//! A job of which nothing is left begins again, with whatever bits the next worker computes: those that it was begun with may be the bits of the
+//! wrong machine alone, and nobody else could go on with it. Where nodes of others are left, others compute the same bits.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,6 +19,7 @@ use super::leases::nodes_of;
 use super::nodes::{self, Removed};
 use super::row::big;
 use super::sql::query;
+use super::workers::OF_THE_SAME_NAME;
 use super::{Connection, StoreError, adaptive, checks};
 use crate::adaptive::{PILOT_ROUND, TilePasses};
 use crate::schedule::cut;
@@ -23,17 +27,17 @@ use crate::schedule::cut;
 /// What is rendered again.
 #[derive(Debug, Default)]
 pub(super) struct Redone {
-    /// Jobs of which nodes are.
+    /// Jobs of which nodes are, and those that begin again.
     pub(super) jobs: Vec<JobId>,
     /// What has been taken out of their films.
     pub(super) removed: Removed,
-    /// Jobs that have ended, with work of the worker in their images.
+    /// Jobs that have ended, with work of the machine in their images.
     pub(super) ended: Vec<JobId>,
 }
 
-/// Takes all that a worker may have rendered out of the films of the jobs that have not ended, and back into the queue.
+/// Takes all that the workers of a worker's name may have rendered out of the films of the jobs that have not ended, and back into the queue.
 pub(super) async fn redo(connection: &mut Connection, worker: WorkerId, now_ms: i64) -> Result<Redone, StoreError> {
-    let rows = query("select job, nodes from leases where worker = $1")
+    let rows = query(format!("select job, nodes from leases where worker in {OF_THE_SAME_NAME}"))
         .bind(worker.to_string())
         .fetch_all(&mut *connection)
         .await?;
@@ -48,13 +52,14 @@ pub(super) async fn redo(connection: &mut Connection, worker: WorkerId, now_ms: 
             redone.ended.push(id);
             continue;
         }
-        if job.shared_samples.is_some() && leased.iter().any(|node| node.passes().first >= job.passes) {
-            redone.removed += begin_again(connection, &job).await?;
+        let (taken, removed) = nodes::take_out(connection, id, &leased).await?;
+        let has_pilot = leased.iter().any(|node| node.passes().first >= job.passes);
+        if (has_pilot && job.shared_samples.is_some()) || !nodes::has_any(connection, id).await? {
+            redone.removed += begin_again(connection, &job, removed).await?;
             events::record(connection, StoredKind::Job, id, now_ms).await?;
             redone.jobs.push(id);
             continue;
         }
-        let (taken, removed) = nodes::take_out(connection, id, &leased).await?;
         if taken.is_empty() {
             continue;
         }
@@ -132,10 +137,14 @@ fn rounds_of(
     in_images.chain((passes.first >= job.passes).then_some((PILOT_ROUND, passes)))
 }
 
-/// Takes a job back to where it was before any work was given out.
-async fn begin_again(connection: &mut Connection, job: &JobRecord) -> Result<Removed, StoreError> {
-    let removed = nodes::discard(connection, job.id, 0).await?;
-    // Their nodes were cut where rounds ended by the old shares.
+/// Takes a job back to where it was before any work was given out, and answers all that has been taken out of its film, with what was before.
+async fn begin_again(
+    connection: &mut Connection,
+    job: &JobRecord,
+    mut removed: Removed,
+) -> Result<Removed, StoreError> {
+    removed += nodes::discard(connection, job.id, 0).await?;
+    // Their nodes were cut where rounds ended by the old shares, and may have other bits than the job will.
     query("update leases set state = 'returned' where job = $1 and state in ('active', 'complete')")
         .bind(job.id.to_string())
         .execute(&mut *connection)
@@ -145,7 +154,8 @@ async fn begin_again(connection: &mut Connection, job: &JobRecord) -> Result<Rem
     }
     query(
         "update jobs set cursor_round = 0, cursor_frame = 0, cursor_tile = 0, rounds = 0, complete_passes = 0, samples = 0, \
-         shared_samples = null, redone_nodes = redone_nodes + $2, accepted_nodes = accepted_nodes + 1 where id = $1",
+         shared_samples = null, probe_digest = null, redone_nodes = redone_nodes + $2, \
+         accepted_nodes = accepted_nodes + 1 where id = $1",
     )
     .bind(job.id.to_string())
     .bind(big(removed.places.len() as u64))

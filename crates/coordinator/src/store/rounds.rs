@@ -36,23 +36,43 @@ impl Store {
     /// The next round of a job, if it is complete and not recorded.
     pub(crate) async fn complete_wave(&self, job: &JobRecord) -> Result<Option<CompleteWave>, StoreError> {
         let Some(passes) = job.boundaries().end(job.rounds) else { return Ok(None) };
-        let waves = query(
-            "select outstanding, core_ms, completed_ms, (select count(*) from checks where job = $1 and round <= $2) as checks \
-             from waves where job = $1 and round <= $2",
-        )
+        // There may be tens of thousands of earlier waves, and this is asked often: all but those that are incomplete stay unread.
+        let looked = query(
+            "select (select count(*) from waves where job = $1 and round = $2) as opened, \
+             (select count(*) from waves where job = $1 and round <= $2 and outstanding > 0) as incomplete, \
+             (select count(*) from checks where job = $1 and round <= $2) as checks",
+        );
+        let looked = looked.bind(job.id.to_string()).bind(i64::from(job.rounds)).fetch_one(&self.readers).await?;
+        // Waves are opened in the order of their rounds.
+        let is_opened = looked.integer("opened")? == i64::from(job.frames);
+        if !is_opened || looked.integer("incomplete")? + looked.integer("checks")? > 0 {
+            return Ok(None);
+        }
+        let (measured, mut core_ms, mut completed_ms) = self.last_measured(job).await?;
+        let waves = query("select core_ms, completed_ms from waves where job = $1 and round > $2 and round <= $3")
             .bind(job.id.to_string())
+            .bind(measured)
             .bind(i64::from(job.rounds))
             .fetch_all(&self.readers)
             .await?;
-        let opened = waves.len() as u64 == u64::from(job.frames) * (u64::from(job.rounds) + 1);
-        let (mut outstanding, mut core_ms, mut completed_ms) = (0, 0_i64, 0);
         for wave in &waves {
-            outstanding += wave.integer("outstanding")? + wave.integer("checks")?;
             core_ms = core_ms.saturating_add(wave.integer("core_ms")?);
             completed_ms = completed_ms.max(wave.optional_integer("completed_ms")?.unwrap_or(0));
         }
-        let complete = opened && outstanding == 0;
-        Ok(complete.then_some(CompleteWave { round: job.rounds, passes, core_ms, completed_ms }))
+        Ok(Some(CompleteWave { round: job.rounds, passes, core_ms, completed_ms }))
+    }
+
+    /// The last round of which there are points, the time that was spent on everything up to there, and when its last node was accepted. No wave up to
+    /// there has changed since: where nodes of one are rendered again, its points and all later ones are taken away.
+    async fn last_measured(&self, job: &JobRecord) -> Result<(i64, i64, i64), StoreError> {
+        let last = query(
+            "select round, core_ms, wall_ms from rounds where job = $1 and frame = 0 and round < $2 \
+             order by round desc limit 1",
+        );
+        let last = last.bind(job.id.to_string()).bind(i64::from(job.rounds)).fetch_optional(&self.readers).await?;
+        let Some(last) = last else { return Ok((-1, 0, 0)) };
+        let completed_ms = last.integer("wall_ms")?.saturating_add(job.started_ms.unwrap_or(0));
+        Ok((last.integer("round")?, last.integer("core_ms")?, completed_ms))
     }
 
     /// Records a round, one point for each frame, and ends the job when that is the last one or has reached a target: all at
@@ -156,6 +176,7 @@ fn point(row: &Row) -> Result<ConvergencePoint, StoreError> {
         corrected_mse: row.optional_float("corrected_mse")?,
         rel_mse: row.optional_float("rel_mse")?,
         psnr: row.optional_float("psnr")?,
+        flip: row.optional_float("flip")?,
         estimated_mse: row.optional_float("estimated_mse")?,
     })
 }
@@ -163,7 +184,8 @@ fn point(row: &Row) -> Result<ConvergencePoint, StoreError> {
 async fn insert(connection: &mut Connection, job: JobId, point: &ConvergencePoint) -> Result<(), StoreError> {
     query(
         "insert into rounds (job, frame, round, passes, samples_per_pixel, core_ms, wall_ms, recorded_ms, mse, \
-         corrected_mse, rel_mse, psnr, estimated_mse) values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13)",
+         corrected_mse, rel_mse, psnr, estimated_mse, flip) \
+         values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14)",
     )
     .bind(job.to_string())
     .bind(i64::from(point.frame))
@@ -178,6 +200,7 @@ async fn insert(connection: &mut Connection, job: JobId, point: &ConvergencePoin
     .bind(point.rel_mse)
     .bind(point.psnr)
     .bind(point.estimated_mse)
+    .bind(point.flip)
     .execute(connection)
     .await?;
     Ok(())

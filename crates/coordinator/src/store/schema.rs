@@ -39,7 +39,7 @@ pub enum SchemaError {
 }
 
 /// What makes a schema of the one before, each with its version and its name.
-const MIGRATIONS: [(i64, &str, &str); 10] = [
+const MIGRATIONS: [(i64, &str, &str); 14] = [
     (1, "first", include_str!("../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../migrations/0002_counters.sql")),
     (3, "farm", include_str!("../../migrations/0003_farm.sql")),
@@ -50,6 +50,10 @@ const MIGRATIONS: [(i64, &str, &str); 10] = [
     (8, "checks", include_str!("../../migrations/0008_checks.sql")),
     (9, "adaptive", include_str!("../../migrations/0009_adaptive.sql")),
     (10, "held", include_str!("../../migrations/0010_held.sql")),
+    (11, "trust", include_str!("../../migrations/0011_trust.sql")),
+    (12, "pace", include_str!("../../migrations/0012_pace.sql")),
+    (13, "open_waves", include_str!("../../migrations/0013_open_waves.sql")),
+    (14, "flip", include_str!("../../migrations/0014_flip.sql")),
 ];
 
 /// Where applied migrations are noted, as the first builds made it; the hash is empty since.

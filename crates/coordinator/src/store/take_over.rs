@@ -1,20 +1,24 @@
-//! Stragglers: a worker for whom nothing is free takes over what another has held for longer than it would need itself. The other's lease goes
-//! on, and the first result wins.
+//! Stragglers: a worker for whom nothing is free takes over what another has held for longer than it would need itself. What another has had
+//! for [far longer](crate::schedule::Pace::patience_seconds) without bringing a node is taken over before there is nothing else to do, however
+//! often its lease is renewed. The other's lease goes on while it has anything left, and the first result wins.
+//!
+//! A single node is taken over by its passes: its second half goes to the other worker.
 
 use std::collections::BTreeMap;
 
 use clerestory_api::JobId;
 use clerestory_render_core::film::NodeAddress;
 
-use super::claim::{ClaimTerms, OpenJob, last_round};
+use super::claim::{ClaimTerms, OpenJob, first_of, last_round, most_samples};
 use super::jobs::JobRecord;
 use super::leases::address;
+use super::parts::{Side, split_off};
 use super::row::{Row, nodes_json, nodes_of, to_json};
 use super::sql::{Kind, query, rows_of};
 use super::{Connection, StoreError};
 use crate::schedule::Pace;
 
-/// How often a node is leased while another lease has it: whatever the first taker meets with, another may take it once more.
+/// How often a node is leased while another lease has it, unless that is overdue: whatever the first taker meets with, another may take it once more.
 const MOST_REPEATS: i64 = 2;
 
 /// Leases that have been held for longest, of which one may be taken over: to look at more of thousands would take longer than it is worth.
@@ -27,6 +31,43 @@ const GATHERING_SECONDS: f64 = 1.0;
 pub(super) struct HeldLease {
     id: String,
     granted_ms: i64,
+    /// The last round of which nodes may be taken over.
+    last_round: i64,
+    /// Whether it is so whoever asks, and however often that has been done.
+    is_overdue: bool,
+}
+
+/// What has been taken over.
+pub(super) struct TakenOver {
+    /// The nodes, most urgent first.
+    pub(super) nodes: Vec<NodeAddress>,
+    /// How often one of them has been leased by now while another lease had it.
+    pub(super) repeats: u32,
+}
+
+/// A lease of another worker with nodes of a job up to a round, that has been without an accepted node for too long.
+pub(super) async fn overdue(
+    connection: &mut Connection,
+    job: &JobRecord,
+    up_to: i64,
+    terms: &ClaimTerms,
+) -> Result<Option<HeldLease>, StoreError> {
+    let last_round = up_to.min(last_round(job, terms));
+    let row = query(
+        "select id, granted_ms from leases where state = 'active' and due_ms <= $1 and job = $2 and worker <> $3 \
+         and exists (select 1 from pending where lease = leases.id and round <= $4) order by due_ms, token limit 1",
+    )
+    .bind(terms.now_ms)
+    .bind(job.id.to_string())
+    .bind(terms.worker.to_string())
+    .bind(last_round)
+    .fetch_optional(connection)
+    .await?;
+    let lease = |row: Row| {
+        let (id, granted_ms) = (row.text("id")?, row.integer("granted_ms")?);
+        Ok(HeldLease { id, granted_ms, last_round, is_overdue: true })
+    };
+    row.map(lease).transpose()
 }
 
 /// Of each of these jobs, the oldest such lease, if it is old enough for any worker and among the [`OLDEST`].
@@ -39,7 +80,7 @@ pub(super) async fn held_longest(
         jobs.iter().map(|open| (open.job.id.to_string(), last_round(&open.job, terms))).collect();
     let listed_jobs = rows_of(connection.engine(), 1, &[Kind::Text, Kind::Integer]);
     let rows = query(format!(
-        "select held.id, job, granted_ms from (select id, job, granted_ms, token from leases \
+        "select held.id, job, granted_ms, c1 as last_round from (select id, job, granted_ms, token from leases \
          where state = 'active' and worker <> $2 and granted_ms <= $3 and job in (select c0 from {listed_jobs} as open_jobs) \
          order by granted_ms, token limit $4) as held join {listed_jobs} as listed_jobs on c0 = job \
          where exists (select 1 from pending where lease = held.id and repeats < $5 and round <= c1) \
@@ -52,44 +93,62 @@ pub(super) async fn held_longest(
     .bind(MOST_REPEATS)
     .fetch_all(connection)
     .await?;
-    let lease =
-        |row: &Row| Ok((row.parsed("job")?, HeldLease { id: row.text("id")?, granted_ms: row.integer("granted_ms")? }));
+    let lease = |row: &Row| {
+        let (id, granted_ms) = (row.text("id")?, row.integer("granted_ms")?);
+        let held = HeldLease { id, granted_ms, last_round: row.integer("last_round")?, is_overdue: false };
+        Ok((row.parsed("job")?, held))
+    };
     // The oldest of a job comes last, and stays.
     rows.iter().map(lease).collect()
 }
 
-/// Nodes of a lease of another worker, if this one would have needed less for all that is left of it than the other has had: the later half of
-/// them, since the other renders them in their order. A node is taken over [`MOST_REPEATS`] times at most.
+/// Nodes of a lease of another worker, if that is overdue or this one would have needed less for all that is left of it than the other has had: the
+/// later half of them, since the other renders them in their order, and no more than a lease should have. A node is taken over [`MOST_REPEATS`]
+/// times at most while nobody is overdue.
 pub(super) async fn take_over(
     connection: &mut Connection,
     job: &JobRecord,
     lease: &HeldLease,
     pace: &Pace,
     terms: &ClaimTerms,
-) -> Result<Vec<NodeAddress>, StoreError> {
+) -> Result<Option<TakenOver>, StoreError> {
     let rows = query(
-        "select frame, tile, level, idx from pending where lease = $1 and repeats < $2 and round <= $3 \
+        "select frame, tile, level, idx, repeats from pending where lease = $1 and repeats < $2 and round <= $3 \
          order by round desc, frame desc, tile desc, idx desc",
     )
     .bind(lease.id.as_str())
-    .bind(MOST_REPEATS)
-    .bind(last_round(job, terms))
+    .bind(if lease.is_overdue { i64::MAX } else { MOST_REPEATS })
+    .bind(lease.last_round)
     .fetch_all(&mut *connection)
     .await?;
     let held_seconds = terms.now_ms.saturating_sub(lease.granted_ms) as f64 / 1000.0;
     let held = rows.iter().map(address).collect::<Result<Vec<_>, _>>()?;
     let samples: u64 = held.iter().map(|node| job.node_samples(node)).sum();
-    if held_seconds < pace.seconds(samples as f64) + GATHERING_SECONDS {
-        return Ok(Vec::new());
+    let is_slow = held_seconds >= pace.seconds(samples as f64) + GATHERING_SECONDS;
+    if held.is_empty() || !(lease.is_overdue || is_slow) {
+        return Ok(None);
     }
     let count = held.len().div_ceil(2).min(terms.most_nodes() as usize);
+    let is_alone = held.len() == 1;
     let mut taken = held;
     taken.truncate(count);
+    let mut taken = first_of(taken, job, pace, terms);
+    let mut repeats = 0_u32;
+    for row in rows.iter().take(taken.len()) {
+        repeats = repeats.max(row.number("repeats")?);
+    }
+    let mut longest = most_samples(job, pace, terms);
+    if is_alone && terms.fixed_nodes.is_none() {
+        longest = longest.min(samples as f64 / 2.0);
+    }
+    if let Some(last) = taken.first_mut() {
+        *last = split_off(connection, job, *last, longest, Side::Last).await?;
+    }
     taken.reverse();
     let statement = format!(
         "update pending set repeats = repeats + 1 where job = $1 and (frame, tile, level, idx) in {}",
         nodes_of(connection.engine(), 2)
     );
     query(statement).bind(job.id.to_string()).bind(nodes_json(&taken)?).execute(connection).await?;
-    Ok(taken)
+    Ok(Some(TakenOver { nodes: taken, repeats: repeats.saturating_add(1) }))
 }

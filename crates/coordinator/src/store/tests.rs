@@ -33,28 +33,34 @@ use adaptive::{
 use checks::{
     a_check_that_nobody_can_do_does_not_hold_up_the_round, a_job_keeps_to_the_bits_that_it_was_begun_with,
     a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
-    a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again,
+    a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others,
+    a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again, a_worker_of_the_same_name_is_nobody_to_check,
+    a_worker_that_computes_other_bits_is_nobody_to_check,
     a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again,
     checks_of_a_worker_that_is_gone_go_to_another, points_that_were_measured_with_wrong_nodes_are_taken_back,
-    two_who_agree_end_a_check,
+    two_who_agree_end_a_check, workers_of_one_name_are_one_machine,
 };
 use claims::{
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason,
     a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job,
-    a_worker_that_dies_again_and_again_does_not_fail_the_job, an_unknown_worker_gets_no_work_and_is_told,
-    concurrent_claimants_never_get_the_same_node, jobs_are_served_by_priority_and_then_by_age,
-    returned_work_is_free_at_once_and_returning_twice_is_harmless,
+    a_worker_that_dies_again_and_again_does_not_fail_the_job, a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time,
+    an_unknown_worker_gets_no_work_and_is_told, concurrent_claimants_never_get_the_same_node,
+    jobs_are_served_by_priority_and_then_by_age, nodes_that_were_cut_before_are_cut_again_for_a_slower_worker,
+    returned_work_is_free_at_once_and_returning_twice_is_harmless, the_speed_of_a_worker_is_that_of_its_last_work,
+    times_of_short_nodes_add_up_and_give_a_speed,
 };
 use farm::{Farm, TTL_MS, delivered, merge, place};
 use stragglers::{
-    a_node_is_not_leased_again_without_end, stragglers_do_not_hold_up_the_end,
-    what_a_worker_sits_on_is_taken_over_and_the_first_result_wins,
+    a_node_is_not_leased_again_without_end, a_single_node_is_taken_over_by_its_passes,
+    stragglers_do_not_hold_up_the_end, what_a_worker_sits_on_is_taken_over_and_the_first_result_wins,
+    what_is_overdue_of_an_urgent_job_comes_before_free_work_of_others,
+    what_the_next_round_waits_for_is_taken_over_while_there_is_work_of_later_ones,
 };
 use targets::{
     a_round_that_reaches_a_target_ends_the_job_and_what_lies_beyond_it_goes,
     a_target_that_is_not_reached_leaves_the_last_round_to_end_the_job,
     a_target_that_is_reached_after_the_end_changes_nothing,
-    errors_and_targets_that_were_absent_at_first_are_stored_later,
+    errors_and_targets_that_were_absent_at_first_are_stored_later, the_time_of_earlier_rounds_counts_in_later_ones,
 };
 
 async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing(farm: Farm) {
@@ -397,10 +403,21 @@ on_both! {
     a_blob_is_needed_until_the_last_of_its_nodes_has_been_replaced
     what_a_worker_sits_on_is_taken_over_and_the_first_result_wins
     a_node_is_not_leased_again_without_end
+    a_single_node_is_taken_over_by_its_passes
+    what_is_overdue_of_an_urgent_job_comes_before_free_work_of_others
+    what_the_next_round_waits_for_is_taken_over_while_there_is_work_of_later_ones
+    a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time
+    nodes_that_were_cut_before_are_cut_again_for_a_slower_worker
+    times_of_short_nodes_add_up_and_give_a_speed
+    the_speed_of_a_worker_is_that_of_its_last_work
     two_who_agree_end_a_check
     a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again
     points_that_were_measured_with_wrong_nodes_are_taken_back
     a_check_that_nobody_can_do_does_not_hold_up_the_round
+    a_worker_that_computes_other_bits_is_nobody_to_check
+    workers_of_one_name_are_one_machine
+    a_worker_of_the_same_name_is_nobody_to_check
+    a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others
     checks_of_a_worker_that_is_gone_go_to_another
     a_job_keeps_to_the_bits_that_it_was_begun_with
     stragglers_do_not_hold_up_the_end
@@ -417,6 +434,7 @@ on_both! {
     a_round_that_reaches_a_target_ends_the_job_and_what_lies_beyond_it_goes
     a_target_that_is_not_reached_leaves_the_last_round_to_end_the_job
     a_target_that_is_reached_after_the_end_changes_nothing
+    the_time_of_earlier_rounds_counts_in_later_ones
     passes_beyond_those_that_all_get_wait_until_they_are_shared_out
     a_pilot_that_is_not_whole_decides_nothing
     a_target_leaves_each_tile_what_it_has_at_its_round

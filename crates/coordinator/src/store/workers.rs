@@ -1,4 +1,7 @@
 //! Workers: who has registered, and when they were last heard of.
+//!
+//! A process that starts again registers again, under the same name. Where it matters what a *machine* computes, in [checks](super::checks) and
+//! what follows from them, all workers of a name are one.
 
 use clerestory_api::{JobId, Quarantine, WorkerId, WorkerRegistration, WorkerState, WorkerView};
 
@@ -34,9 +37,15 @@ const VIEW: &str = "select w.*, \
     (select job from leases l where l.worker = w.id and l.state = 'active' order by token desc limit 1) as job \
     from workers w";
 
+/// A query, in brackets, for all workers of the name that the worker has which is bound as parameter `$1`; itself among them.
+pub(super) const OF_THE_SAME_NAME: &str =
+    "(select id from workers where name = (select name from workers where id = $1))";
+
 /// What a claim has to know of the worker that asks.
 #[derive(Clone, Debug)]
 pub(super) struct Claimant {
+    /// Its name, by which its machine is known.
+    pub(super) name: String,
     /// Threads that render.
     pub(super) cores: u32,
     /// Its build.
@@ -51,7 +60,7 @@ pub(super) struct Claimant {
 pub(super) async fn touch(connection: &mut Connection, worker: WorkerId, now_ms: i64) -> Result<Claimant, WorkerError> {
     let row = query(
         "update workers set seen_ms = $2 where id = $1 \
-         returning cores, build, probe_digest, failures_in_a_row, failed_ms, quarantine",
+         returning name, cores, build, probe_digest, failures_in_a_row, failed_ms, quarantine",
     )
     .bind(worker.to_string())
     .bind(now_ms)
@@ -67,6 +76,7 @@ pub(super) async fn touch(connection: &mut Connection, worker: WorkerId, now_ms:
         Some(doublings) => (1000_i64 << doublings.min(10)).min(LONGEST_REST_MS),
     };
     Ok(Claimant {
+        name: row.text("name")?,
         cores: row.number("cores")?,
         build: row.text("build")?,
         probe_digest: row.optional_text("probe_digest")?.unwrap_or_default(),

@@ -1,7 +1,10 @@
 //! What callers get wrong, and what they are told. The farm goes on working afterwards.
 
+use std::time::Duration;
+
 use crate::support::*;
-use clerestory_api::{Client, Problem};
+use clerestory_api::{Client, JobState, Problem};
+use futures::future::join_all;
 use reqwest::{Method, StatusCode};
 use serde_json::{Value, json};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -103,6 +106,7 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     check(farm, call(Method::GET, "/jobs/abc"), 400, "invalid_field", Some("job")).await;
     check(farm, call(Method::GET, format!("/jobs/{nobody}")), 404, "unknown_job", Some("job")).await;
     check(farm, call(Method::GET, format!("/jobs/{nobody}/events")), 404, "unknown_job", Some("job")).await;
+    check(farm, call(Method::GET, format!("/jobs/{nobody}/live")), 404, "unknown_job", Some("job")).await;
     check(farm, call(Method::POST, format!("/jobs/{nobody}/cancel")), 404, "unknown_job", Some("job")).await;
 
     // Bodies.
@@ -293,6 +297,59 @@ async fn a_connection_lives_on_when_the_answer_comes_before_the_body() {
     );
     let next = exchange(&mut connection, "GET /api/v1/jobs HTTP/1.1", b"").await;
     assert!(next.starts_with("HTTP/1.1 200 ") && next.ends_with("[]"), "{next}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn uploads_that_stop_keep_nobody_waiting_and_are_told() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(200)).await;
+    let job = farm.submit(1).await;
+    let worker = farm.worker().await;
+    let lease = worker.claim().await.unwrap();
+    let mut stopped = Vec::new();
+    for _ in 0..4 {
+        let mut connection = TcpStream::connect(farm.address.trim_start_matches("http://")).await.unwrap();
+        // Together they announce as much as is received at the same time.
+        let head = format!(
+            "PUT /api/v1/leases/{}/partial HTTP/1.1\r\nhost: localhost\r\ncontent-type: image/x-exr\r\n\
+             clerestory-fencing-token: {}\r\nclerestory-core-ms: 1\r\ncontent-length: {}\r\n\r\n",
+            lease.id,
+            lease.token,
+            8 << 20
+        );
+        connection.write_all(head.as_bytes()).await.unwrap();
+        connection.write_all(&[0; 1000]).await.unwrap();
+        stopped.push(connection);
+    }
+    // All of them have come as far as they do.
+    tokio::time::sleep(Duration::from_millis(300)).await;
+    let upload = worker.upload(&lease, noise_partial(&lease, &addresses(&lease)));
+    tokio::time::timeout(Duration::from_secs(4), upload).await.expect("it waits for nobody").unwrap();
+    assert_eq!(farm.finished(job.id).await.state, JobState::Done);
+    for mut connection in stopped {
+        let mut answer = Vec::new();
+        let read = tokio::time::timeout(Duration::from_secs(30), connection.read_to_end(&mut answer));
+        read.await.expect("an answer").unwrap();
+        let answer = String::from_utf8_lossy(&answer);
+        assert!(answer.starts_with("HTTP/1.1 408 ") && answer.contains("\"body_too_slow\""), "{answer}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn large_uploads_do_not_wait_for_each_other_for_ever() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(200)).await;
+    farm.submit(1).await;
+    let lease = farm.worker().await.claim().await.unwrap();
+    // Each of them fits, and any two do not.
+    let upload = || {
+        let call = call(Method::PUT, format!("/leases/{}/partial", lease.id)).header("content-type", "image/x-exr");
+        let call = call.header("clerestory-fencing-token", lease.token).header("clerestory-core-ms", 5);
+        call.body(vec![0_u8; 20 << 20]).send(&farm)
+    };
+    let answers = tokio::time::timeout(Duration::from_secs(60), join_all((0..4).map(|_| upload()))).await.unwrap();
+    let statuses: Vec<StatusCode> = answers.iter().map(reqwest::Response::status).collect();
+    // The first that comes to its end is no partial, which ends the lease.
+    let are_answered = statuses.iter().all(|status| matches!(status.as_u16(), 409 | 422));
+    assert!(are_answered && statuses.contains(&StatusCode::UNPROCESSABLE_ENTITY), "{statuses:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -11,7 +11,8 @@ use clerestory_coordinator::{Clock, Config, RunError, run};
 use clerestory_render_core::film::{self, Exposure, PreviewSettings, Rendered, encode_png};
 use futures::StreamExt;
 use serde_json::json;
-use tokio::net::TcpListener;
+use tokio::io::AsyncWriteExt;
+use tokio::net::{TcpListener, TcpStream};
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_image_has_the_bits_of_a_single_process_however_the_work_is_cut() {
@@ -119,6 +120,35 @@ async fn a_partial_that_is_cut_off_sends_its_nodes_back_to_the_queue() {
     sound.upload(&again, noise_partial(&again, &addresses(&again))).await.unwrap();
     sound.drain().await;
     assert_eq!(farm.finished(job.id).await.state, JobState::Done);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_worker_that_hangs_up_before_the_answer_does_not_hold_up_its_job() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(200)).await;
+    let address = farm.address.trim_start_matches("http://");
+    for _ in 0..20 {
+        let job = farm.submit(1).await;
+        let worker = farm.worker().await;
+        let lease = worker.claim().await.unwrap();
+        let body = noise_partial(&lease, &addresses(&lease));
+        let head = format!(
+            "PUT /api/v1/leases/{}/partial HTTP/1.1\r\nhost: localhost\r\ncontent-type: image/x-exr\r\n\
+             clerestory-fencing-token: {}\r\nclerestory-core-ms: 1\r\ncontent-length: {}\r\n\r\n",
+            lease.id,
+            lease.token,
+            body.len()
+        );
+        let mut connection = TcpStream::connect(address).await.unwrap();
+        connection.write_all(head.as_bytes()).await.unwrap();
+        connection.write_all(&body).await.unwrap();
+        drop(connection);
+        // Whatever became of it: it brings all of it once more, and hears of what is there.
+        match worker.upload(&lease, body).await {
+            Ok(answer) => assert!(answer.nodes.iter().all(|node| node.verdict != NodeVerdict::Refused)),
+            Err(error) => assert_eq!(error.problem().unwrap().code, ProblemCode::JobNotRunning),
+        }
+        assert_eq!(farm.finished(job.id).await.state, JobState::Done);
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -2,13 +2,17 @@
 
 use std::sync::Arc;
 
-use clerestory_api::{JobId, PreviewQuery};
+use clerestory_api::{JobId, JobSubmission, PreviewQuery};
 use clerestory_coordinator::{Clock, Config};
 use clerestory_render_core::film::{
-    Exposure, FrameImage, PreviewSettings, ToneCurve, compare, encode_png, mean_squared_standard_error,
+    Exposure, FrameImage, Node, NodeAddress, NodeLayers, PreviewSettings, Rendered, ToneCurve, compare, encode_png,
+    mean_flip, mean_squared_standard_error,
 };
 
-use crate::support::{HEIGHT, TestFarm, WIDTH, addresses, bits, expected_bits, expected_counters, grid, noise_partial};
+use crate::support::{
+    HEIGHT, TestFarm, WIDTH, addresses, bits, expected_bits, expected_counters, grid, hash, noise_counters, noise_node,
+    noise_partial, partial_of, submission,
+};
 
 /// Memory for the fewest rows at a time, 16 of 20, and for no node.
 fn no_memory(config: &mut Config) {
@@ -36,6 +40,7 @@ async fn a_frame_in_strips_has_the_bits_and_the_errors_of_a_whole_one() {
         (last.mse, last.corrected_mse, last.rel_mse, last.psnr),
         (Some(metrics.mse), metrics.corrected_mse, metrics.rel_mse, metrics.psnr)
     );
+    assert_eq!(last.flip, Some(mean_flip(&image, &reference, ToneCurve::Filmic).unwrap()));
     assert_eq!(last.estimated_mse, mean_squared_standard_error(&image));
 }
 
@@ -91,6 +96,58 @@ async fn a_preview_stays_for_a_quarter_of_a_second_however_many_look() {
     clock.advance(1);
     let second = preview(&farm, job.id).await;
     assert!(second.0 != first.0 && (first.1, second.1) == (1, 2));
+}
+
+/// Noise, some of which is four times as bright.
+fn wrong_node(address: &NodeAddress) -> Rendered {
+    let node = noise_node(*address);
+    let (tile, sampling) = (node.tile(), node.sampling());
+    let NodeLayers { mut beauty, moment, first_hit } = node.into_layers();
+    for value in beauty.as_flattened_mut().iter_mut().step_by(7) {
+        *value *= 4.0;
+    }
+    let node = Node::from_layers(*address, tile, sampling, NodeLayers { beauty, moment, first_hit }).unwrap();
+    Rendered { node, counters: noise_counters(*address) }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_shown_of_wrong_nodes_is_not_shown_of_those_that_took_their_place() {
+    let clock = Clock::Manual(Arc::default());
+    let farm = TestFarm::start_with(|config| {
+        config.clock = clock.clone();
+        config.lease_nodes = Some(grid().len());
+        config.checked_fraction = 1.0;
+    })
+    .await;
+    let [reference, _] = farm.against_a_reference(2, 1).await;
+    let reference = Some(hash(&farm.client.image(reference.id).await.unwrap()));
+    let job = farm.client.submit_job(&JobSubmission { reference, ..submission(1) }).await.unwrap();
+    let (wrong, right) = (farm.worker_named("wrong").await, farm.worker_named("right").await);
+    let third = farm.worker_named("third").await;
+    let lease = wrong.claim().await.unwrap();
+    let nodes: Vec<Rendered> = addresses(&lease).iter().map(wrong_node).collect();
+    wrong.upload(&lease, partial_of(&lease, &nodes)).await.unwrap();
+    let shown = preview(&farm, job.id).await;
+    assert!(shown.0 == expected_preview(&farm.image(job.id).await));
+    let live = farm.client.live(job.id).await.unwrap();
+
+    for worker in [&right, &third] {
+        let lease = worker.claim().await.unwrap();
+        worker.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap();
+    }
+    assert!(farm.client.job(job.id).await.unwrap().redone_nodes > 0);
+    // Nobody looks before all tiles have as many passes as before.
+    right.drain().await;
+    third.drain().await;
+    farm.finished(job.id).await;
+    clock.advance(1000);
+    let image = farm.image(job.id).await;
+    assert!(bits(&image) == expected_bits(1));
+    let now = preview(&farm, job.id).await;
+    assert!(now.0 == expected_preview(&image) && now.0 != shown.0);
+    let last = farm.client.convergence(job.id).await.unwrap().points.pop().unwrap();
+    let live_now = farm.client.live(job.id).await.unwrap();
+    assert!(live_now.mse == last.mse && live_now.mse != live.mse, "{live_now:?} after {live:?}, {last:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]

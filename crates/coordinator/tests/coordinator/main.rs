@@ -6,5 +6,6 @@ mod adaptive;
 mod bad_requests;
 mod farm;
 mod frames;
+mod live;
 mod support;
 mod targets;

@@ -94,8 +94,12 @@ impl TestFarm {
     }
 
     pub(crate) async fn worker(&self) -> TestWorker {
+        self.worker_named("noise").await
+    }
+
+    pub(crate) async fn worker_named(&self, name: &str) -> TestWorker {
         let registration =
-            WorkerRegistration { name: "noise".to_owned(), cores: 2, build: "test".to_owned(), probe_digest: None };
+            WorkerRegistration { name: name.to_owned(), cores: 2, build: "test".to_owned(), probe_digest: None };
         let id = self.client.register_worker(&registration).await.unwrap().id;
         TestWorker { client: self.client.clone(), id }
     }

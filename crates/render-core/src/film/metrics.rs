@@ -4,6 +4,8 @@
 //! pixels from the left, red, green, blue; then the sums of the tiles, in their order. So the same images give the same numbers everywhere,
 //! whether they are measured whole or a few rows at a time.
 
+pub mod flip;
+
 use std::ops::{AddAssign, Range};
 
 use serde::{Deserialize, Serialize};

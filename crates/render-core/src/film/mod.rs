@@ -32,6 +32,7 @@ pub use address::{NodeAddress, PassRange, Tile, TileGrid};
 pub use decomposition::{Decomposition, decompose};
 pub use image::{FrameImage, ImageError, ImageLayers, ImageMetadata};
 pub use image_writer::{ImageWriter, ROWS_PER_BLOCK, first_bytes};
+pub use metrics::flip::{FlipComparison, FlipError, LogLuminance, MeanLuminance, mean_flip};
 pub use metrics::{
     CompareError, Comparison, Metrics, NoiseMeasure, ReferenceMeasure, ReferenceSummary, RelativeNoise, compare,
     mean_squared_standard_error, relative_noise,

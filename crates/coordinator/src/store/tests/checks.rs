@@ -27,6 +27,15 @@ async fn named<const N: usize>(farm: &Farm, names: [&str; N]) -> [WorkerId; N] {
     workers.try_into().unwrap()
 }
 
+/// Workers with these names and digests of the probe.
+async fn with_digests<const N: usize>(farm: &Farm, workers: [(&str, &str); N]) -> [WorkerId; N] {
+    let mut registered = Vec::new();
+    for (name, digest) in workers {
+        registered.push(farm.worker_with(name, Some(digest)).await.unwrap());
+    }
+    registered.try_into().unwrap()
+}
+
 async fn redone(farm: &Farm, job: JobId) -> u64 {
     farm.store.job(job).await.unwrap().unwrap().redone_nodes
 }
@@ -79,6 +88,8 @@ pub(super) async fn a_worker_with_other_bits_than_two_others_is_found_and_its_no
     assert_eq!((outcome.redone.as_slice(), outcome.removed.places.len()), (&[job][..], 10));
     assert_eq!(farm.addresses(job).await, some.nodes, "nothing of it is left");
     assert_eq!(redone(&farm, job).await, 10);
+    let digest = farm.record(job).await.probe_digest;
+    assert_eq!(digest.as_deref(), Some(""), "what is left of it has these bits");
 
     let refused = farm.store.touch_worker(wrong, 8).await;
     assert!(matches!(refused, Err(WorkerError::Quarantined { worker, .. }) if worker == wrong), "{refused:?}");
@@ -160,6 +171,7 @@ fn point(round: u32) -> ConvergencePoint {
         corrected_mse: None,
         rel_mse: None,
         psnr: None,
+        flip: None,
         estimated_mse: None,
     }
 }
@@ -197,6 +209,95 @@ pub(super) async fn a_check_that_nobody_can_do_does_not_hold_up_the_round(farm: 
     let given_up = farm.store.give_up_checks(late).await.unwrap();
     assert!(given_up.len() == 15 && given_up.iter().all(|given_up| given_up.workers == [alone, other]));
     assert!(farm.next_wave(job).await.is_some());
+}
+
+pub(super) async fn a_worker_that_computes_other_bits_is_nobody_to_check(farm: Farm) {
+    let job = farm.job(1).await;
+    let [first, _other] = with_digests(&farm, [("first", "x"), ("other", "y")]).await;
+    let all = farm.claim(first, 100, 0).await.unwrap();
+    assert!(!bring(&farm, &all, "bits", 0).await.has_work, "nobody who can check is there");
+    assert!(farm.next_wave(job).await.is_some());
+
+    let job = farm.job(1).await;
+    let [second] = with_digests(&farm, [("second", "x")]).await;
+    let all = farm.claim(first, 100, 0).await.unwrap();
+    assert!(bring(&farm, &all, "bits", 0).await.has_work);
+    assert!(farm.store.give_up_checks(0).await.unwrap().is_empty(), "the second may still do them");
+    let check = farm.claim(second, 100, 0).await.unwrap();
+    bring(&farm, &check, "others", 0).await;
+    assert_eq!(farm.next_wave(job).await, None, "a third has to decide");
+    let given_up = farm.store.give_up_checks(0).await.unwrap();
+    assert!(given_up.len() == 15 && given_up.iter().all(|given_up| given_up.workers == [first, second]));
+    assert!(farm.next_wave(job).await.is_some());
+}
+
+pub(super) async fn workers_of_one_name_are_one_machine(farm: Farm) {
+    let job = farm.job(1).await;
+    let [before, again] = named(&farm, ["wrong", "wrong"]).await;
+    let some = farm.claim(before, 5, 0).await.unwrap();
+    assert!(!bring(&farm, &some, "wrong", 0).await.has_work, "no other machine is there");
+    let [good, third] = named(&farm, ["good", "third"]).await;
+    let rest = farm.claim(again, 100, 0).await.unwrap();
+    assert!(bring(&farm, &rest, "wrong", 0).await.has_work);
+    assert!(farm.claim(before, 100, 0).await.is_none(), "no machine checks itself");
+    let check = farm.claim(good, 100, 0).await.unwrap();
+    assert!(bring(&farm, &check, "right", 0).await.quarantined.is_empty());
+    assert!(farm.claim(before, 100, 0).await.is_none(), "no machine has two voices");
+    let decision = farm.claim(third, 100, 0).await.unwrap();
+    assert_eq!((&check.nodes, &decision.nodes), (&rest.nodes, &rest.nodes));
+    let outcome = bring(&farm, &decision, "right", 0).await;
+    assert!(matches!(outcome.quarantined.as_slice(), [(worker, _)] if *worker == again), "{outcome:?}");
+    assert_eq!(outcome.removed.places.len(), 15, "also what it rendered before it was started again");
+    assert!(farm.addresses(job).await.is_empty());
+    for worker in [before, again] {
+        let refused = farm.store.touch_worker(worker, 0).await;
+        assert!(matches!(refused, Err(WorkerError::Quarantined { .. })), "{refused:?}");
+    }
+    assert!(matches!(farm.deliver(&some, &some.nodes, 0).await, Err(LeaseError::Returned)));
+    farm.store.release_worker(before).await.unwrap();
+    for worker in [before, again] {
+        farm.store.touch_worker(worker, 0).await.unwrap();
+    }
+}
+
+pub(super) async fn a_worker_of_the_same_name_is_nobody_to_check(farm: Farm) {
+    let job = farm.job(1).await;
+    let [first, namesake, _other] = named(&farm, ["first", "first", "other"]).await;
+    let all = farm.claim(first, 100, 0).await.unwrap();
+    assert!(bring(&farm, &all, "bits", 0).await.has_work);
+    let late = 10 * TTL_MS;
+    farm.store.touch_worker(namesake, late).await.unwrap();
+    assert_eq!(farm.store.give_up_checks(late).await.unwrap().len(), 15);
+    assert!(farm.next_wave(job).await.is_some());
+}
+
+pub(super) async fn a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others(farm: Farm) {
+    let [begun, untouched] = [farm.job(1).await, farm.job(1).await];
+    // Its memory was wrong while it rendered the probe.
+    let [odd] = with_digests(&farm, [("wrong", "odd")]).await;
+    let some = farm.claim(odd, 100, 0).await.unwrap();
+    let held = farm.claim(odd, 100, 0).await.unwrap();
+    assert_eq!((some.lease.job, held.lease.job), (begun, untouched));
+    farm.deliver(&some, &some.nodes[..3], 0).await.unwrap();
+
+    let [wrong, good, third] = with_digests(&farm, [("wrong", "x"), ("good", "x"), ("third", "x")]).await;
+    assert!(farm.claim(good, 1, 0).await.is_none(), "both have other bits");
+    let checked = farm.job(1).await;
+    let grant = farm.claim(wrong, 2, 0).await.unwrap();
+    assert_eq!(grant.lease.job, checked);
+    let outcome = find_wrong(&farm, &grant, [good, third]).await;
+    assert_eq!(outcome.redone, [begun, untouched, checked]);
+    assert_eq!((redone(&farm, begun).await, redone(&farm, untouched).await), (3, 0));
+    for (job, late) in [(begun, some), (untouched, held)] {
+        assert_eq!(farm.record(job).await.probe_digest, None);
+        let late = farm.deliver(&late, &late.nodes, 0).await;
+        assert!(matches!(late, Err(LeaseError::Returned)), "{late:?}");
+        let all = farm.claim(good, 100, 0).await.unwrap();
+        assert_eq!((all.lease.job, all.nodes.len()), (job, 15));
+        farm.deliver(&all, &all.nodes, 0).await.unwrap();
+        assert_eq!(farm.record(job).await.probe_digest.as_deref(), Some("x"));
+        assert!(farm.next_wave(job).await.is_some());
+    }
 }
 
 pub(super) async fn checks_of_a_worker_that_is_gone_go_to_another(farm: Farm) {
@@ -287,6 +388,7 @@ pub(super) async fn a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again
     assert_eq!(outcome.redone, [job.id]);
     let record = farm.record(job.id).await;
     assert_eq!((record.rounds, record.samples, record.shared_samples), (0, 0, None));
+    assert_eq!(record.probe_digest, None, "nothing is left that has any bits");
     assert!(farm.addresses(job.id).await.is_empty() && farm.store.convergence(job.id).await.unwrap().is_empty());
 
     farm.deliver_all(good).await;

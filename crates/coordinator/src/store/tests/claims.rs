@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{JobId, JobState, WorkerId};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_render_core::film::{NodeAddress, TileGrid};
 use uuid::Uuid;
 
 use super::farm::terms;
-use super::{Farm, LeaseError, TTL_MS};
-use crate::store::{ClaimTerms, WorkFailure, WorkerError};
+use super::{Farm, LeaseError, TTL_MS, delivered, query};
+use crate::store::{ClaimTerms, Delivery, Grant, NewJob, WorkFailure, WorkerError};
 
 pub(super) async fn concurrent_claimants_never_get_the_same_node(farm: Farm) {
     let job = farm.job(40).await;
@@ -37,6 +37,80 @@ pub(super) async fn concurrent_claimants_never_get_the_same_node(farm: Farm) {
     let grid = farm.store.job(job).await.unwrap().unwrap().grid;
     assert_eq!(passes.len(), grid.len() as usize);
     assert!(passes.values().all(|passes| passes.iter().copied().eq(0..40)));
+}
+
+/// A tile of 256 samples in a pass.
+const ONE_TILE: TileGrid = TileGrid { width: 8, height: 8, tile_size: 16 };
+
+/// Brings all of a lease, as if so much time of two cores had been spent on it.
+async fn bring_after(farm: &Farm, grant: &Grant, core_ms: i64) {
+    let (lease, token) = (grant.lease.id, grant.lease.token);
+    let nodes = grant.nodes.iter().map(|address| delivered(*address)).collect();
+    farm.store.accept(Delivery { lease, token, nodes, core_ms, now_ms: 0, alive_ms: 0 }).await.unwrap();
+}
+
+/// Claims all that is free, with leases as large as the pace asks.
+async fn claim_all(farm: &Farm, worker: WorkerId) -> Vec<NodeAddress> {
+    let mut nodes = Vec::new();
+    while let Some(grant) = farm.store.claim(terms(worker, 0)).await.unwrap() {
+        nodes.extend(grant.nodes);
+    }
+    nodes
+}
+
+fn passes_of(nodes: &[NodeAddress]) -> Vec<u32> {
+    let mut passes: Vec<u32> =
+        nodes.iter().flat_map(|node| node.passes().first..node.passes().first + node.passes().count).collect();
+    passes.sort_unstable();
+    passes
+}
+
+pub(super) async fn a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time(farm: Farm) {
+    farm.job_like(|job| NewJob { passes: 32, grid: ONE_TILE, ..job }).await;
+    let worker = farm.worker().await;
+    let first = farm.store.claim(terms(worker, 0)).await.unwrap().unwrap();
+    assert_eq!(first.nodes.len(), 1);
+    let mut nodes = claim_all(&farm, worker).await;
+    nodes.extend(first.nodes);
+    assert!(nodes.iter().all(|node| node.level == 0), "{nodes:?}");
+    assert!(passes_of(&nodes).into_iter().eq(0..32));
+}
+
+pub(super) async fn nodes_that_were_cut_before_are_cut_again_for_a_slower_worker(farm: Farm) {
+    farm.job_like(|job| NewJob { passes: 64, grid: ONE_TILE, ..job }).await;
+    let worker = farm.worker().await;
+    let first = farm.store.claim(terms(worker, 0)).await.unwrap().unwrap();
+    // A thousand samples a second, so that three passes fit into a lease, and one node of two.
+    bring_after(&farm, &first, 512).await;
+    let second = farm.store.claim(terms(worker, 0)).await.unwrap().unwrap();
+    assert_eq!(passes_of(&second.nodes), [1, 2, 3]);
+    let rest = claim_all(&farm, worker).await;
+    assert!(rest.iter().all(|node| node.level == 1), "{rest:?}");
+    assert!(passes_of(&rest).into_iter().eq(4..64));
+}
+
+pub(super) async fn times_of_short_nodes_add_up_and_give_a_speed(farm: Farm) {
+    let job = farm.job(3).await;
+    let worker = farm.worker().await;
+    let grant = farm.claim(worker, 15, 0).await.unwrap();
+    bring_after(&farm, &grant, 1).await;
+    assert_eq!(farm.store.job(job).await.unwrap().unwrap().core_ms, 1);
+    let next = farm.store.claim(terms(worker, 0)).await.unwrap().unwrap();
+    assert!(next.nodes.len() > 1, "{:?}", next.nodes);
+}
+
+pub(super) async fn the_speed_of_a_worker_is_that_of_its_last_work(farm: Farm) {
+    farm.job_like(|job| NewJob { passes: 3, grid: ONE_TILE, ..job }).await;
+    let worker = farm.worker().await;
+    for core_ms in [600_000, 60_000] {
+        let grant = farm.claim(worker, 1, 0).await.unwrap();
+        bring_after(&farm, &grant, core_ms).await;
+    }
+    let rate = query("select samples, core_us from rates").fetch_one(&farm.store.readers).await.unwrap();
+    let [samples, core_us] = ["samples", "core_us"].map(|column| rate.optional_float(column).unwrap().unwrap());
+    // Half a minute of two cores at the speed of before, and the same time at that of now.
+    assert!((samples - (256.0 / 10.0 + 256.0)).abs() < 1e-6, "{samples}");
+    assert!((core_us - 120e6).abs() < 1.0, "{core_us}");
 }
 
 pub(super) async fn jobs_are_served_by_priority_and_then_by_age(farm: Farm) {

@@ -1,4 +1,4 @@
-//! Several coordinators on one PostgreSQL database.
+//! Several coordinators on one PostgreSQL database, and how they write to it.
 
 use clerestory_api::{JobState, NodeVerdict};
 use clerestory_render_core::film::NodeAddress;
@@ -6,6 +6,7 @@ use clerestory_test_servers::postgres;
 use futures::future::{BoxFuture, join_all};
 
 use super::Farm;
+use crate::store::sql::query;
 use crate::store::{Identity, NewJob, Source, StoreError};
 
 async fn coordinators(count: usize) -> Vec<Farm> {
@@ -88,4 +89,30 @@ async fn what_one_sends_the_others_hear() {
     let mut listener = farms[1].store.listener().await.unwrap().unwrap();
     farms[0].store.notify("news".to_owned()).await.unwrap();
     assert_eq!(listener.next().await.unwrap(), "news");
+}
+
+#[tokio::test]
+async fn commits_wait_for_the_disk_whatever_the_database_has_as_its_default() {
+    const SETTING: &str = "select current_setting('synchronous_commit') as setting";
+    let farm = Farm::in_postgres().await;
+    let careless = "do $$ begin \
+         execute format('alter database %I set synchronous_commit = off', current_database()); end $$";
+    query(careless).execute(&farm.store.readers).await.unwrap();
+    // What is set so is for connections that are made from now on.
+    let farm = farm.reopened().await;
+    let default = query(SETTING).fetch_one(&farm.store.readers).await.unwrap().text("setting").unwrap();
+    assert_eq!(default, "off", "what others get");
+    let of_writer = async || {
+        let setting = farm.store.write::<String, StoreError, _>(|connection| {
+            Box::pin(async move { query(SETTING).fetch_one(connection).await?.text("setting") })
+        });
+        setting.await.unwrap()
+    };
+    assert_eq!(of_writer().await, "on");
+    let ended = query(
+        "select pg_terminate_backend(pid) from pg_stat_activity where datname = current_database() \
+         and pid <> pg_backend_pid()",
+    );
+    assert!(!ended.fetch_all(&farm.store.readers).await.unwrap().is_empty());
+    assert_eq!(of_writer().await, "on", "the connection after one that was lost");
 }

@@ -39,6 +39,68 @@ pub(super) async fn a_node_is_not_leased_again_without_end(farm: Farm) {
         farm.store.renew(grant.lease.id, grant.lease.token, time * 2000, 100_000).await.unwrap();
     }
     assert!(farm.claim(farm.worker().await, 1, 50_000).await.is_none());
+    assert!(farm.claim(farm.worker().await, 1, 52_000).await.is_some(), "the last to take it over has stopped");
+}
+
+pub(super) async fn what_is_overdue_of_an_urgent_job_comes_before_free_work_of_others(farm: Farm) {
+    let urgent = farm.job_with(1, 5, None).await;
+    let other = farm.job(4).await;
+    let [slow, quick] = [farm.worker().await, farm.worker().await];
+    let held = farm.claim(slow, 100, 0).await.unwrap();
+    assert_eq!((held.lease.job, held.nodes.len()), (urgent, 15));
+    farm.store.renew(held.lease.id, held.lease.token, 0, 100_000).await.unwrap();
+    farm.deliver(&held, &held.nodes[..1], 2500).await.unwrap();
+    for time in [2000, 3000, 5499] {
+        assert_eq!(farm.claim(quick, 1, time).await.unwrap().lease.job, other, "the slow one may still be at it");
+    }
+    let taken = farm.claim(quick, 100, 5500).await.unwrap();
+    assert_eq!((taken.lease.job, taken.nodes.as_slice()), (urgent, &held.nodes[8..]));
+}
+
+pub(super) async fn what_the_next_round_waits_for_is_taken_over_while_there_is_work_of_later_ones(farm: Farm) {
+    farm.job(4).await;
+    let [slow, quick] = [farm.worker().await, farm.worker().await];
+    let held = farm.claim(slow, 15, 0).await.unwrap();
+    assert!(held.nodes.iter().all(|node| node.passes().first == 0));
+    farm.store.renew(held.lease.id, held.lease.token, 0, 100_000).await.unwrap();
+    let later = farm.claim(quick, 1, 2999).await.unwrap();
+    assert_eq!(later.nodes[0].passes().first, 1);
+    assert_eq!(farm.claim(quick, 100, 3000).await.unwrap().nodes, held.nodes[7..]);
+}
+
+pub(super) async fn a_single_node_is_taken_over_by_its_passes(farm: Farm) {
+    let [slow, quick] = [farm.worker().await, farm.worker().await];
+    let grid = TileGrid { width: 8, height: 8, tile_size: 16 };
+    let whole = NodeAddress { frame: 0, tile: 0, level: 1, index: 3 };
+    let [first_half, second_half] = whole.children().unwrap();
+    for is_whole_first in [true, false] {
+        farm.job_like(|job| NewJob { passes: 8, grid, ..job }).await;
+        let early = farm.claim(slow, 5, 0).await.unwrap();
+        farm.deliver(&early, &early.nodes, 0).await.unwrap();
+        let held = farm.claim(slow, 1, 0).await.unwrap();
+        assert_eq!(held.nodes, [whole]);
+        farm.store.renew(held.lease.id, held.lease.token, 0, 100_000).await.unwrap();
+        let claim = async || {
+            let terms = ClaimTerms { ttl_ms: 100_000, ..terms(quick, 2000) };
+            farm.store.claim(terms).await.unwrap().unwrap()
+        };
+        let taken = claim().await;
+        assert_eq!(taken.nodes, [second_half]);
+        if is_whole_first {
+            let answer = farm.deliver(&held, &held.nodes, 2100).await.unwrap();
+            assert_eq!((answer.verdicts, answer.outstanding), (vec![NodeVerdict::Accepted], 0));
+            let outstanding = farm.store.renew(taken.lease.id, taken.lease.token, 2100, 100_000).await.unwrap();
+            assert_eq!(outstanding, 0, "nothing of it is wanted any more");
+            let answer = farm.deliver(&taken, &taken.nodes, 2200).await.unwrap();
+            assert_eq!(answer.verdicts, [NodeVerdict::Duplicate]);
+        } else {
+            let answer = farm.deliver(&taken, &taken.nodes, 2100).await.unwrap();
+            assert_eq!(answer.verdicts, [NodeVerdict::Accepted]);
+            let answer = farm.deliver(&held, &held.nodes, 2200).await.unwrap();
+            assert_eq!((answer.verdicts, answer.outstanding), (vec![NodeVerdict::Duplicate], 0));
+            assert_eq!(claim().await.nodes, [first_half], "the rest is free again");
+        }
+    }
 }
 
 /// A worker of the simulation.
@@ -102,6 +164,8 @@ pub(super) async fn stragglers_do_not_hold_up_the_end(farm: Farm) {
                 worker.unsent = 0;
             }
             if is_over {
+                let (lease, token) = (grant.lease.id, grant.lease.token);
+                farm.store.return_lease(lease, token, tenths * 100).await.unwrap();
                 worker.grant = claim(&farm, worker.id, tenths * 100).await;
                 (worker.rendered, worker.unsent) = (0, 0);
             }

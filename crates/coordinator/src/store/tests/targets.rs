@@ -39,6 +39,7 @@ pub(super) async fn errors_and_targets_that_were_absent_at_first_are_stored_late
         corrected_mse: Some(-exact),
         rel_mse: Some(1e-300),
         psnr: Some(exact),
+        flip: Some(exact),
         estimated_mse: Some(1e300),
         ..ConvergencePoint::default()
     };
@@ -101,4 +102,19 @@ pub(super) async fn a_target_that_is_reached_after_the_end_changes_nothing(farm:
     let record = farm.store.job(job).await.unwrap().unwrap();
     assert_eq!((record.state, record.stopped_by, record.rounds), (JobState::Cancelled, None, 1));
     assert_eq!(farm.addresses(job).await, before);
+}
+
+pub(super) async fn the_time_of_earlier_rounds_counts_in_later_ones(farm: Farm) {
+    let job = farm.job(3).await;
+    let grant = farm.claim(farm.worker().await, 256, 0).await.unwrap();
+    for (round, now_ms, completed_ms) in [(0, 100, 100), (1, 200, 200), (2, 150, 200)] {
+        assert_eq!(farm.next_wave(job).await, None, "round {round} is missing");
+        let nodes: Vec<_> = grant.nodes.iter().filter(|node| node.passes().first == round).copied().collect();
+        farm.deliver(&grant, &nodes, now_ms).await.unwrap();
+        let (wave, record) = (farm.next_wave(job).await.unwrap(), farm.record(job).await);
+        assert_eq!((wave.round, wave.core_ms, wave.completed_ms), (round, record.core_ms, completed_ms));
+        let (core_ms, wall_ms) = (wave.core_ms, wave.completed_ms);
+        let point = ConvergencePoint { round, core_ms, wall_ms, ..ConvergencePoint::default() };
+        farm.store.record_round(&record, vec![point], now_ms).await.unwrap().unwrap();
+    }
 }
