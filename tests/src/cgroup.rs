@@ -16,7 +16,7 @@ pub struct MemoryGroup {
 
 impl MemoryGroup {
     /// A group of this name whose processes have at most so many bytes together, pages of files that they read or wrote included. The system
-    /// takes such pages back when it needs them; for other memory beyond the limit, it ends a process.
+    /// takes such pages back when it needs them; for other memory beyond the limit, it ends a process, and moves nothing to swap.
     ///
     /// # Errors
     ///
@@ -24,15 +24,21 @@ impl MemoryGroup {
     pub fn new(name: &str, limit: u64) -> io::Result<Self> {
         let own = fs::read_to_string("/proc/self/cgroup")?;
         let second_version = Path::new(ROOT).join("cgroup.controllers").exists();
-        let (parent, limit_file, peak_file) = if second_version {
-            (own_group(&own, "", "")?, "memory.max", "memory.peak")
+        let (parent, limit_file, swap, peak_file) = if second_version {
+            (own_group(&own, "", "")?, "memory.max", ("memory.swap.max", 0), "memory.peak")
         } else {
-            (own_group(&own, "memory", "memory")?, "memory.limit_in_bytes", "memory.max_usage_in_bytes")
+            let swap = ("memory.memsw.limit_in_bytes", limit);
+            (own_group(&own, "memory", "memory")?, "memory.limit_in_bytes", swap, "memory.max_usage_in_bytes")
         };
         let folder = parent.join(name);
         fs::create_dir(&folder)?;
         let group = Self { folder, peak_file };
         fs::write(group.folder.join(limit_file), limit.to_string())?;
+        // A system that does not count swap has no such file.
+        let (swap_file, swap) = (group.folder.join(swap.0), swap.1);
+        if swap_file.exists() {
+            fs::write(swap_file, swap.to_string())?;
+        }
         Ok(group)
     }
 

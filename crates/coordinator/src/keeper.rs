@@ -1,28 +1,31 @@
 //! The keeper of the film: records rounds as they become complete, and merges what they leave behind.
 //!
 //! It does this off the path of requests: whoever brings a node waits for its acceptance only. Each job is looked at by one task at a time, so
-//! that none waits for another's large frame; what takes much memory, the tasks do in turn. A parent is formed
-//! when the round at its middle has been recorded; before that, the round's image needs the two halves apart. The
-//! parent is on disk before its row replaces the children's, and a blob is removed when the last node in it has been replaced. Of several
-//! coordinators, one at a time keeps the film of a job ([`Claim`]); when it dies, another does.
+//! that none waits for another's large frame; what takes much memory, the tasks do in turn. What a round needed apart, and no later one does, is
+//! [merged](merging) when it has been recorded. Of several coordinators, one at a time keeps the film of a job ([`Claim`]); when it dies, another does.
+
+mod claim;
+mod merging;
+#[cfg(test)]
+mod tests;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clerestory_api::{ConvergencePoint, JobId, JobState};
-use clerestory_render_core::film::{Node, NodeAddress, store as stored_form};
-use futures::stream::{self, StreamExt, TryStreamExt};
+use clerestory_render_core::film::NodeAddress;
 use tokio::sync::{Semaphore, mpsc};
-use tokio::task::{JoinHandle, JoinSet};
-use tokio_util::sync::CancellationToken;
+use tokio::task::JoinSet;
 
-use crate::adaptive::{self, PILOT_ROUND, TilePasses};
+use self::claim::{Claim, TERM_MS};
+use self::merging::merge;
+use crate::adaptive::{self, PILOT_ROUND};
 use crate::convergence::{self, Reference};
-use crate::farm::{Farm, MERGES};
-use crate::film::{self, FilmError, film_tile};
+use crate::farm::Farm;
+use crate::film::FilmError;
 use crate::news::News;
-use crate::store::{CompleteWave, Ending, JobRecord, Keeping, Merge, NodeRow, StoreError};
+use crate::store::{CompleteWave, Ending, JobRecord, Keeping, StoreError};
 
 /// Jobs whose rounds are recorded at the same time.
 const ADVANCING: usize = 16;
@@ -32,12 +35,6 @@ const RETRY: Duration = Duration::from_millis(250);
 
 /// Longest such pause.
 const LONGEST_RETRY: Duration = Duration::from_secs(5);
-
-/// How long a coordinator keeps a film without renewing its claim. As long may pass until another goes on when it dies.
-const TERM_MS: i64 = 10_000;
-
-/// Least pause before a claim is renewed, also when that has just failed.
-const RENEWAL_MS: i64 = 1000;
 
 /// Keeps the film until the coordinator stops.
 pub(crate) async fn run(farm: Arc<Farm>, mut grown: mpsc::UnboundedReceiver<JobId>) {
@@ -176,60 +173,6 @@ impl Kept {
         };
         self.claim = Some((keeping, until_ms));
         Ok((keeping == Keeping::Ours).then_some(until_ms))
-    }
-}
-
-/// A claim on the film of a job that is renewed until it is dropped: what takes longer than a term, another would begin as well.
-struct Claim {
-    /// Cancelled when another may have the film, and when the coordinator stops.
-    lost: CancellationToken,
-    renewing: JoinHandle<()>,
-}
-
-impl Claim {
-    /// Renews a claim that ends at some time.
-    fn renewed(farm: &Arc<Farm>, job: JobId, until_ms: i64) -> Self {
-        let lost = farm.stopping.child_token();
-        let (farm, is_lost) = (Arc::clone(farm), lost.clone());
-        let renewing = tokio::spawn(async move {
-            renew(&farm, job, until_ms).await;
-            is_lost.cancel();
-        });
-        Self { lost, renewing }
-    }
-
-    fn is_lost(&self) -> bool {
-        self.lost.is_cancelled()
-    }
-
-    /// What some work has come to that may be left undone at any moment; nothing when the claim is lost meanwhile.
-    async fn while_held<T>(&self, work: impl Future<Output = T>) -> Option<T> {
-        self.lost.run_until_cancelled(work).await
-    }
-}
-
-impl Drop for Claim {
-    fn drop(&mut self) {
-        self.renewing.abort();
-    }
-}
-
-/// Renews a claim until another has the film, or may have it since the claim could not be renewed in time.
-async fn renew(farm: &Farm, job: JobId, mut until_ms: i64) {
-    loop {
-        let left_ms = until_ms - farm.config.clock.now_ms();
-        if left_ms <= 0 {
-            return;
-        }
-        let pause_ms = (left_ms - TERM_MS / 2).clamp(RENEWAL_MS, TERM_MS);
-        tokio::time::sleep(Duration::from_millis(u64::try_from(pause_ms).unwrap_or(0))).await;
-        let now_ms = farm.config.clock.now_ms();
-        let next_ms = now_ms.saturating_add(TERM_MS);
-        match farm.store.keep(job, farm.coordinator, now_ms, next_ms).await {
-            Ok(Keeping::Ours) => until_ms = next_ms,
-            Ok(Keeping::Theirs { .. }) => return,
-            Err(error) => tracing::warn!(%job, %error, "the claim on the film could not be renewed"),
-        }
     }
 }
 
@@ -421,95 +364,6 @@ async fn record_round(
     Ok(is_new)
 }
 
-/// Merges the nodes of every tile as far as no later round needs them apart, of which the first is `next_round`.
-async fn merge(farm: &Farm, job: &JobRecord, next_round: u32) -> Result<(), FilmError> {
-    let tile_passes = farm.store.tile_passes(job).await?;
-    let held = Held { job, tile_passes: &tile_passes, next_round };
-    for (frame, tiles) in
-        (0..job.frames).flat_map(|frame| film::runs(0..job.grid.len()).map(move |tiles| (frame, tiles)))
-    {
-        let rows = farm.store.nodes(job.id, frame, tiles).await?;
-        let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
-        let tiles = tiles.filter(|rows| can_merge(rows, &held.of(rows))).collect();
-        let batches = film::batches(tiles).into_iter();
-        let merges: Vec<_> = batches.map(|tiles| merge_tiles(farm, job, tiles, &held)).collect();
-        stream::iter(merges).buffer_unordered(MERGES).try_collect::<()>().await?;
-    }
-    Ok(())
-}
-
-async fn merge_tiles(farm: &Farm, job: &JobRecord, tiles: Vec<&[NodeRow]>, held: &Held<'_>) -> Result<(), FilmError> {
-    // The semaphore is never closed.
-    let _permit = farm.merging.acquire().await.ok();
-    let mut loaded = Vec::with_capacity(tiles.len());
-    for rows in tiles {
-        loaded.push((rows.to_vec(), held.of(rows), farm.film.load(rows).await?));
-    }
-    let record = job.clone();
-    let merged = tokio::task::spawn_blocking(move || {
-        let tiles = loaded.iter().map(|(rows, held, nodes)| merged_nodes(&record, rows, nodes, held));
-        let nodes: Vec<(Node, Vec<NodeAddress>)> =
-            tiles.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
-        let encoded: Vec<Vec<u8>> = nodes.iter().map(|(node, _)| stored_form::encode(node)).collect();
-        Ok::<_, FilmError>((nodes, encoded))
-    });
-    let (nodes, encoded) = merged.await??;
-    let places = farm.blobs.put_nodes(job.id, encoded).await?;
-    let mut merges = Vec::with_capacity(nodes.len());
-    for ((node, children), place) in nodes.into_iter().zip(places) {
-        merges.push(Merge { parent: node.address(), place: place.clone(), children });
-        farm.film.keep(place, Arc::new(node));
-    }
-    farm.let_go(farm.store.replace(job.id, job.redone_nodes, merges).await?).await;
-    Ok(())
-}
-
-/// What the nodes of a tile make when they are merged, without those that stay as they are, each with the nodes that it is the sum of.
-fn merged_nodes(
-    job: &JobRecord,
-    rows: &[NodeRow],
-    nodes: &[Arc<Node>],
-    held: &[u32],
-) -> Result<Vec<(Node, Vec<NodeAddress>)>, FilmError> {
-    let Some(tile) = film_tile(job, nodes, held.iter().copied())? else { return Ok(Vec::new()) };
-    let merged = tile.nodes().filter(|node| !rows.iter().any(|row| row.address == node.address()));
-    let with_children = merged.map(|node| {
-        let children = rows.iter().map(|row| row.address).filter(|row| node.address().overlaps(row));
-        (node.clone(), children.collect())
-    });
-    Ok(with_children.collect())
-}
-
-/// Which passes of a tile have to stay apart from those before.
-struct Held<'a> {
-    job: &'a JobRecord,
-    tile_passes: &'a TilePasses,
-    /// The first round that is still to be recorded.
-    next_round: u32,
-}
-
-impl Held<'_> {
-    /// Where the rounds end that are still to be recorded, in the tile of some nodes, as far as they reach.
-    fn of(&self, rows: &[NodeRow]) -> Vec<u32> {
-        let Some(NodeAddress { frame, tile, .. }) = rows.first().map(|row| row.address) else { return Vec::new() };
-        let ends = rows.iter().map(|row| row.address.passes()).map(|passes| passes.first + passes.count);
-        let end = ends.max().unwrap_or(0);
-        let boundaries = self.job.boundaries();
-        let rounds = (self.next_round..).map_while(|round| boundaries.end(round));
-        let in_tile = rounds.map(|passes| self.tile_passes.at(frame, tile, passes));
-        in_tile.take_while(|passes| *passes < end).collect()
-    }
-}
-
-/// Whether any two of the nodes are siblings that no later round needs apart.
-fn can_merge(rows: &[NodeRow], held: &[u32]) -> bool {
-    rows.iter().any(|row| {
-        let sibling = row.address.sibling();
-        let middle = row.address.passes().first.max(sibling.passes().first);
-        !held.contains(&middle) && rows.iter().any(|other| other.address == sibling)
-    })
-}
-
 /// Whether a node that was not found is gone for good: its row is still there, so that nobody has merged it meanwhile, and so is the
 /// mark of the blob store, so that it is the farm's store which does not have it.
 async fn is_lost(farm: &Farm, job: JobId, node: NodeAddress, blob: &str) -> bool {
@@ -519,78 +373,4 @@ async fn is_lost(farm: &Farm, job: JobId, node: NodeAddress, blob: &str) -> bool
         Ok::<_, FilmError>(farm.blobs.is_of(identity.farm).await?)
     };
     matches!((is_named.await, is_ours.await), (Ok(true), Ok(true)))
-}
-
-#[cfg(test)]
-mod tests {
-    use clerestory_render_core::film::TileGrid;
-    use uuid::Uuid;
-
-    use super::*;
-    use crate::config::Config;
-    use crate::server;
-    use crate::stop::Targets;
-    use crate::store::NewJob;
-
-    async fn job(farm: &Farm) -> JobId {
-        let id = JobId::from(Uuid::now_v7());
-        let job = NewJob {
-            id,
-            name: "window".to_owned(),
-            priority: 0,
-            scene: "{}".to_owned(),
-            scene_hash: "h".to_owned(),
-            integrator: "path".to_owned(),
-            missing_light: Vec::new(),
-            grid: TileGrid { width: 16, height: 16, tile_size: 16 },
-            samples_per_pass: 4,
-            samples_per_block: 64,
-            passes: 1,
-            reference: None,
-            time_limit_ms: None,
-            targets: Targets::default(),
-            adaptive: false,
-            assets: BTreeMap::new(),
-            created_ms: 0,
-        };
-        farm.store.insert_job(job).await.unwrap();
-        id
-    }
-
-    #[tokio::test]
-    async fn a_claim_is_renewed_while_it_is_held_and_work_ends_when_another_has_it() {
-        let directory = tempfile::tempdir().unwrap();
-        let (farm, _bells) = server::open(Config::new(directory.path())).await.unwrap();
-        let (job, other) = (job(&farm).await, Uuid::now_v7());
-        let now_ms = || farm.config.clock.now_ms();
-        let keep = |coordinator, now_ms| farm.store.keep(job, coordinator, now_ms, now_ms + 1500);
-        let begun_ms = now_ms();
-        assert_eq!(keep(farm.coordinator, begun_ms).await.unwrap(), Keeping::Ours);
-        let claim = Claim::renewed(&farm, job, begun_ms + 1500);
-        tokio::time::sleep(Duration::from_secs(2)).await;
-        assert!(matches!(keep(other, now_ms()).await.unwrap(), Keeping::Theirs { .. }));
-        assert_eq!(claim.while_held(async { 7 }).await, Some(7));
-        drop(claim);
-
-        let later_ms = now_ms() + 10 * TERM_MS;
-        assert_eq!(keep(other, later_ms).await.unwrap(), Keeping::Ours, "whoever does not renew has nothing");
-        let claim = Claim::renewed(&farm, job, now_ms() + 1500);
-        assert_eq!(claim.while_held(std::future::pending::<()>()).await, None);
-        assert!(claim.is_lost());
-    }
-
-    #[tokio::test]
-    async fn a_film_that_another_has_gone_on_with_is_not_damaged() {
-        let directory = tempfile::tempdir().unwrap();
-        let (farm, _bells) = server::open(Config::new(directory.path())).await.unwrap();
-        let job = job(&farm).await;
-        let stand = Stand::of(&farm.store.job(job).await.unwrap().unwrap());
-        let is_settled = async |stand| is_settled(&farm, job, &mut Kept::default(), Some(stand)).await.unwrap();
-        assert!(is_settled(stand).await);
-        assert!(!is_settled(Stand { rounds: 1, ..stand }).await, "a round has been recorded");
-        assert!(!is_settled(Stand { redone_nodes: 1, ..stand }).await, "nodes have been taken out");
-        let later_ms = farm.config.clock.now_ms() + 10 * TERM_MS;
-        farm.store.keep(job, Uuid::now_v7(), later_ms, later_ms + TERM_MS).await.unwrap();
-        assert!(!is_settled(stand).await, "it is another's");
-    }
 }

@@ -1,9 +1,9 @@
 //! A frame that is many times as large as the memory of its coordinator, on a farm of real processes: rendered, looked at meanwhile,
 //! downloaded, and compared with what one process renders.
 //!
-//! The coordinator runs under a limit on its memory that the system keeps, where the system lets this command set one.
+//! The coordinator runs under a limit on its memory that the system keeps: this command has to be allowed to set one. What it keeps of the film and
+//! the image take some dozens of gigabytes of disk, below `TMPDIR`.
 
-use std::path::PathBuf;
 use std::process::{Child, ExitCode, Stdio};
 use std::time::{Duration, Instant};
 
@@ -32,9 +32,6 @@ struct Arguments {
     /// Tiles that are compared with what this process renders: the corners, and others by chance.
     #[arg(long, default_value_t = 64)]
     tiles: u32,
-    /// Folder for the image, on a disk that has room for it and for what the coordinator keeps of the film [default: a temporary one].
-    #[arg(long)]
-    folder: Option<PathBuf>,
 }
 
 /// Between two looks at the coordinator's memory, and at the preview.
@@ -55,7 +52,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Result<(), String> {
     let temporary = tempfile::tempdir().expect("a temporary folder");
-    let folder = arguments.folder.as_deref().unwrap_or(temporary.path());
+    let folder = temporary.path();
     let limit = arguments.limit * MEBIBYTE;
     let pixels = u64::from(arguments.edge) * u64::from(arguments.edge);
     println!(
@@ -66,7 +63,7 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     );
     // The C library keeps memory apart for each thread, and returns little of it.
     let mut farm = Farm::start_in(&[("MALLOC_ARENA_MAX".to_owned(), "2".to_owned())], None, &[]);
-    let group = limited(&mut farm, limit);
+    let group = limited(&mut farm, limit)?;
     for number in 0..arguments.workers {
         farm.start_worker(&format!("worker {number}"));
     }
@@ -85,10 +82,8 @@ fn run(arguments: &Arguments) -> Result<(), String> {
     let seen = seen?;
     let megabytes = std::fs::metadata(&image).expect("the image is there").len() / MEBIBYTE;
     seen.tell(megabytes);
-    if let Some(group) = &group {
-        let peak = group.peak_bytes().map_err(|error| format!("the group does not say its peak: {error}"))?;
-        println!("most memory of the group, with pages of files: {} MiB of {}", peak / MEBIBYTE, arguments.limit);
-    }
+    let peak = group.peak_bytes().map_err(|error| format!("the group does not say its peak: {error}"))?;
+    println!("most memory of the group, with pages of files: {} MiB of {}", peak / MEBIBYTE, arguments.limit);
     if seen.coordinator_peak > limit {
         return Err(format!("the coordinator had {} MiB", seen.coordinator_peak / MEBIBYTE));
     }
@@ -151,19 +146,12 @@ impl Seen {
     }
 }
 
-/// Puts the coordinator under a limit on its memory, if the system lets us.
-fn limited(farm: &mut Farm, limit: u64) -> Option<MemoryGroup> {
+/// Puts the coordinator under a limit on its memory.
+fn limited(farm: &mut Farm, limit: u64) -> Result<MemoryGroup, String> {
     let process = farm.coordinator_process().expect("the coordinator runs");
     let group = MemoryGroup::new(&format!("clerestory-large-frame-{process}"), limit);
-    match group.and_then(|group| group.add(process).map(|()| group)) {
-        Ok(group) => Some(group),
-        Err(error) => {
-            println!(
-                "no control group keeps the limit ({error}): only what the coordinator has resident is compared with it"
-            );
-            None
-        }
-    }
+    let group = group.and_then(|group| group.add(process).map(|()| group));
+    group.map_err(|error| format!("no control group keeps the limit: {error}"))
 }
 
 /// How long a preview takes.

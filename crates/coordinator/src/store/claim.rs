@@ -2,33 +2,30 @@
 //!
 //! Jobs are served by priority, then age; within a job the oldest wave goes first. What a job's next round waits for and another has had for far
 //! too long goes before work of later rounds, and what is left of urgent jobs and was had for far too long before free work of less urgent ones.
-//! Claims run in the one writer, so no two of them see the same free row. Pending rows exist only for the near future: a claim that finds few of them cuts more
-//! from where the job's cursor stands. How large nodes may be is known only when they are given out: one that is too large for the worker that
-//! asks is [split](super::parts) then. A job whose time is up before its first round is complete is served with the nodes
-//! of that round alone. A worker goes on with jobs whose scenes it has at hand ([`prefer_built`]).
+//! Claims run in the one writer, so no two of them see the same free row. A claim that finds few of them [cuts more](super::stock). How large nodes
+//! may be is known only when they are given out: one that is too large for the worker that asks is [split](super::parts) then. A job whose time is
+//! up before its first round is complete is served with the nodes of that round alone. A worker goes on with jobs whose scenes it has at hand
+//! ([`prefer_built`]). What has been chosen is [granted](super::grant) as a lease.
 //!
 //! Nodes that are to be [checked](super::checks) come first, since a round waits for them.
 //!
 //! A worker for whom nothing is free [takes over](super::take_over) what another has held for too long.
 
 use clerestory_api::{JobId, LeaseId, WorkerId};
-use clerestory_render_core::film::{NodeAddress, PassRange};
+use clerestory_render_core::film::NodeAddress;
 
-use super::adaptive::{self, WaveTiles, wave_tiles};
 use super::checks;
-use super::events::{self, StoredKind};
+use super::grant::{Grant, Leased, Offer, grant};
 use super::jobs::{self, JobRecord};
-use super::leases::{LeaseRecord, LeaseState, address};
+use super::leases::address;
 use super::parts::{Side, split_off};
-use super::row::{Row, nodes_json, nodes_of, to_json};
-use super::sql::{Kind, query, rows_of};
+use super::row::Row;
+use super::sql::query;
+use super::stock::{STOCK, stock};
 use super::take_over::{self, TakenOver};
 use super::workers::{self, Claimant};
 use super::{Connection, Store, StoreError, WorkerError};
-use crate::schedule::{Pace, cut};
-
-/// Free rows that a claim can choose from; also the largest lease.
-const STOCK: u32 = 256;
+use crate::schedule::Pace;
 
 /// A check that another has had for so many times as long as a lease should take is given to the next, whatever else there is to do. Whoever had it
 /// before does it in vain, so that only what has stopped may seem to.
@@ -63,17 +60,6 @@ impl ClaimTerms {
     pub(super) fn most_nodes(&self) -> u32 {
         self.fixed_nodes.or(self.max_nodes).unwrap_or(STOCK).clamp(1, STOCK)
     }
-}
-
-/// A granted lease.
-#[derive(Clone, Debug)]
-pub(crate) struct Grant {
-    /// The lease.
-    pub(crate) lease: LeaseRecord,
-    /// Hash of the job's canonical scene.
-    pub(crate) scene_hash: String,
-    /// Its nodes, most urgent first.
-    pub(crate) nodes: Vec<NodeAddress>,
 }
 
 impl Store {
@@ -410,197 +396,4 @@ pub(super) fn first_of(
 /// The last round of a job for which nodes are given out: past its limit, it needs its first to end, and nothing else.
 pub(super) fn last_round(job: &JobRecord, terms: &ClaimTerms) -> i64 {
     if job.is_past_limit(terms.now_ms) { 0 } else { i64::from(u32::MAX) }
-}
-
-/// Cuts work from the job's cursor on until there are enough free rows or none is left to cut: as large as it may be by what is known now.
-async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Result<(), StoreError> {
-    let free = query(
-        "select count(*) as free from (select 1 from pending where job = $1 and lease is null limit $2) as free_nodes",
-    )
-    .bind(job.id.to_string())
-    .bind(i64::from(STOCK))
-    .fetch_one(&mut *connection)
-    .await?;
-    let mut free: u32 = free.number("free")?;
-    let [mut round, mut frame, mut tile] = job.cursor;
-    let mut pending = Vec::new();
-    while free < STOCK {
-        let Some(wave) = job.boundaries().wave(round) else { break };
-        if job.waits_for_shares(wave) {
-            break;
-        }
-        if tile == 0 {
-            open_wave(connection, job, frame, round, wave).await?;
-        }
-        let WaveTiles { tiles, next, count } = wave_tiles(connection, job, frame, tile, wave).await?;
-        let samples = job.node_samples(&NodeAddress { frame, tile, level: 0, index: 0 });
-        let level = pace.largest_level(wave, count, samples as f64);
-        let pilot: Vec<u32> = job.pilot_in(round).collect();
-        tile = next;
-        for (index, passes) in tiles {
-            if free >= STOCK {
-                tile = index;
-                break;
-            }
-            let nodes = cut(passes, level).chain(pilot.iter().map(|pass| (0, *pass)));
-            let before = pending.len();
-            pending.extend(nodes.map(|(level, pass)| (round, NodeAddress { frame, tile: index, level, index: pass })));
-            free += (pending.len() - before) as u32;
-        }
-        if tile == job.grid.len() {
-            (tile, frame) = (0, frame + 1);
-        }
-        if frame == job.frames {
-            (frame, round) = (0, round + 1);
-        }
-    }
-    insert_pending(connection, job, &pending).await?;
-    if [round, frame, tile] != job.cursor {
-        query("update jobs set cursor_round = $2, cursor_frame = $3, cursor_tile = $4 where id = $1")
-            .bind(job.id.to_string())
-            .bind(i64::from(round))
-            .bind(i64::from(frame))
-            .bind(i64::from(tile))
-            .execute(connection)
-            .await?;
-    }
-    Ok(())
-}
-
-async fn open_wave(
-    connection: &mut Connection,
-    job: &JobRecord,
-    frame: u32,
-    round: u32,
-    wave: PassRange,
-) -> Result<(), StoreError> {
-    let end = wave.first + wave.count;
-    let tile_passes = adaptive::tile_passes(connection, job).await?;
-    let in_tile = |tile| tile_passes.at(frame, tile, end) - tile_passes.at(frame, tile, wave.first);
-    let in_images: i64 = (0..job.grid.len()).map(|tile| i64::from(in_tile(tile))).sum();
-    let in_pilot = job.pilot_in(round).count() as i64 * i64::from(job.grid.len());
-    query("insert into waves (job, frame, round, end_pass, outstanding) values ($1, $2, $3, $4, $5)")
-        .bind(job.id.to_string())
-        .bind(i64::from(frame))
-        .bind(i64::from(round))
-        .bind(i64::from(end))
-        .bind(in_images + in_pilot)
-        .execute(connection)
-        .await?;
-    Ok(())
-}
-
-/// Puts nodes into the queue, each as work of a round.
-pub(super) async fn insert_pending(
-    connection: &mut Connection,
-    job: &JobRecord,
-    nodes: &[(u32, NodeAddress)],
-) -> Result<(), StoreError> {
-    if nodes.is_empty() {
-        return Ok(());
-    }
-    let statement = format!(
-        "insert into pending (job, round, frame, tile, level, idx) select $1, c0, c1, c2, c3, c4 from {} as listed_nodes",
-        rows_of(connection.engine(), 2, &[Kind::Integer; 5])
-    );
-    let rows = nodes.iter().map(|(round, node)| [*round, node.frame, node.tile, node.level, node.index]);
-    let rows = to_json(&rows.collect::<Vec<_>>())?;
-    query(statement).bind(job.id.to_string()).bind(rows).execute(connection).await?;
-    Ok(())
-}
-
-/// What the nodes of a lease are to the farm.
-#[derive(Clone, Copy, Debug)]
-enum Leased {
-    /// Pending.
-    Work,
-    /// Accepted, and to be checked.
-    Checks,
-}
-
-/// Nodes for a lease.
-struct Offer {
-    nodes: Vec<NodeAddress>,
-    leased: Leased,
-    /// How long the lease may go on without an accepted node before others are given them.
-    patience_ms: i64,
-}
-
-impl Offer {
-    /// Nodes that have been given out so often while others had them.
-    fn new(nodes: Vec<NodeAddress>, leased: Leased, job: &JobRecord, pace: &Pace, repeats: u32) -> Self {
-        let samples: u64 = nodes.iter().map(|node| job.node_samples(node)).sum();
-        let patience_ms = (pace.patience_seconds(samples as f64, repeats) * 1000.0) as i64;
-        Self { nodes, leased, patience_ms }
-    }
-}
-
-async fn grant(
-    connection: &mut Connection,
-    job: &JobRecord,
-    offer: Offer,
-    claimant: &Claimant,
-    terms: &ClaimTerms,
-) -> Result<Grant, StoreError> {
-    let Offer { nodes, leased, patience_ms } = offer;
-    let listed = nodes_json(&nodes)?;
-    let token = events::next_value(connection, "fencing_token").await?;
-    let deadline_ms = terms.now_ms.saturating_add(terms.ttl_ms);
-    query(
-        "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms, patience_ms, due_ms) \
-         values ($1, $2, $3, $4, 'active', $5, $6, $7, $8, $9)",
-    )
-    .bind(terms.lease.to_string())
-    .bind(token)
-    .bind(job.id.to_string())
-    .bind(terms.worker.to_string())
-    .bind(listed.as_str())
-    .bind(terms.now_ms)
-    .bind(deadline_ms)
-    .bind(patience_ms)
-    .bind(terms.now_ms.saturating_add(patience_ms))
-    .execute(&mut *connection)
-    .await?;
-    let table = match leased {
-        Leased::Work => "pending",
-        Leased::Checks => "checks",
-    };
-    let statement = format!(
-        "update {table} set lease = $1 where job = $2 and (frame, tile, level, idx) in {}",
-        nodes_of(connection.engine(), 3)
-    );
-    let update = query(statement).bind(terms.lease.to_string()).bind(job.id.to_string()).bind(listed);
-    update.execute(&mut *connection).await?;
-    if job.probe_digest.is_none() {
-        start(connection, job, claimant, terms).await?;
-    }
-    let token = u64::try_from(token).map_err(|_| StoreError::Corrupt { column: "value", value: token.to_string() })?;
-    let lease = LeaseRecord {
-        id: terms.lease,
-        token,
-        job: job.id,
-        worker: terms.worker,
-        build: claimant.build.clone(),
-        state: LeaseState::Active,
-        deadline_ms,
-        nodes: nodes.iter().copied().collect(),
-    };
-    Ok(Grant { lease, scene_hash: job.scene_hash.clone(), nodes })
-}
-
-/// Notes on a job that its first nodes have been given out, and to whom.
-async fn start(
-    connection: &mut Connection,
-    job: &JobRecord,
-    claimant: &Claimant,
-    terms: &ClaimTerms,
-) -> Result<(), StoreError> {
-    // One that an older build has started, or that begins again, goes on with whoever comes first.
-    query("update jobs set state = 'running', started_ms = coalesce(started_ms, $2), probe_digest = $3 where id = $1")
-        .bind(job.id.to_string())
-        .bind(terms.now_ms)
-        .bind(&claimant.probe_digest)
-        .execute(&mut *connection)
-        .await?;
-    events::record(connection, StoredKind::Job, job.id, terms.now_ms).await
 }

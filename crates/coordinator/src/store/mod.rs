@@ -12,6 +12,7 @@ mod assets;
 mod checks;
 mod claim;
 mod events;
+mod grant;
 mod jobs;
 mod keepers;
 mod leases;
@@ -27,6 +28,7 @@ mod signs_of_life;
 mod source;
 mod sql;
 mod sqlite;
+mod stock;
 mod take_over;
 #[cfg(test)]
 mod tests;
@@ -38,8 +40,9 @@ use uuid::Uuid;
 
 pub(crate) use accept::{DeliveredNode, Delivery};
 pub(crate) use checks::{Outcome, is_chosen};
-pub(crate) use claim::{ClaimTerms, Grant};
+pub(crate) use claim::ClaimTerms;
 pub(crate) use events::{StoredEvent, StoredKind};
+pub(crate) use grant::Grant;
 pub(crate) use jobs::{Ending, JobRecord, NewJob};
 pub(crate) use keepers::Keeping;
 pub(crate) use leases::{LeaseError, LeaseRecord, WorkFailure};

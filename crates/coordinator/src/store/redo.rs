@@ -12,13 +12,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use clerestory_api::{JobId, WorkerId};
 use clerestory_render_core::film::{NodeAddress, PassRange};
 
-use super::claim::insert_pending;
 use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};
 use super::leases::nodes_of;
 use super::nodes::{self, Removed};
 use super::row::big;
 use super::sql::query;
+use super::stock::insert_pending;
 use super::workers::OF_THE_SAME_NAME;
 use super::{Connection, StoreError, adaptive, checks};
 use crate::adaptive::{PILOT_ROUND, TilePasses};

@@ -1,0 +1,72 @@
+//! Of several coordinators one keeps a film, and what another does to it meanwhile is no damage.
+
+use clerestory_render_core::film::TileGrid;
+use uuid::Uuid;
+
+use super::*;
+use crate::config::Config;
+use crate::server;
+use crate::stop::Targets;
+use crate::store::NewJob;
+
+async fn job(farm: &Farm) -> JobId {
+    let id = JobId::from(Uuid::now_v7());
+    let job = NewJob {
+        id,
+        name: "window".to_owned(),
+        priority: 0,
+        scene: "{}".to_owned(),
+        scene_hash: "h".to_owned(),
+        integrator: "path".to_owned(),
+        missing_light: Vec::new(),
+        grid: TileGrid { width: 16, height: 16, tile_size: 16 },
+        samples_per_pass: 4,
+        samples_per_block: 64,
+        passes: 1,
+        reference: None,
+        time_limit_ms: None,
+        targets: Targets::default(),
+        adaptive: false,
+        assets: BTreeMap::new(),
+        created_ms: 0,
+    };
+    farm.store.insert_job(job).await.unwrap();
+    id
+}
+
+#[tokio::test]
+async fn a_claim_is_renewed_while_it_is_held_and_work_ends_when_another_has_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let (farm, _bells) = server::open(Config::new(directory.path())).await.unwrap();
+    let (job, other) = (job(&farm).await, Uuid::now_v7());
+    let now_ms = || farm.config.clock.now_ms();
+    let keep = |coordinator, now_ms| farm.store.keep(job, coordinator, now_ms, now_ms + 1500);
+    let begun_ms = now_ms();
+    assert_eq!(keep(farm.coordinator, begun_ms).await.unwrap(), Keeping::Ours);
+    let claim = Claim::renewed(&farm, job, begun_ms + 1500);
+    tokio::time::sleep(Duration::from_secs(2)).await;
+    assert!(matches!(keep(other, now_ms()).await.unwrap(), Keeping::Theirs { .. }));
+    assert_eq!(claim.while_held(async { 7 }).await, Some(7));
+    drop(claim);
+
+    let later_ms = now_ms() + 10 * TERM_MS;
+    assert_eq!(keep(other, later_ms).await.unwrap(), Keeping::Ours, "whoever does not renew has nothing");
+    let claim = Claim::renewed(&farm, job, now_ms() + 1500);
+    assert_eq!(claim.while_held(std::future::pending::<()>()).await, None);
+    assert!(claim.is_lost());
+}
+
+#[tokio::test]
+async fn a_film_that_another_has_gone_on_with_is_not_damaged() {
+    let directory = tempfile::tempdir().unwrap();
+    let (farm, _bells) = server::open(Config::new(directory.path())).await.unwrap();
+    let job = job(&farm).await;
+    let stand = Stand::of(&farm.store.job(job).await.unwrap().unwrap());
+    let is_settled = async |stand| is_settled(&farm, job, &mut Kept::default(), Some(stand)).await.unwrap();
+    assert!(is_settled(stand).await);
+    assert!(!is_settled(Stand { rounds: 1, ..stand }).await, "a round has been recorded");
+    assert!(!is_settled(Stand { redone_nodes: 1, ..stand }).await, "nodes have been taken out");
+    let later_ms = farm.config.clock.now_ms() + 10 * TERM_MS;
+    farm.store.keep(job, Uuid::now_v7(), later_ms, later_ms + TERM_MS).await.unwrap();
+    assert!(!is_settled(stand).await, "it is another's");
+}

@@ -1,0 +1,124 @@
+//! Grants: the nodes that a [claim](super::claim) has chosen become a lease.
+//!
+//! A lease gets the next fencing token, and its nodes are marked as leased where they lie: in the queue, or among the
+//! [checks](super::checks). The first grant of a job starts it, and notes which bits its workers have to compute.
+
+use clerestory_render_core::film::NodeAddress;
+
+use super::claim::ClaimTerms;
+use super::events::{self, StoredKind};
+use super::jobs::JobRecord;
+use super::leases::{LeaseRecord, LeaseState};
+use super::row::{nodes_json, nodes_of};
+use super::sql::query;
+use super::workers::Claimant;
+use super::{Connection, StoreError};
+use crate::schedule::Pace;
+
+/// A granted lease.
+#[derive(Clone, Debug)]
+pub(crate) struct Grant {
+    /// The lease.
+    pub(crate) lease: LeaseRecord,
+    /// Hash of the job's canonical scene.
+    pub(crate) scene_hash: String,
+    /// Its nodes, most urgent first.
+    pub(crate) nodes: Vec<NodeAddress>,
+}
+
+/// What the nodes of a lease are to the farm.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Leased {
+    /// Pending.
+    Work,
+    /// Accepted, and to be checked.
+    Checks,
+}
+
+/// Nodes for a lease.
+pub(super) struct Offer {
+    nodes: Vec<NodeAddress>,
+    leased: Leased,
+    /// How long the lease may go on without an accepted node before others are given them.
+    patience_ms: i64,
+}
+
+impl Offer {
+    /// Nodes that have been given out so often while others had them.
+    pub(super) fn new(nodes: Vec<NodeAddress>, leased: Leased, job: &JobRecord, pace: &Pace, repeats: u32) -> Self {
+        let samples: u64 = nodes.iter().map(|node| job.node_samples(node)).sum();
+        let patience_ms = (pace.patience_seconds(samples as f64, repeats) * 1000.0) as i64;
+        Self { nodes, leased, patience_ms }
+    }
+}
+
+/// Gives an offer to a worker as a lease.
+pub(super) async fn grant(
+    connection: &mut Connection,
+    job: &JobRecord,
+    offer: Offer,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Grant, StoreError> {
+    let Offer { nodes, leased, patience_ms } = offer;
+    let listed = nodes_json(&nodes)?;
+    let token = events::next_value(connection, "fencing_token").await?;
+    let deadline_ms = terms.now_ms.saturating_add(terms.ttl_ms);
+    query(
+        "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms, patience_ms, due_ms) \
+         values ($1, $2, $3, $4, 'active', $5, $6, $7, $8, $9)",
+    )
+    .bind(terms.lease.to_string())
+    .bind(token)
+    .bind(job.id.to_string())
+    .bind(terms.worker.to_string())
+    .bind(listed.as_str())
+    .bind(terms.now_ms)
+    .bind(deadline_ms)
+    .bind(patience_ms)
+    .bind(terms.now_ms.saturating_add(patience_ms))
+    .execute(&mut *connection)
+    .await?;
+    let table = match leased {
+        Leased::Work => "pending",
+        Leased::Checks => "checks",
+    };
+    let statement = format!(
+        "update {table} set lease = $1 where job = $2 and (frame, tile, level, idx) in {}",
+        nodes_of(connection.engine(), 3)
+    );
+    let update = query(statement).bind(terms.lease.to_string()).bind(job.id.to_string()).bind(listed);
+    update.execute(&mut *connection).await?;
+    if job.probe_digest.is_none() {
+        start(connection, job, claimant, terms).await?;
+    }
+    let token = u64::try_from(token).map_err(|_| StoreError::Corrupt { column: "value", value: token.to_string() })?;
+    let lease = LeaseRecord {
+        id: terms.lease,
+        token,
+        job: job.id,
+        worker: terms.worker,
+        build: claimant.build.clone(),
+        state: LeaseState::Active,
+        deadline_ms,
+        nodes: nodes.iter().copied().collect(),
+    };
+    Ok(Grant { lease, scene_hash: job.scene_hash.clone(), nodes })
+}
+
+/// Notes on a job that its first nodes have been given out, and to whom.
+async fn start(
+    connection: &mut Connection,
+    job: &JobRecord,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<(), StoreError> {
+    // One that an older build has started, or that begins again, goes on with whoever comes first.
+    query("update jobs set state = 'running', started_ms = coalesce(started_ms, $2), probe_digest = $3 where id = $1")
+        .bind(job.id.to_string())
+        .bind(terms.now_ms)
+        .bind(&claimant.probe_digest)
+        .execute(&mut *connection)
+        .await?;
+    events::record(connection, StoredKind::Job, job.id, terms.now_ms).await
+}

@@ -1,0 +1,114 @@
+//! The stock of pending rows: the work of a job, cut into nodes shortly before it is given out.
+//!
+//! Pending rows exist only for the near future. A [claim](super::claim) that finds few free ones cuts more from where the job's cursor stands (a round,
+//! a frame, and a tile), as large as they may be by what is known then. A wave is opened when the first of its tiles is cut. Nodes
+//! that are to be done [again](super::redo) come into the queue as well.
+
+use clerestory_render_core::film::{NodeAddress, PassRange};
+
+use super::adaptive::{self, WaveTiles, wave_tiles};
+use super::jobs::JobRecord;
+use super::row::to_json;
+use super::sql::{Kind, query, rows_of};
+use super::{Connection, StoreError};
+use crate::schedule::{Pace, cut};
+
+/// Free rows that a claim can choose from; also the largest lease.
+pub(super) const STOCK: u32 = 256;
+
+/// Cuts work from the job's cursor on until there are enough free rows or none is left to cut: as large as it may be by what is known now.
+pub(super) async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Result<(), StoreError> {
+    let free = query(
+        "select count(*) as free from (select 1 from pending where job = $1 and lease is null limit $2) as free_nodes",
+    )
+    .bind(job.id.to_string())
+    .bind(i64::from(STOCK))
+    .fetch_one(&mut *connection)
+    .await?;
+    let mut free: u32 = free.number("free")?;
+    let [mut round, mut frame, mut tile] = job.cursor;
+    let mut pending = Vec::new();
+    while free < STOCK {
+        let Some(wave) = job.boundaries().wave(round) else { break };
+        if job.waits_for_shares(wave) {
+            break;
+        }
+        if tile == 0 {
+            open_wave(connection, job, frame, round, wave).await?;
+        }
+        let WaveTiles { tiles, next, count } = wave_tiles(connection, job, frame, tile, wave).await?;
+        let samples = job.node_samples(&NodeAddress { frame, tile, level: 0, index: 0 });
+        let level = pace.largest_level(wave, count, samples as f64);
+        let pilot: Vec<u32> = job.pilot_in(round).collect();
+        tile = next;
+        for (index, passes) in tiles {
+            if free >= STOCK {
+                tile = index;
+                break;
+            }
+            let nodes = cut(passes, level).chain(pilot.iter().map(|pass| (0, *pass)));
+            let before = pending.len();
+            pending.extend(nodes.map(|(level, pass)| (round, NodeAddress { frame, tile: index, level, index: pass })));
+            free += (pending.len() - before) as u32;
+        }
+        if tile == job.grid.len() {
+            (tile, frame) = (0, frame + 1);
+        }
+        if frame == job.frames {
+            (frame, round) = (0, round + 1);
+        }
+    }
+    insert_pending(connection, job, &pending).await?;
+    if [round, frame, tile] != job.cursor {
+        query("update jobs set cursor_round = $2, cursor_frame = $3, cursor_tile = $4 where id = $1")
+            .bind(job.id.to_string())
+            .bind(i64::from(round))
+            .bind(i64::from(frame))
+            .bind(i64::from(tile))
+            .execute(connection)
+            .await?;
+    }
+    Ok(())
+}
+
+async fn open_wave(
+    connection: &mut Connection,
+    job: &JobRecord,
+    frame: u32,
+    round: u32,
+    wave: PassRange,
+) -> Result<(), StoreError> {
+    let end = wave.first + wave.count;
+    let tile_passes = adaptive::tile_passes(connection, job).await?;
+    let in_tile = |tile| tile_passes.at(frame, tile, end) - tile_passes.at(frame, tile, wave.first);
+    let in_images: i64 = (0..job.grid.len()).map(|tile| i64::from(in_tile(tile))).sum();
+    let in_pilot = job.pilot_in(round).count() as i64 * i64::from(job.grid.len());
+    query("insert into waves (job, frame, round, end_pass, outstanding) values ($1, $2, $3, $4, $5)")
+        .bind(job.id.to_string())
+        .bind(i64::from(frame))
+        .bind(i64::from(round))
+        .bind(i64::from(end))
+        .bind(in_images + in_pilot)
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// Puts nodes into the queue, each as work of a round.
+pub(super) async fn insert_pending(
+    connection: &mut Connection,
+    job: &JobRecord,
+    nodes: &[(u32, NodeAddress)],
+) -> Result<(), StoreError> {
+    if nodes.is_empty() {
+        return Ok(());
+    }
+    let statement = format!(
+        "insert into pending (job, round, frame, tile, level, idx) select $1, c0, c1, c2, c3, c4 from {} as listed_nodes",
+        rows_of(connection.engine(), 2, &[Kind::Integer; 5])
+    );
+    let rows = nodes.iter().map(|(round, node)| [*round, node.frame, node.tile, node.level, node.index]);
+    let rows = to_json(&rows.collect::<Vec<_>>())?;
+    query(statement).bind(job.id.to_string()).bind(rows).execute(connection).await?;
+    Ok(())
+}
