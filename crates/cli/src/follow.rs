@@ -3,10 +3,11 @@
 use std::time::Duration;
 
 use clerestory_api::{
-    ClientError, ConvergencePoint, Event, EventBody, JobId, JobView, LiveMeasurement, ProblemCode, WorkerState,
+    Client, ClientError, ConvergencePoint, Event, EventBody, JobId, JobView, LiveMeasurement, ProblemCode, WorkerState,
     WorkerView,
 };
 use futures::StreamExt;
+use futures::stream::FuturesUnordered;
 use tokio::time::MissedTickBehavior;
 
 use crate::commands::jobs::samples_text;
@@ -157,6 +158,8 @@ impl Follower<'_> {
         tokio::pin!(patience);
         let mut looks = tokio::time::interval(LIVE_PERIOD);
         looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let (client, job) = (&self.connection.client, self.job);
+        let mut live = FuturesUnordered::new();
         loop {
             let event = tokio::select! {
                 event = events.next() => event,
@@ -165,8 +168,12 @@ impl Follower<'_> {
                     continue;
                 }
                 // Measuring is work: it is not asked for where nobody sees it.
-                _ = looks.tick(), if self.progress.is_drawn() => {
-                    self.look().await;
+                _ = looks.tick(), if self.progress.is_drawn() && live.is_empty() => {
+                    live.push(live_error(client, job));
+                    continue;
+                }
+                Some(error) = live.next() => {
+                    self.live = error;
                     continue;
                 }
             };
@@ -203,12 +210,6 @@ impl Follower<'_> {
         }
     }
 
-    /// Asks for the error between rounds. It is a courtesy: a coordinator that fails to tell it may know none, and what else is wrong the events show.
-    async fn look(&mut self) {
-        let live = tokio::time::timeout(LIVE_PATIENCE, self.connection.client.live(self.job)).await;
-        self.live = live.ok().and_then(Result::ok).and_then(|live| live_text(&live));
-    }
-
     /// How many samples there are, and how good the image is that they make.
     fn samples_text(&self, view: &JobView) -> String {
         let samples = samples_text(view, " samples a pixel");
@@ -239,6 +240,13 @@ impl Follower<'_> {
             self.progress.round(point);
         }
     }
+}
+
+/// Asks for the error between rounds, in words. It is a courtesy: a coordinator that fails to tell it may know none, and what else is wrong
+/// the events show.
+async fn live_error(client: &Client, job: JobId) -> Option<String> {
+    let live = tokio::time::timeout(LIVE_PATIENCE, client.live(job)).await;
+    live.ok().and_then(Result::ok).and_then(|live| live_text(&live))
 }
 
 /// The error between rounds, where one is known, and the part of the pixels that it is of.

@@ -94,6 +94,13 @@ async fn turn(farm: &Farm, grid: TileGrid, rows: usize, bytes_per_pixel: u64) ->
     farm.measuring.acquire_many(permits(bytes.min(farm.strip_bytes()))).await.ok()
 }
 
+/// Waits until the rows of a frame and its reference that FLIP's filters reach may be in memory.
+async fn by_eye(farm: &Farm, grid: TileGrid) -> Option<SemaphorePermit<'_>> {
+    let bytes = FlipComparison::bytes(grid.width).min(farm.config.image_bytes / 4);
+    // The semaphore is never closed.
+    farm.comparing.acquire_many(permits(bytes)).await.ok()
+}
+
 /// The point of the convergence series that a frame makes at a complete round.
 pub(crate) async fn point(
     farm: &Farm,
@@ -110,6 +117,11 @@ pub(crate) async fn point(
     let mut reading = Reading::default();
     let mut noise = NoiseMeasure::new(job.grid);
     let mut comparison = reference.map(|reference| Comparison::new(job.grid, reference.summary));
+    // For the whole frame: held beside turns, which those who wait here do not have.
+    let _rows_by_eye = match reference {
+        Some(_) => by_eye(farm, job.grid).await,
+        None => None,
+    };
     let mut flip = reference.map(|reference| FlipComparison::new(job.grid.width, reference.stops, ToneCurve::Filmic));
     for strip in strips(job.grid, bytes, farm.strip_bytes()) {
         let _turn = turn(farm, job.grid, strip.len(), bytes).await;
@@ -128,6 +140,10 @@ pub(crate) async fn point(
         });
         (noise, comparison, flip) = measured.await??;
     }
+    let flip = match flip {
+        Some(flip) => tokio::task::spawn_blocking(move || flip.finish()).await?,
+        None => None,
+    };
     let metrics = comparison.map(Comparison::finish);
     let finite = |value: f64| Some(value).filter(|value| value.is_finite());
     Ok(ConvergencePoint {
@@ -142,7 +158,7 @@ pub(crate) async fn point(
         corrected_mse: metrics.and_then(|metrics| metrics.corrected_mse).and_then(finite),
         rel_mse: metrics.and_then(|metrics| metrics.rel_mse).and_then(finite),
         psnr: metrics.and_then(|metrics| metrics.psnr).and_then(finite),
-        flip: flip.and_then(FlipComparison::finish).and_then(finite),
+        flip: flip.and_then(finite),
         estimated_mse: has_standard_error.then(|| noise.finish()).and_then(finite),
     })
 }

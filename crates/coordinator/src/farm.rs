@@ -74,6 +74,8 @@ pub(crate) struct Farm {
     pub(crate) decoding: Arc<Semaphore>,
     /// Permits for rows that are measured, one for each kibibyte.
     pub(crate) measuring: Semaphore,
+    /// Permits for the rows of frames and references that are compared by eye, one for each kibibyte.
+    pub(crate) comparing: Semaphore,
     /// Permits for batches of tiles that are merged.
     pub(crate) merging: Semaphore,
     /// Permit for building a submitted scene, which may take much memory.
@@ -102,6 +104,7 @@ impl Farm {
         let (tell, told) = mpsc::unbounded_channel();
         let film = FilmReader::new(blobs.clone(), config.node_cache_bytes);
         let [images, measuring] = [(); 2].map(|()| Semaphore::new(permits(config.image_bytes / 2) as usize));
+        let comparing = Semaphore::new(permits(config.image_bytes / 4) as usize);
         let previews = Previews::new(config.preview_bytes);
         let rates = Rates::new(config.clock.now_ms());
         let farm = Self {
@@ -120,6 +123,7 @@ impl Farm {
             receiving_beyond: Semaphore::new(1),
             decoding: Arc::new(Semaphore::new(permits(DECODED_BYTES) as usize)),
             measuring,
+            comparing,
             merging: Semaphore::new(MERGES),
             building: Semaphore::new(1),
             keeper,

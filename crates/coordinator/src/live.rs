@@ -165,7 +165,8 @@ pub(crate) async fn current(farm: &Farm, job: JobRecord) -> Result<LiveMeasureme
     let (now_ms, is_final) = (farm.config.clock.now_ms(), job.state.is_final());
     let is_same = live.is_complete && live.accepted_nodes == job.accepted_nodes && live.is_final == is_final;
     if live.fresh_until_ms.is_none_or(|until_ms| !is_same && now_ms >= until_ms) {
-        live.is_complete = false;
+        // Also when it fails: whoever asks again at once would have all of it tried again.
+        (live.is_complete, live.fresh_until_ms) = (false, Some(now_ms + FRESH_MS));
         let is_complete = update(farm, &job, &mut live, now_ms).await?;
         (live.is_complete, live.accepted_nodes, live.is_final) = (is_complete, job.accepted_nodes, is_final);
         let end_ms = farm.config.clock.now_ms();

@@ -219,9 +219,9 @@ async fn claimed(blobs: &Blobs, store: &Store, known: &BTreeSet<String>) -> Resu
 
 /// Starts the tasks of a farm.
 pub(crate) async fn start(farm: &Arc<Farm>, bells: Bells) -> Result<JoinSet<()>, StoreError> {
-    for job in farm.store.jobs().await? {
+    for job in farm.store.unsettled_jobs().await? {
         // A round may have been complete when the last coordinator stopped.
-        farm.look_at_film(job.id);
+        farm.look_at_film(job);
     }
     let last_event = farm.store.last_event_id().await?;
     let mut tasks = JoinSet::new();

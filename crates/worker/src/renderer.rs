@@ -5,7 +5,7 @@
 use std::any::Any;
 use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clerestory_render_core::film::{NodeAddress, Rendered};
@@ -87,7 +87,8 @@ impl Renderer {
             let mut in_flight = (0..NODES_IN_FLIGHT).filter(|_| begin_next()).count();
             while in_flight > 0 {
                 let Ok((rendered, begun, completed)) = ended.recv() else { break };
-                let rendered = rendered?;
+                // The other node in flight is of no use either.
+                let rendered = rendered.inspect_err(|_| cancelled.store(true, Ordering::Relaxed))?;
                 if !begin_next() {
                     in_flight -= 1;
                 }

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clerestory_api::JobId;
-use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
+use tokio_util::task::AbortOnDropHandle;
 
 use crate::farm::Farm;
 use crate::store::Keeping;
@@ -23,7 +23,7 @@ const RENEWAL_MS: i64 = 1000;
 pub(super) struct Claim {
     /// Cancelled when another may have the film, and when the coordinator stops.
     lost: CancellationToken,
-    renewing: JoinHandle<()>,
+    _renewing: AbortOnDropHandle<()>,
 }
 
 impl Claim {
@@ -31,11 +31,11 @@ impl Claim {
     pub(super) fn renewed(farm: &Arc<Farm>, job: JobId, until_ms: i64) -> Self {
         let lost = farm.stopping.child_token();
         let (farm, is_lost) = (Arc::clone(farm), lost.clone());
-        let renewing = tokio::spawn(async move {
+        let renewing = AbortOnDropHandle::new(tokio::spawn(async move {
             renew(&farm, job, until_ms).await;
             is_lost.cancel();
-        });
-        Self { lost, renewing }
+        }));
+        Self { lost, _renewing: renewing }
     }
 
     pub(super) fn is_lost(&self) -> bool {
@@ -48,12 +48,6 @@ impl Claim {
     }
 }
 
-impl Drop for Claim {
-    fn drop(&mut self) {
-        self.renewing.abort();
-    }
-}
-
 /// Renews a claim until another has the film, or may have it since the claim could not be renewed in time.
 async fn renew(farm: &Farm, job: JobId, mut until_ms: i64) {
     loop {
@@ -62,13 +56,19 @@ async fn renew(farm: &Farm, job: JobId, mut until_ms: i64) {
             return;
         }
         let pause_ms = (left_ms - TERM_MS / 2).clamp(RENEWAL_MS, TERM_MS);
-        tokio::time::sleep(Duration::from_millis(u64::try_from(pause_ms).unwrap_or(0))).await;
+        tokio::time::sleep(milliseconds(pause_ms)).await;
         let now_ms = farm.config.clock.now_ms();
         let next_ms = now_ms.saturating_add(TERM_MS);
-        match farm.store.keep(job, farm.coordinator, now_ms, next_ms).await {
-            Ok(Keeping::Ours) => until_ms = next_ms,
-            Ok(Keeping::Theirs { .. }) => return,
-            Err(error) => tracing::warn!(%job, %error, "the claim on the film could not be renewed"),
+        let renewal = farm.store.keep(job, farm.coordinator, now_ms, next_ms);
+        // A database that does not answer leaves the film to others all the same.
+        match tokio::time::timeout(milliseconds(until_ms - now_ms), renewal).await {
+            Ok(Ok(Keeping::Ours)) => until_ms = next_ms,
+            Ok(Ok(Keeping::Theirs { .. })) | Err(_) => return,
+            Ok(Err(error)) => tracing::warn!(%job, %error, "the claim on the film could not be renewed"),
         }
     }
+}
+
+fn milliseconds(count: i64) -> Duration {
+    Duration::from_millis(u64::try_from(count).unwrap_or(0))
 }

@@ -6,30 +6,12 @@ use uuid::Uuid;
 use super::*;
 use crate::config::Config;
 use crate::server;
-use crate::stop::Targets;
 use crate::store::NewJob;
+use crate::store::tests::farm::some_job;
 
 async fn job(farm: &Farm) -> JobId {
-    let id = JobId::from(Uuid::now_v7());
-    let job = NewJob {
-        id,
-        name: "window".to_owned(),
-        priority: 0,
-        scene: "{}".to_owned(),
-        scene_hash: "h".to_owned(),
-        integrator: "path".to_owned(),
-        missing_light: Vec::new(),
-        grid: TileGrid { width: 16, height: 16, tile_size: 16 },
-        samples_per_pass: 4,
-        samples_per_block: 64,
-        passes: 1,
-        reference: None,
-        time_limit_ms: None,
-        targets: Targets::default(),
-        adaptive: false,
-        assets: BTreeMap::new(),
-        created_ms: 0,
-    };
+    let job = NewJob { grid: TileGrid { width: 16, height: 16, tile_size: 16 }, ..some_job() };
+    let id = job.id;
     farm.store.insert_job(job).await.unwrap();
     id
 }

@@ -90,6 +90,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     let mut accepted = Vec::new();
     let (mut to_be_checked, mut checked) = (Vec::new(), Vec::new());
     let mut waves: BTreeMap<(u32, i64), Wave> = BTreeMap::new();
+    let mut frees_work = false;
     for (node, taken) in delivery.nodes.iter().zip(&taken) {
         let brought = node.digest.clone().map(|digest| Brought { address: node.address, digest });
         let own_samples = job.node_samples(&node.address);
@@ -97,7 +98,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
         samples_before += own_samples;
         let Taken::From { round } = *taken else {
             if matches!(taken, Taken::Duplicate) && lease.nodes.contains(&node.address) {
-                free_rest(connection, &lease, &node.address).await?;
+                frees_work |= free_rest(connection, &lease, &node.address).await?;
             }
             checked.extend(brought);
             continue;
@@ -120,9 +121,9 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     if !accepted.is_empty() {
         let count = accepted.len() as u64;
         jobs::add_accepted(connection, &job, count, samples, core_ms, counters).await?;
-        credit_worker(connection, lease.worker, count, samples, core_ms).await?;
+        let cores = credit_worker(connection, lease.worker, count, samples, core_ms).await?;
         let core_us = delivery.core_ms as f64 * 1000.0 * samples as f64 / all_samples.max(1) as f64;
-        measure(connection, lease.worker, job.id, samples, core_us).await?;
+        measure(connection, lease.worker, job.id, samples, [core_us, REMEMBERED_US * f64::from(cores)]).await?;
     }
     let mut checks = Outcome::default();
     if !to_be_checked.is_empty() {
@@ -132,6 +133,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
         let answered = checks::answer(connection, &lease, &checked, delivery.now_ms).await?;
         checks = Outcome { has_work: checks.has_work || answered.has_work, ..answered };
     }
+    checks.has_work |= frees_work;
     let outstanding = leases::outstanding(connection, delivery.lease).await?;
     if outstanding == 0 {
         leases::complete(connection, delivery.lease).await?;
@@ -253,12 +255,14 @@ async fn take(
     rows.iter().map(|row| Ok((address(row)?, row.integer("round")?))).collect()
 }
 
+/// The condition that a row is a part of a node: of its frame ($2) and tile ($3), and from its first pass ($4) to its end ($5).
+const WITHIN: &str = "frame = $2 and tile = $3 \
+     and (idx << cast(level as integer)) >= $4 and ((idx + 1) << cast(level as integer)) <= $5";
+
 /// Removes what is pending of the passes of a node that is not pending itself, if they all are, and answers their round.
 async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress) -> Result<Option<i64>, StoreError> {
-    const PARTS: &str = "from pending where job = $1 and frame = $2 and tile = $3 \
-         and (idx << cast(level as integer)) >= $4 and ((idx + 1) << cast(level as integer)) <= $5";
     let [first, end] = nodes::ends(node);
-    let rows = query(format!("select level, round {PARTS}"))
+    let rows = query(format!("select level, round from pending where job = $1 and {WITHIN}"))
         .bind(job.to_string())
         .bind(i64::from(node.frame))
         .bind(i64::from(node.tile))
@@ -278,7 +282,7 @@ async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress)
             return Ok(None);
         }
     }
-    query(format!("delete {PARTS}"))
+    query(format!("delete from pending where job = $1 and {WITHIN}"))
         .bind(job.to_string())
         .bind(i64::from(node.frame))
         .bind(i64::from(node.tile))
@@ -290,23 +294,21 @@ async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress)
 }
 
 /// Frees what a lease still has of a node of which others have brought a part: its worker has brought the whole, and will not bring the rest.
-async fn free_rest(connection: &mut Connection, lease: &LeaseRecord, node: &NodeAddress) -> Result<(), StoreError> {
+/// Answers whether there was any.
+async fn free_rest(connection: &mut Connection, lease: &LeaseRecord, node: &NodeAddress) -> Result<bool, StoreError> {
     if node.level == 0 {
-        return Ok(());
+        return Ok(false);
     }
     let [first, end] = nodes::ends(node);
-    query(
-        "update pending set lease = null where lease = $1 and frame = $2 and tile = $3 \
-         and (idx << cast(level as integer)) >= $4 and ((idx + 1) << cast(level as integer)) <= $5",
-    )
-    .bind(lease.id.to_string())
-    .bind(i64::from(node.frame))
-    .bind(i64::from(node.tile))
-    .bind(first)
-    .bind(end)
-    .execute(connection)
-    .await?;
-    Ok(())
+    let freed = query(format!("update pending set lease = null where lease = $1 and {WITHIN}"))
+        .bind(lease.id.to_string())
+        .bind(i64::from(node.frame))
+        .bind(i64::from(node.tile))
+        .bind(first)
+        .bind(end)
+        .execute(connection)
+        .await?;
+    Ok(freed > 0)
 }
 
 /// Notes what has been accepted of a wave, and answers how many passes of it are not.
@@ -335,37 +337,36 @@ async fn count_down(
     .integer("outstanding")
 }
 
+/// Answers how many cores the worker has.
 async fn credit_worker(
     connection: &mut Connection,
     worker: WorkerId,
     nodes: u64,
     samples: u64,
     core_ms: i64,
-) -> Result<(), StoreError> {
+) -> Result<u32, StoreError> {
     query(
         "update workers set accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
          core_ms = case when core_ms > 9223372036854775807 - $4 then 9223372036854775807 else core_ms + $4 end, \
-         failures_in_a_row = 0 where id = $1",
+         failures_in_a_row = 0 where id = $1 returning cores",
     )
     .bind(worker.to_string())
     .bind(big(nodes))
     .bind(big(samples))
     .bind(core_ms)
-    .execute(connection)
-    .await?;
-    Ok(())
+    .fetch_one(connection)
+    .await?
+    .number("cores")
 }
 
-/// Notes how fast a worker has rendered some of a job. Of all that was before, no more than [`REMEMBERED_US`] counts.
+/// Notes how fast a worker has rendered some of a job, in so many microseconds. Of all that was before, no more than `remembered_us` counts.
 async fn measure(
     connection: &mut Connection,
     worker: WorkerId,
     job: JobId,
     samples: u64,
-    core_us: f64,
+    [core_us, remembered_us]: [f64; 2],
 ) -> Result<(), StoreError> {
-    let cores = query("select cores from workers where id = $1").bind(worker.to_string()).fetch_one(&mut *connection);
-    let cores: u32 = cores.await?.number("cores")?;
     query(
         "insert into rates (worker, job, samples, core_us) values ($1, $2, $3, $4) on conflict (worker, job) do update set \
          samples = rates.samples * (case when rates.core_us > $5 then $5 / rates.core_us else 1.0 end) + excluded.samples, \
@@ -375,7 +376,7 @@ async fn measure(
     .bind(job.to_string())
     .bind(Some(samples as f64))
     .bind(Some(core_us))
-    .bind(Some(REMEMBERED_US * f64::from(cores)))
+    .bind(Some(remembered_us))
     .execute(connection)
     .await?;
     Ok(())

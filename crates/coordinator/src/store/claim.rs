@@ -22,7 +22,7 @@ use super::parts::{Side, split_off};
 use super::row::Row;
 use super::sql::query;
 use super::stock::{STOCK, stock};
-use super::take_over::{self, TakenOver};
+use super::take_over::{self, HeldLease, TakenOver};
 use super::workers::{self, Claimant};
 use super::{Connection, Store, StoreError, WorkerError};
 use crate::schedule::Pace;
@@ -218,9 +218,9 @@ async fn free_work(
     let pace = pace(connection, open, terms).await?;
     if open.has_checks {
         let nodes = choose_checks(connection, open, &pace, claimant, terms, None).await?;
-        if !nodes.is_empty() {
-            let offer = Offer::new(nodes, Leased::Checks, &open.job, &pace, 0);
-            return Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?));
+        let grant = lease(connection, open, (nodes, Leased::Checks, 0), &pace, claimant, terms).await?;
+        if grant.is_some() {
+            return Ok(grant);
         }
     }
     if open.has_overdue && may_have_free {
@@ -232,10 +232,22 @@ async fn free_work(
         }
     }
     let nodes = choose(connection, open, &pace, terms).await?;
+    lease(connection, open, (nodes, Leased::Work, 0), &pace, claimant, terms).await
+}
+
+/// Gives chosen nodes to this worker as a lease, if there are any. They have been given out so often while others had them.
+async fn lease(
+    connection: &mut Connection,
+    open: &OpenJob,
+    (nodes, leased, repeats): (Vec<NodeAddress>, Leased, u32),
+    pace: &Pace,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
     if nodes.is_empty() {
         return Ok(None);
     }
-    let offer = Offer::new(nodes, Leased::Work, &open.job, &pace, 0);
+    let offer = Offer::new(nodes, leased, &open.job, pace, repeats);
     Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?))
 }
 
@@ -266,22 +278,32 @@ async fn overdue_work_up_to(
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Option<Grant>, StoreError> {
-    if let Some(lease) = take_over::overdue(connection, &open.job, last_round, terms).await?
+    let held = take_over::overdue(connection, &open.job, last_round, terms).await?;
+    held_of(connection, open, held, CHECK_PATIENCE, pace, claimant, terms).await
+}
+
+/// Nodes of a lease that another holds, or checks that others have had for so many times as long as a lease should take, for this worker.
+async fn held_of(
+    connection: &mut Connection,
+    open: &OpenJob,
+    held: Option<HeldLease>,
+    check_patience: i64,
+    pace: &Pace,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    if let Some(held) = held
         && let Some(TakenOver { nodes, repeats }) =
-            take_over::take_over(connection, &open.job, &lease, pace, terms).await?
+            take_over::take_over(connection, &open.job, &held, pace, terms).await?
     {
-        let offer = Offer::new(nodes, Leased::Work, &open.job, pace, repeats);
-        return Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?));
+        return lease(connection, open, (nodes, Leased::Work, repeats), pace, claimant, terms).await;
     }
-    if open.has_held_checks {
-        let held_before_ms = terms.now_ms.saturating_sub(terms.target_ms.saturating_mul(CHECK_PATIENCE));
-        let nodes = choose_checks(connection, open, pace, claimant, terms, Some(held_before_ms)).await?;
-        if !nodes.is_empty() {
-            let offer = Offer::new(nodes, Leased::Checks, &open.job, pace, 0);
-            return Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?));
-        }
+    if !open.has_held_checks {
+        return Ok(None);
     }
-    Ok(None)
+    let held_before_ms = terms.now_ms.saturating_sub(terms.target_ms.saturating_mul(check_patience));
+    let nodes = choose_checks(connection, open, pace, claimant, terms, Some(held_before_ms)).await?;
+    lease(connection, open, (nodes, Leased::Checks, 0), pace, claimant, terms).await
 }
 
 /// Nodes of some jobs that others have held for longer than this worker would need, when there is nothing else for it.
@@ -298,20 +320,9 @@ async fn held_work(
             continue;
         }
         let pace = pace(connection, open, terms).await?;
-        if let Some(lease) = lease
-            && let Some(TakenOver { nodes, repeats }) =
-                take_over::take_over(connection, &open.job, &lease, &pace, terms).await?
-        {
-            let offer = Offer::new(nodes, Leased::Work, &open.job, &pace, repeats);
-            return Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?));
-        }
-        if open.has_held_checks {
-            let held_before_ms = terms.now_ms.saturating_sub(terms.target_ms);
-            let nodes = choose_checks(connection, open, &pace, claimant, terms, Some(held_before_ms)).await?;
-            if !nodes.is_empty() {
-                let offer = Offer::new(nodes, Leased::Checks, &open.job, &pace, 0);
-                return Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?));
-            }
+        let grant = held_of(connection, open, lease, 1, &pace, claimant, terms).await?;
+        if grant.is_some() {
+            return Ok(grant);
         }
     }
     Ok(None)

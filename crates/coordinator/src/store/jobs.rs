@@ -323,6 +323,15 @@ impl Store {
         rows.iter().map(|row| row.parsed("id")).collect()
     }
 
+    /// The jobs of which a round may be left to be recorded, or a pilot to be let go: those that have ended may have been stopped before that.
+    pub(crate) async fn unsettled_jobs(&self) -> Result<Vec<JobId>, StoreError> {
+        let unsettled = query(
+            "select id from jobs where state in ('queued', 'running') or (adaptive = 1 and shared_samples is null) \
+             or exists (select 1 from waves where job = jobs.id and round = jobs.rounds)",
+        );
+        unsettled.fetch_all(&self.readers).await?.iter().map(|row| row.parsed("id")).collect()
+    }
+
     /// All jobs, newest first.
     pub(crate) async fn jobs(&self) -> Result<Vec<JobRecord>, StoreError> {
         let all = query(format!("select {COLUMNS} from jobs order by created_ms desc, id desc"));

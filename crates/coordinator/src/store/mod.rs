@@ -31,7 +31,7 @@ mod sqlite;
 mod stock;
 mod take_over;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod workers;
 mod writer;
 

@@ -17,7 +17,7 @@ use crate::blobs::Place;
 mod adaptive;
 mod checks;
 mod claims;
-mod farm;
+pub(crate) mod farm;
 mod model;
 mod several;
 mod silence;

@@ -91,7 +91,8 @@ pub(super) fn encode_pixels(
     Ok(png)
 }
 
-fn filmic(x: f64) -> f64 {
+/// The filmic curve: what is shown of a brightness that has been exposed.
+pub(super) fn filmic(x: f64) -> f64 {
     x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14)
 }
 
@@ -112,7 +113,7 @@ fn automatic_scale(pixels: &[[f32; 3]]) -> f64 {
 }
 
 /// Luminance of linear Rec. 709.
-fn luminance([red, green, blue]: [f32; 3]) -> f64 {
+pub(super) fn luminance([red, green, blue]: [f32; 3]) -> f64 {
     0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)
 }
 

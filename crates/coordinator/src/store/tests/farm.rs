@@ -101,27 +101,9 @@ impl Farm {
     }
 
     pub(super) async fn job_like(&self, change: impl FnOnce(NewJob) -> NewJob) -> JobId {
-        let id = JobId::from(Uuid::now_v7());
-        let job = NewJob {
-            id,
-            name: "window".to_owned(),
-            priority: 0,
-            scene: "{}".to_owned(),
-            scene_hash: "h".to_owned(),
-            integrator: "path".to_owned(),
-            missing_light: Vec::new(),
-            grid: TileGrid { width: 70, height: 40, tile_size: 16 },
-            samples_per_pass: 4,
-            samples_per_block: 64,
-            passes: 1,
-            reference: None,
-            time_limit_ms: None,
-            targets: Targets::default(),
-            adaptive: false,
-            assets: BTreeMap::new(),
-            created_ms: 0,
-        };
-        self.store.insert_job(change(job)).await.unwrap();
+        let job = change(some_job());
+        let id = job.id;
+        self.store.insert_job(job).await.unwrap();
         id
     }
 
@@ -161,5 +143,28 @@ impl Farm {
     pub(super) async fn next_wave(&self, job: JobId) -> Option<CompleteWave> {
         let record = self.store.job(job).await.unwrap().unwrap();
         self.store.complete_wave(&record).await.unwrap()
+    }
+}
+
+/// A job of one pass over a frame of 15 tiles.
+pub(crate) fn some_job() -> NewJob {
+    NewJob {
+        id: JobId::from(Uuid::now_v7()),
+        name: "window".to_owned(),
+        priority: 0,
+        scene: "{}".to_owned(),
+        scene_hash: "h".to_owned(),
+        integrator: "path".to_owned(),
+        missing_light: Vec::new(),
+        grid: TileGrid { width: 70, height: 40, tile_size: 16 },
+        samples_per_pass: 4,
+        samples_per_block: 64,
+        passes: 1,
+        reference: None,
+        time_limit_ms: None,
+        targets: Targets::default(),
+        adaptive: false,
+        assets: BTreeMap::new(),
+        created_ms: 0,
     }
 }

@@ -22,7 +22,7 @@ use thiserror::Error;
 use self::perception::{Observer, Perceived, RADIUS, SIGNALS, Window, perceived_color};
 use super::CompareError;
 use crate::film::image::FrameImage;
-use crate::film::preview::{ToneCurve, automatic_stops};
+use crate::film::preview::{ToneCurve, automatic_stops, luminance};
 
 /// The exponent of the difference in color, `q_c`.
 const COLOR_EXPONENT: f64 = 0.7;
@@ -96,10 +96,7 @@ impl LogLuminance {
 
 /// The luminances, linear Rec. 709, of the pixels that have one.
 fn luminances(pixels: &[[f32; 3]]) -> impl Iterator<Item = f64> {
-    let luminance = |[red, green, blue]: &[f32; 3]| {
-        0.2126 * f64::from(*red) + 0.7152 * f64::from(*green) + 0.0722 * f64::from(*blue)
-    };
-    pixels.iter().map(luminance).filter(|luminance| *luminance > 0.0 && luminance.is_finite())
+    pixels.iter().map(|pixel| luminance(*pixel)).filter(|luminance| *luminance > 0.0 && luminance.is_finite())
 }
 
 /// Why rows cannot be compared.

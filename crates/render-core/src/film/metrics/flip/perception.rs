@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use crate::film::preview::ToneCurve;
+use crate::film::preview::{ToneCurve, filmic};
 
 /// Metres from the eye to the screen.
 const VIEWING_DISTANCE: f64 = 0.7;
@@ -174,7 +174,7 @@ impl Observer {
         let exposed = if exposed > 0.0 { exposed.min(BRIGHTEST) } else { 0.0 };
         let shown = match self.curve {
             ToneCurve::Srgb => exposed,
-            ToneCurve::Filmic => exposed * (2.51 * exposed + 0.03) / (exposed * (2.43 * exposed + 0.59) + 0.14),
+            ToneCurve::Filmic => filmic(exposed),
         };
         shown.min(1.0)
     }
