@@ -15,11 +15,11 @@ use clerestory_render_core::film::NodeAddress;
 
 use super::checks::{self, Brought, Outcome};
 use super::jobs;
-use super::leases::{self, LeaseError, LeaseRecord, address};
+use super::leases::{self, LeaseError, LeaseRecord, Progress, address};
 use super::nodes::{self, NodeRow, Work};
-use super::row::{big, nodes_json, nodes_of, to_json};
+use super::row::{big, is_of_nodes, nodes_json, to_json};
 use super::sql::{Kind, query, rows_of};
-use super::{Connection, Store, StoreError};
+use super::{Connection, Store, StoreError, workers};
 use crate::blobs::Place;
 
 /// So much of what a worker rendered before counts in the mean of its speed, in microseconds of each of its cores: scenes change from tile to
@@ -79,8 +79,7 @@ impl Store {
 }
 
 async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acceptance, LeaseError> {
-    let lease = leases::valid(connection, delivery.lease, delivery.token, delivery.now_ms).await?;
-    let job = jobs::job_in(connection, lease.job).await?.ok_or(LeaseError::JobNotRunning)?;
+    let (lease, job) = leases::valid_with_job(connection, delivery.lease, delivery.token, delivery.now_ms).await?;
     let all_samples: u64 = delivery.nodes.iter().map(|node| job.node_samples(&node.address)).sum();
     let taken = take_all(connection, &lease, &delivery.nodes).await?;
     // Shares of a whole number of milliseconds that have the whole as their sum, however short each node has taken.
@@ -118,10 +117,12 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     for ((frame, round), wave) in waves {
         completes_wave |= count_down(connection, job.id, frame, round, wave, delivery.now_ms).await? == 0;
     }
-    if !accepted.is_empty() {
+    if accepted.is_empty() {
+        workers::hear(connection, lease.worker, delivery.now_ms).await?;
+    } else {
         let count = accepted.len() as u64;
         jobs::add_accepted(connection, &job, count, samples, core_ms, counters).await?;
-        let cores = credit_worker(connection, lease.worker, count, samples, core_ms).await?;
+        let cores = credit_worker(connection, lease.worker, count, samples, core_ms, delivery.now_ms).await?;
         let core_us = delivery.core_ms as f64 * 1000.0 * samples as f64 / all_samples.max(1) as f64;
         measure(connection, lease.worker, job.id, samples, [core_us, REMEMBERED_US * f64::from(cores)]).await?;
     }
@@ -134,17 +135,9 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
         checks = Outcome { has_work: checks.has_work || answered.has_work, ..answered };
     }
     checks.has_work |= frees_work;
-    let outstanding = leases::outstanding(connection, delivery.lease).await?;
-    if outstanding == 0 {
-        leases::complete(connection, delivery.lease).await?;
-    } else if !accepted.is_empty() {
-        // Renewals alone do not keep its work from others.
-        query("update leases set due_ms = $2 + patience_ms where id = $1 and state = 'active'")
-            .bind(delivery.lease.to_string())
-            .bind(delivery.now_ms)
-            .execute(connection)
-            .await?;
-    }
+    let accepted_ms = (!accepted.is_empty()).then_some(delivery.now_ms);
+    let progress = Progress { accepted_ms, ..Progress::default() };
+    let outstanding = leases::go_on(connection, delivery.lease, progress).await?;
     let verdicts = taken.into_iter().map(Taken::verdict).collect();
     Ok(Acceptance { verdicts, outstanding, samples, completes_wave, checks })
 }
@@ -183,13 +176,15 @@ async fn take_all(
     lease: &LeaseRecord,
     nodes: &[DeliveredNode],
 ) -> Result<Vec<Taken>, StoreError> {
-    let mut covered = covered(connection, lease.job, nodes).await?;
-    let is_new = |address: &NodeAddress| lease.nodes.contains(address) && !is_covered(&covered, address);
+    let known = covered(connection, lease.job, nodes).await?;
+    let is_new = |address: &NodeAddress| lease.nodes.contains(address) && !known.contains(address);
     let new: Vec<NodeAddress> = nodes.iter().map(|node| node.address).filter(is_new).collect();
     let whole = take(connection, lease.job, &new).await?;
     let mut taken = Vec::with_capacity(nodes.len());
+    let mut accepted: BTreeMap<(u32, u32), Vec<NodeAddress>> = BTreeMap::new();
     for DeliveredNode { address, .. } in nodes {
-        if is_covered(&covered, address) {
+        let of_tile = accepted.entry((address.frame, address.tile)).or_default();
+        if known.contains(address) || of_tile.iter().any(|other| other.overlaps(address)) {
             taken.push(Taken::Duplicate);
             continue;
         }
@@ -200,7 +195,7 @@ async fn take_all(
         };
         match round {
             Some(round) => {
-                covered.entry((address.frame, address.tile)).or_default().push(nodes::ends(address));
+                of_tile.push(*address);
                 taken.push(Taken::From { round });
             }
             None => taken.push(Taken::Refused),
@@ -209,32 +204,29 @@ async fn take_all(
     Ok(taken)
 }
 
-/// Passes of accepted nodes, from the first to before the end, by frame and tile.
-type Covered = BTreeMap<(u32, u32), Vec<[i64; 2]>>;
-
-fn is_covered(covered: &Covered, address: &NodeAddress) -> bool {
-    let [first, end] = nodes::ends(address);
-    let mut known = covered.get(&(address.frame, address.tile)).into_iter().flatten();
-    known.any(|[known_first, known_end]| *known_first < end && *known_end > first)
-}
-
-/// Which passes of the tiles of some nodes are accepted.
-async fn covered(connection: &mut Connection, job: JobId, nodes: &[DeliveredNode]) -> Result<Covered, StoreError> {
-    let tiles: BTreeSet<(u32, u32)> = nodes.iter().map(|node| (node.address.frame, node.address.tile)).collect();
-    let mut covered = Covered::new();
-    if tiles.is_empty() {
-        return Ok(covered);
+/// Which of some nodes share a pass with an accepted one.
+async fn covered(
+    connection: &mut Connection,
+    job: JobId,
+    nodes: &[DeliveredNode],
+) -> Result<BTreeSet<NodeAddress>, StoreError> {
+    if nodes.is_empty() {
+        return Ok(BTreeSet::new());
     }
+    // No two accepted nodes of a tile share a pass: of those that begin before its end, the last decides.
     let statement = format!(
-        "select frame, tile, first_pass, end_pass from nodes where job = $1 and (frame, tile) in {}",
-        rows_of(connection.engine(), 2, &[Kind::Integer; 2])
+        "select c0 as frame, c1 as tile, c2 as level, c3 as idx from {} as listed_nodes \
+         where (select end_pass from nodes where job = $1 and frame = c0 and tile = c1 and first_pass < c5 \
+         order by first_pass desc limit 1) > c4",
+        rows_of(connection.engine(), 2, &[Kind::Integer; 6])
     );
-    let statement = query(statement).bind(job.to_string()).bind(to_json(&tiles)?);
-    for row in statement.fetch_all(connection).await? {
-        let passes = [row.integer("first_pass")?, row.integer("end_pass")?];
-        covered.entry((row.number("frame")?, row.number("tile")?)).or_default().push(passes);
-    }
-    Ok(covered)
+    let listed = nodes.iter().map(|node| {
+        let ([first, end], NodeAddress { frame, tile, level, index }) = (nodes::ends(&node.address), node.address);
+        (frame, tile, level, index, first, end)
+    });
+    let listed = to_json(&listed.collect::<Vec<_>>())?;
+    let rows = query(statement).bind(job.to_string()).bind(listed).fetch_all(connection).await?;
+    rows.iter().map(address).collect()
 }
 
 /// Removes those of some nodes that are pending from the pending ones, and answers them with their rounds.
@@ -247,9 +239,8 @@ async fn take(
         return Ok(BTreeMap::new());
     }
     let statement = format!(
-        "delete from pending where job = $1 and (frame, tile, level, idx) in {} \
-         returning frame, tile, level, idx, round",
-        nodes_of(connection.engine(), 2)
+        "delete from pending where {} returning frame, tile, level, idx, round",
+        is_of_nodes(connection.engine(), "pending", 1, 2)
     );
     let rows = query(statement).bind(job.to_string()).bind(nodes_json(nodes)?).fetch_all(connection).await?;
     rows.iter().map(|row| Ok((address(row)?, row.integer("round")?))).collect()
@@ -337,16 +328,17 @@ async fn count_down(
     .integer("outstanding")
 }
 
-/// Answers how many cores the worker has.
+/// Notes on a worker what was accepted of it, and answers how many cores it has.
 async fn credit_worker(
     connection: &mut Connection,
     worker: WorkerId,
     nodes: u64,
     samples: u64,
     core_ms: i64,
+    now_ms: i64,
 ) -> Result<u32, StoreError> {
     query(
-        "update workers set accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
+        "update workers set seen_ms = $5, accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
          core_ms = case when core_ms > 9223372036854775807 - $4 then 9223372036854775807 else core_ms + $4 end, \
          failures_in_a_row = 0 where id = $1 returning cores",
     )
@@ -354,6 +346,7 @@ async fn credit_worker(
     .bind(big(nodes))
     .bind(big(samples))
     .bind(core_ms)
+    .bind(now_ms)
     .fetch_one(connection)
     .await?
     .number("cores")

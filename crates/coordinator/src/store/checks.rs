@@ -83,16 +83,16 @@ pub(super) async fn open(
     alive_ms: i64,
 ) -> Result<Outcome, StoreError> {
     let others = query(format!(
-        "select count(*) as others from workers join jobs on jobs.id = $3 \
+        "select 1 from workers join jobs on jobs.id = $3 \
          where workers.seen_ms >= $2 and workers.quarantine is null and {HAS_BITS} \
-         and workers.name <> (select own.name from workers as own where own.id = $1)"
+         and workers.name <> (select own.name from workers as own where own.id = $1) limit 1"
     ))
     .bind(lease.worker.to_string())
     .bind(alive_ms)
     .bind(lease.job.to_string())
-    .fetch_one(&mut *connection)
+    .fetch_optional(&mut *connection)
     .await?;
-    if others.integer("others")? == 0 {
+    if others.is_none() {
         return Ok(Outcome::default());
     }
     for (round, node) in nodes {

@@ -2,7 +2,7 @@
 //!
 //! Jobs are served by priority, then age; within a job the oldest wave goes first. What a job's next round waits for and another has had for far
 //! too long goes before work of later rounds, and what is left of urgent jobs and was had for far too long before free work of less urgent ones.
-//! Claims run in the one writer, so no two of them see the same free row. A claim that finds few of them [cuts more](super::stock). How large nodes
+//! Claims run in the one writer, so no two of them see the same free row. A claim that finds too few of them [cuts more](super::stock). How large nodes
 //! may be is known only when they are given out: one that is too large for the worker that asks is [split](super::parts) then. A job whose time is
 //! up before its first round is complete is served with the nodes of that round alone. A worker goes on with jobs whose scenes it has at hand
 //! ([`prefer_built`]). What has been chosen is [granted](super::grant) as a lease.
@@ -10,6 +10,8 @@
 //! Nodes that are to be [checked](super::checks) come first, since a round waits for them.
 //!
 //! A worker for whom nothing is free [takes over](super::take_over) what another has held for too long.
+
+use std::collections::BTreeSet;
 
 use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_render_core::film::NodeAddress;
@@ -19,8 +21,8 @@ use super::grant::{Grant, Leased, Offer, grant};
 use super::jobs::{self, JobRecord};
 use super::leases::address;
 use super::parts::{Side, split_off};
-use super::row::Row;
-use super::sql::query;
+use super::row::{Row, to_json};
+use super::sql::{Kind, query, rows_of};
 use super::stock::{STOCK, stock};
 use super::take_over::{self, HeldLease, TakenOver};
 use super::workers::{self, Claimant};
@@ -78,8 +80,6 @@ pub(super) struct OpenJob {
     /// Whether there are nodes of it that this worker can check, which nobody has and which others have.
     has_checks: bool,
     has_held_checks: bool,
-    /// Whether another worker has a lease of it.
-    has_others: bool,
     /// Whether another worker has had a lease of it for [too long](Pace::patience_seconds) without an accepted node.
     has_overdue: bool,
     /// How fast the worker renders it; before its first partial, how fast others do for each of their cores.
@@ -106,7 +106,7 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
         let is_last = open.len() < JOBS_AT_ONCE;
         seen += open.len();
         open.retain(|OpenJob { job, .. }| !job.is_out_of_time(terms.now_ms) && has_bits_of(job, &claimant));
-        prefer_built(&mut open, &terms.built);
+        prefer_built(connection, &mut open, terms).await?;
         for open in open {
             if without_work.last().is_some_and(|last| last.job.priority != open.job.priority) {
                 if let Some(grant) = overdue_work(connection, &without_work[equals..], &claimant, terms).await? {
@@ -130,13 +130,32 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
 
 /// Puts jobs whose scenes a worker has at hand before others that are as urgent and have workers already: each worker more that begins with one
 /// builds its scene. A job that nobody renders keeps its place, so that none is passed over for long.
-fn prefer_built(open: &mut [OpenJob], built: &[JobId]) {
-    let has_workers_of_its_own = |open: &OpenJob| open.has_others && !built.contains(&open.job.id);
+async fn prefer_built(connection: &mut Connection, open: &mut [OpenJob], terms: &ClaimTerms) -> Result<(), StoreError> {
+    let is_built = |open: &OpenJob| terms.built.contains(&open.job.id);
     for equals in open.chunk_by_mut(|a, b| a.job.priority == b.job.priority) {
-        if equals.iter().any(|open| built.contains(&open.job.id)) {
-            equals.sort_by_key(has_workers_of_its_own);
+        if equals.iter().any(is_built) && !equals.iter().all(is_built) {
+            let others: Vec<[String; 1]> =
+                equals.iter().filter(|open| !is_built(open)).map(|open| [open.job.id.to_string()]).collect();
+            let with_workers = with_other_workers(connection, &others, terms.worker).await?;
+            equals.sort_by_key(|open| with_workers.contains(&open.job.id));
         }
     }
+    Ok(())
+}
+
+/// Those of some jobs of which another worker has a lease.
+async fn with_other_workers(
+    connection: &mut Connection,
+    jobs: &[[String; 1]],
+    worker: WorkerId,
+) -> Result<BTreeSet<JobId>, StoreError> {
+    let statement = format!(
+        "select c0 as job from {} as listed_jobs \
+         where (select 1 from leases where job = c0 and state = 'active' and worker <> $2 limit 1) is not null",
+        rows_of(connection.engine(), 1, &[Kind::Text])
+    );
+    let rows = query(statement).bind(to_json(&jobs)?).bind(worker.to_string()).fetch_all(connection).await?;
+    rows.iter().map(|row| row.parsed("job")).collect()
 }
 
 /// Jobs that may still have work, most urgent first, without so many that come first: as many as [`JOBS_AT_ONCE`].
@@ -148,14 +167,16 @@ async fn open_jobs(
 ) -> Result<Vec<OpenJob>, StoreError> {
     let columns = jobs::COLUMNS;
     let can_check = format!("select 1 from checks where job = jobs.id and {}", checks::is_new_to("$4"));
+    // Not `exists`: of that, PostgreSQL would look for all rows of all jobs at once.
     let rows = query(format!(
         "select {columns}, \
-         exists(select 1 from pending where job = jobs.id and lease is null) as has_free, \
-         exists(select 1 from leases where job = jobs.id and state = 'active' and worker <> $1) as has_others, \
+         (select 1 from pending where job = jobs.id and lease is null limit 1) is not null as has_free, \
          (select samples from rates where worker = $1 and job = jobs.id) as own_samples, \
          (select core_us from rates where worker = $1 and job = jobs.id) as own_core_us, \
-         jobs.id in (select job from leases where state = 'active' and worker <> $1 and due_ms <= $5) as has_overdue, \
-         exists({can_check} and lease is null) as has_checks, exists({can_check} and lease is not null) as has_held_checks \
+         (select 1 from leases where job = jobs.id and state = 'active' and worker <> $1 and due_ms <= $5 \
+         order by due_ms limit 1) is not null as has_overdue, \
+         ({can_check} and lease is null limit 1) is not null as has_checks, \
+         ({can_check} and lease is not null limit 1) is not null as has_held_checks \
          from jobs where state in ('queued', 'running') order by priority desc, created_ms, id limit $2 offset $3"
     ))
     .bind(terms.worker.to_string())
@@ -178,7 +199,6 @@ async fn open_jobs(
             has_free: has("has_free")?,
             has_checks: has("has_checks")?,
             has_held_checks: has("has_held_checks")?,
-            has_others: has("has_others")?,
             has_overdue: has("has_overdue")?,
             samples_per_second,
             job,
@@ -344,8 +364,28 @@ async fn choose(
     pace: &Pace,
     terms: &ClaimTerms,
 ) -> Result<Vec<NodeAddress>, StoreError> {
-    let most = terms.most_nodes();
-    stock(connection, job, pace).await?;
+    let (most, wanted) = (terms.most_nodes(), most_samples(job, pace, terms));
+    let mut nodes = free_nodes(connection, job, most, terms).await?;
+    let samples: u64 = nodes.iter().map(|node| job.node_samples(node)).sum();
+    let is_enough = !nodes.is_empty() && samples as f64 >= wanted;
+    let free = nodes.len() as u32;
+    if free < most && !is_enough && stock(connection, job, free, last_round(job, terms), pace).await? {
+        nodes = free_nodes(connection, job, most, terms).await?;
+    }
+    let mut nodes = first_of(nodes, job, pace, terms);
+    if let Some(first) = nodes.first_mut() {
+        *first = split_off(connection, job, *first, wanted, Side::First).await?;
+    }
+    Ok(nodes)
+}
+
+/// The first nodes of a job's queue that nobody has, and no more than `most`.
+async fn free_nodes(
+    connection: &mut Connection,
+    job: &JobRecord,
+    most: u32,
+    terms: &ClaimTerms,
+) -> Result<Vec<NodeAddress>, StoreError> {
     let rows = query(
         "select frame, tile, level, idx from pending where job = $1 and lease is null and round <= $2 \
          order by round, frame, tile, idx limit $3",
@@ -353,14 +393,9 @@ async fn choose(
     .bind(job.id.to_string())
     .bind(last_round(job, terms))
     .bind(i64::from(most))
-    .fetch_all(&mut *connection)
+    .fetch_all(connection)
     .await?;
-    let nodes = rows.iter().map(address).collect::<Result<_, _>>()?;
-    let mut nodes = first_of(nodes, job, pace, terms);
-    if let Some(first) = nodes.first_mut() {
-        *first = split_off(connection, job, *first, most_samples(job, pace, terms), Side::First).await?;
-    }
-    Ok(nodes)
+    rows.iter().map(address).collect()
 }
 
 /// Nodes of a job that this worker is to check, [as it can](checks::choose).

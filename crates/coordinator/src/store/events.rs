@@ -39,15 +39,6 @@ pub(crate) struct StoredEvent {
     pub(crate) kind: StoredKind,
 }
 
-/// The next value of a sequence.
-pub(super) async fn next_value(connection: &mut Connection, sequence: &'static str) -> Result<i64, StoreError> {
-    let row = query("update sequences set value = value + 1 where name = $1 returning value")
-        .bind(sequence)
-        .fetch_one(connection)
-        .await?;
-    row.integer("value")
-}
-
 /// Stores an event.
 pub(super) async fn record(
     connection: &mut Connection,
@@ -55,7 +46,8 @@ pub(super) async fn record(
     job: JobId,
     now_ms: i64,
 ) -> Result<(), StoreError> {
-    let id = next_value(connection, "event").await?;
+    let next = query("update sequences set value = value + 1 where name = 'event' returning value");
+    let id = next.fetch_one(&mut *connection).await?.integer("value")?;
     let (kind, frame, round) = match kind {
         StoredKind::Job => ("job", None, None),
         StoredKind::Round { frame, round } => ("round", Some(i64::from(frame)), Some(i64::from(round))),

@@ -1,6 +1,6 @@
 //! Grants: the nodes that a [claim](super::claim) has chosen become a lease.
 //!
-//! A lease gets the next fencing token, and its nodes are marked as leased where they lie: in the queue, or among the
+//! A lease gets a fencing token beyond all that there are, and its nodes are marked as leased where they lie: in the queue, or among the
 //! [checks](super::checks). The first grant of a job starts it, and notes which bits its workers have to compute.
 
 use clerestory_render_core::film::NodeAddress;
@@ -9,7 +9,7 @@ use super::claim::ClaimTerms;
 use super::events::{self, StoredKind};
 use super::jobs::JobRecord;
 use super::leases::{LeaseRecord, LeaseState};
-use super::row::{nodes_json, nodes_of};
+use super::row::{is_of_nodes, nodes_json};
 use super::sql::query;
 use super::workers::Claimant;
 use super::{Connection, StoreError};
@@ -62,14 +62,12 @@ pub(super) async fn grant(
 ) -> Result<Grant, StoreError> {
     let Offer { nodes, leased, patience_ms } = offer;
     let listed = nodes_json(&nodes)?;
-    let token = events::next_value(connection, "fencing_token").await?;
     let deadline_ms = terms.now_ms.saturating_add(terms.ttl_ms);
-    query(
+    let granted = query(
         "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms, patience_ms, due_ms) \
-         values ($1, $2, $3, $4, 'active', $5, $6, $7, $8, $9)",
+         select $1, coalesce(max(token), 0) + 1, $2, $3, 'active', $4, $5, $6, $7, $8 from leases returning token",
     )
     .bind(terms.lease.to_string())
-    .bind(token)
     .bind(job.id.to_string())
     .bind(terms.worker.to_string())
     .bind(listed.as_str())
@@ -77,25 +75,21 @@ pub(super) async fn grant(
     .bind(deadline_ms)
     .bind(patience_ms)
     .bind(terms.now_ms.saturating_add(patience_ms))
-    .execute(&mut *connection)
+    .fetch_one(&mut *connection)
     .await?;
     let table = match leased {
         Leased::Work => "pending",
         Leased::Checks => "checks",
     };
-    let statement = format!(
-        "update {table} set lease = $1 where job = $2 and (frame, tile, level, idx) in {}",
-        nodes_of(connection.engine(), 3)
-    );
+    let statement = format!("update {table} set lease = $1 where {}", is_of_nodes(connection.engine(), table, 2, 3));
     let update = query(statement).bind(terms.lease.to_string()).bind(job.id.to_string()).bind(listed);
     update.execute(&mut *connection).await?;
     if job.probe_digest.is_none() {
         start(connection, job, claimant, terms).await?;
     }
-    let token = u64::try_from(token).map_err(|_| StoreError::Corrupt { column: "value", value: token.to_string() })?;
     let lease = LeaseRecord {
         id: terms.lease,
-        token,
+        token: granted.number("token")?,
         job: job.id,
         worker: terms.worker,
         build: claimant.build.clone(),

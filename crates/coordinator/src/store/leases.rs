@@ -8,16 +8,19 @@ use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 use serde::{Deserialize, Serialize};
 
-use super::jobs::{self, Ending};
-use super::row::Row;
-use super::sql::query;
-use super::{Connection, Store, StoreError};
+use super::jobs::{self, Ending, JobRecord};
+use super::row::{Row, to_json};
+use super::sql::{Kind, looked_up, query};
+use super::{Connection, Store, StoreError, workers};
 
 /// A node that failed so often, each time under another lease, fails its job: some worker would have brought it.
 const MOST_FAILURES: i64 = 5;
 
 /// How long the answer to a late call can still say what became of its lease.
 const LEASES_KEPT_MS: i64 = 7 * 24 * 3600 * 1000;
+
+/// Leases that are dropped at the same time: all else that is written waits meanwhile.
+const PRUNED: usize = 1000;
 
 /// What became of a lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -112,17 +115,17 @@ pub(crate) struct WorkFailure {
     pub(crate) now_ms: i64,
 }
 
-const LEASE: &str = "select leases.id, token, job, worker, build, state, deadline_ms, nodes \
+const LEASE: &str = "select leases.id as lease_id, token, job, worker, build, state as lease_state, deadline_ms, nodes \
      from leases join workers on workers.id = worker where leases.id = $1";
 
 fn record(row: &Row) -> Result<LeaseRecord, StoreError> {
     Ok(LeaseRecord {
-        id: row.parsed("id")?,
+        id: row.parsed("lease_id")?,
         token: row.number("token")?,
         job: row.parsed("job")?,
         worker: row.parsed("worker")?,
         build: row.text("build")?,
-        state: row.word("state")?,
+        state: row.word("lease_state")?,
         deadline_ms: row.integer("deadline_ms")?,
         nodes: nodes_of(row)?,
     })
@@ -134,43 +137,60 @@ pub(super) fn nodes_of(row: &Row) -> Result<BTreeSet<NodeAddress>, StoreError> {
     Ok(nodes.into_iter().map(|[frame, tile, level, index]| NodeAddress { frame, tile, level, index }).collect())
 }
 
-/// The lease, if work may be brought under it now. Its worker counts as heard of.
-pub(super) async fn valid(
+/// The lease, if work may be brought under it now.
+async fn valid(
     connection: &mut Connection,
     lease: LeaseId,
     token: u64,
     now_ms: i64,
 ) -> Result<LeaseRecord, LeaseError> {
-    let row = query(LEASE).bind(lease.to_string()).fetch_optional(&mut *connection).await?;
+    let row = query(LEASE).bind(lease.to_string()).fetch_optional(connection).await?;
     let lease = record(&row.ok_or(LeaseError::Unknown(lease))?)?;
     lease.check(token, now_ms)?;
-    query("update workers set seen_ms = $2 where id = $1")
-        .bind(lease.worker.to_string())
-        .bind(now_ms)
-        .execute(connection)
-        .await?;
     Ok(lease)
 }
 
-/// How much a lease still has: work, and checks.
-pub(super) async fn outstanding(connection: &mut Connection, lease: LeaseId) -> Result<u32, StoreError> {
-    query(
-        "select (select count(*) from pending where lease = $1) + (select count(*) from checks where lease = $1) \
-         as outstanding",
-    )
-    .bind(lease.to_string())
-    .fetch_one(connection)
-    .await?
-    .number("outstanding")
+/// The same, with its job.
+pub(super) async fn valid_with_job(
+    connection: &mut Connection,
+    lease: LeaseId,
+    token: u64,
+    now_ms: i64,
+) -> Result<(LeaseRecord, JobRecord), LeaseError> {
+    let columns = jobs::COLUMNS;
+    let row = query(format!(
+        "select * from ({LEASE}) as leased join (select {columns} from jobs) as job_of_lease on id = job"
+    ));
+    let row = row.bind(lease.to_string()).fetch_optional(connection).await?.ok_or(LeaseError::Unknown(lease))?;
+    let lease = record(&row)?;
+    lease.check(token, now_ms)?;
+    Ok((lease, jobs::record(&row)?))
 }
 
-/// Closes a lease of which nothing is wanted any more.
-pub(super) async fn complete(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
-    query("update leases set state = 'complete' where id = $1 and state = 'active'")
-        .bind(lease.to_string())
-        .execute(connection)
-        .await?;
-    Ok(())
+/// What has come of a lease that goes on.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Progress {
+    /// When nodes of it were accepted. Renewals alone do not keep its work from others.
+    pub(super) accepted_ms: Option<i64>,
+    /// Until when it lasts now.
+    pub(super) deadline_ms: Option<i64>,
+}
+
+/// Notes how a lease goes on, and answers how much it still has: work, and checks. One that has nothing is complete.
+pub(super) async fn go_on(connection: &mut Connection, lease: LeaseId, progress: Progress) -> Result<u32, StoreError> {
+    const OUTSTANDING: &str =
+        "(select count(*) from pending where lease = $1) + (select count(*) from checks where lease = $1)";
+    let active = query(format!(
+        "update leases set state = case when {OUTSTANDING} = 0 then 'complete' else state end, \
+         due_ms = coalesce($2 + patience_ms, due_ms), deadline_ms = coalesce($3, deadline_ms) \
+         where id = $1 and state = 'active' returning {OUTSTANDING} as outstanding"
+    ))
+    .bind(lease.to_string())
+    .bind(progress.accepted_ms)
+    .bind(progress.deadline_ms)
+    .fetch_optional(connection)
+    .await?;
+    active.map_or(Ok(0), |row| row.number("outstanding"))
 }
 
 /// The node of a row.
@@ -190,8 +210,8 @@ impl Store {
         Ok(record(&row.ok_or(LeaseError::Unknown(lease))?)?)
     }
 
-    /// Keeps a lease until `deadline_ms`, and answers how many of its nodes are still wanted under it. One of which none is stays as it is,
-    /// complete: they are accepted, or others have them.
+    /// Keeps a lease until `deadline_ms`, and answers how many of its nodes are still wanted under it. One of which none is is complete:
+    /// they are accepted, or others have them.
     pub(crate) async fn renew(
         &self,
         lease: LeaseId,
@@ -201,18 +221,10 @@ impl Store {
     ) -> Result<u32, LeaseError> {
         self.write(move |connection| {
             Box::pin(async move {
-                valid(connection, lease, token, now_ms).await?;
-                let outstanding = outstanding(connection, lease).await?;
-                if outstanding == 0 {
-                    complete(connection, lease).await?;
-                    return Ok(0);
-                }
-                query("update leases set deadline_ms = $2 where id = $1 and state = 'active'")
-                    .bind(lease.to_string())
-                    .bind(deadline_ms)
-                    .execute(connection)
-                    .await?;
-                Ok(outstanding)
+                let LeaseRecord { worker, .. } = valid(connection, lease, token, now_ms).await?;
+                workers::hear(connection, worker, now_ms).await?;
+                let progress = Progress { deadline_ms: Some(deadline_ms), ..Progress::default() };
+                Ok(go_on(connection, lease, progress).await?)
             })
         })
         .await
@@ -222,11 +234,15 @@ impl Store {
     pub(crate) async fn return_lease(&self, lease: LeaseId, token: u64, now_ms: i64) -> Result<(), LeaseError> {
         self.write(move |connection| {
             Box::pin(async move {
-                match valid(connection, lease, token, now_ms).await {
-                    Ok(record) if record.state == LeaseState::Active => Ok(release(connection, lease).await?),
-                    Ok(_) | Err(LeaseError::Returned) => Ok(()),
-                    Err(error) => Err(error),
+                let record = match valid(connection, lease, token, now_ms).await {
+                    Err(LeaseError::Returned) => return Ok(()),
+                    record => record?,
+                };
+                workers::hear(connection, record.worker, now_ms).await?;
+                if record.state == LeaseState::Active {
+                    release(connection, lease).await?;
                 }
+                Ok(())
             })
         })
         .await
@@ -276,21 +292,33 @@ impl Store {
         .await
     }
 
-    /// Drops leases that ended long ago. Those of a job that goes on tell who may have rendered what.
+    /// Drops leases that ended long ago, some at a time. Those of a job that goes on tell who may have rendered what, and the last one which token
+    /// comes next.
     pub(crate) async fn prune_leases(&self, now_ms: i64) -> Result<(), StoreError> {
-        self.write(move |connection| {
-            Box::pin(async move {
-                query(
-                    "delete from leases where state <> 'active' and deadline_ms < $1 \
-                     and job not in (select id from jobs where state in ('queued', 'running'))",
-                )
-                .bind(now_ms - LEASES_KEPT_MS)
-                .execute(connection)
-                .await?;
-                Ok(())
+        loop {
+            let old = query(
+                "select id from leases where state <> 'active' and deadline_ms < $1 \
+                 and token < (select max(token) from leases) \
+                 and job not in (select id from jobs where state in ('queued', 'running')) order by deadline_ms limit $2",
+            );
+            let rows = old.bind(now_ms - LEASES_KEPT_MS).bind(PRUNED as i64).fetch_all(&self.readers).await?;
+            let old: Vec<[String; 1]> =
+                rows.iter().map(|row| Ok([row.text("id")?])).collect::<Result<_, StoreError>>()?;
+            let count = old.len();
+            let listed = to_json(&old)?;
+            self.write(move |connection| {
+                Box::pin(async move {
+                    // What has ended stays so.
+                    let is_old = looked_up(connection.engine(), "leases", 1, &[Kind::Text], "id = c0");
+                    query(format!("delete from leases where {is_old}")).bind(listed).execute(connection).await?;
+                    Ok::<_, StoreError>(())
+                })
             })
-        })
-        .await
+            .await?;
+            if count < PRUNED {
+                return Ok(());
+            }
+        }
     }
 }
 
@@ -315,7 +343,7 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     let lease = valid(connection, failure.lease, failure.token, failure.now_ms).await?;
     query(
         "update workers set refused_partials = refused_partials + $2, failures_in_a_row = failures_in_a_row + 1, \
-         failed_ms = $3 where id = $1",
+         failed_ms = $3, seen_ms = $3 where id = $1",
     )
     .bind(lease.worker.to_string())
     .bind(i64::from(failure.refused_partials))

@@ -8,7 +8,7 @@ use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::NodeAddress;
 
 use super::leases::address;
-use super::row::{Row, nodes_json, nodes_of, to_json};
+use super::row::{Row, is_of_nodes, nodes_json, to_json};
 use super::sql::{Kind, query, rows_of};
 use super::{Connection, Store, StoreError};
 use crate::adaptive::TilePasses;
@@ -249,11 +249,8 @@ async fn delete_all(connection: &mut Connection, job: JobId, nodes: &[NodeAddres
 
 /// Deletes the rows of some nodes, and answers them.
 async fn delete(connection: &mut Connection, job: JobId, nodes: &[NodeAddress]) -> Result<Vec<Row>, StoreError> {
-    let statement = format!(
-        "delete from nodes where job = $1 and (frame, tile, level, idx) in {} \
-         returning {COLUMNS}",
-        nodes_of(connection.engine(), 2)
-    );
+    let statement =
+        format!("delete from nodes where {} returning {COLUMNS}", is_of_nodes(connection.engine(), "nodes", 1, 2));
     query(statement).bind(job.to_string()).bind(nodes_json(nodes)?).fetch_all(connection).await
 }
 
@@ -327,8 +324,10 @@ async fn removed(connection: &mut Connection, places: Vec<Place>) -> Result<Remo
     let mut blobs: BTreeSet<&str> = places.iter().map(|place| &*place.blob).collect();
     let all: Vec<[&str; 1]> = blobs.iter().map(|blob| [*blob]).collect();
     let mut used = Vec::new();
-    let statement =
-        format!("select distinct blob from nodes where blob in {}", rows_of(connection.engine(), 1, &[Kind::Text]));
+    let statement = format!(
+        "select c0 as blob from {} as listed_blobs where (select 1 from nodes where blob = c0 limit 1) is not null",
+        rows_of(connection.engine(), 1, &[Kind::Text])
+    );
     for row in query(statement).bind(to_json(&all)?).fetch_all(&mut *connection).await? {
         used.push(row.text("blob")?);
     }

@@ -24,6 +24,11 @@ pub(super) const CHANNEL: &str = "clerestory";
 /// is suspended in the middle of a transaction loses it, so that the others get their turn.
 pub(super) const SESSION: &str = "set synchronous_commit = on; set idle_in_transaction_session_timeout = '5s'";
 
+/// What any connection is told. All that is asked often is found by an index, and has to be whatever the server believes of the size of tables
+/// that may have grown a thousandfold since it looked. What it cannot find so is small, but costs so much by that reckoning that the server would
+/// compile the query first.
+pub(super) const LOOKUPS: &str = "set enable_seqscan = off; set jit = off";
+
 /// Runs a statement.
 pub(super) async fn run<'c, E>(executor: E, query: Query) -> Result<Answer, StoreError>
 where

@@ -39,7 +39,7 @@ impl Store {
         // There may be tens of thousands of earlier waves, and this is asked often: all but those that are incomplete stay unread.
         let looked = query(
             "select (select count(*) from waves where job = $1 and round = $2) as opened, \
-             (select count(*) from waves where job = $1 and round <= $2 and outstanding > 0) as incomplete, \
+             (select count(*) from waves where job = $1 and round <= $2 and completed_ms is null and outstanding > 0) as incomplete, \
              (select count(*) from checks where job = $1 and round <= $2) as checks",
         );
         let looked = looked.bind(job.id.to_string()).bind(i64::from(job.rounds)).fetch_one(&self.readers).await?;

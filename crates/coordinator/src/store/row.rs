@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::StoreError;
-use super::sql::{Engine, Kind, Value, rows_of};
+use super::sql::{Engine, Kind, Value, looked_up};
 
 /// A row, whose columns have names.
 #[derive(Clone, Debug)]
@@ -121,9 +121,10 @@ fn parse<T: FromStr>(column: &'static str, text: &str) -> Result<T, StoreError> 
     text.parse().map_err(|_| StoreError::Corrupt { column, value: text.to_owned() })
 }
 
-/// A query, in brackets, for the nodes that are bound as parameter `$number`, as [`nodes_json`] writes them.
-pub(super) fn nodes_of(engine: Engine, number: usize) -> String {
-    rows_of(engine, number, &[Kind::Integer; 4])
+/// The condition that a row of a table is one of the nodes of job `$job` that are bound as parameter `$number`, as [`nodes_json`] writes them.
+pub(super) fn is_of_nodes(engine: Engine, table: &str, job: usize, number: usize) -> String {
+    let found = format!("job = ${job} and frame = c0 and tile = c1 and level = c2 and idx = c3");
+    looked_up(engine, table, number, &[Kind::Integer; 4], &found)
 }
 
 /// Nodes as a statement takes them, and as a lease's row holds them: frame, tile, level and index of each.

@@ -9,7 +9,7 @@ use clerestory_api::{Quarantine, WorkerId};
 use tokio::sync::oneshot;
 
 use super::row::to_json;
-use super::sql::{Kind, query, rows_of};
+use super::sql::{Kind, looked_up, query};
 use super::{Connection, Store, StoreError, WorkerError};
 
 /// Signs that wait to be written.
@@ -90,8 +90,8 @@ async fn note(
     let Some(now_ms) = signs.iter().map(|(_, now_ms)| *now_ms).max() else { return Ok(Vec::new()) };
     let workers: BTreeSet<[String; 1]> = signs.iter().map(|(worker, _)| [worker.to_string()]).collect();
     let statement = format!(
-        "update workers set seen_ms = $1 where id in {} and quarantine is null returning id",
-        rows_of(connection.engine(), 2, &[Kind::Text])
+        "update workers set seen_ms = $1 where {} and quarantine is null returning id",
+        looked_up(connection.engine(), "workers", 2, &[Kind::Text], "id = c0")
     );
     let mut noted = BTreeSet::new();
     for row in query(statement).bind(now_ms).bind(to_json(&workers)?).fetch_all(&mut *connection).await? {

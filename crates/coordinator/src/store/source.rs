@@ -19,6 +19,9 @@ use crate::config::PostgresUrl;
 /// Connections that read at the same time.
 const READERS: u32 = 4;
 
+/// Statements that stay prepared on a connection: more than there are.
+pub(super) const PREPARED: usize = 256;
+
 /// A database, and how to reach it. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Source {
@@ -134,6 +137,7 @@ impl Source {
     /// A PostgreSQL database.
     pub(crate) fn postgres(url: &PostgresUrl) -> Result<Self, sqlx::Error> {
         let options: PgConnectOptions = url.secret().parse()?;
+        let options = options.statement_cache_capacity(PREPARED);
         let place = Place::Server { url: url.clone(), options: Box::new(options) };
         Ok(Self { place, name: url.to_string(), patience: Patience::default() })
     }
@@ -167,6 +171,7 @@ impl Source {
                 let connect = async {
                     let mut connection = Connection::Postgres(options.connect().await?);
                     connection.batch(postgres::SESSION).await?;
+                    connection.batch(postgres::LOOKUPS).await?;
                     Ok(connection)
                 };
                 in_time(self.patience.connection, connect).await
@@ -180,6 +185,9 @@ impl Source {
             Place::File(file) => Readers::Sqlite(sqlite::Readers::new(file.clone(), READERS as usize)),
             Place::Server { options, .. } => {
                 let pool = PgPoolOptions::new().max_connections(READERS).acquire_timeout(self.patience.connection);
+                let pool = pool.after_connect(|connection, _| {
+                    Box::pin(async move { sqlx::raw_sql(postgres::LOOKUPS).execute(connection).await.map(drop) })
+                });
                 Readers::Postgres(pool.connect_lazy_with(PgConnectOptions::clone(options)), self.patience.read)
             }
         }

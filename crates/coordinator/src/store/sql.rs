@@ -1,7 +1,8 @@
 //! Statements, what is bound to them, and their rows, whatever the engine.
 //!
 //! A statement about many things takes them as one parameter, a JSON array of arrays ([`rows_of`]): its text is the same however many there are, so
-//! that engines parse and plan it once, and it costs one way to the database and back.
+//! that engines parse and plan it once, and it costs one way to the database and back. Tables grow from nothing to millions of rows while such a plan is in
+//! use: it may not depend on how large they are ([`looked_up`]).
 
 use std::borrow::Cow;
 use std::future::Future;
@@ -98,6 +99,20 @@ pub(super) fn rows_of(engine: Engine, number: usize, columns: &[Kind]) -> String
     match engine {
         Engine::Sqlite => format!("(select {columns} from json_each(${number}))"),
         Engine::Postgres => format!("(select {columns} from jsonb_array_elements(${number}::jsonb) as listed (value))"),
+    }
+}
+
+/// The condition that a row of a table is one of those that the rows of a JSON array find, which is bound as parameter `$number`. Each finds the
+/// row that fits to it (`found`, a condition on the table's columns and on `c0` and so on), or none.
+///
+/// PostgreSQL would look for them in all of the table wherever it believes that to be small; so its rows are found one by one, by the index that `found`
+/// names the columns of, and taken from where they lie.
+pub(super) fn looked_up(engine: Engine, table: &str, number: usize, columns: &[Kind], found: &str) -> String {
+    let listed = rows_of(engine, number, columns);
+    let places = |place| format!("select (select {place} from {table} where {found}) from {listed} as looked_up");
+    match engine {
+        Engine::Sqlite => format!("rowid in ({})", places("rowid")),
+        Engine::Postgres => format!("ctid = any(array({}))", places("ctid")),
     }
 }
 

@@ -13,10 +13,8 @@ use tokio::sync::Semaphore;
 
 use super::StoreError;
 use super::row::Row;
+use super::source::PREPARED;
 use super::sql::{Answer, Query, Value};
-
-/// Statements that stay prepared: more than there are.
-const PREPARED: usize = 256;
 
 /// How long to wait for the lock of another process, such as a backup.
 const BUSY: Duration = Duration::from_secs(10);

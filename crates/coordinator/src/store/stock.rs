@@ -1,7 +1,7 @@
 //! The stock of pending rows: the work of a job, cut into nodes shortly before it is given out.
 //!
-//! Pending rows exist only for the near future. A [claim](super::claim) that finds few free ones cuts more from where the job's cursor stands (a round,
-//! a frame, and a tile), as large as they may be by what is known then. A wave is opened when the first of its tiles is cut. Nodes
+//! Pending rows exist only for the near future. A [claim](super::claim) that finds too few free ones for its lease cuts more from where the job's cursor
+//! stands (a round, a frame, and a tile), as large as they may be by what is known then, and enough for many leases at once. A wave is opened when the first of its tiles is cut. Nodes
 //! that are to be done [again](super::redo) come into the queue as well.
 
 use clerestory_render_core::film::{NodeAddress, PassRange};
@@ -13,22 +13,21 @@ use super::sql::{Kind, query, rows_of};
 use super::{Connection, StoreError};
 use crate::schedule::{Pace, cut};
 
-/// Free rows that a claim can choose from; also the largest lease.
+/// Free rows that there are when a claim has cut some; also the largest lease.
 pub(super) const STOCK: u32 = 256;
 
-/// Cuts work from the job's cursor on until there are enough free rows or none is left to cut: as large as it may be by what is known now.
-pub(super) async fn stock(connection: &mut Connection, job: &JobRecord, pace: &Pace) -> Result<(), StoreError> {
-    let free = query(
-        "select count(*) as free from (select 1 from pending where job = $1 and lease is null limit $2) as free_nodes",
-    )
-    .bind(job.id.to_string())
-    .bind(i64::from(STOCK))
-    .fetch_one(&mut *connection)
-    .await?;
-    let mut free: u32 = free.number("free")?;
+/// Cuts work up to a round, from the job's cursor on, until there are enough free rows or none is left to cut: as large as it may be by what is known
+/// now. So many are free before. Answers whether there is more than that.
+pub(super) async fn stock(
+    connection: &mut Connection,
+    job: &JobRecord,
+    mut free: u32,
+    last_round: i64,
+    pace: &Pace,
+) -> Result<bool, StoreError> {
     let [mut round, mut frame, mut tile] = job.cursor;
     let mut pending = Vec::new();
-    while free < STOCK {
+    while free < STOCK && i64::from(round) <= last_round {
         let Some(wave) = job.boundaries().wave(round) else { break };
         if job.waits_for_shares(wave) {
             break;
@@ -68,7 +67,7 @@ pub(super) async fn stock(connection: &mut Connection, job: &JobRecord, pace: &P
             .execute(connection)
             .await?;
     }
-    Ok(())
+    Ok(!pending.is_empty())
 }
 
 async fn open_wave(

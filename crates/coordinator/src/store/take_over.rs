@@ -13,7 +13,7 @@ use super::claim::{ClaimTerms, OpenJob, first_of, last_round, most_samples};
 use super::jobs::JobRecord;
 use super::leases::address;
 use super::parts::{Side, split_off};
-use super::row::{Row, nodes_json, nodes_of, to_json};
+use super::row::{Row, is_of_nodes, nodes_json, to_json};
 use super::sql::{Kind, query, rows_of};
 use super::{Connection, StoreError};
 use crate::schedule::Pace;
@@ -76,14 +76,19 @@ pub(super) async fn held_longest(
     jobs: &[OpenJob],
     terms: &ClaimTerms,
 ) -> Result<BTreeMap<JobId, HeldLease>, StoreError> {
+    if jobs.is_empty() {
+        return Ok(BTreeMap::new());
+    }
     let listed: Vec<(String, i64)> =
         jobs.iter().map(|open| (open.job.id.to_string(), last_round(&open.job, terms))).collect();
     let listed_jobs = rows_of(connection.engine(), 1, &[Kind::Text, Kind::Integer]);
     let rows = query(format!(
-        "select held.id, job, granted_ms, c1 as last_round from (select id, job, granted_ms, token from leases \
-         where state = 'active' and worker <> $2 and granted_ms <= $3 and job in (select c0 from {listed_jobs} as open_jobs) \
-         order by granted_ms, token limit $4) as held join {listed_jobs} as listed_jobs on c0 = job \
-         where exists (select 1 from pending where lease = held.id and repeats < $5 and round <= c1) \
+        "with listed_jobs as materialized (select c0, c1 from {listed_jobs} as listed_rows) \
+         select held.id, job, granted_ms, last_round from (select id, job, granted_ms, token, \
+         (select c1 from listed_jobs where c0 = job) as last_round from leases where state = 'active' and worker <> $2 \
+         and granted_ms <= $3 and (select c1 from listed_jobs where c0 = job) is not null \
+         order by granted_ms, token limit $4) as held \
+         where (select 1 from pending where lease = held.id and repeats < $5 and round <= last_round limit 1) is not null \
          order by granted_ms desc, token desc"
     ))
     .bind(to_json(&listed)?)
@@ -145,10 +150,8 @@ pub(super) async fn take_over(
         *last = split_off(connection, job, *last, longest, Side::Last).await?;
     }
     taken.reverse();
-    let statement = format!(
-        "update pending set repeats = repeats + 1 where job = $1 and (frame, tile, level, idx) in {}",
-        nodes_of(connection.engine(), 2)
-    );
+    let statement =
+        format!("update pending set repeats = repeats + 1 where {}", is_of_nodes(connection.engine(), "pending", 1, 2));
     query(statement).bind(job.id.to_string()).bind(nodes_json(&taken)?).execute(connection).await?;
     Ok(Some(TakenOver { nodes: taken, repeats: repeats.saturating_add(1) }))
 }

@@ -18,6 +18,7 @@ mod adaptive;
 mod checks;
 mod claims;
 pub(crate) mod farm;
+mod lookups;
 mod model;
 mod several;
 mod silence;

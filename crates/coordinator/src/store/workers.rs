@@ -84,6 +84,16 @@ pub(super) async fn touch(connection: &mut Connection, worker: WorkerId, now_ms:
     })
 }
 
+/// Marks a worker as heard of, whatever else is known of it.
+pub(super) async fn hear(connection: &mut Connection, worker: WorkerId, now_ms: i64) -> Result<(), StoreError> {
+    query("update workers set seen_ms = $2 where id = $1")
+        .bind(worker.to_string())
+        .bind(now_ms)
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
 impl Store {
     /// Registers a worker. One that has the name of a quarantined one is not let in: it has been started again on the same machine.
     pub(crate) async fn register_worker(

@@ -13,7 +13,7 @@ use crate::store::leases::LeaseState;
 use crate::store::sql::query;
 use crate::store::{ClaimTerms, Grant};
 
-/// Free nodes that a claim can choose from; also the largest lease.
+/// Free nodes that there are when a claim has cut some; also the largest lease.
 const STOCK: usize = 256;
 
 /// Nodes by which there may be more: those of a wave in a tile, pass by pass, and what is left of one that is split.
@@ -154,7 +154,14 @@ impl Model {
         let fitting = wanted.at_most().min(free.len());
         let count = grant.nodes.len();
         assert!((1..=fitting).contains(&count), "{count} of {fitting}");
-        assert!(wanted.exactly.is_none() || count == fitting, "{count} of {fitting}");
+        if let Some(exactly) = wanted.exactly {
+            let is_all_cut = self.cut.len() == self.shape.all_passes();
+            assert!(count == fitting && (is_all_cut || count == exactly as usize), "{count} of {fitting}");
+        }
+        // By pace, as many as there were may be too few: then more are cut.
+        let (has_cut, is_all_cut) = (free.len() > known.len(), self.cut.len() == self.shape.all_passes());
+        let is_as_wanted = count < known.len() || count == wanted.at_most() || count == 1;
+        assert!(has_cut || is_all_cut || is_as_wanted, "{count} of {}", known.len());
         let Some(node) = single else {
             assert_eq!(grant.nodes, free[..count], "what was cut first comes first");
             return;
@@ -229,8 +236,8 @@ impl Model {
         }
         let is_free = was_free + new.len();
         let is_all_cut = self.cut.len() == self.shape.all_passes();
-        assert!(is_free >= STOCK || is_all_cut, "only {is_free} nodes to choose from");
         if !new.is_empty() {
+            assert!(is_free >= STOCK || is_all_cut, "only {is_free} nodes to choose from");
             assert!(was_free < STOCK && is_free < STOCK + MOST_BEYOND, "{was_free}, then {is_free}: too many");
             if !is_first {
                 self.seen.note(Event::Refilled);
