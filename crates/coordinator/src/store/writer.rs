@@ -2,12 +2,17 @@
 //!
 //! It has a thread of its own: statements of the embedded database run right there, and a commit waits for the disk.
 //!
-//! A commit costs a sync of the disk, whatever it holds. So all writes that have gathered while the last commit ran go
+//! A commit costs a sync of the disk, whatever it holds. So writes that have gathered while the last commit ran go
 //! into the next one, each in a savepoint of its own: a write that fails takes nothing else with it. A caller is answered
 //! after the commit, never before. A write whose caller has gone away is carried out all the same.
 //!
+//! A transaction takes no more writes when it has gone on for [some time](GROUPED): those who come meanwhile wait for all of it, and a server has to
+//! step over every row that it has replaced so far.
+//!
 //! When the connection is lost, or nothing is heard over it for long, the writes of that transaction fail, whether or not it was committed at
 //! the last moment: whoever repeats one is told what is there. The next transaction gets a new connection.
+
+use std::time::{Duration, Instant};
 
 use futures::future::BoxFuture;
 use tokio::sync::{mpsc, oneshot};
@@ -18,6 +23,9 @@ use super::source::{Connection, Source};
 
 /// Most writes in one transaction.
 const GROUP: usize = 64;
+
+/// How long a transaction takes more writes.
+const GROUPED: Duration = Duration::from_millis(10);
 
 /// Writes that may wait before callers are held back.
 const QUEUE: usize = 256;
@@ -110,48 +118,61 @@ where
 
 async fn serve(source: Source, mut connection: Option<Connection>, mut queue: mpsc::Receiver<Message>) {
     let mut messages = Vec::with_capacity(GROUP);
-    while queue.recv_many(&mut messages, GROUP).await > 0 {
-        let mut writes = Vec::with_capacity(messages.len());
-        let mut close = None;
+    let mut waiting: Vec<Box<dyn Write>> = Vec::with_capacity(GROUP);
+    let mut closing = Vec::new();
+    loop {
+        let room = GROUP - waiting.len();
+        if !waiting.is_empty() {
+            messages.extend(std::iter::from_fn(|| queue.try_recv().ok()).take(room));
+        } else if queue.recv_many(&mut messages, room).await == 0 {
+            break;
+        }
         for message in messages.drain(..) {
             match message {
-                Message::Write(write) => writes.push(write),
-                Message::Close(done) => close = Some(done),
+                Message::Write(write) => waiting.push(write),
+                Message::Close(done) => {
+                    // What is in the queue is still written.
+                    queue.close();
+                    closing.push(done);
+                }
             }
         }
-        let outcome = commit(&source, &mut connection, &mut writes).await;
-        if let Err(error) = &outcome {
-            tracing::error!(%error, writes = writes.len(), "transaction failed");
+        if waiting.is_empty() {
+            continue;
         }
-        for write in writes {
+        let (ended, outcome) = commit(&source, &mut connection, &mut waiting).await;
+        if let Err(error) = &outcome {
+            tracing::error!(%error, writes = ended, "transaction failed");
+        }
+        for write in waiting.drain(..ended) {
             write.answer(&outcome);
         }
-        if let Some(done) = close {
-            queue.close();
-            if let Some(connection) = connection
-                && let Err(error) = connection.close().await
-            {
-                tracing::error!(%error, "closing the database failed");
-            }
-            // Nobody waits if the caller of `close` gave up.
-            let _ = done.send(());
-            return;
-        }
+    }
+    if let Some(connection) = connection
+        && let Err(error) = connection.close().await
+    {
+        tracing::error!(%error, "closing the database failed");
+    }
+    for done in closing {
+        // Nobody waits if the caller of `close` gave up.
+        let _ = done.send(());
     }
 }
 
+/// Runs writes in a transaction, the first and as many more as there is time for. Answers with how many of them it has ended, and how.
 async fn commit(
     source: &Source,
     held: &mut Option<Connection>,
     writes: &mut [Box<dyn Write>],
-) -> Result<(), StoreError> {
-    if writes.is_empty() {
-        return Ok(());
-    }
+) -> (usize, Result<(), StoreError>) {
     // Whatever is wrong with a connection, it is not used again unless its transaction has come to an end.
-    let mut connection = begun(source, held.take()).await?;
+    let mut connection = match begun(source, held.take()).await {
+        Ok(connection) => connection,
+        Err(error) => return (writes.len(), Err(error)),
+    };
+    let mut ended = 0;
     let outcome = in_time(source.patience().transaction, async {
-        run_all(&mut connection, writes).await?;
+        run_some(&mut connection, writes, &mut ended).await?;
         connection.batch("commit").await
     })
     .await;
@@ -163,7 +184,7 @@ async fn commit(
         Ok(()) => *held = Some(connection),
         Err(error) => tracing::error!(%error, "the connection to the database is given up"),
     }
-    outcome
+    (ended, outcome)
 }
 
 /// A connection on which a transaction has begun: the one at hand, or a new one where that is lost.
@@ -179,13 +200,22 @@ async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, 
     Ok(connection)
 }
 
-async fn run_all(connection: &mut Connection, writes: &mut [Box<dyn Write>]) -> Result<(), StoreError> {
+async fn run_some(
+    connection: &mut Connection,
+    writes: &mut [Box<dyn Write>],
+    ended: &mut usize,
+) -> Result<(), StoreError> {
+    let start = Instant::now();
     // What ends a write goes to the database together with what begins the next; the last ends with the transaction.
     let mut between = "savepoint one_write";
     for write in writes {
+        *ended += 1;
         connection.batch(between).await?;
         if !write.run(connection).await {
             connection.batch("rollback to savepoint one_write").await?;
+        }
+        if start.elapsed() >= GROUPED {
+            break;
         }
         between = "release savepoint one_write; savepoint one_write";
     }
