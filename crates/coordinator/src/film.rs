@@ -221,7 +221,7 @@ impl NodeCache {
 /// Bytes of nodes in a batch of tiles, unless it is one tile.
 const BATCH_BYTES: u64 = 8 << 20;
 
-/// Nodes in a batch, unless it is one tile: while their rows are replaced, nothing else is written.
+/// Nodes in a batch, unless it is one tile.
 const BATCH_NODES: usize = 512;
 
 /// Tiles whose rows are read from the database at a time: more would be much memory in a large frame.

@@ -20,6 +20,7 @@
 
 mod acceptance;
 mod adaptive;
+mod background;
 mod blobs;
 mod bucket;
 mod clock;

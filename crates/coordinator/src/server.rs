@@ -16,6 +16,7 @@ use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
 use uuid::Uuid;
 
+use crate::background::Background;
 use crate::blobs::{BlobError, Blobs, ClaimError};
 use crate::config::{Bucket, Clock, Config, ExposedWithoutToken};
 use crate::farm::{Bells, Farm};
@@ -90,9 +91,9 @@ pub enum RunError {
     /// The stored state cannot be read.
     #[error("cannot read the stored state: {0}")]
     State(String),
-    /// The socket failed.
-    #[error("the socket failed")]
-    Socket(#[from] io::Error),
+    /// The system refuses a socket or a thread.
+    #[error("the system refuses a socket or a thread")]
+    System(#[from] io::Error),
 }
 
 impl From<StoreError> for RunError {
@@ -112,7 +113,7 @@ impl From<BlobError> for RunError {
 /// # Errors
 ///
 /// [`RunError`] when the coordinator would be open to the network without a token, when its data cannot be used, or when
-/// the socket fails.
+/// the system refuses a socket or a thread.
 pub async fn run(
     listener: TcpListener,
     config: Config,
@@ -124,7 +125,8 @@ pub async fn run(
     let (farm, bells) = open(config).await?;
     tracing::info!(%address, directory = %farm.config.data_directory.display(), "coordinator started");
 
-    let mut tasks = start(&farm, bells).await?;
+    let background = Background::start()?;
+    let mut tasks = start(&farm, bells, &background).await?;
     let server = tokio::spawn(http::serve(listener, http::router(Arc::clone(&farm)), farm.stopping.clone()));
     shutdown.await;
     tracing::info!("coordinator stopping");
@@ -138,7 +140,7 @@ pub async fn run(
         }
     }
     farm.store.close().await;
-    drop(lock);
+    drop((background, lock));
     tracing::info!("coordinator stopped");
     Ok(())
 }
@@ -218,14 +220,19 @@ async fn claimed(blobs: &Blobs, store: &Store, known: &BTreeSet<String>) -> Resu
 }
 
 /// Starts the tasks of a farm.
-pub(crate) async fn start(farm: &Arc<Farm>, bells: Bells) -> Result<JoinSet<()>, StoreError> {
+async fn start(farm: &Arc<Farm>, bells: Bells, background: &Background) -> Result<JoinSet<()>, StoreError> {
     for job in farm.store.unsettled_jobs().await? {
         // A round may have been complete when the last coordinator stopped.
         farm.look_at_film(job);
     }
     let last_event = farm.store.last_event_id().await?;
     let mut tasks = JoinSet::new();
-    tasks.spawn(keeper::run(Arc::clone(farm), bells.grown));
+    let keeper = background.spawn(keeper::run(Arc::clone(farm), bells.grown));
+    tasks.spawn(async {
+        if let Err(error) = keeper.await {
+            tracing::error!(%error, "the keeper of the film failed");
+        }
+    });
     tasks.spawn(news::send(Arc::clone(farm), bells.told));
     tasks.spawn(news::hear(Arc::clone(farm)));
     tasks.spawn(events::run(Arc::clone(farm), last_event));

@@ -14,6 +14,9 @@ use crate::farm::{Farm, MERGES};
 use crate::film::{self, FilmError, film_tile};
 use crate::store::{JobRecord, Merge, NodeRow};
 
+/// Nodes that are put in the place of their halves at the same time.
+const REPLACED: usize = 32;
+
 /// Merges the nodes of every tile as far as no later round needs them apart, of which the first is `next_round`.
 pub(super) async fn merge(farm: &Farm, job: &JobRecord, next_round: u32) -> Result<(), FilmError> {
     let tile_passes = farm.store.tile_passes(job).await?;
@@ -53,7 +56,10 @@ async fn merge_tiles(farm: &Farm, job: &JobRecord, tiles: Vec<&[NodeRow]>, held:
         merges.push(Merge { parent: node.address(), place: place.clone(), children });
         farm.film.keep(place, Arc::new(node));
     }
-    farm.let_go(farm.store.replace(job.id, job.redone_nodes, merges).await?).await;
+    // Claims wait for no more than a few at once.
+    for merges in merges.chunks(REPLACED) {
+        farm.let_go(farm.store.replace(job.id, job.redone_nodes, merges.to_vec()).await?).await;
+    }
     Ok(())
 }
 
