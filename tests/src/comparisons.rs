@@ -198,6 +198,15 @@ impl Comparison {
         self.replicates_with(samples, first_seed, &|_| 1)
     }
 
+    /// Renders one picture with `samples` samples for each pixel.
+    ///
+    /// # Panics
+    ///
+    /// When the renderer fails on a scene of the repository.
+    pub fn picture(&self, samples: u32, seed: u64) -> Image {
+        seeded_picture(&self.bundle, samples, seed, &|_| 1).0
+    }
+
     /// Renders [`REPLICATES`] pictures with `passes` passes of `samples` samples for each pixel of a tile with that number
     /// (tiles of [`TILE`], row by row), with different seeds from `first_seed` on.
     ///
@@ -229,16 +238,24 @@ pub fn pictures(
     let mut counters = Counters::default();
     let images = (first_seed..first_seed + REPLICATES)
         .map(|seed| {
-            let mut description = bundle.description().clone().with_seed(seed);
-            description.sampling = SamplingDescription { samples_per_pass: samples, samples_per_block: samples };
-            let bundle = bundle.clone().with_description(description).expect("another seed is valid");
-            let scene = Scene::build(&bundle).expect("the scene can be built");
-            let (image, work) = picture(&scene, passes);
+            let (image, work) = seeded_picture(bundle, samples, seed, passes);
             counters += work;
             image
         })
         .collect();
     (images, counters)
+}
+
+fn seeded_picture(
+    bundle: &SceneBundle,
+    samples: u32,
+    seed: u64,
+    passes: &(dyn Fn(usize) -> u32 + Sync),
+) -> (Image, Counters) {
+    let mut description = bundle.description().clone().with_seed(seed);
+    description.sampling = SamplingDescription { samples_per_pass: samples, samples_per_block: samples };
+    let bundle = bundle.clone().with_description(description).expect("another seed is valid");
+    picture(&Scene::build(&bundle).expect("the scene can be built"), passes)
 }
 
 /// The mean of `passes` passes in each tile.

@@ -45,8 +45,9 @@ fn light_off_a_pane_is_what_the_path_tracer_finds() {
         "radiance": [9, 9, 9]}});
     // From below, past the floor.
     let sun = json!({"sun": {"name": "sun", "direction": [0.5, 0.1, -1], "angular_radius": 15, "radiance": [9, 9, 9]}});
-    for (name, light) in [("panel", panel), ("sun", sun)] {
-        let chance = block_means(&scene(&light, json!({"path": {}})), 6000, BLOCKS);
+    // The panel is found more often.
+    for (name, light, passes) in [("panel", panel, 2500), ("sun", sun, 6000)] {
+        let chance = block_means(&scene(&light, json!({"path": {}})), passes, BLOCKS);
         for (method, integrator) in searches() {
             // The search of the paper finds some paths rarely.
             let passes = if method == "fnee, published" { 400 } else { 100 };

@@ -216,9 +216,9 @@ fn any_mesh(random: &mut TrialStream) -> Vec<Facet> {
     facets
 }
 
-#[test]
-fn ten_million_walks_from_anywhere_over_any_mesh_end_with_paths() {
-    let paths: usize = (0..500u32)
+/// Walks twenty thousand times in each of so many chunks, checks each path that is found, and answers how many are.
+fn paths_of_walks_over_any_mesh(chunks: u32) -> usize {
+    (0..chunks)
         .into_par_iter()
         .map(|chunk| {
             let mut random = random(300 + chunk);
@@ -241,7 +241,20 @@ fn ten_million_walks_from_anywhere_over_any_mesh_end_with_paths() {
             }
             paths
         })
-        .sum();
+        .sum()
+}
+
+#[test]
+fn a_million_walks_from_anywhere_over_any_mesh_end_with_paths() {
+    let paths = paths_of_walks_over_any_mesh(50);
+    println!("{paths} paths");
+    assert!(paths > 50_000, "{paths}");
+}
+
+#[test]
+#[ignore = "takes minutes; `tests/run long` has it"]
+fn ten_million_walks_from_anywhere_over_any_mesh_end_with_paths() {
+    let paths = paths_of_walks_over_any_mesh(500);
     println!("{paths} paths");
     assert!(paths > 500_000, "{paths}");
 }
