@@ -46,7 +46,9 @@ use claims::{
     a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job,
     a_worker_that_dies_again_and_again_does_not_fail_the_job, a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time,
     an_unknown_worker_gets_no_work_and_is_told, concurrent_claimants_never_get_the_same_node,
-    jobs_are_served_by_priority_and_then_by_age, nodes_that_were_cut_before_are_cut_again_for_a_slower_worker,
+    jobs_are_served_by_priority_and_then_by_age,
+    leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same,
+    nodes_that_were_cut_before_are_cut_again_for_a_slower_worker,
     returned_work_is_free_at_once_and_returning_twice_is_harmless, the_speed_of_a_worker_is_that_of_its_last_work,
     times_of_short_nodes_add_up_and_give_a_speed,
 };
@@ -392,6 +394,7 @@ macro_rules! on_both {
 on_both! {
     a_film_is_kept_by_one_coordinator_until_its_term_is_over
     concurrent_claimants_never_get_the_same_node
+    leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same
     jobs_are_served_by_priority_and_then_by_age
     a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job
     an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing

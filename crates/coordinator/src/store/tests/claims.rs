@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 use super::farm::terms;
 use super::{Farm, LeaseError, TTL_MS, delivered, query};
-use crate::store::{ClaimTerms, Delivery, Grant, NewJob, WorkFailure, WorkerError};
+use crate::store::{ClaimTerms, Delivery, Ending, Grant, NewJob, WorkFailure, WorkerError};
 
 pub(super) async fn concurrent_claimants_never_get_the_same_node(farm: Farm) {
     let job = farm.job(40).await;
@@ -198,4 +198,30 @@ pub(super) async fn a_node_that_nobody_can_bring_fails_its_job_with_the_reason(f
     let record = farm.store.job(job).await.unwrap().unwrap();
     assert_eq!(record.state, JobState::Failed);
     assert!(record.failure.unwrap().contains("not a number"));
+}
+
+pub(super) async fn leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same(farm: Farm) {
+    const LATER_MS: i64 = 30 * 24 * 3600 * 1000;
+    let (ended, running) = (farm.job_with(1, 1, None).await, farm.job(2).await);
+    let worker = farm.worker().await;
+    let mut old = Vec::new();
+    for _ in 0..2 {
+        let grant = farm.claim(worker, 5, 0).await.unwrap();
+        assert_eq!(grant.lease.job, ended);
+        old.push(grant);
+    }
+    farm.store.end_job(ended, Ending::Cancelled, 0).await.unwrap();
+    let kept = farm.claim(worker, 5, 0).await.unwrap();
+    assert_eq!(kept.lease.job, running);
+    farm.store.return_lease(kept.lease.id, kept.lease.token, 0).await.unwrap();
+    farm.store.prune_leases(LATER_MS).await.unwrap();
+    for grant in &old {
+        assert!(matches!(farm.store.lease(grant.lease.id).await, Err(LeaseError::Unknown(_))));
+    }
+    assert!(farm.store.lease(kept.lease.id).await.is_ok(), "its job goes on");
+    farm.store.end_job(running, Ending::Cancelled, 0).await.unwrap();
+    farm.store.prune_leases(LATER_MS).await.unwrap();
+    assert!(farm.store.lease(kept.lease.id).await.is_ok(), "the next token is one beyond its own");
+    farm.job(1).await;
+    assert!(farm.claim(worker, 1, LATER_MS).await.unwrap().lease.token > kept.lease.token);
 }
