@@ -11,6 +11,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use futures::future::BoxFuture;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
@@ -119,6 +120,19 @@ pub async fn run(
     config: Config,
     shutdown: impl Future<Output = ()> + Send,
 ) -> Result<(), RunError> {
+    run_until(listener, config, Box::pin(shutdown)).await
+}
+
+/// As [`run`]. A boxed future is compiled where it is boxed: all of the coordinator in this crate, once, and not in each that starts one.
+fn run_until<'a>(
+    listener: TcpListener,
+    config: Config,
+    shutdown: BoxFuture<'a, ()>,
+) -> BoxFuture<'a, Result<(), RunError>> {
+    Box::pin(serve_until(listener, config, shutdown))
+}
+
+async fn serve_until(listener: TcpListener, config: Config, shutdown: BoxFuture<'_, ()>) -> Result<(), RunError> {
     let address = listener.local_addr()?;
     config.check_exposure(address)?;
     let lock = lock(&config)?;

@@ -1,5 +1,6 @@
 //! The life of a worker.
 
+use std::pin::Pin;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -37,6 +38,18 @@ const SHUTDOWN_GRACE: Duration = Duration::from_secs(5);
 ///
 /// When the address or the token cannot be used, the coordinator refuses the worker, or threads cannot be started.
 pub async fn run(config: Config, shutdown: impl Future<Output = ()> + Send + 'static) -> Result<(), WorkerError> {
+    run_until(config, Box::pin(shutdown)).await
+}
+
+/// A future that is compiled where it is boxed.
+type Boxed<T> = Pin<Box<dyn Future<Output = T> + Send>>;
+
+/// As [`run`]: all of the worker is compiled in this crate, once, and not in each that starts one.
+fn run_until(config: Config, shutdown: Boxed<()>) -> Boxed<Result<(), WorkerError>> {
+    Box::pin(work_until(config, shutdown))
+}
+
+async fn work_until(config: Config, shutdown: Boxed<()>) -> Result<(), WorkerError> {
     let client = Client::new(&config.coordinator, config.token.as_deref()).map_err(WorkerError::Connection)?;
     let renderer = Arc::new(Renderer::new(config.threads)?);
     let stop = CancellationToken::new();

@@ -27,7 +27,7 @@ struct Arguments {
     #[arg(long)]
     scene: Option<PathBuf>,
     /// Samples in each pixel of the comparison with `render`, on all cores; a single thread renders half as many.
-    #[arg(long, default_value_t = 128)]
+    #[arg(long, default_value_t = 64)]
     spp: u32,
     /// Width and height.
     #[arg(long, default_value = "640x480")]

@@ -111,6 +111,7 @@ fn cone_is_unbiased_for_the_sun() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn spheres_at_growing_distance_converge_to_the_sun() {
     let farthest = check_with_power("crown", "distant-500000", "cone", 8);
     // The light of a nearer sphere comes under other angles to each point: the caustic is larger, as bright in all. Few
@@ -188,6 +189,7 @@ fn bleed_is_random_bit_for_bit_in_many_pictures_of_the_closed_room() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn walks_that_are_too_few_and_paths_that_are_dropped_leave_the_picture_dark() {
     let lacking = |case, light, integrator, samples| {
         let comparison = comparison(case, light, integrator);

@@ -115,6 +115,12 @@ fn the_light_of_conic_is_that_of_light_traced_forward() {
         "{largest} {report}"
     );
     assert!(report.fold_regions[0] > 0 && report.fold_error < 0.003 && report.fold_deviation < 0.01, "{report}");
+}
+
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
+fn the_light_of_conic_over_steep_waves_is_that_of_light_traced_forward() {
+    let conic = json!({"conic": {"chains": ["T"]}});
     let effort = Effort { photons: 80_000_000, faulty: FAULTY, samples: 48 };
     let (report, _) =
         check(&through(&water(STEEP)), &conic, effort, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
@@ -146,6 +152,7 @@ fn the_light_of_sms_is_that_of_conic_point_by_point() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn the_published_walk_along_the_conic_has_all_light_where_nothing_folds_and_lacks_light_where_it_does() {
     let report = |steepness| {
         let scene = water(steepness);
@@ -227,23 +234,33 @@ fn rays_to_where_waves_focus_the_sun_neither_add_nor_take_light() {
     assert!(combined.relative_error() < alone.relative_error());
 }
 
-#[test]
-fn the_light_of_lamps_with_an_extent_by_search_and_rays_is_that_of_light_traced_forward() {
+/// Compares `conic` under a lamp that is seen in more than one direction with light traced forward.
+#[track_caller]
+fn check_extended(lamp: Lamp, samples: u32) {
     let conic = json!({"conic": {"chains": ["T"]}});
     let scene = water(FOLDING);
-    for (lamp, samples) in [(Lamp::Sphere(0.06), 18), (Lamp::Sun(0.8), 22)] {
-        let sheet = LitSheet { scene: &scene, lamp, event: SpecularEvent::Transmission };
-        let effort = Effort { photons: 24_000_000, faulty: FAULTY, samples };
-        let (report, _) = check(&sheet, &conic, effort, &[Fault::DroppedSaddles, Fault::Scaled]);
-        // Nothing is pooled: each block is compared by itself, folds and all.
-        assert!(report.has_power() && report.blocks == 64, "{lamp:?}: {report}");
-        let built = Scene::build(&bundle(&sheet, &conic, 1)).expect("the scene can be built");
-        let light = light_by_rays(&built, 0.5 * scene.edge, scene.floor + 0.1, 1000);
-        let mean = |which: usize| light.iter().map(|light| light[which]).sum::<f64>() / f64::from(REPLICATES);
-        let by_rays = mean(2) / mean(0);
-        println!("{lamp:?}: {:.2} percent of the light is found by rays", 100.0 * by_rays);
-        assert!(by_rays > 10.0 * report.mean_error, "lost rays would not be noticed: {by_rays} {report}");
-    }
+    let sheet = LitSheet { scene: &scene, lamp, event: SpecularEvent::Transmission };
+    let effort = Effort { photons: 24_000_000, faulty: FAULTY, samples };
+    let (report, _) = check(&sheet, &conic, effort, &[Fault::DroppedSaddles, Fault::Scaled]);
+    // Nothing is pooled: each block is compared by itself, folds and all.
+    assert!(report.has_power() && report.blocks == 64, "{lamp:?}: {report}");
+    let built = Scene::build(&bundle(&sheet, &conic, 1)).expect("the scene can be built");
+    let light = light_by_rays(&built, 0.5 * scene.edge, scene.floor + 0.1, 1000);
+    let mean = |which: usize| light.iter().map(|light| light[which]).sum::<f64>() / f64::from(REPLICATES);
+    let by_rays = mean(2) / mean(0);
+    println!("{lamp:?}: {:.2} percent of the light is found by rays", 100.0 * by_rays);
+    assert!(by_rays > 10.0 * report.mean_error, "lost rays would not be noticed: {by_rays} {report}");
+}
+
+#[test]
+fn the_light_of_the_sun_by_search_and_rays_is_that_of_light_traced_forward() {
+    check_extended(Lamp::Sun(0.8), 22);
+}
+
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
+fn the_light_of_a_sphere_by_search_and_rays_is_that_of_light_traced_forward() {
+    check_extended(Lamp::Sphere(0.06), 18);
 }
 
 /// Slopes of waves whose reflections fold on the floor below them.
