@@ -120,17 +120,21 @@ async fn store(
     let (id, checked_fraction) = (job.id, farm.config.checked_fraction);
     let encode = move || {
         let encoded: Vec<Vec<u8>> = rendered.iter().map(|rendered| film::store::encode(&rendered.node)).collect();
-        let digest = |(Rendered { node, .. }, bytes): (&Rendered, &Vec<u8>)| {
-            is_chosen(id, &node.address(), checked_fraction).then(|| blake3::hash(bytes).to_hex().to_string())
-        };
-        let digests: Vec<Option<String>> = rendered.iter().zip(&encoded).map(digest).collect();
+        let digests: Vec<String> = encoded.iter().map(|bytes| blake3::hash(bytes).to_hex().to_string()).collect();
         (rendered, encoded, digests)
     };
     let (rendered, encoded, digests) = tokio::task::spawn_blocking(encode).await.map_err(ApiError::internal)?;
     let places = farm.blobs.put_nodes(job.id, encoded).await?;
     let blob = places.first().map(|place| place.blob.clone());
-    let delivered = |((Rendered { node, counters }, place), digest): ((&Rendered, &Place), Option<String>)| {
-        DeliveredNode { address: node.address(), place: place.clone(), counters: *counters, digest }
+    let delivered = |((Rendered { node, counters }, place), digest): ((&Rendered, &Place), String)| {
+        let (address, place) = (node.address(), place.clone());
+        DeliveredNode {
+            address,
+            place,
+            counters: *counters,
+            digest,
+            is_chosen: is_chosen(id, &address, checked_fraction),
+        }
     };
     let nodes = rendered.iter().zip(&places).zip(digests).map(delivered).collect();
     let (now_ms, alive_ms) = (farm.config.clock.now_ms(), farm.alive_ms());

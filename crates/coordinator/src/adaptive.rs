@@ -11,15 +11,19 @@ use std::sync::Arc;
 
 use clerestory_render_core::film::adaptive::{noise, shares};
 use clerestory_render_core::film::{Adaptation, Sampling, Share};
+use futures::stream::{self, StreamExt, TryStreamExt};
 
 use crate::farm::Farm;
-use crate::film::FilmError;
+use crate::film::{FilmError, runs};
 use crate::news::News;
 use crate::stop::Targets;
 use crate::store::{JobRecord, NodeRow, Removed};
 
 /// The round whose work the pilot is: the second, so that there is an image of one pass before.
 pub const PILOT_ROUND: u32 = 1;
+
+/// Tiles whose pilot is read at the same time.
+const TILES: usize = 4;
 
 /// How the passes of a job are shared out.
 ///
@@ -66,16 +70,25 @@ impl TilePasses {
 
 /// Decides the shares of the tiles of a job whose pilot is complete, by frame.
 pub(crate) async fn decide(farm: &Farm, job: &JobRecord) -> Result<BTreeMap<u32, Vec<Share>>, FilmError> {
-    let rows = farm.store.pilot(job.id).await?;
-    let mut by_frame: BTreeMap<u32, Vec<f64>> = BTreeMap::new();
-    // One tile after another: all of them need not fit into memory.
-    for rows in rows.chunk_by(|a, b| (a.address.frame, a.address.tile) == (b.address.frame, b.address.tile)) {
-        let Some(NodeRow { address, .. }) = rows.first() else { continue };
-        let nodes = farm.film.load(rows).await?;
-        let noise = tokio::task::spawn_blocking(move || noise(&nodes)).await?;
-        by_frame.entry(address.frame).or_default().push(noise);
+    let mut by_frame = BTreeMap::new();
+    for frame in 0..job.frames {
+        let mut noises = Vec::new();
+        // Some tiles after others: all of them need not fit into memory, nor their rows.
+        for tiles in runs(0..job.grid.len()) {
+            let rows = farm.store.pilot(job.id, frame, tiles).await?;
+            let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
+            let reads: Vec<_> = tiles.map(|rows| noise_of(farm, rows)).collect();
+            noises.extend(stream::iter(reads).buffered(TILES).try_collect::<Vec<f64>>().await?);
+        }
+        by_frame.insert(frame, shares(&job.grid, &noises));
     }
-    Ok(by_frame.into_iter().map(|(frame, noise)| (frame, shares(&job.grid, &noise))).collect())
+    Ok(by_frame)
+}
+
+/// How noisy a tile is of whose pilot these are all nodes.
+async fn noise_of(farm: &Farm, rows: &[NodeRow]) -> Result<f64, FilmError> {
+    let nodes = farm.film.load(rows).await?;
+    Ok(tokio::task::spawn_blocking(move || noise(&nodes)).await?)
 }
 
 /// Stores the shares of a job in the place of its pilot. Answers what is not needed any more; changes nothing when that has been done.

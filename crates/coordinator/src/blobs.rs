@@ -143,7 +143,7 @@ impl Blobs {
     pub(crate) async fn claim(&self, identity: Identity, known: &BTreeSet<String>) -> Result<(), ClaimError> {
         let farm = identity.farm;
         if self.owner().await?.is_none() {
-            let found: Vec<String> = self.node_blobs().await?.into_iter().map(|blob| blob.name).collect();
+            let found = self.node_blobs().await?;
             if identity.has_blobs {
                 return Err(ClaimError::Elsewhere { farm });
             }
@@ -178,14 +178,10 @@ impl Blobs {
         }
     }
 
-    /// All blobs of nodes.
-    pub(crate) async fn node_blobs(&self) -> Result<Vec<NodeBlob>, BlobError> {
-        let found: Vec<_> = self.store.list(Some(&Path::from("nodes"))).try_collect().await?;
-        let blob = |blob: object_store::ObjectMeta| NodeBlob {
-            name: blob.location.to_string(),
-            stored_ms: blob.last_modified.timestamp_millis(),
-        };
-        Ok(found.into_iter().map(blob).collect())
+    /// Names of all blobs of nodes.
+    pub(crate) async fn node_blobs(&self) -> Result<BTreeSet<String>, BlobError> {
+        let found = self.store.list(Some(&Path::from("nodes")));
+        Ok(found.map_ok(|blob| blob.location.to_string()).try_collect().await?)
     }
 
     /// Stores the bytes of an asset as they come, if they have the promised hash and are not too many. Answers their
@@ -315,13 +311,6 @@ impl Blobs {
         }
         count
     }
-
-    /// Removes those of the blobs that were `found` which are not known, and were stored before `before_ms`. Answers how many.
-    pub(crate) async fn sweep(&self, found: Vec<NodeBlob>, known: &BTreeSet<String>, before_ms: i64) -> usize {
-        let is_orphan = |blob: &NodeBlob| !known.contains(&blob.name) && blob.stored_ms < before_ms;
-        let orphans = found.into_iter().filter(is_orphan).map(|blob| blob.name).collect();
-        self.remove(orphans).await
-    }
 }
 
 /// Bytes of an asset file that are read at a time.
@@ -369,15 +358,6 @@ impl Seek for AssetFile {
         self.position = target.ok_or(io::ErrorKind::InvalidInput)?;
         Ok(self.position)
     }
-}
-
-/// A blob of nodes as the store lists it.
-#[derive(Clone, Debug)]
-pub(crate) struct NodeBlob {
-    /// Its name.
-    pub(crate) name: String,
-    /// When it was stored, by the clock of the store.
-    pub(crate) stored_ms: i64,
 }
 
 /// Spread over directories by the first byte, since some file systems are slow with very large directories.

@@ -1,7 +1,7 @@
 //! What everything in the coordinator shares.
 
-use std::sync::Arc;
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use clerestory_api::JobId;
 use tokio::sync::{Notify, Semaphore, mpsc};
@@ -34,7 +34,7 @@ pub(crate) fn permits(bytes: u64) -> u32 {
 /// Batches of tiles that are merged at the same time, of whichever jobs: while one is computed, another waits for the disk.
 pub(crate) const MERGES: usize = 2;
 
-/// How long a worker may be silent before others do without it, where a lease does not run out earlier: three signs of life.
+/// How long a worker may be silent before others do without it: three signs of life.
 const LONGEST_SILENCE: Duration = Duration::from_secs(15);
 
 /// Who waits for work and is rung when there may be some.
@@ -80,6 +80,8 @@ pub(crate) struct Farm {
     pub(crate) merging: Semaphore,
     /// Permit for building a submitted scene, which may take much memory.
     pub(crate) building: Semaphore,
+    /// Since when workers are heard without a gap.
+    listening: Mutex<Instant>,
     /// Rings the keeper for a job of which a round may be complete.
     keeper: mpsc::UnboundedSender<JobId>,
     /// What the other coordinators are to be told.
@@ -126,6 +128,7 @@ impl Farm {
             comparing,
             merging: Semaphore::new(MERGES),
             building: Semaphore::new(1),
+            listening: Mutex::new(Instant::now()),
             keeper,
             told: tell,
             stopping: CancellationToken::new(),
@@ -185,8 +188,22 @@ impl Farm {
     }
 
     /// A worker that was last heard of before this is not waited for, milliseconds since 1970: workers say every few seconds that they are there.
+    /// All are waited for by a coordinator that has not listened for so long itself.
     pub(crate) fn alive_ms(&self) -> i64 {
-        self.config.clock.now_ms().saturating_sub(milliseconds(self.config.lease_ttl.min(LONGEST_SILENCE)))
+        let listening = *self.listening.lock().unwrap_or_else(PoisonError::into_inner);
+        if listening.elapsed() < LONGEST_SILENCE {
+            return i64::MIN;
+        }
+        self.config.clock.now_ms().saturating_sub(milliseconds(LONGEST_SILENCE))
+    }
+
+    /// Workers may have said that they are there, up to now, without having been heard.
+    pub(crate) fn listen_anew(&self) {
+        self.listens_since(Instant::now());
+    }
+
+    pub(crate) fn listens_since(&self, since: Instant) {
+        *self.listening.lock().unwrap_or_else(PoisonError::into_inner) = since;
     }
 
     /// Looks at everything that other coordinators may have done without being heard.
@@ -230,4 +247,22 @@ pub(crate) async fn to_its_end<T: Send + 'static>(
 
 fn milliseconds(duration: Duration) -> i64 {
     i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::server::open;
+
+    #[tokio::test]
+    async fn a_coordinator_that_has_not_listened_waits_for_every_worker() {
+        let directory = tempfile::tempdir().unwrap();
+        let (farm, _bells) = open(Config::new(directory.path())).await.unwrap();
+        assert_eq!(farm.alive_ms(), i64::MIN);
+        farm.listens_since(Instant::now().checked_sub(LONGEST_SILENCE).unwrap());
+        let silent_ms = farm.config.clock.now_ms() - farm.alive_ms();
+        assert!((15_000..20_000).contains(&silent_ms), "{silent_ms}");
+        farm.listen_anew();
+        assert_eq!(farm.alive_ms(), i64::MIN);
+    }
 }

@@ -117,7 +117,7 @@ impl Frame<'_> {
         for Range { start: mut next, end } in runs(first_tile..end_tile) {
             let mut tries = 1;
             while next < end {
-                let nodes = self.farm.store.nodes(self.job.id, self.frame, next..end).await?;
+                let nodes = self.farm.store.nodes(self.job.id, self.frame, next..end, self.end_pass()).await?;
                 self.check_present(&nodes, next..end)?;
                 let tiles = nodes.chunk_by(|a, b| a.address.tile == b.address.tile).collect();
                 for tiles in batches(tiles) {
@@ -151,6 +151,14 @@ impl Frame<'_> {
             metadata.worker_builds = reading.work.builds.into_iter().collect();
         }
         Ok(metadata)
+    }
+
+    /// The pass before which all begins that the image may hold: workers go on beyond a round before it is measured.
+    fn end_pass(&self) -> u32 {
+        match &self.extent {
+            Extent::Round(passes, _) => *passes,
+            Extent::Complete => self.job.passes,
+        }
     }
 
     /// Makes sure that all tiles have nodes of which a certain number of passes is wanted.

@@ -9,7 +9,8 @@
 //! - `blobs`, `bucket`: assets and nodes, written once, in a directory or a bucket of an S3-compatible store;
 //! - `acceptance`: partials, decoded with distrust and accepted exactly once;
 //! - `keeper`, `film`, `frame`, `convergence`, `images`, `previews`: rounds, merging, error and images, tile by tile;
-//! - `events`, `views`, `rate`: what watchers see.
+//! - `events`, `views`, `rate`: what watchers see;
+//! - `tidying`: old rows and left-over blobs go.
 //!
 //! # Invariants
 //!
@@ -43,6 +44,7 @@ pub mod server;
 mod stop;
 mod store;
 mod submit;
+mod tidying;
 mod views;
 
 pub use adaptive::{PILOT_ROUND, adaptation};

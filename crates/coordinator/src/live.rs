@@ -218,7 +218,7 @@ async fn measure_run(
         }
     }
     let (Some(first), Some(last)) = (changed.first(), changed.last()) else { return Ok(true) };
-    let rows = farm.store.nodes(job.id, 0, *first..last + 1).await?;
+    let rows = farm.store.nodes(job.id, 0, *first..last + 1, job.passes).await?;
     let of_tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
     let of_changed = of_tiles.filter(|rows| is_of(rows, &changed)).collect();
     for batch in batches(of_changed) {

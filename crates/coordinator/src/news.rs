@@ -131,7 +131,11 @@ async fn hear_all(farm: &Farm, mut listener: Listener) -> crate::store::StoreErr
 
 #[cfg(test)]
 mod tests {
+    use clerestory_test_servers::postgres;
+
     use super::*;
+    use crate::config::Config;
+    use crate::server::open;
 
     #[test]
     fn the_same_news_are_sent_once_and_samples_add_up() {
@@ -139,6 +143,24 @@ mod tests {
         let film = |job, samples| News::Film { job, samples };
         let told = [News::Work, film(one, 3), News::Job(one), film(other, 1), News::Work, film(one, 4), News::Job(one)];
         assert_eq!(gathered(told.into_iter()), [News::Work, film(one, 7), News::Job(one), film(other, 1)]);
+    }
+
+    #[tokio::test]
+    async fn who_waits_for_work_at_one_coordinator_is_rung_by_another() {
+        let (directory, database) = (tempfile::tempdir().unwrap(), postgres().new_database());
+        let config = || Config { database: Some(database.parse().unwrap()), ..Config::new(directory.path()) };
+        let (one, bells) = open(config()).await.unwrap();
+        let (other, _bells) = open(config()).await.unwrap();
+        tokio::spawn(send(Arc::clone(&one), bells.told));
+        tokio::spawn(hear(Arc::clone(&other)));
+        // It rings by itself when it begins to listen, and never again: nobody here looks once a second.
+        other.work.notified().await;
+        while tokio::time::timeout(Duration::from_millis(300), other.work.notified()).await.is_ok() {}
+        for news in [News::Work, News::Job(JobId::from(Uuid::now_v7()))] {
+            one.tell(news);
+            tokio::time::timeout(Duration::from_secs(20), other.work.notified()).await.unwrap();
+            while tokio::time::timeout(Duration::from_millis(300), other.work.notified()).await.is_ok() {}
+        }
     }
 
     #[test]

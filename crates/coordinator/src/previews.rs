@@ -214,7 +214,7 @@ async fn show(
     changed: &[u32],
 ) -> Result<(OwnedMutexGuard<Canvas>, Result<(), FilmError>), FilmError> {
     let (Some(first), Some(last)) = (changed.first(), changed.last()) else { return Ok((canvas, Ok(()))) };
-    let rows = farm.store.nodes(job.id, 0, *first..last + 1).await?;
+    let rows = farm.store.nodes(job.id, 0, *first..last + 1, job.passes).await?;
     let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
     let tiles = tiles.filter(|rows| rows.first().is_some_and(|row| changed.contains(&row.address.tile))).collect();
     for tiles in batches(tiles) {

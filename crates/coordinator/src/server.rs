@@ -23,19 +23,10 @@ use crate::config::{Bucket, Clock, Config, ExposedWithoutToken};
 use crate::farm::{Bells, Farm};
 use crate::news::{self, News};
 use crate::store::{SchemaError, Source, Store, StoreError};
-use crate::{directory, events, http, keeper};
+use crate::{directory, events, http, keeper, tidying};
 
 /// Longest time between two looks at deadlines.
 const LONGEST_TICK: Duration = Duration::from_secs(1);
-
-/// Ticks between two rounds of tidying.
-const TIDYING_TICKS: u32 = 600;
-
-/// A node that no row names may still be accepted by another coordinator while it is younger than this.
-const YOUNG_MS: i64 = 3_600_000;
-
-/// Ticks between two looks for nodes that no row names.
-const SWEEPING_TICKS: u32 = 3600;
 
 /// How long requests that are under way may take to finish when the coordinator stops.
 const GRACE: Duration = Duration::from_secs(10);
@@ -170,9 +161,9 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, Bells), RunError>
     follow_clock(&config.clock, &store).await?;
     let known = store.node_blobs().await?;
     let blobs = blobs(&config, &store, &known, database).await?;
-    // What another coordinator has stored and is about to accept is young.
-    let age_ms = if store.is_shared() { YOUNG_MS } else { 0 };
-    sweep(&store, &blobs, config.clock.now_ms().saturating_sub(age_ms)).await?;
+    if !store.is_shared() {
+        tidying::remove(&blobs, tidying::orphans(&store, &blobs).await?).await;
+    }
     // Workers have gone on rendering while the coordinator was away; they need a term to say so.
     let ttl_ms = i64::try_from(config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
     // Not where another coordinator has heard them meanwhile.
@@ -182,18 +173,6 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, Bells), RunError>
     // A SQLite file has one coordinator, which is the same after a restart.
     let coordinator = if store.is_shared() { Uuid::now_v7() } else { Uuid::nil() };
     Ok(Farm::new(config, coordinator, store, blobs))
-}
-
-/// Removes blobs of nodes that no row names and that were stored before `before_ms`. They are listed before rows are read: one that is stored
-/// between is not on the list.
-async fn sweep(store: &Store, blobs: &Blobs, before_ms: i64) -> Result<(), RunError> {
-    let found = blobs.node_blobs().await?;
-    let known = store.node_blobs().await?;
-    let swept = blobs.sweep(found, &known, before_ms).await;
-    if swept > 0 {
-        tracing::info!(swept, "removed blobs of nodes that were never accepted or have been merged");
-    }
-    Ok(())
 }
 
 /// Opens the blobs of a farm.
@@ -251,6 +230,7 @@ async fn start(farm: &Arc<Farm>, bells: Bells, background: &Background) -> Resul
     tasks.spawn(news::hear(Arc::clone(farm)));
     tasks.spawn(events::run(Arc::clone(farm), last_event));
     tasks.spawn(watch_deadlines(Arc::clone(farm)));
+    tasks.spawn(tidying::run(Arc::clone(farm)));
     Ok(tasks)
 }
 
@@ -277,23 +257,17 @@ async fn watch_deadlines(farm: Arc<Farm>) {
     let mut interval = tokio::time::interval(tick);
     // Who has slept has missed nothing that one look does not find.
     interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut ticks = 0_u32;
+    let mut looked = Instant::now();
     while farm.stopping.run_until_cancelled(interval.tick()).await.is_some() {
+        if looked.elapsed() > tick + LONGEST_TICK {
+            // It slept, or waited for the database, and workers were not heard meanwhile.
+            farm.listen_anew();
+        }
+        looked = Instant::now();
         if let Err(error) = look_at_deadlines(&farm).await {
             tracing::error!(%error, "deadlines could not be looked at");
+            farm.listen_anew();
         }
-        if ticks.is_multiple_of(TIDYING_TICKS)
-            && let Err(error) = tidy(&farm).await
-        {
-            tracing::error!(%error, "old rows could not be removed");
-        }
-        if ticks % SWEEPING_TICKS == SWEEPING_TICKS - 1 {
-            let before_ms = farm.config.clock.now_ms().saturating_sub(YOUNG_MS);
-            if let Err(error) = sweep(&farm.store, &farm.blobs, before_ms).await {
-                tracing::error!(%error, "nodes that nobody needs could not be removed");
-            }
-        }
-        ticks = ticks.wrapping_add(1);
     }
 }
 
@@ -334,9 +308,9 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
         }
         farm.tell(News::Wave(given_up.job));
     }
-    let running = farm.store.running_jobs().await?;
-    if !running.is_empty() {
-        // With time alone, work that another holds becomes work to be taken over.
+    let open = farm.store.open_jobs().await?;
+    if !open.is_empty() {
+        // With time alone, work that another holds becomes work to be taken over; and who was rung for a new job may not be one who can do it.
         farm.ring_for_work();
     }
     if farm.store.is_shared() {
@@ -345,13 +319,8 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
         farm.ring_for_work();
     }
     // No round depends on the news of it.
-    for job in running {
+    for job in open {
         farm.look_at_film(job);
     }
     Ok(())
-}
-
-async fn tidy(farm: &Farm) -> Result<(), StoreError> {
-    farm.store.prune_events().await?;
-    farm.store.prune_leases(farm.config.clock.now_ms()).await
 }

@@ -1,7 +1,7 @@
 //! What a farm costs: samples a second of `clerestory farm` beside those of `clerestory render`, and of two workers beside one.
 //!
 //! Both render the same image of the same scene, in turn, so that whatever else the machine does falls on both. The time of `render` is that of
-//! its process; the time of a farm is that of an order that waits until its job is done and merged. Each pair gives a ratio; the median is what counts. It
+//! its process; the time of a farm is that of an order that waits until its job is done and has downloaded the image. Each pair gives a ratio; the median is what counts. It
 //! fails when that is less than it should be.
 //!
 //! ```text
@@ -119,6 +119,7 @@ fn farm(work: &Work, workers: usize, options: &[&str]) -> Duration {
     let start = Instant::now();
     let mut order = clerestory();
     order.args(["submit", "--wait"]).env("CLERESTORY_COORDINATOR", &address);
+    order.arg("-o").arg(data.path().join("image.exr"));
     succeeded(work.order(&mut order));
     let time = start.elapsed();
     process.ends();

@@ -46,7 +46,6 @@ fn a_coordinator_has_no_more_memory_for_a_frame_of_sixteen_times_the_size() {
     let told = format!("{} MiB and {} MiB", small.resident / MEBIBYTE, large.resident / MEBIBYTE);
     println!("most memory of the coordinator: {told}; the larger image has {} MiB", image / MEBIBYTE);
     assert!(grown < image / 4, "{told}");
-    assert!(large.resident < image / 2, "{told}");
 }
 
 #[test]

@@ -80,18 +80,13 @@ async fn nodes_that_are_stored_together_are_read_one_by_one(blobs: Blobs) {
     assert_eq!(read(&blobs, &whole).await.unwrap(), "navechoir");
 }
 
-async fn the_sweep_removes_what_no_row_names(blobs: Blobs) {
+async fn blobs_of_nodes_are_listed_and_removed(blobs: Blobs) {
     let kept = put(&blobs, "kept").await;
     let orphan = put(&blobs, "orphan").await;
     blobs.put_asset(hash(b"glass"), 100, source(&["glass"])).await.unwrap();
-    let known = BTreeSet::from([kept.blob.clone()]);
     let found = blobs.node_blobs().await.unwrap();
-    let stored_ms = found.iter().map(|blob| blob.stored_ms).min().unwrap();
-    assert_eq!(blobs.sweep(found.clone(), &known, stored_ms).await, 0, "one that is young may be accepted yet");
-    let late = put(&blobs, "late").await;
-    assert_eq!(blobs.sweep(found, &known, i64::MAX).await, 1);
-    assert_eq!(read(&blobs, &late).await.unwrap(), "late", "it was not there when the nodes were listed");
-    blobs.remove(vec![late.blob]).await;
+    assert_eq!(found, BTreeSet::from([kept.blob.clone(), orphan.blob.clone()]), "and no assets");
+    assert_eq!(blobs.remove(vec![orphan.blob.clone()]).await, 1);
     assert_eq!(read(&blobs, &kept).await.unwrap(), "kept");
     assert!(read(&blobs, &orphan).await.unwrap_err().is_missing());
     assert_eq!(names(&blobs).await.len(), 2);
@@ -149,7 +144,7 @@ in_both!(
     an_asset_is_kept_only_when_it_is_what_its_name_says,
     an_asset_of_many_pieces_comes_back_whole,
     nodes_that_are_stored_together_are_read_one_by_one,
-    the_sweep_removes_what_no_row_names,
+    blobs_of_nodes_are_listed_and_removed,
     a_store_belongs_to_the_first_farm_that_claims_it,
     nodes_without_a_mark_are_only_taken_by_a_farm_that_knows_some,
     a_farm_has_one_store,

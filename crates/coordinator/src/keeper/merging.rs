@@ -24,7 +24,7 @@ pub(super) async fn merge(farm: &Farm, job: &JobRecord, next_round: u32) -> Resu
     for (frame, tiles) in
         (0..job.frames).flat_map(|frame| film::runs(0..job.grid.len()).map(move |tiles| (frame, tiles)))
     {
-        let rows = farm.store.nodes(job.id, frame, tiles).await?;
+        let rows = farm.store.nodes(job.id, frame, tiles, job.passes).await?;
         let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
         let tiles = tiles.filter(|rows| can_merge(rows, &held.of(rows))).collect();
         let batches = film::batches(tiles).into_iter();

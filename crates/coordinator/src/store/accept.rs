@@ -35,8 +35,10 @@ pub(crate) struct DeliveredNode {
     pub(crate) place: Place,
     /// What was counted while rendering it.
     pub(crate) counters: Counters,
-    /// Hash of its bytes, if it is [checked](super::is_chosen).
-    pub(crate) digest: Option<String>,
+    /// Hash of its bytes.
+    pub(crate) digest: String,
+    /// Whether another worker is to [check](super::is_chosen) it, if it is accepted.
+    pub(crate) is_chosen: bool,
 }
 
 /// What came with one partial.
@@ -91,7 +93,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     let mut waves: BTreeMap<(u32, i64), Wave> = BTreeMap::new();
     let mut frees_work = false;
     for (node, taken) in delivery.nodes.iter().zip(&taken) {
-        let brought = node.digest.clone().map(|digest| Brought { address: node.address, digest });
+        let brought = || Brought { address: node.address, digest: node.digest.clone() };
         let own_samples = job.node_samples(&node.address);
         let own_core_ms = core_ms_up_to(samples_before + own_samples).saturating_sub(core_ms_up_to(samples_before));
         samples_before += own_samples;
@@ -99,10 +101,11 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
             if matches!(taken, Taken::Duplicate) && lease.nodes.contains(&node.address) {
                 frees_work |= free_rest(connection, &lease, &node.address).await?;
             }
-            checked.extend(brought);
+            // Which nodes are checked was decided when they were accepted, maybe by a coordinator that is set up otherwise.
+            checked.push(brought());
             continue;
         };
-        to_be_checked.extend(brought.map(|brought| (round, brought)));
+        to_be_checked.extend(node.is_chosen.then(|| (round, brought())));
         counters += node.counters;
         samples += own_samples;
         core_ms = core_ms.saturating_add(own_core_ms);

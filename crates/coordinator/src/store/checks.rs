@@ -320,6 +320,24 @@ async fn give_up(connection: &mut Connection, alive_ms: i64) -> Result<Vec<Given
     Ok(given_up)
 }
 
+/// Ends all checks of a job that ends without waiting for them. What is in dispute stays in its image, and people are told.
+pub(super) async fn abandon(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
+    let disputed = query(
+        "select id, frame, tile, level, idx from checks where job = $1 \
+         and (select count(distinct digest) from opinions where check_id = checks.id) > 1",
+    )
+    .bind(job.to_string())
+    .fetch_all(&mut *connection)
+    .await?;
+    for row in &disputed {
+        let (node, opinions) = (address(row)?, opinions(connection, &row.text("id")?).await?);
+        let workers: Vec<String> = opinions.iter().map(|(worker, _)| worker.to_string()).collect();
+        tracing::error!(%job, %node, ?workers, "the job ended before a third worker could decide which of two rendered a node to wrong bits");
+    }
+    query("delete from checks where job = $1").bind(job.to_string()).execute(connection).await?;
+    Ok(())
+}
+
 /// Ends all checks of what shares a pass with one of some nodes.
 pub(super) async fn forget(connection: &mut Connection, job: JobId, nodes: &[NodeAddress]) -> Result<(), StoreError> {
     let rows = query("select id, frame, tile, level, idx from checks where job = $1")

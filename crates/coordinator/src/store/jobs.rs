@@ -9,7 +9,7 @@ use clerestory_render_core::film::{Adaptation, NodeAddress, PassRange, TileGrid}
 use super::events::{self, StoredKind};
 use super::row::{Row, big, to_json};
 use super::sql::query;
-use super::{Connection, Store, StoreError};
+use super::{Connection, Store, StoreError, checks};
 use crate::adaptive::{PILOT_ROUND, adaptation};
 use crate::schedule::Rounds;
 use crate::stop::Targets;
@@ -294,9 +294,8 @@ pub(super) async fn end(
     if ended == 0 {
         return Ok(false);
     }
-    for statement in ["delete from pending where job = $1", "delete from checks where job = $1"] {
-        query(statement).bind(job.to_string()).execute(&mut *connection).await?;
-    }
+    query("delete from pending where job = $1").bind(job.to_string()).execute(&mut *connection).await?;
+    checks::abandon(connection, job).await?;
     query("update leases set state = 'ended' where job = $1 and state = 'active'")
         .bind(job.to_string())
         .execute(&mut *connection)
@@ -317,9 +316,9 @@ impl Store {
         found.fetch_optional(&self.readers).await?.as_ref().map(record).transpose()
     }
 
-    /// The jobs that are being rendered.
-    pub(crate) async fn running_jobs(&self) -> Result<Vec<JobId>, StoreError> {
-        let rows = query("select id from jobs where state = 'running'").fetch_all(&self.readers).await?;
+    /// The jobs that have not ended.
+    pub(crate) async fn open_jobs(&self) -> Result<Vec<JobId>, StoreError> {
+        let rows = query("select id from jobs where state in ('queued', 'running')").fetch_all(&self.readers).await?;
         rows.iter().map(|row| row.parsed("id")).collect()
     }
 

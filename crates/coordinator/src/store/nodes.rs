@@ -87,28 +87,38 @@ fn node_row(row: &Row) -> Result<NodeRow, StoreError> {
 const COLUMNS: &str = "frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds";
 
 impl Store {
-    /// The accepted nodes of some tiles of a frame's image, ordered by tile and pass.
-    pub(crate) async fn nodes(&self, job: JobId, frame: u32, tiles: Range<u32>) -> Result<Vec<NodeRow>, StoreError> {
+    /// The accepted nodes of some tiles of a frame's image that begin before a pass, ordered by tile and pass.
+    pub(crate) async fn nodes(
+        &self,
+        job: JobId,
+        frame: u32,
+        tiles: Range<u32>,
+        before_pass: u32,
+    ) -> Result<Vec<NodeRow>, StoreError> {
         let rows = query(format!(
-            "select {COLUMNS} from nodes where job = $1 and frame = $2 and tile >= $3 and tile < $4 \
+            "select {COLUMNS} from nodes where job = $1 and frame = $2 and tile >= $3 and tile < $4 and first_pass < $5 \
              and first_pass < (select passes from jobs where id = $1) order by tile, first_pass"
         ))
         .bind(job.to_string())
         .bind(i64::from(frame))
         .bind(i64::from(tiles.start))
         .bind(i64::from(tiles.end))
+        .bind(i64::from(before_pass))
         .fetch_all(&self.readers)
         .await?;
         rows.iter().map(node_row).collect()
     }
 
-    /// The accepted nodes of a job's pilot, ordered by frame, tile and pass.
-    pub(crate) async fn pilot(&self, job: JobId) -> Result<Vec<NodeRow>, StoreError> {
+    /// The accepted nodes of the pilot of some tiles of a frame's image, ordered by tile and pass.
+    pub(crate) async fn pilot(&self, job: JobId, frame: u32, tiles: Range<u32>) -> Result<Vec<NodeRow>, StoreError> {
         let rows = query(format!(
-            "select {COLUMNS} from nodes where job = $1 and first_pass >= (select passes from jobs where id = $1) \
-             order by frame, tile, first_pass"
+            "select {COLUMNS} from nodes where job = $1 and frame = $2 and tile >= $3 and tile < $4 \
+             and first_pass >= (select passes from jobs where id = $1) order by tile, first_pass"
         ))
         .bind(job.to_string())
+        .bind(i64::from(frame))
+        .bind(i64::from(tiles.start))
+        .bind(i64::from(tiles.end))
         .fetch_all(&self.readers)
         .await?;
         rows.iter().map(node_row).collect()

@@ -32,8 +32,8 @@ use adaptive::{
     passes_beyond_those_that_all_get_wait_until_they_are_shared_out,
 };
 use checks::{
-    a_check_that_nobody_can_do_does_not_hold_up_the_round, a_job_keeps_to_the_bits_that_it_was_begun_with,
-    a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
+    a_check_ends_though_no_node_would_be_chosen_now, a_check_that_nobody_can_do_does_not_hold_up_the_round,
+    a_job_keeps_to_the_bits_that_it_was_begun_with, a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
     a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others,
     a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again, a_worker_of_the_same_name_is_nobody_to_check,
     a_worker_that_computes_other_bits_is_nobody_to_check,
@@ -142,7 +142,7 @@ async fn a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_
     assert_eq!(answer.verdicts, [NodeVerdict::Duplicate, NodeVerdict::Duplicate]);
     assert_eq!(farm.addresses(job).await, [outside]);
     let work = Work { counters, builds: BTreeSet::from(["b".to_owned()]) };
-    assert_eq!(farm.store.nodes(job, 0, 0..u32::MAX).await.unwrap()[0].work, work, "counted once");
+    assert_eq!(farm.store.nodes(job, 0, 0..u32::MAX, u32::MAX).await.unwrap()[0].work, work, "counted once");
     assert_eq!(farm.store.job(job).await.unwrap().unwrap().counters, counters, "counted once");
 }
 
@@ -171,7 +171,7 @@ async fn a_blob_is_needed_until_the_last_of_its_nodes_has_been_replaced(farm: Fa
     let nodes: Vec<DeliveredNode> = children.iter().zip((0..).step_by(10)).map(together).collect();
     let places: Vec<Place> = nodes.iter().map(|node| node.place.clone()).collect();
     assert_eq!(farm.bring(&grant, nodes, 0).await.unwrap().verdicts, [NodeVerdict::Accepted; 4]);
-    let rows = farm.store.nodes(job, 0, 0..u32::MAX).await.unwrap();
+    let rows = farm.store.nodes(job, 0, 0..u32::MAX, u32::MAX).await.unwrap();
     assert!(rows.iter().map(|row| &row.place).eq(&places));
 
     let [first, second] = parents.map(|parent| merge(parent, place("merged", u64::from(parent.tile) * 10)));
@@ -201,9 +201,9 @@ async fn nothing_is_lost_when_the_store_is_reopened(farm: Farm) {
     let worker = farm.worker().await;
     let held = farm.claim(worker, 4, 0).await.unwrap();
     farm.deliver(&held, &held.nodes[..2], 0).await.unwrap();
-    let before = farm.store.nodes(job, 0, 0..u32::MAX).await.unwrap();
+    let before = farm.store.nodes(job, 0, 0..u32::MAX, u32::MAX).await.unwrap();
     let farm = farm.reopened().await;
-    assert_eq!(farm.store.nodes(job, 0, 0..u32::MAX).await.unwrap(), before);
+    assert_eq!(farm.store.nodes(job, 0, 0..u32::MAX, u32::MAX).await.unwrap(), before);
     let rest = farm.deliver(&held, &held.nodes[2..], 0).await.unwrap();
     assert_eq!((rest.verdicts, rest.outstanding), (vec![NodeVerdict::Accepted; 2], 0));
     let next = farm.claim(worker, 1, 0).await.unwrap();
@@ -421,6 +421,7 @@ on_both! {
     a_worker_that_computes_other_bits_is_nobody_to_check
     workers_of_one_name_are_one_machine
     a_worker_of_the_same_name_is_nobody_to_check
+    a_check_ends_though_no_node_would_be_chosen_now
     a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others
     checks_of_a_worker_that_is_gone_go_to_another
     a_job_keeps_to_the_bits_that_it_was_begun_with

@@ -9,12 +9,17 @@ use super::Farm;
 use crate::blobs::Place;
 use crate::stop::Targets;
 use crate::store::jobs::Ending;
-use crate::store::{JobRecord, NewJob, Removed};
+use crate::store::{JobRecord, NewJob, NodeRow, Removed, StoreError};
 
 /// Passes of a job; a block has 16.
 const PASSES: u32 = 80;
 
 impl Farm {
+    /// The accepted nodes of the pilot of a job of one frame.
+    pub(super) async fn pilot(&self, job: &JobRecord) -> Result<Vec<NodeRow>, StoreError> {
+        self.store.pilot(job.id, 0, 0..job.grid.len()).await
+    }
+
     pub(super) async fn adaptive_job(&self, targets: Targets) -> JobRecord {
         let job = self.job_like(|job| NewJob { passes: PASSES, adaptive: true, targets, ..job }).await;
         self.record(job).await
@@ -77,7 +82,7 @@ pub(super) async fn passes_beyond_those_that_all_get_wait_until_they_are_shared_
     let tiles = job.grid.len();
     farm.work_off().await;
     assert_eq!(farm.accepted(job.id).await, vec![32; tiles as usize], "two blocks");
-    let pilot = farm.store.pilot(job.id).await.unwrap();
+    let pilot = farm.pilot(&job).await.unwrap();
     let pilot_passes: Vec<u32> = job.adaptation().unwrap().pilot().collect();
     assert_eq!(pilot.len() as u32, tiles * pilot_passes.len() as u32);
     for (node, tile_and_pass) in
@@ -93,7 +98,7 @@ pub(super) async fn passes_beyond_those_that_all_get_wait_until_they_are_shared_
     let removed = farm.store.share_out(&job, some_shares(&job)).await.unwrap();
     let places: BTreeSet<Place> = pilot.into_iter().map(|node| node.place).collect();
     assert_eq!(removed.places.into_iter().collect::<BTreeSet<_>>(), places);
-    assert!(farm.store.pilot(job.id).await.unwrap().is_empty());
+    assert!(farm.pilot(&job).await.unwrap().is_empty());
 
     // What has been decided stays.
     let other = BTreeMap::from([(0, vec![Share::new(1).unwrap(); tiles as usize])]);
@@ -122,7 +127,7 @@ pub(super) async fn a_pilot_that_is_not_whole_decides_nothing(farm: Farm) {
     let too_few = BTreeMap::from([(0, vec![Share::new(1).unwrap(); job.grid.len() as usize - 1])]);
     farm.store.share_out(&job, too_few).await.unwrap_err();
     assert_eq!(farm.record(job.id).await.shared_samples, None);
-    assert!(!farm.store.pilot(job.id).await.unwrap().is_empty());
+    assert!(!farm.pilot(&job).await.unwrap().is_empty());
     assert!(farm.claim(farm.worker().await, 1, 0).await.is_none());
 }
 
@@ -169,5 +174,5 @@ pub(super) async fn a_job_that_ends_before_its_pilot_leaves_none_of_it(farm: Far
     let removed = farm.store.discard_pilot(job.id, job.passes).await.unwrap();
     assert_eq!(removed.places.len() as u32, job.grid.len() * job.adaptation().unwrap().pilot_passes());
     assert_eq!(farm.addresses(job.id).await, kept);
-    assert!(farm.store.pilot(job.id).await.unwrap().is_empty());
+    assert!(farm.pilot(&job).await.unwrap().is_empty());
 }

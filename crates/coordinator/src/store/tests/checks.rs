@@ -10,8 +10,11 @@ use crate::store::Outcome;
 
 /// Nodes with these bits, all of which are checked.
 fn with_bits(nodes: &[NodeAddress], bits: &str) -> Vec<DeliveredNode> {
-    let node =
-        |address: &NodeAddress| DeliveredNode { digest: Some(format!("{address} {bits}")), ..delivered(*address) };
+    let node = |address: &NodeAddress| DeliveredNode {
+        digest: format!("{address} {bits}"),
+        is_chosen: true,
+        ..delivered(*address)
+    };
     nodes.iter().map(node).collect()
 }
 
@@ -194,6 +197,7 @@ pub(super) async fn a_check_that_nobody_can_do_does_not_hold_up_the_round(farm: 
     let rest = farm.claim(alone, 100, late).await.unwrap();
     assert!(bring(&farm, &rest, "bits", late).await.has_work);
     assert!(farm.store.give_up_checks(late).await.unwrap().is_empty(), "the other may still do them");
+    assert!(farm.store.give_up_checks(i64::MIN).await.unwrap().is_empty(), "all are waited for");
     assert_eq!(farm.next_wave(job).await, None);
     let given_up = farm.store.give_up_checks(late + 1).await.unwrap();
     assert_eq!(given_up.len(), 8);
@@ -209,6 +213,26 @@ pub(super) async fn a_check_that_nobody_can_do_does_not_hold_up_the_round(farm: 
     let given_up = farm.store.give_up_checks(late).await.unwrap();
     assert!(given_up.len() == 15 && given_up.iter().all(|given_up| given_up.workers == [alone, other]));
     assert!(farm.next_wave(job).await.is_some());
+}
+
+pub(super) async fn a_check_ends_though_no_node_would_be_chosen_now(farm: Farm) {
+    farm.job(1).await;
+    let [first, second, third] = named(&farm, ["first", "second", "third"]).await;
+    let all = farm.claim(first, 100, 0).await.unwrap();
+    assert!(bring(&farm, &all, "bits", 0).await.has_work);
+    let unchosen = |nodes: &[NodeAddress], bits: &str| -> Vec<DeliveredNode> {
+        with_bits(nodes, bits).into_iter().map(|node| DeliveredNode { is_chosen: false, ..node }).collect()
+    };
+    let check = farm.claim(second, 1, 0).await.unwrap();
+    let agreed = farm.bring(&check, unchosen(&check.nodes, "bits"), 0).await.unwrap().checks;
+    assert!(agreed.has_ended && !agreed.has_work, "{agreed:?}");
+    let check = farm.claim(second, 100, 0).await.unwrap();
+    assert_eq!(check.nodes.len(), all.nodes.len() - 1, "the one that has been compared is not claimed again");
+    let disputed = farm.bring(&check, unchosen(&check.nodes, "others"), 0).await.unwrap().checks;
+    assert!(disputed.has_work && !disputed.has_ended, "{disputed:?}");
+    let decision = farm.claim(third, 100, 0).await.unwrap();
+    let decided = farm.bring(&decision, unchosen(&decision.nodes, "bits"), 0).await.unwrap().checks;
+    assert!(matches!(decided.quarantined.as_slice(), [(wrong, _)] if *wrong == second), "{decided:?}");
 }
 
 pub(super) async fn a_worker_that_computes_other_bits_is_nobody_to_check(farm: Farm) {
@@ -364,12 +388,12 @@ pub(super) async fn a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again(f
     let rest = farm.claim(wrong, 256, 0).await.unwrap();
     farm.deliver(&rest, &rest.nodes, 0).await.unwrap();
     let tiles = job.grid.len();
-    assert_eq!(farm.store.pilot(job.id).await.unwrap().len() as u32, 5 * tiles);
+    assert_eq!(farm.pilot(&job).await.unwrap().len() as u32, 5 * tiles);
     let outcome = find_wrong(&farm, &first, [good, third]).await;
     assert_eq!(outcome.removed.places.len(), 1 + rest.nodes.len());
-    assert!(farm.store.pilot(job.id).await.unwrap().is_empty());
+    assert!(farm.pilot(&job).await.unwrap().is_empty());
     farm.deliver_all(good).await;
-    assert_eq!(farm.store.pilot(job.id).await.unwrap().len() as u32, 5 * tiles);
+    assert_eq!(farm.pilot(&job).await.unwrap().len() as u32, 5 * tiles);
     assert_eq!(farm.accepted(job.id).await, vec![32; tiles as usize]);
     farm.record_rounds(job.id, 1, 1.0).await;
     assert!(farm.next_wave(job.id).await.is_some(), "the round of the pilot is complete with it");

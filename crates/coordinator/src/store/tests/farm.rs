@@ -21,7 +21,13 @@ pub(super) const TTL_MS: i64 = 1000;
 /// A node that is on disk, with counters of its own.
 pub(super) fn delivered(address: NodeAddress) -> DeliveredNode {
     let counters = Counters { rays: 1 + u64::from(address.index), ..Counters::default() };
-    DeliveredNode { address, place: place(&Uuid::now_v7().to_string(), 0), counters, digest: None }
+    DeliveredNode {
+        address,
+        place: place(&Uuid::now_v7().to_string(), 0),
+        counters,
+        digest: String::new(),
+        is_chosen: false,
+    }
 }
 
 pub(super) fn place(blob: &str, offset: u64) -> Place {
@@ -133,7 +139,7 @@ impl Farm {
     }
 
     pub(super) async fn addresses(&self, job: JobId) -> Vec<NodeAddress> {
-        self.store.nodes(job, 0, 0..u32::MAX).await.unwrap().into_iter().map(|node| node.address).collect()
+        self.store.nodes(job, 0, 0..u32::MAX, u32::MAX).await.unwrap().into_iter().map(|node| node.address).collect()
     }
 
     pub(super) async fn state(&self, job: JobId) -> JobState {

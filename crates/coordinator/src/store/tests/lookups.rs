@@ -31,8 +31,9 @@ async fn work(farm: &Farm, worker: WorkerId, now_ms: i64) {
     farm.store.touch_worker(worker, now_ms).await.unwrap();
     farm.store.renew(lease, token, now_ms, now_ms + 100).await.unwrap();
     // Some of them are checked, by another.
-    let digest = |node: &NodeAddress| node.tile.is_multiple_of(50).then(|| node.to_string());
-    let brought = |node: &NodeAddress| DeliveredNode { digest: digest(node), ..delivered(*node) };
+    let is_chosen = |node: &NodeAddress| node.tile.is_multiple_of(50);
+    let brought =
+        |node: &NodeAddress| DeliveredNode { digest: node.to_string(), is_chosen: is_chosen(node), ..delivered(*node) };
     farm.bring(&grant, grant.nodes.iter().map(brought).collect(), now_ms).await.unwrap();
     let is_second = |node: &&NodeAddress| node.index % 2 == 1 && grant.nodes.contains(&node.sibling());
     let parents = grant.nodes.iter().filter(is_second).map(NodeAddress::parent);

@@ -379,7 +379,7 @@ impl Model {
     }
 
     async fn check(&self, farm: &Farm) {
-        let rows = farm.store.nodes(self.job, 0, 0..u32::MAX).await.unwrap();
+        let rows = farm.store.nodes(self.job, 0, 0..u32::MAX, u32::MAX).await.unwrap();
         assert_eq!(rows.iter().map(|row| row.address).collect::<BTreeSet<_>>(), self.accepted);
         assert_eq!(rows.len(), self.accepted.len());
         for row in &rows {

@@ -86,11 +86,11 @@ async fn a_database_that_falls_silent_is_given_up_and_called_again() {
     let source = Source::postgres(&through.as_str().parse().unwrap()).unwrap().with_patience(PATIENCE);
     let store = Store::open(source).await.unwrap();
     let farm = store.identity().await.unwrap().farm;
-    store.running_jobs().await.unwrap();
+    store.open_jobs().await.unwrap();
     let mut listener = store.listener().await.unwrap().unwrap();
 
     network.fall_silent();
-    assert!(store.running_jobs().await.is_err(), "a read must not wait for ever");
+    assert!(store.open_jobs().await.is_err(), "a read must not wait for ever");
     assert!(listener.next().await.is_err(), "a listener must notice that nobody can be heard");
     assert_eq!(store.identity().await.unwrap().farm, farm, "a write that has not begun finds another connection");
 
@@ -102,7 +102,7 @@ async fn a_database_that_falls_silent_is_given_up_and_called_again() {
     assert!(written.await.is_err(), "a transaction must not wait for ever");
 
     assert_eq!(store.identity().await.unwrap().farm, farm);
-    assert_eq!(store.running_jobs().await.unwrap(), []);
+    assert_eq!(store.open_jobs().await.unwrap(), []);
     let mut listener = store.listener().await.unwrap().unwrap();
     store.notify("glass".to_owned()).await.unwrap();
     assert_eq!(listener.next().await.unwrap(), "glass");

@@ -58,7 +58,7 @@ pub(super) async fn a_round_that_reaches_a_target_ends_the_job_and_what_lies_bey
     assert_eq!(farm.state(job).await, JobState::Running);
     let beyond: BTreeSet<Place> = farm
         .store
-        .nodes(job, 0, 0..u32::MAX)
+        .nodes(job, 0, 0..u32::MAX, u32::MAX)
         .await
         .unwrap()
         .into_iter()

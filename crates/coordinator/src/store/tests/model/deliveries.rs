@@ -21,7 +21,8 @@ pub(super) fn rendered(address: &NodeAddress, digest: Option<&str>) -> Delivered
         address: *address,
         place: place(&Uuid::now_v7().to_string(), 0),
         counters: Counters { rays: u64::from(address.passes().count), ..Counters::default() },
-        digest: digest.map(str::to_owned),
+        digest: digest.unwrap_or_default().to_owned(),
+        is_chosen: digest.is_some(),
     }
 }
 
