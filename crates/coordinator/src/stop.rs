@@ -72,6 +72,12 @@ impl Targets {
         self.estimated_mse.map_or(FEWEST_SHARED_BLOCKS, |_| FEWEST_BLOCKS)
     }
 
+    /// Whether it can be told when the job will end: without a target at its last sample, and otherwise once its error is known.
+    pub fn is_end_known(&self, samples_per_block: u32, latest: Option<&ConvergencePoint>) -> bool {
+        let has_target = self.mse.is_some() || self.estimated_mse.is_some();
+        !has_target || latest.is_some_and(|point| self.expected_samples(samples_per_block, point).is_some())
+    }
+
     /// The target that every frame has reached at a complete round, if there is one.
     pub fn reached(&self, samples_per_block: u32, frames: &[ConvergencePoint]) -> Option<StopReason> {
         let has_reached = |target, point| {
@@ -149,6 +155,18 @@ mod tests {
         check(both, point(9, Some(1e-4), None, Some(1e-4)), mse);
         check(both, point(9, Some(1e-2), None, Some(1e-4)), estimated);
         check([None, None], point(9, Some(0.0), None, Some(0.0)), None);
+    }
+
+    #[test]
+    fn when_a_job_with_a_target_ends_is_known_from_its_first_error_on() {
+        let estimated = |target| Targets { mse: None, estimated_mse: target };
+        let [without, with] = [false, true].map(|has_error| point(9, Some(1.0), None, has_error.then_some(1.0)));
+        assert!(estimated(None).is_end_known(BLOCK, None));
+        assert!(
+            !estimated(Some(0.1)).is_end_known(BLOCK, None)
+                && !estimated(Some(0.1)).is_end_known(BLOCK, Some(&without))
+        );
+        assert!(estimated(Some(0.1)).is_end_known(BLOCK, Some(&with)));
     }
 
     #[test]

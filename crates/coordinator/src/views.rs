@@ -20,14 +20,16 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
     let started_ms = job.started_ms.filter(|_| is_running);
     let samples_per_second = started_ms.and_then(|started_ms| farm.rates.rate(job.id, started_ms, now_ms));
     let total_samples = expected_samples(&job, latest.as_ref());
-    let remaining_ms = samples_per_second.map(|rate| {
+    let is_end_known = job.targets.is_end_known(job.samples_per_block, latest.as_ref());
+    let remaining_ms = samples_per_second.and_then(|rate| {
         let by_rate = |samples: u64| (samples.saturating_sub(job.samples) as f64 / rate * 1000.0) as i64;
         let by_limit = started_ms.zip(job.time_limit_ms).map(|(started_ms, limit_ms)| {
             // The first pass is rendered in any case.
             let first_pass_ms = if job.rounds == 0 { by_rate(first_pass_samples(&job)) } else { 0 };
             started_ms.saturating_add(limit_ms).saturating_sub(now_ms).max(first_pass_ms)
         });
-        by_limit.map_or(by_rate(total_samples), |by_limit| by_limit.min(by_rate(total_samples)))
+        let by_samples = is_end_known.then(|| by_rate(total_samples));
+        by_limit.into_iter().chain(by_samples).min()
     });
     Ok(JobView {
         progress: progress(&job, total_samples, now_ms),

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use clerestory_render_core::film::{Metrics, ToneCurve, compare, mean_flip};
+use clerestory_render_core::film::{FrameImage, Metrics, ToneCurve, compare, mean_flip};
 use serde::Serialize;
 
 use crate::failure::Failure;
@@ -22,18 +22,25 @@ pub(crate) struct CompareArguments {
     json: bool,
 }
 
+/// How far an image is from a reference.
 #[derive(Serialize)]
-struct Measures {
+pub(crate) struct Measures {
     #[serde(flatten)]
-    metrics: Metrics,
-    flip: f64,
+    pub(crate) metrics: Metrics,
+    pub(crate) flip: f64,
+}
+
+impl Measures {
+    pub(crate) fn of(image: &FrameImage, reference: &FrameImage) -> Result<Self, Failure> {
+        let metrics = compare(image, reference).map_err(Failure::Compare)?;
+        let flip = mean_flip(image, reference, ToneCurve::Filmic).map_err(Failure::Compare)?;
+        Ok(Self { metrics, flip })
+    }
 }
 
 pub(crate) fn run(arguments: &CompareArguments) -> Result<(), Failure> {
     let (image, reference) = (read(&arguments.image)?, read(&arguments.reference)?);
-    let metrics = compare(&image, &reference).map_err(Failure::Compare)?;
-    let flip = mean_flip(&image, &reference, ToneCurve::Filmic).map_err(Failure::Compare)?;
-    let measures = Measures { metrics, flip };
+    let measures = Measures::of(&image, &reference)?;
     if arguments.json { print_json(&measures) } else { rows(&measures).iter().try_for_each(|row| print_line(row)) }
 }
 

@@ -12,8 +12,7 @@ use clerestory_api::{ConvergencePoint, StopReason};
 use clerestory_coordinator::{Targets, smallest_tile};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{
-    FrameImage, ImageError, Metrics, TileGrid, TileSum, ToneCurve, compare, encode_png, mean_flip,
-    mean_squared_standard_error,
+    FrameImage, ImageError, TileGrid, TileSum, encode_png, mean_squared_standard_error,
 };
 use clerestory_render_core::scene::Scene;
 use rayon::ThreadPoolBuilder;
@@ -21,6 +20,7 @@ use serde::Serialize;
 use tokio::sync::mpsc;
 
 use crate::arguments::{positive, whole};
+use crate::commands::compare::Measures;
 use crate::commands::worker::cores;
 use crate::failure::Failure;
 use crate::image_file::read_reference;
@@ -109,7 +109,7 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         samples_per_second: work.samples as f64 / elapsed.as_secs_f64(),
         threads: order.threads.get(),
         stopped_by: rendering.stopped_by,
-        metrics: order.metrics(&image)?,
+        metrics: order.measures(&image)?,
         counters: work,
     };
     if let Some(file) = &arguments.stats {
@@ -252,18 +252,17 @@ impl Order {
         local_render::image(&self.scene, &self.plan, sums, counters, elapsed)
     }
 
-    fn metrics(&self, image: &FrameImage) -> Result<Option<Metrics>, Failure> {
-        self.reference.as_ref().map(|reference| compare(image, reference).map_err(Failure::Compare)).transpose()
+    fn measures(&self, image: &FrameImage) -> Result<Option<Measures>, Failure> {
+        self.reference.as_ref().map(|reference| Measures::of(image, reference)).transpose()
     }
 
     /// The error at a round; what cannot be measured is absent.
     fn point(&self, round: &Round<'_>, samples: u64, elapsed: Duration) -> ConvergencePoint {
         let counters = Counters { samples, ..Counters::default() };
         let image = self.image(round.sums, counters, Some(elapsed)).ok();
-        let metrics = image.as_ref().and_then(|image| self.metrics(image).ok().flatten());
+        let measures = image.as_ref().and_then(|image| self.measures(image).ok().flatten());
+        let metrics = measures.as_ref().map(|measures| &measures.metrics);
         let estimated_mse = image.as_ref().and_then(mean_squared_standard_error);
-        let with_reference = image.as_ref().zip(self.reference.as_ref());
-        let flip = with_reference.and_then(|(image, reference)| mean_flip(image, reference, ToneCurve::Filmic).ok());
         let milliseconds = |duration: Duration| i64::try_from(duration.as_millis()).unwrap_or(i64::MAX);
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         ConvergencePoint {
@@ -278,7 +277,7 @@ impl Order {
             corrected_mse: metrics.and_then(|metrics| metrics.corrected_mse),
             rel_mse: metrics.and_then(|metrics| metrics.rel_mse),
             psnr: metrics.and_then(|metrics| metrics.psnr),
-            flip,
+            flip: measures.as_ref().map(|measures| measures.flip),
             estimated_mse,
         }
     }
@@ -296,7 +295,8 @@ impl Order {
         let by_time = self.time.map_or(0.0, |time| elapsed.as_secs_f64() / time.as_secs_f64());
         let fraction = by_samples.max(by_time).min(1.0);
         let remaining = elapsed.as_secs_f64() * (1.0 / fraction - 1.0);
-        let remaining = Some(remaining).filter(|_| samples > 0 && fraction > 0.0);
+        let is_end_known = self.time.is_some() || self.targets.is_end_known(samples_per_block, latest);
+        let remaining = Some(remaining).filter(|_| samples > 0 && fraction > 0.0 && is_end_known);
         let remaining = remaining.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
         let samples_per_second = (samples > 0).then(|| samples as f64 / elapsed.as_secs_f64());
         Advance { fraction, samples_per_second, remaining, ..Advance::default() }
@@ -317,7 +317,7 @@ struct Summary {
     samples_per_second: f64,
     threads: usize,
     stopped_by: Option<StopReason>,
-    metrics: Option<Metrics>,
+    metrics: Option<Measures>,
     counters: Counters,
 }
 
@@ -350,7 +350,7 @@ impl Summary {
             duration_text(Duration::from_secs_f64(self.seconds)),
             self.samples_per_second,
         );
-        if let Some(metrics) = &self.metrics {
+        if let Some(Measures { metrics, .. }) = &self.metrics {
             text.push_str(&format!("; MSE {:.4e}", metrics.mse));
         }
         text

@@ -51,7 +51,7 @@ pub(crate) struct SubmitArguments {
     /// Wait for the job to end, and show its progress.
     #[arg(long)]
     wait: bool,
-    /// Write the image here when the job has ended.
+    /// Write the image here when the job has ended; with `--wait`.
     #[arg(short, long, value_name = "FILE", requires = "wait")]
     output: Option<PathBuf>,
     /// Also write a PNG beside it.

@@ -14,6 +14,8 @@ use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
 use tokio_util::sync::CancellationToken;
 
+use super::lingering::Lingering;
+
 /// Bytes that are read from a connection at a time, and so the most that the head of a request may have.
 const BUFFER: usize = 8 << 10;
 
@@ -35,7 +37,7 @@ pub(crate) async fn serve(listener: TcpListener, router: Router, stopping: Cance
             }
         };
         let service = TowerToHyperService::new(router.clone());
-        let connection = server.serve_connection(TokioIo::new(stream), service).into_owned();
+        let connection = server.serve_connection(TokioIo::new(Lingering::new(stream)), service).into_owned();
         let connection = connections.watch(connection);
         tokio::spawn(async move {
             if let Err(error) = connection.await {

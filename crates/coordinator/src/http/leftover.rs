@@ -2,7 +2,7 @@
 //!
 //! An answer may come before the whole body: the lease is over, the file is there already, the body is too large. The
 //! connection would then be closed without a word, under a caller who is still sending, or sends its next request on it.
-//! So the rest is received and dropped; where it is too much, the answer says that the connection ends.
+//! So the rest is received and dropped; where it is too much, the answer says that the connection ends, and it [ends late](super::lingering).
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;

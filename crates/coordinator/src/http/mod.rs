@@ -15,6 +15,7 @@ mod images;
 mod jobs;
 mod leases;
 mod leftover;
+mod lingering;
 mod openapi;
 mod problem;
 mod strict_object;

@@ -300,6 +300,16 @@ async fn a_connection_lives_on_when_the_answer_comes_before_the_body() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn who_sends_far_too_much_is_told_so_whenever_it_listens() {
+    let farm = TestFarm::start().await;
+    let mut connection = TcpStream::connect(farm.address.trim_start_matches("http://")).await.unwrap();
+    let head = "POST /api/v1/jobs HTTP/1.1\r\ncontent-type: application/json";
+    let too_large = exchange(&mut connection, head, &vec![b' '; 100 << 20]).await;
+    assert!(too_large.starts_with("HTTP/1.1 413 ") && too_large.contains("connection: close"), "{too_large}");
+    assert_eq!(connection.read(&mut [0]).await.unwrap(), 0, "it ends in order");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn uploads_that_stop_keep_nobody_waiting_and_are_told() {
     let farm = TestFarm::start_with(|config| config.lease_nodes = Some(200)).await;
     let job = farm.submit(1).await;
