@@ -47,8 +47,8 @@ pub(crate) async fn accept(
         Err(error) => {
             let reason = error.to_string();
             tracing::warn!(%lease, worker = %record.worker, reason, "partial refused");
-            let now_ms = farm.config.clock.now_ms();
-            let failure = WorkFailure { lease, token, reason: reason.clone(), refused_partials: 1, now_ms };
+            let (now_ms, alive_ms) = (farm.config.clock.now_ms(), farm.alive_ms());
+            let failure = WorkFailure { lease, token, reason: reason.clone(), refused_partials: 1, now_ms, alive_ms };
             fail(farm, failure).await?;
             return Err(ApiError::new(ProblemCode::InvalidPartial, reason).field("body"));
         }

@@ -17,7 +17,7 @@ use crate::farm::Farm;
 use crate::film::{FilmError, runs};
 use crate::news::News;
 use crate::stop::Targets;
-use crate::store::{JobRecord, NodeRow, Removed};
+use crate::store::{JobRecord, NodeRow};
 
 /// The round whose work the pilot is: the second, so that there is an image of one pass before.
 pub const PILOT_ROUND: u32 = 1;
@@ -91,14 +91,24 @@ async fn noise_of(farm: &Farm, rows: &[NodeRow]) -> Result<f64, FilmError> {
     Ok(tokio::task::spawn_blocking(move || noise(&nodes)).await?)
 }
 
-/// Stores the shares of a job in the place of its pilot. Answers what is not needed any more; changes nothing when that has been done.
+/// Stores the shares of a job; changes nothing when that has been done.
 pub(crate) async fn share_out(
     farm: &Farm,
     job: &JobRecord,
     shares: BTreeMap<u32, Vec<Share>>,
-) -> Result<Removed, FilmError> {
-    let removed = farm.store.share_out(job, shares).await?;
-    tracing::info!(job = %job.id, "passes shared out among the tiles");
-    farm.tell(News::Work);
-    Ok(removed)
+) -> Result<(), FilmError> {
+    if farm.store.share_out(job, shares).await? {
+        tracing::info!(job = %job.id, "passes shared out among the tiles");
+        farm.tell(News::Work);
+    }
+    discard_pilot(farm, job).await
+}
+
+/// Throws away the pilot of a job that has no need of it, run by run, so that claims wait for one run at most. Where it was cut short, what is left
+/// goes when the job has ended.
+pub(crate) async fn discard_pilot(farm: &Farm, job: &JobRecord) -> Result<(), FilmError> {
+    for (frame, tiles) in (0..job.frames).flat_map(|frame| runs(0..job.grid.len()).map(move |tiles| (frame, tiles))) {
+        farm.let_go(farm.store.discard_pilot(job.id, frame, tiles).await?).await;
+    }
+    Ok(())
 }

@@ -276,9 +276,8 @@ async fn advance(
         };
         let Some(wave) = wave else {
             if record.state.is_final() {
-                if record.adaptive && record.shared_samples.is_none() {
-                    // It ended before its pilot was of use.
-                    farm.let_go(farm.store.discard_pilot(job, record.passes).await?).await;
+                if record.adaptive {
+                    adaptive::discard_pilot(farm, &record).await?;
                 }
                 farm.rates.remove(job);
             }
@@ -310,7 +309,7 @@ async fn advance(
         if wave.round == PILOT_ROUND && record.adaptive && record.shared_samples.is_none() {
             let decided = claim.while_held(adaptive::decide(farm, &record)).await;
             let Some(shares) = decided.transpose()? else { continue };
-            farm.let_go(adaptive::share_out(farm, &record, shares).await?).await;
+            adaptive::share_out(farm, &record, shares).await?;
             continue;
         }
         let measured = claim.while_held(measure(farm, &record, &wave, &mut kept.reference)).await;

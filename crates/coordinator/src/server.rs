@@ -28,6 +28,10 @@ use crate::{directory, events, http, keeper, tidying};
 /// Longest time between two looks at deadlines.
 const LONGEST_TICK: Duration = Duration::from_secs(1);
 
+/// How long nothing may be heard without counting as such: who said that it was there just before, and says so again just after, was silent for
+/// less than others wait for it.
+const LONGEST_GAP: Duration = Duration::from_secs(5);
+
 /// How long requests that are under way may take to finish when the coordinator stops.
 const GRACE: Duration = Duration::from_secs(10);
 
@@ -259,7 +263,7 @@ async fn watch_deadlines(farm: Arc<Farm>) {
     interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let mut looked = Instant::now();
     while farm.stopping.run_until_cancelled(interval.tick()).await.is_some() {
-        if looked.elapsed() > tick + LONGEST_TICK {
+        if looked.elapsed() > tick + LONGEST_GAP {
             // It slept, or waited for the database, and workers were not heard meanwhile.
             farm.listen_anew();
         }

@@ -238,7 +238,8 @@ pub(super) async fn give_back(
         }
         Some(reason) => {
             tracing::warn!(%lease, reason, "a worker could not do its work");
-            let failure = WorkFailure { lease, token, reason, refused_partials: 0, now_ms };
+            let alive_ms = farm.alive_ms();
+            let failure = WorkFailure { lease, token, reason, refused_partials: 0, now_ms, alive_ms };
             acceptance::fail(&farm, failure).await?;
         }
     }

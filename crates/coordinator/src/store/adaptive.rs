@@ -1,6 +1,7 @@
 //! Shares of the passes of adaptive jobs: decided by the [keeper](crate::adaptive), looked up wherever tiles have their own passes.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 use clerestory_api::JobId;
 use clerestory_render_core::film::{PassRange, Share};
@@ -25,20 +26,21 @@ impl Store {
         shared(job, &rows)
     }
 
-    /// Stores what each tile of each frame gets of the passes of a job, in the place of its pilot. Changes nothing when that has been
-    /// done, or nodes have been taken out since the job was read.
+    /// Stores what each tile of each frame gets of the passes of a job. `false`, and nothing is changed, when that has been done, or nodes have
+    /// been taken out since the job was read.
     pub(crate) async fn share_out(
         &self,
         job: &JobRecord,
         shares: BTreeMap<u32, Vec<Share>>,
-    ) -> Result<Removed, StoreError> {
+    ) -> Result<bool, StoreError> {
         let job = job.clone();
         self.write(move |connection| Box::pin(async move { share_out(connection, &job, &shares).await })).await
     }
 
-    /// Throws away what there is of the pilot of a job that has ended without need of it.
-    pub(crate) async fn discard_pilot(&self, job: JobId, passes: u32) -> Result<Removed, StoreError> {
-        self.write(move |connection| Box::pin(async move { nodes::discard(connection, job, passes).await })).await
+    /// Throws away what some tiles of a frame have of the pilot of a job that has no need of it any more: its passes are shared out, or it has
+    /// ended. Of one that has [begun again](super::redo) meanwhile, the pilot stays.
+    pub(crate) async fn discard_pilot(&self, job: JobId, frame: u32, tiles: Range<u32>) -> Result<Removed, StoreError> {
+        self.write(move |connection| Box::pin(async move { discard_pilot(connection, job, frame, tiles).await })).await
     }
 }
 
@@ -119,8 +121,8 @@ async fn share_out(
     connection: &mut Connection,
     job: &JobRecord,
     shares: &BTreeMap<u32, Vec<Share>>,
-) -> Result<Removed, StoreError> {
-    let Some(adaptation) = job.adaptation() else { return Ok(Removed::default()) };
+) -> Result<bool, StoreError> {
+    let Some(adaptation) = job.adaptation() else { return Ok(false) };
     let mut samples = 0;
     let mut rows = Vec::new();
     for (frame, shares) in shares {
@@ -138,7 +140,7 @@ async fn share_out(
             .execute(&mut *connection)
             .await?;
     if decided == 0 {
-        return Ok(Removed::default());
+        return Ok(false);
     }
     if rows.len() as u64 != u64::from(job.frames) * u64::from(job.grid.len()) {
         let value = format!("a pilot of {} tiles", rows.len());
@@ -149,5 +151,25 @@ async fn share_out(
         rows_of(connection.engine(), 2, &[Kind::Integer; 3])
     );
     query(statement).bind(job.id.to_string()).bind(to_json(&rows)?).execute(&mut *connection).await?;
-    nodes::discard(connection, job.id, job.passes).await
+    Ok(true)
+}
+
+async fn discard_pilot(
+    connection: &mut Connection,
+    job: JobId,
+    frame: u32,
+    tiles: Range<u32>,
+) -> Result<Removed, StoreError> {
+    let rows = query(
+        "delete from nodes where job = $1 and frame = $2 and tile >= $3 and tile < $4 and first_pass >= (select passes from jobs \
+         where id = $1 and (shared_samples is not null or state not in ('queued', 'running'))) \
+         returning blob, blob_offset, blob_length",
+    )
+    .bind(job.to_string())
+    .bind(i64::from(frame))
+    .bind(i64::from(tiles.start))
+    .bind(i64::from(tiles.end))
+    .fetch_all(&mut *connection)
+    .await?;
+    nodes::removed_at(connection, &rows).await
 }

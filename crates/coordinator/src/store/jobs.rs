@@ -325,7 +325,8 @@ impl Store {
     /// The jobs of which a round may be left to be recorded, or a pilot to be let go: those that have ended may have been stopped before that.
     pub(crate) async fn unsettled_jobs(&self) -> Result<Vec<JobId>, StoreError> {
         let unsettled = query(
-            "select id from jobs where state in ('queued', 'running') or (adaptive = 1 and shared_samples is null) \
+            "select id from jobs where state in ('queued', 'running') \
+             or (adaptive = 1 and (select 1 from nodes where job = jobs.id and first_pass >= jobs.passes limit 1) is not null) \
              or exists (select 1 from waves where job = jobs.id and round = jobs.rounds)",
         );
         unsettled.fetch_all(&self.readers).await?.iter().map(|row| row.parsed("id")).collect()

@@ -8,12 +8,14 @@ use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 use serde::{Deserialize, Serialize};
 
+use super::claim::HAS_BITS;
 use super::jobs::{self, Ending, JobRecord};
 use super::row::{Row, to_json};
 use super::sql::{Kind, looked_up, query};
 use super::{Connection, Store, StoreError, workers};
 
-/// A node that failed so often, each time under another lease, fails its job: some worker would have brought it.
+/// A node that failed so often, each time under another lease, fails its job: some worker would have brought it. Failures in a row of one machine
+/// count once while there are others to try it.
 const MOST_FAILURES: i64 = 5;
 
 /// How long the answer to a late call can still say what became of its lease.
@@ -113,6 +115,8 @@ pub(crate) struct WorkFailure {
     pub(crate) refused_partials: u32,
     /// Now.
     pub(crate) now_ms: i64,
+    /// Who was not heard of since is not there.
+    pub(crate) alive_ms: i64,
 }
 
 const LEASE: &str = "select leases.id as lease_id, token, job, worker, build, state as lease_state, deadline_ms, nodes \
@@ -350,10 +354,16 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     .bind(failure.now_ms)
     .execute(&mut *connection)
     .await?;
-    let failed = query(
-        "update pending set failures = failures + 1 where lease = $1 returning failures, frame, tile, level, idx",
-    )
+    let failed = query(format!(
+        "update pending set failures = failures + case when failed_by = failing.name and exists (select 1 from workers \
+         where workers.name <> failing.name and workers.seen_ms >= $3 and workers.quarantine is null and {HAS_BITS}) \
+         then 0 else 1 end, failed_by = failing.name \
+         from jobs, (select name from workers where id = $2) as failing where lease = $1 and jobs.id = job \
+         returning failures, frame, tile, level, idx"
+    ))
     .bind(failure.lease.to_string())
+    .bind(lease.worker.to_string())
+    .bind(failure.alive_ms)
     .fetch_all(&mut *connection)
     .await?;
     if lease.state == LeaseState::Active {

@@ -133,7 +133,8 @@ impl Store {
     ) -> Result<Vec<u32>, StoreError> {
         let rows = query(
             "select tile, first_pass, end_pass from nodes \
-             where job = $1 and frame = $2 and tile >= $3 and tile < $4 order by tile, first_pass",
+             where job = $1 and frame = $2 and tile >= $3 and tile < $4 and first_pass < (select passes from jobs where id = $1) \
+             order by tile, first_pass",
         )
         .bind(job.to_string())
         .bind(i64::from(frame))
@@ -195,6 +196,11 @@ pub(super) async fn discard(connection: &mut Connection, job: JobId, first_pass:
         .bind(i64::from(first_pass))
         .fetch_all(&mut *connection)
         .await?;
+    removed_at(connection, &rows).await
+}
+
+/// What has been taken out with some rows, which say where their nodes lay.
+pub(super) async fn removed_at(connection: &mut Connection, rows: &[Row]) -> Result<Removed, StoreError> {
     removed(connection, rows.iter().map(place).collect::<Result<_, _>>()?).await
 }
 
@@ -254,7 +260,7 @@ pub(super) async fn take_out(
 /// Takes out some nodes.
 async fn delete_all(connection: &mut Connection, job: JobId, nodes: &[NodeAddress]) -> Result<Removed, StoreError> {
     let rows = delete(connection, job, nodes).await?;
-    removed(connection, rows.iter().map(place).collect::<Result<_, _>>()?).await
+    removed_at(connection, &rows).await
 }
 
 /// Deletes the rows of some nodes, and answers them.

@@ -39,7 +39,7 @@ pub enum SchemaError {
 }
 
 /// What makes a schema of the one before, each with its version and its name.
-const MIGRATIONS: [(i64, &str, &str); 15] = [
+const MIGRATIONS: [(i64, &str, &str); 16] = [
     (1, "first", include_str!("../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../migrations/0002_counters.sql")),
     (3, "farm", include_str!("../../migrations/0003_farm.sql")),
@@ -55,6 +55,7 @@ const MIGRATIONS: [(i64, &str, &str); 15] = [
     (13, "open_waves", include_str!("../../migrations/0013_open_waves.sql")),
     (14, "flip", include_str!("../../migrations/0014_flip.sql")),
     (15, "lookups", include_str!("../../migrations/0015_lookups.sql")),
+    (16, "failures", include_str!("../../migrations/0016_failures.sql")),
 ];
 
 /// Where applied migrations are noted, as the first builds made it; the hash is empty since.

@@ -42,7 +42,7 @@ use checks::{
     two_who_agree_end_a_check, workers_of_one_name_are_one_machine,
 };
 use claims::{
-    a_node_that_nobody_can_bring_fails_its_job_with_the_reason,
+    a_machine_that_fails_alone_does_not_fail_the_job, a_node_that_nobody_can_bring_fails_its_job_with_the_reason,
     a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job,
     a_worker_that_dies_again_and_again_does_not_fail_the_job, a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time,
     an_unknown_worker_gets_no_work_and_is_told, concurrent_claimants_never_get_the_same_node,
@@ -429,6 +429,7 @@ on_both! {
     returned_work_is_free_at_once_and_returning_twice_is_harmless
     a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason
+    a_machine_that_fails_alone_does_not_fail_the_job
     a_worker_that_dies_again_and_again_does_not_fail_the_job
     nothing_is_lost_when_the_store_is_reopened
     rounds_complete_in_order_and_the_last_ends_the_job

@@ -41,6 +41,15 @@ impl Farm {
         }
     }
 
+    /// Throws the pilot of a job of one frame away, two tiles after others, if it is not needed.
+    pub(super) async fn discard_pilot(&self, job: &JobRecord) -> Removed {
+        let mut removed = Removed::default();
+        for first in (0..job.grid.len()).step_by(2) {
+            removed += self.store.discard_pilot(job.id, 0, first..first + 2).await.unwrap();
+        }
+        removed
+    }
+
     /// Passes of each tile that have been accepted, without the pilot.
     pub(super) async fn accepted(&self, job: JobId) -> Vec<u32> {
         let grid = self.record(job).await.grid;
@@ -95,14 +104,15 @@ pub(super) async fn passes_beyond_those_that_all_get_wait_until_they_are_shared_
 
     farm.record_rounds(job.id, 1, 1.0).await;
     let job = farm.record(job.id).await;
-    let removed = farm.store.share_out(&job, some_shares(&job)).await.unwrap();
+    assert!(farm.store.share_out(&job, some_shares(&job)).await.unwrap());
+    let removed = farm.discard_pilot(&job).await;
     let places: BTreeSet<Place> = pilot.into_iter().map(|node| node.place).collect();
     assert_eq!(removed.places.into_iter().collect::<BTreeSet<_>>(), places);
     assert!(farm.pilot(&job).await.unwrap().is_empty());
 
     // What has been decided stays.
     let other = BTreeMap::from([(0, vec![Share::new(1).unwrap(); tiles as usize])]);
-    assert_eq!(farm.store.share_out(&job, other).await.unwrap(), Removed::default());
+    assert!(!farm.store.share_out(&job, other).await.unwrap());
     let farm = farm.reopened().await;
     let job = farm.record(job.id).await;
     assert!(job.total_samples() < most);
@@ -169,10 +179,15 @@ pub(super) async fn nodes_beyond_the_share_of_a_round_go_when_a_target_ends_the_
 pub(super) async fn a_job_that_ends_before_its_pilot_leaves_none_of_it(farm: Farm) {
     let job = farm.adaptive_job(Targets::default()).await;
     farm.work_off().await;
+    assert_eq!(farm.discard_pilot(&job).await, Removed::default(), "it is needed");
+    // Of 1, 2, 4, 8, 16 and 32 passes: nothing else is left to do.
+    farm.record_rounds(job.id, 6, 1.0).await;
     farm.store.end_job(job.id, Ending::Cancelled, 0).await.unwrap();
     let kept = farm.addresses(job.id).await;
-    let removed = farm.store.discard_pilot(job.id, job.passes).await.unwrap();
+    assert_eq!(farm.store.unsettled_jobs().await.unwrap(), [job.id]);
+    let removed = farm.discard_pilot(&job).await;
     assert_eq!(removed.places.len() as u32, job.grid.len() * job.adaptation().unwrap().pilot_passes());
     assert_eq!(farm.addresses(job.id).await, kept);
     assert!(farm.pilot(&job).await.unwrap().is_empty());
+    assert_eq!(farm.store.unsettled_jobs().await.unwrap(), []);
 }

@@ -6,7 +6,7 @@ use clerestory_render_core::film::NodeAddress;
 use super::adaptive::some_shares;
 use super::{DeliveredNode, Farm, Grant, LeaseError, Merge, TTL_MS, WorkerError, delivered, merge, place};
 use crate::stop::Targets;
-use crate::store::Outcome;
+use crate::store::{Outcome, Removed};
 
 /// Nodes with these bits, all of which are checked.
 fn with_bits(nodes: &[NodeAddress], bits: &str) -> Vec<DeliveredNode> {
@@ -418,7 +418,8 @@ pub(super) async fn a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again
     farm.deliver_all(good).await;
     farm.record_rounds(job.id, 1, 1.0).await;
     let late = farm.store.share_out(&stale, some_shares(&job)).await.unwrap();
-    assert!(late.places.is_empty(), "it was decided before nodes were taken out");
+    assert!(!late, "it was decided before nodes were taken out");
+    assert_eq!(farm.discard_pilot(&stale).await, Removed::default(), "it is needed again");
     let record = farm.record(job.id).await;
     assert_eq!(record.shared_samples, None);
     farm.store.share_out(&record, some_shares(&record)).await.unwrap();

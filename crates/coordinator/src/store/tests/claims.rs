@@ -177,27 +177,52 @@ pub(super) async fn a_worker_that_dies_again_and_again_does_not_fail_the_job(far
     assert_eq!(farm.state(job).await, JobState::Running);
 }
 
+async fn fail(farm: &Farm, worker: WorkerId, now_ms: i64, alive_ms: i64) {
+    let grant = farm.claim(worker, 1, now_ms).await.unwrap();
+    let failure = WorkFailure {
+        lease: grant.lease.id,
+        token: grant.lease.token,
+        reason: "not a number".to_owned(),
+        refused_partials: 1,
+        now_ms,
+        alive_ms,
+    };
+    farm.store.fail_lease(failure).await.unwrap();
+    assert!(farm.claim(worker, 1, now_ms).await.is_none(), "a failing worker rests");
+}
+
 pub(super) async fn a_node_that_nobody_can_bring_fails_its_job_with_the_reason(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
-    let mut now_ms = 0;
-    for attempt in 1..=5 {
-        assert_eq!(farm.state(job).await, if attempt == 1 { JobState::Queued } else { JobState::Running });
-        let grant = farm.claim(worker, 1, now_ms).await.unwrap();
-        let failure = WorkFailure {
-            lease: grant.lease.id,
-            token: grant.lease.token,
-            reason: "not a number".to_owned(),
-            refused_partials: 1,
-            now_ms,
-        };
-        farm.store.fail_lease(failure).await.unwrap();
-        assert!(farm.claim(worker, 1, now_ms).await.is_none(), "a failing worker rests");
-        now_ms += 60_000;
+    for attempt in 0..5 {
+        assert_eq!(farm.state(job).await, if attempt == 0 { JobState::Queued } else { JobState::Running });
+        fail(&farm, worker, attempt * 60_000, 0).await;
     }
     let record = farm.store.job(job).await.unwrap().unwrap();
     assert_eq!(record.state, JobState::Failed);
     assert!(record.failure.unwrap().contains("not a number"));
+}
+
+pub(super) async fn a_machine_that_fails_alone_does_not_fail_the_job(farm: Farm) {
+    let job = farm.job(1).await;
+    let failing = farm.worker_named("failing").await.unwrap();
+    let other = farm.worker_named("other").await.unwrap();
+    let mut now_ms = 0;
+    for _ in 0..20 {
+        now_ms += 60_000;
+        fail(&farm, failing, now_ms, 0).await;
+    }
+    assert_eq!(farm.state(job).await, JobState::Running);
+    // Where another fails as well, both are heard.
+    for worker in [other, failing, other] {
+        now_ms += 60_000;
+        assert_eq!(farm.state(job).await, JobState::Running);
+        fail(&farm, worker, now_ms, 0).await;
+    }
+    assert_eq!(farm.state(job).await, JobState::Running);
+    // Where the other is gone, this one alone can tell.
+    fail(&farm, failing, now_ms + 60_000, now_ms + 1).await;
+    assert_eq!(farm.state(job).await, JobState::Failed);
 }
 
 pub(super) async fn leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same(farm: Farm) {

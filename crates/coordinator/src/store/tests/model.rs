@@ -62,6 +62,10 @@ impl Worker {
     }
 }
 
+fn name(worker: usize) -> String {
+    format!("worker {worker}")
+}
+
 /// A lease as the model has it.
 struct Held {
     grant: Grant,
@@ -81,13 +85,15 @@ struct Pending {
     /// The lease that it was given out with last, if that is not over.
     lease: Option<LeaseId>,
     failures: u32,
+    /// The worker under which it failed last.
+    failed_by: Option<usize>,
     repeats: u32,
 }
 
 impl Pending {
     /// One that nobody has had.
     fn new(round: u32) -> Self {
-        Self { round, lease: None, failures: 0, repeats: 0 }
+        Self { round, lease: None, failures: 0, failed_by: None, repeats: 0 }
     }
 }
 
@@ -146,7 +152,7 @@ impl Model {
         // Workers of one name would be one machine.
         let mut workers = Vec::new();
         for number in 0..WORKERS {
-            let id = farm.worker_named(&format!("worker {number}")).await.unwrap();
+            let id = farm.worker_named(&name(number)).await.unwrap();
             workers.push(Worker { id, failures_in_a_row: 0, failed_ms: 0 });
         }
         let judges =
@@ -247,15 +253,19 @@ impl Model {
 
     /// What waits to be rendered, as the store has it.
     async fn stored(&self, farm: &Farm) -> BTreeMap<NodeAddress, Pending> {
-        let rows = query("select frame, tile, level, idx, round, failures, repeats, lease from pending where job = $1")
-            .bind(self.job.to_string())
-            .fetch_all(&farm.store.readers)
-            .await
-            .unwrap();
+        let rows = query(
+            "select frame, tile, level, idx, round, failures, failed_by, repeats, lease from pending where job = $1",
+        )
+        .bind(self.job.to_string())
+        .fetch_all(&farm.store.readers)
+        .await
+        .unwrap();
+        let named = |wanted: &str| (0..WORKERS).find(|worker| name(*worker) == wanted).unwrap();
         let pending = |row: &Row| Pending {
             round: row.number("round").unwrap(),
             lease: row.optional_parsed("lease").unwrap(),
             failures: row.number("failures").unwrap(),
+            failed_by: row.optional_text("failed_by").unwrap().map(|name| named(&name)),
             repeats: row.number("repeats").unwrap(),
         };
         rows.iter().map(|row| (address(row).unwrap(), pending(row))).collect()
@@ -287,12 +297,12 @@ impl Model {
                     self.give_back(&farm, lease).await;
                 }
             }
-            Step::Fail { lease } => {
+            Step::Fail { lease, alone } => {
                 if let Some(lease) = self.lease(lease) {
-                    self.fail(&farm, lease).await;
+                    self.fail(&farm, lease, alone).await;
                 }
             }
-            Step::FailAgain { worker, times } => self.fail_again(&farm, worker, times).await,
+            Step::FailAgain { worker, times, alone } => self.fail_again(&farm, worker, times, alone).await,
             Step::FindWrong { worker } => self.find_wrong(&farm, worker).await,
             Step::Wait { ms } => self.now_ms += ms,
             Step::Expire => self.expire(&farm).await,

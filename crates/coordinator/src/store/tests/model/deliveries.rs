@@ -164,7 +164,7 @@ impl Model {
         let nodes = self.leases[lease].grant.nodes.iter().map(|node| rendered(node, None)).collect();
         let delivery = Delivery { lease: id, token, nodes, core_ms: 10, now_ms: self.now_ms, alive_ms: 0 };
         let reason = REASON.to_owned();
-        let failure = WorkFailure { lease: id, token, reason, refused_partials: 1, now_ms: self.now_ms };
+        let failure = WorkFailure { lease: id, token, reason, refused_partials: 1, now_ms: self.now_ms, alive_ms: 0 };
         let refusals = [
             farm.store.accept(delivery).await.unwrap_err(),
             farm.store.renew(id, token, self.now_ms, self.now_ms + LEASE_MS).await.unwrap_err(),

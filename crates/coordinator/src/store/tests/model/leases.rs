@@ -54,18 +54,24 @@ impl Model {
         }
     }
 
-    pub(super) async fn fail(&mut self, farm: &Farm, lease: usize) {
+    /// Lets a worker fail, while others are there or it is alone.
+    pub(super) async fn fail(&mut self, farm: &Farm, lease: usize, alone: bool) {
         let (id, token) = self.key(lease);
+        let alive_ms = if alone { i64::MAX } else { i64::MIN };
         let reason = REASON.to_owned();
-        let failure = WorkFailure { lease: id, token, reason, refused_partials: 1, now_ms: self.now_ms };
+        let failure = WorkFailure { lease: id, token, reason, refused_partials: 1, now_ms: self.now_ms, alive_ms };
         let answer = farm.store.fail_lease(failure).await;
         let Some(failed_job) = self.answered(lease, answer) else { return };
-        let worker = &mut self.workers[self.leases[lease].worker];
+        let failing = self.leases[lease].worker;
+        let worker = &mut self.workers[failing];
         worker.failures_in_a_row += 1;
         worker.failed_ms = self.now_ms;
         let mut most = 0;
         for pending in self.pending.values_mut().filter(|pending| pending.lease == Some(id)) {
-            pending.failures += 1;
+            if alone || pending.failed_by != Some(failing) {
+                pending.failures += 1;
+            }
+            pending.failed_by = Some(failing);
             most = pending.failures.max(most);
         }
         if self.leases[lease].state == LeaseState::Active {
@@ -81,7 +87,7 @@ impl Model {
     }
 
     /// Lets a worker fail so often, each time as soon as it is given work again.
-    pub(super) async fn fail_again(&mut self, farm: &Farm, worker: usize, times: u32) {
+    pub(super) async fn fail_again(&mut self, farm: &Farm, worker: usize, times: u32, alone: bool) {
         for _ in 0..times {
             let lease = match self.usable(worker) {
                 Some(lease) => lease,
@@ -91,7 +97,7 @@ impl Model {
                     lease
                 }
             };
-            self.fail(farm, lease).await;
+            self.fail(farm, lease, alone).await;
         }
     }
 
