@@ -39,7 +39,7 @@ pub enum SchemaError {
 }
 
 /// What makes a schema of the one before, each with its version and its name.
-const MIGRATIONS: [(i64, &str, &str); 16] = [
+pub(super) const MIGRATIONS: [(i64, &str, &str); 16] = [
     (1, "first", include_str!("../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../migrations/0002_counters.sql")),
     (3, "farm", include_str!("../../migrations/0003_farm.sql")),
@@ -59,7 +59,7 @@ const MIGRATIONS: [(i64, &str, &str); 16] = [
 ];
 
 /// Where applied migrations are noted, as the first builds made it; the hash is empty since.
-const APPLIED: &str = "create table if not exists _sqlx_migrations (version bigint primary key, description text not null, \
+pub(super) const APPLIED: &str = "create table if not exists _sqlx_migrations (version bigint primary key, description text not null, \
     installed_on timestamp not null default current_timestamp, success boolean not null, checksum text not null, \
     execution_time bigint not null)";
 

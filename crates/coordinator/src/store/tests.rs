@@ -19,6 +19,7 @@ mod checks;
 mod claims;
 pub(crate) mod farm;
 mod lookups;
+mod migrations;
 mod model;
 mod several;
 mod silence;
