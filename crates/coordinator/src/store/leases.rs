@@ -14,9 +14,13 @@ use super::row::{Row, to_json};
 use super::sql::{Kind, looked_up, query};
 use super::{Connection, Store, StoreError, workers};
 
-/// A node that failed so often, each time under another lease, fails its job: some worker would have brought it. Failures in a row of one machine
-/// count once while there are others to try it.
-const MOST_FAILURES: i64 = 5;
+/// How much counts that a node failed, each time under another lease: what one machine alone cannot do, others may, and its failures in a row count
+/// little while one is there to try it.
+const FAILURE: i64 = 10;
+const FAILURE_AGAIN: i64 = 1;
+
+/// A node that failed so much fails its job: some worker would have brought it.
+const MOST_FAILURES: i64 = 5 * FAILURE;
 
 /// How long the answer to a late call can still say what became of its lease.
 const LEASES_KEPT_MS: i64 = 7 * 24 * 3600 * 1000;
@@ -357,13 +361,15 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     let failed = query(format!(
         "update pending set failures = failures + case when failed_by = failing.name and exists (select 1 from workers \
          where workers.name <> failing.name and workers.seen_ms >= $3 and workers.quarantine is null and {HAS_BITS}) \
-         then 0 else 1 end, failed_by = failing.name \
+         then $5 else $4 end, failed_by = failing.name \
          from jobs, (select name from workers where id = $2) as failing where lease = $1 and jobs.id = job \
          returning failures, frame, tile, level, idx"
     ))
     .bind(failure.lease.to_string())
     .bind(lease.worker.to_string())
     .bind(failure.alive_ms)
+    .bind(FAILURE)
+    .bind(FAILURE_AGAIN)
     .fetch_all(&mut *connection)
     .await?;
     if lease.state == LeaseState::Active {
@@ -372,7 +378,7 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     for row in &failed {
         if row.integer("failures")? >= MOST_FAILURES {
             let node = address(row)?;
-            let why = format!("node ({node}) failed {MOST_FAILURES} times, at last: {}", failure.reason);
+            let why = format!("node ({node}) failed again and again, at last: {}", failure.reason);
             jobs::end(connection, lease.job, &Ending::Failed(why), failure.now_ms).await?;
             return Ok(Some(lease.job));
         }

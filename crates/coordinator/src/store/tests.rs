@@ -28,7 +28,7 @@ mod targets;
 
 use adaptive::{
     a_job_that_ends_before_its_pilot_leaves_none_of_it, a_pilot_that_is_not_whole_decides_nothing,
-    a_target_leaves_each_tile_what_it_has_at_its_round,
+    a_pilot_that_was_not_thrown_away_goes_when_the_job_has_ended, a_target_leaves_each_tile_what_it_has_at_its_round,
     nodes_beyond_the_share_of_a_round_go_when_a_target_ends_the_job,
     passes_beyond_those_that_all_get_wait_until_they_are_shared_out,
 };
@@ -43,12 +43,13 @@ use checks::{
     two_who_agree_end_a_check, workers_of_one_name_are_one_machine,
 };
 use claims::{
-    a_machine_that_fails_alone_does_not_fail_the_job, a_node_that_nobody_can_bring_fails_its_job_with_the_reason,
+    a_machine_that_fails_alone_fails_the_job_late_if_at_all,
+    a_node_that_nobody_can_bring_fails_its_job_with_the_reason,
     a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job,
     a_worker_that_dies_again_and_again_does_not_fail_the_job, a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time,
     an_unknown_worker_gets_no_work_and_is_told, concurrent_claimants_never_get_the_same_node,
-    jobs_are_served_by_priority_and_then_by_age,
-    leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same,
+    failures_count_where_nobody_else_could_try, jobs_are_served_by_priority_and_then_by_age,
+    leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same, machines_that_fail_in_turn_fail_the_job,
     nodes_that_were_cut_before_are_cut_again_for_a_slower_worker,
     returned_work_is_free_at_once_and_returning_twice_is_harmless, the_speed_of_a_worker_is_that_of_its_last_work,
     times_of_short_nodes_add_up_and_give_a_speed,
@@ -430,7 +431,9 @@ on_both! {
     returned_work_is_free_at_once_and_returning_twice_is_harmless
     a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason
-    a_machine_that_fails_alone_does_not_fail_the_job
+    a_machine_that_fails_alone_fails_the_job_late_if_at_all
+    machines_that_fail_in_turn_fail_the_job
+    failures_count_where_nobody_else_could_try
     a_worker_that_dies_again_and_again_does_not_fail_the_job
     nothing_is_lost_when_the_store_is_reopened
     rounds_complete_in_order_and_the_last_ends_the_job
@@ -447,6 +450,7 @@ on_both! {
     a_target_leaves_each_tile_what_it_has_at_its_round
     nodes_beyond_the_share_of_a_round_go_when_a_target_ends_the_job
     a_job_that_ends_before_its_pilot_leaves_none_of_it
+    a_pilot_that_was_not_thrown_away_goes_when_the_job_has_ended
     a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again
     a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again
     an_unknown_worker_gets_no_work_and_is_told

@@ -191,3 +191,26 @@ pub(super) async fn a_job_that_ends_before_its_pilot_leaves_none_of_it(farm: Far
     assert!(farm.pilot(&job).await.unwrap().is_empty());
     assert_eq!(farm.store.unsettled_jobs().await.unwrap(), []);
 }
+
+pub(super) async fn a_pilot_that_was_not_thrown_away_goes_when_the_job_has_ended(farm: Farm) {
+    let job = farm.adaptive_job(Targets::default()).await;
+    farm.work_off().await;
+    farm.record_rounds(job.id, 1, 1.0).await;
+    let job = farm.record(job.id).await;
+    let pilot = farm.pilot(&job).await.unwrap().len();
+    farm.store.share_out(&job, some_shares(&job)).await.unwrap();
+    // A coordinator dies after the first portion.
+    let removed = farm.store.discard_pilot(job.id, 0, 0..2).await.unwrap();
+    let left = farm.pilot(&job).await.unwrap();
+    assert_eq!(left.len() + removed.places.len(), pilot);
+    assert!(!removed.places.is_empty() && left.iter().all(|node| node.address.tile >= 2));
+    let farm = farm.reopened().await;
+    farm.work_off().await;
+    assert_eq!(farm.accepted(job.id).await, expected(&job, PASSES), "what is left is no part of the image");
+    let tiles = 0..job.grid.len();
+    assert_eq!(farm.store.complete_passes(job.id, 0, tiles).await.unwrap(), expected(&job, PASSES));
+    farm.store.end_job(job.id, Ending::Cancelled, 0).await.unwrap();
+    assert_eq!(farm.store.unsettled_jobs().await.unwrap(), [job.id]);
+    assert_eq!(farm.discard_pilot(&job).await.places.len(), left.len());
+    assert_eq!(farm.accepted(job.id).await, expected(&job, PASSES));
+}

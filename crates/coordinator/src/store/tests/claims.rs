@@ -8,7 +8,7 @@ use uuid::Uuid;
 
 use super::farm::terms;
 use super::{Farm, LeaseError, TTL_MS, delivered, query};
-use crate::store::{ClaimTerms, Delivery, Ending, Grant, NewJob, WorkFailure, WorkerError};
+use crate::store::{ClaimTerms, Delivery, Ending, Grant, NewJob, StoreError, WorkFailure, WorkerError};
 
 pub(super) async fn concurrent_claimants_never_get_the_same_node(farm: Farm) {
     let job = farm.job(40).await;
@@ -203,26 +203,51 @@ pub(super) async fn a_node_that_nobody_can_bring_fails_its_job_with_the_reason(f
     assert!(record.failure.unwrap().contains("not a number"));
 }
 
-pub(super) async fn a_machine_that_fails_alone_does_not_fail_the_job(farm: Farm) {
+pub(super) async fn a_machine_that_fails_alone_fails_the_job_late_if_at_all(farm: Farm) {
     let job = farm.job(1).await;
     let failing = farm.worker_named("failing").await.unwrap();
-    let other = farm.worker_named("other").await.unwrap();
-    let mut now_ms = 0;
-    for _ in 0..20 {
-        now_ms += 60_000;
-        fail(&farm, failing, now_ms, 0).await;
+    farm.worker_named("other").await.unwrap();
+    for attempt in 0..=40 {
+        assert_eq!(farm.state(job).await, if attempt == 0 { JobState::Queued } else { JobState::Running });
+        fail(&farm, failing, attempt * 60_000, 0).await;
     }
-    assert_eq!(farm.state(job).await, JobState::Running);
-    // Where another fails as well, both are heard.
-    for worker in [other, failing, other] {
-        now_ms += 60_000;
-        assert_eq!(farm.state(job).await, JobState::Running);
-        fail(&farm, worker, now_ms, 0).await;
+    assert_eq!(farm.state(job).await, JobState::Failed, "nobody brings it");
+}
+
+pub(super) async fn machines_that_fail_in_turn_fail_the_job(farm: Farm) {
+    let job = farm.job(1).await;
+    let machines = [farm.worker_named("one").await.unwrap(), farm.worker_named("other").await.unwrap()];
+    for attempt in 0..5 {
+        assert_eq!(farm.state(job).await, if attempt == 0 { JobState::Queued } else { JobState::Running });
+        fail(&farm, machines[attempt as usize % 2], attempt * 60_000, 0).await;
     }
-    assert_eq!(farm.state(job).await, JobState::Running);
-    // Where the other is gone, this one alone can tell.
-    fail(&farm, failing, now_ms + 60_000, now_ms + 1).await;
     assert_eq!(farm.state(job).await, JobState::Failed);
+}
+
+/// Lets a machine fail while another is registered, which was not heard of since `alive_ms` or could do nothing.
+async fn fails_soon(farm: &Farm, failing: WorkerId, alive_ms: i64) {
+    let job = farm.job(1).await;
+    let first_ms = 1_000_000 * (1 + farm.store.jobs().await.unwrap().len() as i64);
+    for attempt in 0..5 {
+        assert_eq!(farm.state(job).await, if attempt == 0 { JobState::Queued } else { JobState::Running });
+        fail(farm, failing, first_ms + attempt * 60_000, alive_ms).await;
+    }
+    assert_eq!(farm.state(job).await, JobState::Failed);
+}
+
+pub(super) async fn failures_count_where_nobody_else_could_try(farm: Farm) {
+    let failing = farm.worker_with("failing", Some("bits")).await.unwrap();
+    farm.worker_with("other bits", Some("other")).await.unwrap();
+    fails_soon(&farm, failing, 0).await;
+    farm.worker_with("gone", Some("bits")).await.unwrap();
+    fails_soon(&farm, failing, 1).await;
+    let quarantine = farm.store.write::<_, StoreError, _>(|connection| {
+        Box::pin(
+            async move { query("update workers set quarantine = '{}' where name = 'gone'").execute(connection).await },
+        )
+    });
+    assert_eq!(quarantine.await.unwrap(), 1);
+    fails_soon(&farm, failing, 0).await;
 }
 
 pub(super) async fn leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same(farm: Farm) {

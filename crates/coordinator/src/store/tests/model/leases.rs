@@ -14,7 +14,7 @@ use crate::store::leases::LeaseState;
 use crate::store::{ClaimTerms, Delivery, WorkFailure};
 
 /// A node that failed so often fails its job.
-const MOST_FAILURES: u32 = 5;
+const MOST_FAILURES: u32 = 50;
 
 impl Model {
     pub(super) async fn renew(&mut self, farm: &Farm, lease: usize) {
@@ -68,9 +68,7 @@ impl Model {
         worker.failed_ms = self.now_ms;
         let mut most = 0;
         for pending in self.pending.values_mut().filter(|pending| pending.lease == Some(id)) {
-            if alone || pending.failed_by != Some(failing) {
-                pending.failures += 1;
-            }
+            pending.failures += if alone || pending.failed_by != Some(failing) { 10 } else { 1 };
             pending.failed_by = Some(failing);
             most = pending.failures.max(most);
         }
