@@ -1,5 +1,8 @@
 //! The services and their settings.
 
+use std::collections::BTreeSet;
+use std::path::Path;
+
 use crate::support::Folder;
 
 #[test]
@@ -31,4 +34,28 @@ fn a_coordinator_prints_its_address_and_ends_with_its_parent() {
     assert_eq!(jobs.trim(), "[]");
     assert!(coordinator.ended_by_its_parent().success());
     assert!(folder.path("data").is_dir());
+}
+
+/// The settings of ours that a text names.
+fn settings(text: &str) -> BTreeSet<&str> {
+    let is_name = |c: char| c.is_ascii_uppercase() || c == '_';
+    text.split(|c| !is_name(c)).filter(|word| word.starts_with("CLERESTORY_")).collect()
+}
+
+#[test]
+fn what_starts_services_names_settings_that_they_have() {
+    let deploy = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../deploy");
+    let read = |file: &str| std::fs::read_to_string(deploy.join(file)).unwrap();
+    let kubernetes = read("kubernetes.yaml");
+    let pods: Vec<&str> = kubernetes.split("\n---\n").filter(|object| object.contains("containers:")).collect();
+    let folder = Folder::new();
+    for (service, pod) in ["coordinator", "worker"].into_iter().zip(pods) {
+        assert!(pod.contains(&format!("args: [{service}]")), "{pod}");
+        let unit = read(&format!("systemd/clerestory-{service}.service"));
+        assert!(unit.contains(&format!("clerestory {service}\n")), "{unit}");
+        let help = folder.succeeds(&[service, "--help"]);
+        let (known, named) = (settings(&help), &settings(&unit) | &settings(pod));
+        assert!(named.len() > 3, "{named:?}");
+        assert!(named.is_subset(&known), "{service} does not know {:?}", &named - &known);
+    }
 }
