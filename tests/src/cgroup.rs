@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// Where control groups are.
 const ROOT: &str = "/sys/fs/cgroup";
 
-/// A control group below that of this process, with a limit on its memory. It goes with the value, when its processes have ended.
+/// A control group below that of this process, or below one above it, with a limit on its memory. It goes with the value, when its processes have ended.
 #[derive(Debug)]
 pub struct MemoryGroup {
     folder: PathBuf,
@@ -25,7 +25,7 @@ impl MemoryGroup {
         let own = fs::read_to_string("/proc/self/cgroup")?;
         let second_version = Path::new(ROOT).join("cgroup.controllers").exists();
         let (parent, limit_file, swap, peak_file) = if second_version {
-            (own_group(&own, "", "")?, "memory.max", ("memory.swap.max", 0), "memory.peak")
+            (giving_memory(&own_group(&own, "", "")?)?.to_owned(), "memory.max", ("memory.swap.max", 0), "memory.peak")
         } else {
             let swap = ("memory.memsw.limit_in_bytes", limit);
             (own_group(&own, "memory", "memory")?, "memory.limit_in_bytes", swap, "memory.max_usage_in_bytes")
@@ -81,9 +81,36 @@ fn own_group(groups: &str, controller: &str, mount: &str) -> io::Result<PathBuf>
     Ok(Path::new(ROOT).join(mount).join(group.trim_start_matches('/')))
 }
 
+/// The nearest group of version 2, this one or one above it, whose own groups can have limits on their memory: where there are processes in a group,
+/// that cannot be switched on.
+fn giving_memory(group: &Path) -> io::Result<&Path> {
+    let gives_memory = |group: &&Path| {
+        let given = fs::read_to_string(group.join("cgroup.subtree_control"));
+        given.is_ok_and(|given| given.split_whitespace().any(|controller| controller == "memory"))
+    };
+    group.ancestors().find(gives_memory).ok_or_else(|| {
+        io::Error::new(io::ErrorKind::NotFound, "no group above this process gives limits on memory to its own")
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_limit_is_set_below_the_nearest_group_that_gives_memory() {
+        let root = tempfile::tempdir().unwrap();
+        let groups = ["", "user", "user/session"].map(|group| root.path().join(group));
+        for (group, given) in groups.iter().zip(["cpu memory pids", "cpu memory", ""]) {
+            fs::create_dir_all(group).unwrap();
+            fs::write(group.join("cgroup.subtree_control"), given).unwrap();
+        }
+        assert_eq!(giving_memory(&groups[2]).unwrap(), groups[1]);
+        fs::write(groups[1].join("cgroup.subtree_control"), "cpu").unwrap();
+        assert_eq!(giving_memory(&groups[2]).unwrap(), groups[0]);
+        fs::remove_file(groups[0].join("cgroup.subtree_control")).unwrap();
+        assert!(giving_memory(&groups[2]).is_err());
+    }
 
     #[test]
     fn the_group_of_a_process_is_found_in_both_versions() {

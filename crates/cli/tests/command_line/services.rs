@@ -47,14 +47,18 @@ fn what_starts_services_names_settings_that_they_have() {
     let deploy = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../deploy");
     let read = |file: &str| std::fs::read_to_string(deploy.join(file)).unwrap();
     let kubernetes = read("kubernetes.yaml");
-    let pods: Vec<&str> = kubernetes.split("\n---\n").filter(|object| object.contains("containers:")).collect();
+    let (how, objects) = kubernetes.split_once("\n---\n").unwrap();
+    let pods: Vec<&str> = objects.split("\n---\n").filter(|object| object.contains("containers:")).collect();
+    assert_eq!(pods.len(), 2);
     let folder = Folder::new();
     for (service, pod) in ["coordinator", "worker"].into_iter().zip(pods) {
         assert!(pod.contains(&format!("args: [{service}]")), "{pod}");
         let unit = read(&format!("systemd/clerestory-{service}.service"));
         assert!(unit.contains(&format!("clerestory {service}\n")), "{unit}");
-        let help = folder.succeeds(&[service, "--help"]);
-        let (known, named) = (settings(&help), &settings(&unit) | &settings(pod));
+        // The coordinator gets the whole of the secret.
+        let secret = if service == "coordinator" { how } else { "" };
+        let (help, named) = (folder.succeeds(&[service, "--help"]), [unit.as_str(), pod, secret].concat());
+        let (known, named) = (settings(&help), settings(&named));
         assert!(named.len() > 3, "{named:?}");
         assert!(named.is_subset(&known), "{service} does not know {:?}", &named - &known);
     }
