@@ -3,8 +3,8 @@
 import { useEffect, useRef, useState } from './vendor/htm-preact.js';
 import * as api from './api.js';
 
-// Between two answers, so that a fast coordinator is left some time for its workers.
-const PAUSE_MS = 200;
+// From one request to the next at least: a little more than what the coordinator lets pass before it makes another image, so that none is fetched twice.
+const PERIOD_MS = 300;
 
 /**
  * Keeps an image up to date with at most one request in flight. While one is, only the newest wish is kept; so a slow
@@ -39,13 +39,14 @@ class PreviewLoader {
     while (this.#wanted !== null) {
       const view = this.#wanted;
       this.#wanted = null;
+      const next = performance.now() + PERIOD_MS;
       try {
         await this.#load(view);
       } catch (error) {
         if (this.#abort.signal.aborted) break;
         this.#onProblem(error.problem ?? { title: 'The image cannot be shown', detail: error.message });
       }
-      await new Promise((resolve) => setTimeout(resolve, PAUSE_MS));
+      await new Promise((resolve) => setTimeout(resolve, Math.max(0, next - performance.now())));
     }
     this.#isRunning = false;
   }

@@ -10,19 +10,20 @@ use tokio::time::Instant;
 
 use super::tally::Tally;
 
-/// Between two previews, as in the page.
-const PAUSE: Duration = Duration::from_millis(200);
+/// From one request to the next at least, as in the page.
+const PERIOD: Duration = Duration::from_millis(300);
 
 /// Looks at the job that is being rendered for as long as times are measured, and then waits for the preview that is still to come: one
 /// that is slow is not left out. What fails is tried again.
 pub(super) async fn look(client: &Client, tally: &Tally) {
     let mut watched = None;
     while tally.is_measuring() {
+        let next = Instant::now() + PERIOD;
         watched = running(client, tally, watched).await;
         if let Some(job) = watched {
             look_at(client, tally, job).await;
         }
-        tokio::time::sleep(PAUSE).await;
+        tokio::time::sleep_until(next).await;
     }
 }
 

@@ -36,14 +36,18 @@ pub(super) async fn merge(farm: &Farm, job: &JobRecord, next_round: u32) -> Resu
 
 async fn merge_tiles(farm: &Farm, job: &JobRecord, tiles: Vec<&[NodeRow]>, held: &Held<'_>) -> Result<(), FilmError> {
     // The semaphore is never closed.
-    let _permit = farm.merging.acquire().await.ok();
-    let mut loaded = Vec::with_capacity(tiles.len());
-    for rows in tiles {
-        loaded.push((rows.to_vec(), held.of(rows), farm.film.load(rows).await?));
-    }
+    let permit = farm.merging.acquire().await.ok();
+    let held: Vec<Vec<u32>> = tiles.iter().map(|rows| held.of(rows)).collect();
+    let rows = tiles.concat();
+    // All at once: nodes of neighbouring tiles lie in one blob.
+    let loaded = farm.film.load(&rows).await?;
     let record = job.clone();
     let merged = tokio::task::spawn_blocking(move || {
-        let tiles = loaded.iter().map(|(rows, held, nodes)| merged_nodes(&record, rows, nodes, held));
+        let mut loaded = loaded.as_slice();
+        let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile).zip(&held).map(|(rows, held)| {
+            let nodes = loaded.split_off(..rows.len()).unwrap_or_default();
+            merged_nodes(&record, rows, nodes, held)
+        });
         let nodes: Vec<(Node, Vec<NodeAddress>)> =
             tiles.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect();
         let encoded: Vec<Vec<u8>> = nodes.iter().map(|(node, _)| stored_form::encode(node)).collect();
@@ -56,6 +60,8 @@ async fn merge_tiles(farm: &Farm, job: &JobRecord, tiles: Vec<&[NodeRow]>, held:
         merges.push(Merge { parent: node.address(), place: place.clone(), children });
         farm.film.keep(place, Arc::new(node));
     }
+    // What is in memory now is the cache's: the writer may be busy for long, and others can go on.
+    drop(permit);
     // Claims wait for no more than a few at once.
     for merges in merges.chunks(REPLACED) {
         farm.let_go(farm.store.replace(job.id, job.redone_nodes, merges.to_vec()).await?).await;

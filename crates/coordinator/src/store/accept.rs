@@ -15,7 +15,7 @@ use clerestory_render_core::film::NodeAddress;
 
 use super::checks::{self, Brought, Outcome};
 use super::jobs;
-use super::leases::{self, LeaseError, LeaseRecord, Progress, address};
+use super::leases::{self, LeaseError, LeaseRecord, address};
 use super::nodes::{self, NodeRow, Work};
 use super::row::{big, is_of_nodes, nodes_json, to_json};
 use super::sql::{Kind, query, rows_of};
@@ -139,8 +139,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     }
     checks.has_work |= frees_work;
     let accepted_ms = (!accepted.is_empty()).then_some(delivery.now_ms);
-    let progress = Progress { accepted_ms, ..Progress::default() };
-    let outstanding = leases::go_on(connection, delivery.lease, progress).await?;
+    let outstanding = leases::go_on(connection, delivery.lease, accepted_ms).await?;
     let verdicts = taken.into_iter().map(Taken::verdict).collect();
     Ok(Acceptance { verdicts, outstanding, samples, completes_wave, checks })
 }

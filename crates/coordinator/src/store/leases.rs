@@ -146,7 +146,7 @@ pub(super) fn nodes_of(row: &Row) -> Result<BTreeSet<NodeAddress>, StoreError> {
 }
 
 /// The lease, if work may be brought under it now.
-async fn valid(
+pub(super) async fn valid(
     connection: &mut Connection,
     lease: LeaseId,
     token: u64,
@@ -175,27 +175,23 @@ pub(super) async fn valid_with_job(
     Ok((lease, jobs::record(&row)?))
 }
 
-/// What has come of a lease that goes on.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Progress {
-    /// When nodes of it were accepted. Renewals alone do not keep its work from others.
-    pub(super) accepted_ms: Option<i64>,
-    /// Until when it lasts now.
-    pub(super) deadline_ms: Option<i64>,
-}
+/// How much a lease still has: work, and checks.
+pub(super) const OUTSTANDING: &str =
+    "((select count(*) from pending where lease = leases.id) + (select count(*) from checks where lease = leases.id))";
 
-/// Notes how a lease goes on, and answers how much it still has: work, and checks. One that has nothing is complete.
-pub(super) async fn go_on(connection: &mut Connection, lease: LeaseId, progress: Progress) -> Result<u32, StoreError> {
-    const OUTSTANDING: &str =
-        "(select count(*) from pending where lease = $1) + (select count(*) from checks where lease = $1)";
+/// Notes that what has been brought under a lease was taken, and when nodes of it were accepted; answers how much it still has. One that has
+/// nothing is complete. Renewals alone do not keep its work from others.
+pub(super) async fn go_on(
+    connection: &mut Connection,
+    lease: LeaseId,
+    accepted_ms: Option<i64>,
+) -> Result<u32, StoreError> {
     let active = query(format!(
         "update leases set state = case when {OUTSTANDING} = 0 then 'complete' else state end, \
-         due_ms = coalesce($2 + patience_ms, due_ms), deadline_ms = coalesce($3, deadline_ms) \
-         where id = $1 and state = 'active' returning {OUTSTANDING} as outstanding"
+         due_ms = coalesce($2 + patience_ms, due_ms) where id = $1 and state = 'active' returning {OUTSTANDING} as outstanding"
     ))
     .bind(lease.to_string())
-    .bind(progress.accepted_ms)
-    .bind(progress.deadline_ms)
+    .bind(accepted_ms)
     .fetch_optional(connection)
     .await?;
     active.map_or(Ok(0), |row| row.number("outstanding"))
@@ -216,26 +212,6 @@ impl Store {
     pub(crate) async fn lease(&self, lease: LeaseId) -> Result<LeaseRecord, LeaseError> {
         let row = query(LEASE).bind(lease.to_string()).fetch_optional(&self.readers).await?;
         Ok(record(&row.ok_or(LeaseError::Unknown(lease))?)?)
-    }
-
-    /// Keeps a lease until `deadline_ms`, and answers how many of its nodes are still wanted under it. One of which none is is complete:
-    /// they are accepted, or others have them.
-    pub(crate) async fn renew(
-        &self,
-        lease: LeaseId,
-        token: u64,
-        now_ms: i64,
-        deadline_ms: i64,
-    ) -> Result<u32, LeaseError> {
-        self.write(move |connection| {
-            Box::pin(async move {
-                let LeaseRecord { worker, .. } = valid(connection, lease, token, now_ms).await?;
-                workers::hear(connection, worker, now_ms).await?;
-                let progress = Progress { deadline_ms: Some(deadline_ms), ..Progress::default() };
-                Ok(go_on(connection, lease, progress).await?)
-            })
-        })
-        .await
     }
 
     /// Takes the rest of a lease back into the queue. Giving back what is complete or already given back changes nothing.

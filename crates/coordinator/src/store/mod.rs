@@ -12,6 +12,7 @@ mod assets;
 mod checks;
 mod claim;
 mod events;
+mod gathered;
 mod grant;
 mod jobs;
 mod keepers;
@@ -21,6 +22,7 @@ mod parts;
 mod patience;
 mod postgres;
 mod redo;
+mod renewals;
 mod rounds;
 mod row;
 mod schema;
@@ -42,15 +44,17 @@ pub(crate) use accept::{DeliveredNode, Delivery};
 pub(crate) use checks::{Outcome, is_chosen};
 pub(crate) use claim::ClaimTerms;
 pub(crate) use events::{StoredEvent, StoredKind};
+use gathered::Gathered;
 pub(crate) use grant::Grant;
 pub(crate) use jobs::{Ending, JobRecord, NewJob};
 pub(crate) use keepers::Keeping;
 pub(crate) use leases::{LeaseError, LeaseRecord, WorkFailure};
 pub(crate) use nodes::{Merge, NodeRow, Removed, Work};
 pub(crate) use postgres::Listener;
+use renewals::Renewal;
 pub(crate) use rounds::CompleteWave;
 pub use schema::SchemaError;
-use signs_of_life::SignsOfLife;
+use signs_of_life::SignOfLife;
 use source::Readers;
 pub(crate) use source::{Connection, Source};
 use sql::query;
@@ -63,7 +67,8 @@ pub(crate) struct Store {
     source: Source,
     readers: Readers,
     writer: Writer,
-    signs_of_life: SignsOfLife,
+    signs_of_life: Gathered<SignOfLife, (), WorkerError>,
+    renewals: Gathered<Renewal, u32, LeaseError>,
 }
 
 /// Which farm a database is that of.
@@ -113,7 +118,13 @@ impl Store {
         let failed =
             |error: std::io::Error| SchemaError::Open { database: source.name().to_owned(), source: error.into() };
         let writer = Writer::start(source.clone(), connection).map_err(failed)?;
-        Ok(Self { readers: source.readers(), writer, source, signs_of_life: SignsOfLife::default() })
+        Ok(Self {
+            readers: source.readers(),
+            writer,
+            source,
+            signs_of_life: Gathered::default(),
+            renewals: Gathered::default(),
+        })
     }
 
     /// Whether other coordinators may be using it.

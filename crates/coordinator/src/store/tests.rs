@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use clerestory_api::{JobId, JobState, NodeVerdict, StopReason};
+use clerestory_api::{JobId, JobState, LeaseId, NodeVerdict, StopReason};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::NodeAddress;
 use uuid::Uuid;
@@ -100,6 +100,49 @@ async fn a_renewed_lease_lives_on(farm: Farm) {
     farm.store.renew(grant.lease.id, grant.lease.token, 900, 900 + TTL_MS).await.unwrap();
     assert_eq!(farm.store.expire_leases(TTL_MS).await.unwrap(), 0);
     assert!(farm.deliver(&grant, &grant.nodes, 1500).await.is_ok());
+}
+
+async fn renewals_that_come_together_are_answered_one_by_one(farm: Farm) {
+    farm.job(4).await;
+    let (one, other) = (farm.worker().await, farm.worker().await);
+    let active = farm.claim(one, 2, 0).await.unwrap();
+    let complete = farm.claim(one, 1, 0).await.unwrap();
+    farm.deliver(&complete, &complete.nodes, 0).await.unwrap();
+    let returned = farm.claim(other, 1, 0).await.unwrap();
+    farm.store.return_lease(returned.lease.id, returned.lease.token, 0).await.unwrap();
+    let expired = farm.claim(other, 1, 0).await.unwrap();
+    let late = farm.claim(other, 1, 500).await.unwrap();
+    let store = &farm.store;
+    let renew = |grant: &Grant, more: u64, now_ms| {
+        let (lease, token) = (grant.lease.id, grant.lease.token + more);
+        async move { store.renew(lease, token, now_ms, now_ms + TTL_MS).await }
+    };
+    let unknown = store.renew(LeaseId::from(Uuid::nil()), 1, 0, TTL_MS);
+    let (now_ms, later) = (TTL_MS - 1, TTL_MS + 1);
+    let outcomes = futures::join!(
+        renew(&active, 0, now_ms),
+        renew(&active, 1, now_ms),
+        renew(&active, u64::MAX / 2, now_ms),
+        renew(&complete, 0, now_ms),
+        renew(&returned, 0, now_ms),
+        renew(&expired, 0, later),
+        renew(&late, 0, later),
+        unknown,
+    );
+    assert!(matches!(outcomes.0, Ok(2)), "{outcomes:?}");
+    assert!(matches!(outcomes.1, Err(LeaseError::StaleToken(_))), "{outcomes:?}");
+    assert!(matches!(outcomes.2, Err(LeaseError::StaleToken(_))), "{outcomes:?}");
+    assert!(matches!(outcomes.3, Ok(0)), "{outcomes:?}");
+    assert!(matches!(outcomes.4, Err(LeaseError::Returned)), "{outcomes:?}");
+    assert!(matches!(outcomes.5, Err(LeaseError::Expired)), "{outcomes:?}");
+    assert!(matches!(outcomes.6, Ok(1)), "{outcomes:?}");
+    assert!(matches!(outcomes.7, Err(LeaseError::Unknown(_))), "{outcomes:?}");
+    assert_eq!(farm.store.expire_leases(2 * TTL_MS - 2).await.unwrap(), 1);
+    assert!(farm.deliver(&active, &active.nodes, 2 * TTL_MS - 2).await.is_ok());
+    assert!(farm.store.lease(late.lease.id).await.unwrap().deadline_ms > 2 * TTL_MS);
+    // Whoever asked for what is not refused is there.
+    let views = farm.store.workers(0, 0).await.unwrap();
+    assert_eq!(views.iter().map(|view| view.seen_ms).collect::<Vec<_>>(), [2 * TTL_MS - 2, later]);
 }
 
 async fn a_wrong_token_opens_nothing(farm: Farm) {
@@ -402,6 +445,7 @@ on_both! {
     an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing
     a_lease_is_dead_at_its_deadline_even_before_the_sweep
     a_renewed_lease_lives_on
+    renewals_that_come_together_are_answered_one_by_one
     a_wrong_token_opens_nothing
     a_repeated_upload_is_told_that_all_is_there
     a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_is_a_duplicate

@@ -3,10 +3,12 @@
 //! A process that starts again registers again, under the same name. Where it matters what a *machine* computes, in [checks](super::checks) and
 //! what follows from them, all workers of a name are one.
 
+use std::collections::BTreeSet;
+
 use clerestory_api::{JobId, Quarantine, WorkerId, WorkerRegistration, WorkerState, WorkerView};
 
-use super::row::Row;
-use super::sql::query;
+use super::row::{Row, to_json};
+use super::sql::{Kind, looked_up, query};
 use super::{Connection, Store, StoreError};
 
 /// Longest rest after failures in a row.
@@ -89,6 +91,22 @@ pub(super) async fn hear(connection: &mut Connection, worker: WorkerId, now_ms: 
     query("update workers set seen_ms = $2 where id = $1")
         .bind(worker.to_string())
         .bind(now_ms)
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// The same of several.
+pub(super) async fn hear_all(
+    connection: &mut Connection,
+    workers: &BTreeSet<WorkerId>,
+    now_ms: i64,
+) -> Result<(), StoreError> {
+    let listed: Vec<[String; 1]> = workers.iter().map(|worker| [worker.to_string()]).collect();
+    let found = looked_up(connection.engine(), "workers", 2, &[Kind::Text], "id = c0");
+    query(format!("update workers set seen_ms = $1 where {found}"))
+        .bind(now_ms)
+        .bind(to_json(&listed)?)
         .execute(connection)
         .await?;
     Ok(())

@@ -71,19 +71,8 @@ pub(super) fn encode_pixels(
         Exposure::Stops(stops) => libm::exp2(stops),
         Exposure::Automatic => automatic_scale(pixels),
     };
-    let thresholds = SrgbThresholds::new();
-    let codes: Vec<[u8; 3]> = pixels
-        .par_iter()
-        .map(|pixel| {
-            pixel.map(|radiance| {
-                let exposed = (f64::from(radiance) * scale).clamp(0.0, 1e6);
-                thresholds.code(match settings.curve {
-                    ToneCurve::Srgb => exposed,
-                    ToneCurve::Filmic => filmic(exposed),
-                })
-            })
-        })
-        .collect();
+    let codes = Codes::new(scale, settings.curve);
+    let codes: Vec<[u8; 3]> = pixels.par_iter().map(|pixel| pixel.map(|radiance| codes.of(radiance))).collect();
     let mut png = Vec::new();
     PngEncoder::new(&mut png)
         .write_image(codes.as_flattened(), width, height, ExtendedColorType::Rgb8)
@@ -101,15 +90,23 @@ pub fn automatic_stops(image: &FrameImage) -> f64 {
     libm::log2(automatic_scale(&image.layers().mean))
 }
 
+/// Relative luminances whose product is a finite number: each is 1e-3 or more, and at most the number of pixels.
+const LUMINANCES_IN_A_PRODUCT: usize = 16;
+
 fn automatic_scale(pixels: &[[f32; 3]]) -> f64 {
-    let luminances = || pixels.iter().map(|pixel| luminance(*pixel)).filter(|&luminance| luminance > 0.0);
-    let darkest = 1e-3 * luminances().sum::<f64>() / pixels.len().max(1) as f64;
-    let (mut sum, mut count) = (0.0, 0.0);
-    for luminance in luminances().filter(|&luminance| luminance >= darkest) {
-        sum += libm::log(luminance);
-        count += 1.0;
+    let lit = |luminance: &f64| *luminance > 0.0;
+    let mean = pixels.iter().map(|pixel| luminance(*pixel)).filter(lit).sum::<f64>() / pixels.len().max(1) as f64;
+    let per_mean = 1.0 / mean;
+    let (mut sum, mut count) = (0.0, 0);
+    // The logarithm of a product instead of the sum of logarithms: those of two million pixels would take longer than their PNG.
+    for pixels in pixels.chunks(LUMINANCES_IN_A_PRODUCT) {
+        let relative = pixels.iter().map(|pixel| luminance(*pixel) * per_mean).filter(|relative| *relative >= 1e-3);
+        let (product, factors) =
+            relative.fold((1.0, 0), |(product, factors), relative| (product * relative, factors + 1));
+        sum += libm::log(product);
+        count += factors;
     }
-    if count == 0.0 { 1.0 } else { 0.18 / libm::exp(sum / count) }
+    if count == 0 { 1.0 } else { 0.18 / (mean * libm::exp(sum / f64::from(count))) }
 }
 
 /// Luminance of linear Rec. 709.
@@ -117,21 +114,59 @@ pub(super) fn luminance([red, green, blue]: [f32; 3]) -> f64 {
     0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)
 }
 
-/// The linear values between which each 8-bit sRGB code lies: looked up, that is far faster than a power per value.
-struct SrgbThresholds([f64; 255]);
+/// Bits of a radiance that do not tell its cell: there are 256 cells from each power of two to the next, so that two thresholds, unless the
+/// radiance is next to nothing, never lie in one.
+const BITS_IN_A_CELL: u32 = 15;
 
-impl SrgbThresholds {
-    fn new() -> Self {
-        Self(std::array::from_fn(|code| {
-            let encoded = (code as f64 + 0.5) / 255.0;
-            if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) }
-        }))
+/// What each radiance is shown as: looked up, that is many times as fast as computed.
+struct Codes {
+    /// The bits of the radiances from which on each code but 0 is shown, and a number that none has. Radiances are ordered as their bits are.
+    thresholds: [u32; 256],
+    /// The code at the beginning of each cell.
+    first: Vec<u8>,
+}
+
+impl Codes {
+    fn new(scale: f64, curve: ToneCurve) -> Self {
+        let infinity = f32::INFINITY.to_bits();
+        let shown = |bits| code(f32::from_bits(bits), scale, curve);
+        let mut thresholds = [u32::MAX; 256];
+        let mut start = 0;
+        for (code, threshold) in (0..).zip(&mut thresholds[..255]) {
+            let (mut below, mut from) = (start, infinity + 1);
+            while below < from {
+                let middle = below.midpoint(from);
+                if middle <= infinity && shown(middle) <= code { below = middle + 1 } else { from = middle }
+            }
+            if from <= infinity {
+                *threshold = from;
+            }
+            start = from;
+        }
+        let first = |cell: u32| thresholds.partition_point(|threshold| *threshold <= cell << BITS_IN_A_CELL) as u8;
+        Self { first: (0..=infinity >> BITS_IN_A_CELL).map(first).collect(), thresholds }
     }
 
-    /// The code nearest to the sRGB encoding of a linear value.
-    fn code(&self, linear: f64) -> u8 {
-        self.0.partition_point(|&threshold| threshold <= linear) as u8
+    fn of(&self, radiance: f32) -> u8 {
+        // What is no number is shown as nothing.
+        let bits = radiance.max(0.0).to_bits();
+        let mut code = self.first[(bits >> BITS_IN_A_CELL) as usize];
+        while self.thresholds[usize::from(code)] <= bits {
+            code += 1;
+        }
+        code
     }
+}
+
+/// What a radiance is shown as: the code nearest to the sRGB encoding of its brightness.
+fn code(radiance: f32, scale: f64, curve: ToneCurve) -> u8 {
+    let exposed = (f64::from(radiance) * scale).clamp(0.0, 1e6);
+    let linear = match curve {
+        ToneCurve::Srgb => exposed,
+        ToneCurve::Filmic => filmic(exposed),
+    };
+    let encoded = if linear <= 0.0031308 { linear * 12.92 } else { 1.055 * libm::pow(linear, 1.0 / 2.4) - 0.055 };
+    (encoded * 255.0).round() as u8
 }
 
 #[cfg(test)]
@@ -160,6 +195,28 @@ mod tests {
     }
 
     #[test]
+    fn looked_up_codes_are_those_that_are_computed() {
+        for (scale, curve) in
+            [(0.4, ToneCurve::Filmic), (1.0, ToneCurve::Srgb), (1e-30, ToneCurve::Filmic), (1e44, ToneCurve::Srgb)]
+        {
+            let codes = Codes::new(scale, curve);
+            let shown = 1.0 / scale as f32;
+            let spread = (0..20_000).map(|number| shown * number as f32 / 15_000.0);
+            let edges = codes
+                .thresholds
+                .iter()
+                .filter(|bits| **bits < u32::MAX)
+                .flat_map(|bits| [*bits - 1, *bits, *bits + 1])
+                .map(f32::from_bits);
+            let cells = (0..codes.first.len() as u32).map(|cell| f32::from_bits(cell << BITS_IN_A_CELL));
+            for radiance in spread.chain(edges).chain(cells) {
+                assert_eq!(codes.of(radiance), code(radiance, scale, curve), "{radiance} by {scale}, {curve:?}");
+            }
+            assert_eq!([f32::NAN, -1.0, f32::NEG_INFINITY].map(|radiance| codes.of(radiance)), [0; 3]);
+        }
+    }
+
+    #[test]
     fn a_stop_doubles_the_light() {
         let picture = image(vec![[0.1, 0.2, 0.4]]);
         let brighter = codes(&picture, Exposure::Stops(1.0), ToneCurve::Srgb);
@@ -183,6 +240,17 @@ mod tests {
             let found = codes(&image(pixels), Exposure::Automatic, ToneCurve::Srgb);
             assert_eq!((found[0], found[55]), ([0; 3], [118; 3]));
         }
+    }
+
+    #[test]
+    fn automatic_exposure_shows_the_geometric_mean_of_what_is_lit_as_middle_grey() {
+        // Over many more orders of magnitude than a product could hold.
+        let radiance: Vec<f32> = (0..1000).map(|number| libm::exp2(f64::from(number % 9)) as f32).collect();
+        let mean = radiance.iter().map(|radiance| libm::log2(f64::from(*radiance))).sum::<f64>() / 1000.0;
+        let mut pixels: Vec<[f32; 3]> = radiance.iter().map(|radiance| [*radiance; 3]).collect();
+        pixels.push([1e-4; 3]);
+        let stops = automatic_stops(&image(pixels));
+        assert!((stops - (libm::log2(0.18) - mean)).abs() < 1e-9, "{stops}");
     }
 
     #[test]

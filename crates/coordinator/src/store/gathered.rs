@@ -1,0 +1,106 @@
+//! Writes of one kind that are written together: those that come while one waits for its turn are written with it, by one statement. Thousands
+//! of workers say every few seconds that they are there, and that they go on with their leases.
+
+use std::mem;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use futures::future::BoxFuture;
+use tokio::sync::oneshot;
+
+use super::{Connection, Store, StoreError};
+
+/// What each of some writes of a kind has come to, in their order.
+pub(super) type Outcomes<T, E> = Result<Vec<Result<T, E>>, StoreError>;
+
+/// Writes of one kind that wait.
+#[derive(Debug)]
+pub(super) struct Gathered<W, T, E> {
+    waiting: Arc<Mutex<Vec<Waiting<W, T, E>>>>,
+}
+
+#[derive(Debug)]
+struct Waiting<W, T, E> {
+    write: W,
+    reply: oneshot::Sender<Result<T, E>>,
+}
+
+impl<W, T, E> Clone for Gathered<W, T, E> {
+    fn clone(&self) -> Self {
+        Self { waiting: Arc::clone(&self.waiting) }
+    }
+}
+
+impl<W, T, E> Default for Gathered<W, T, E> {
+    fn default() -> Self {
+        Self { waiting: Arc::default() }
+    }
+}
+
+impl<W, T, E> Gathered<W, T, E>
+where
+    W: Clone + Send + 'static,
+    T: Send + 'static,
+    E: From<StoreError> + Send + 'static,
+{
+    /// Writes something, together with whatever else of its kind waits until it is its turn.
+    pub(super) async fn write(
+        &self,
+        store: &Store,
+        write: W,
+        all: for<'c> fn(&'c mut Connection, Vec<W>) -> BoxFuture<'c, Outcomes<T, E>>,
+    ) -> Result<T, E> {
+        let (reply, answer) = oneshot::channel();
+        if self.add(Waiting { write, reply }) {
+            // Others depend on it: it goes on when this caller goes away.
+            tokio::spawn(self.clone().write_all(store.clone(), all));
+        }
+        answer.await.unwrap_or_else(|_| Err(StoreError::Closed.into()))
+    }
+
+    /// Adds a write, and answers whether it is the first.
+    fn add(&self, write: Waiting<W, T, E>) -> bool {
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        waiting.push(write);
+        waiting.len() == 1
+    }
+
+    fn put(&self, writes: Vec<Waiting<W, T, E>>) {
+        *self.waiting.lock().unwrap_or_else(PoisonError::into_inner) = writes;
+    }
+
+    fn take(&self) -> Vec<Waiting<W, T, E>> {
+        mem::take(&mut *self.waiting.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    async fn write_all(
+        self,
+        store: Store,
+        all: for<'c> fn(&'c mut Connection, Vec<W>) -> BoxFuture<'c, Outcomes<T, E>>,
+    ) {
+        let taken = Self::default();
+        let (gathered, writing) = (self.clone(), taken.clone());
+        let written = store.write(move |connection| {
+            Box::pin(async move {
+                let waiting = gathered.take();
+                let writes = waiting.iter().map(|waiting| waiting.write.clone()).collect();
+                writing.put(waiting);
+                all(connection, writes).await
+            })
+        });
+        match written.await {
+            Ok(outcomes) => {
+                for (waiting, outcome) in taken.take().into_iter().zip(outcomes) {
+                    // The caller may have gone away.
+                    let _ = waiting.reply.send(outcome);
+                }
+            }
+            // Nobody took them, perhaps: the next one is to be the first again.
+            Err(error) => {
+                let error: StoreError = error;
+                for waiting in taken.take().into_iter().chain(self.take()) {
+                    let _ = waiting.reply.send(Err(error.clone().into()));
+                }
+            }
+        }
+    }
+}
