@@ -17,6 +17,7 @@ mod load;
 mod local_farm;
 mod local_render;
 mod logging;
+mod memory;
 mod output_file;
 mod preview;
 mod render_limits;
@@ -36,6 +37,7 @@ use failure::Failure;
 const LEFTOVER_TIME: Duration = Duration::from_millis(100);
 
 fn main() -> ExitCode {
+    memory::give_large_blocks_back();
     let arguments = arguments::read();
     logging::start(&arguments);
     match run(arguments) {

@@ -12,6 +12,9 @@ use super::{Connection, Store, StoreError};
 /// What each of some writes of a kind has come to, in their order.
 pub(super) type Outcomes<T, E> = Result<Vec<Result<T, E>>, StoreError>;
 
+/// What writes some of a kind together.
+pub(super) type WriteAll<W, T, E> = for<'c> fn(&'c mut Connection, Vec<W>) -> BoxFuture<'c, Outcomes<T, E>>;
+
 /// Writes of one kind that wait.
 #[derive(Debug)]
 pub(super) struct Gathered<W, T, E> {
@@ -43,12 +46,7 @@ where
     E: From<StoreError> + Send + 'static,
 {
     /// Writes something, together with whatever else of its kind waits until it is its turn.
-    pub(super) async fn write(
-        &self,
-        store: &Store,
-        write: W,
-        all: for<'c> fn(&'c mut Connection, Vec<W>) -> BoxFuture<'c, Outcomes<T, E>>,
-    ) -> Result<T, E> {
+    pub(super) async fn write(&self, store: &Store, write: W, all: WriteAll<W, T, E>) -> Result<T, E> {
         let (reply, answer) = oneshot::channel();
         if self.add(Waiting { write, reply }) {
             // Others depend on it: it goes on when this caller goes away.
@@ -72,11 +70,7 @@ where
         mem::take(&mut *self.waiting.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    async fn write_all(
-        self,
-        store: Store,
-        all: for<'c> fn(&'c mut Connection, Vec<W>) -> BoxFuture<'c, Outcomes<T, E>>,
-    ) {
+    async fn write_all(self, store: Store, all: WriteAll<W, T, E>) {
         let taken = Self::default();
         let (gathered, writing) = (self.clone(), taken.clone());
         let written = store.write(move |connection| {
@@ -94,10 +88,14 @@ where
                     let _ = waiting.reply.send(outcome);
                 }
             }
-            // Nobody took them, perhaps: the next one is to be the first again.
             Err(error) => {
                 let error: StoreError = error;
-                for waiting in taken.take().into_iter().chain(self.take()) {
+                let mut failed = taken.take();
+                if failed.is_empty() {
+                    // Nobody took them: the next one is to be the first again.
+                    failed = self.take();
+                }
+                for waiting in failed {
                     let _ = waiting.reply.send(Err(error.clone().into()));
                 }
             }
