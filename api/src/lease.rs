@@ -63,6 +63,14 @@ pub struct Lease {
     pub deadline_ms: i64,
     /// The same from the moment of the answer, for clocks that disagree.
     pub expires_in_ms: i64,
+    /// How long a complete node is to wait for others that travel with it, at most: the longer, the more leases there are.
+    #[serde(default = "default_gather_ms")]
+    pub gather_ms: u32,
+}
+
+/// What coordinators expect that do not say so.
+const fn default_gather_ms() -> u32 {
+    1000
 }
 
 /// The fencing token that proves that a caller holds a lease.

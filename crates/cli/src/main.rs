@@ -30,15 +30,17 @@ mod viewer;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use arguments::Arguments;
+use arguments::{Arguments, Command};
 use failure::Failure;
 
 /// How long after the end of a command its leftover threads (a node being rendered, a read of standard input) may take.
 const LEFTOVER_TIME: Duration = Duration::from_millis(100);
 
 fn main() -> ExitCode {
-    memory::give_large_blocks_back();
     let arguments = arguments::read();
+    if matches!(arguments.command, Command::Coordinator(_)) {
+        memory::give_large_blocks_back();
+    }
     logging::start(&arguments);
     match run(arguments) {
         Ok(()) => ExitCode::SUCCESS,

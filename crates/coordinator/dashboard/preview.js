@@ -1,9 +1,9 @@
-// Fetching the frame as it converges: as fast as the coordinator answers, and no faster.
+// Fetching the frame as it converges: as fast as the coordinator answers, and no faster than three times a second.
 
 import { useEffect, useRef, useState } from './vendor/htm-preact.js';
 import * as api from './api.js';
 
-// From one request to the next at least: a little more than what the coordinator lets pass before it makes another image, so that none is fetched twice.
+// From one request to the next at least: a little more than what the coordinator lets pass before it makes another image, so that few are fetched twice.
 const PERIOD_MS = 300;
 
 /**

@@ -1,5 +1,6 @@
 //! What everything in the coordinator shares.
 
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -33,6 +34,16 @@ pub(crate) fn permits(bytes: u64) -> u32 {
 
 /// Batches of tiles that are merged at the same time, of whichever jobs: while one is computed, another waits for the disk.
 pub(crate) const MERGES: usize = 2;
+
+/// Writes that put merged nodes in the place of their halves which wait for the writer at the same time: so many come before a claim. With fewer, where hundreds of
+/// claims and partials wait as well, less would be merged than comes.
+const REPLACEMENTS: usize = 8;
+
+/// Partials that all leases together are to bring in a second, when there are many: each costs some milliseconds, however little is in it.
+const PARTIALS_PER_SECOND: u32 = 250;
+
+/// How long a complete node waits for others at least, however few leases there are.
+const SHORTEST_GATHERING: Duration = Duration::from_secs(1);
 
 /// How long a worker may be silent before others do without it: three signs of life.
 const LONGEST_SILENCE: Duration = Duration::from_secs(15);
@@ -78,8 +89,12 @@ pub(crate) struct Farm {
     pub(crate) comparing: Semaphore,
     /// Permits for batches of tiles that are merged.
     pub(crate) merging: Semaphore,
+    /// Permits for putting merged nodes in the place of their halves, some at a time.
+    pub(crate) replacing: Semaphore,
     /// Permit for building a submitted scene, which may take much memory.
     pub(crate) building: Semaphore,
+    /// Leases that were active a moment ago, at whichever coordinator.
+    active_leases: AtomicU32,
     /// Since when workers are heard without a gap.
     listening: Mutex<Instant>,
     /// Rings the keeper for a job of which a round may be complete.
@@ -127,7 +142,9 @@ impl Farm {
             measuring,
             comparing,
             merging: Semaphore::new(MERGES),
+            replacing: Semaphore::new(REPLACEMENTS),
             building: Semaphore::new(1),
+            active_leases: AtomicU32::new(0),
             listening: Mutex::new(Instant::now()),
             keeper,
             told: tell,
@@ -197,6 +214,18 @@ impl Farm {
         self.config.clock.now_ms().saturating_sub(milliseconds(LONGEST_SILENCE))
     }
 
+    /// Notes how many leases are active.
+    pub(crate) fn has_active_leases(&self, count: u32) {
+        self.active_leases.store(count, Ordering::Relaxed);
+    }
+
+    /// How long a complete node is to wait for others that travel with it: a thousand workers who each brought what they have every second would take
+    /// all of a coordinator's time. No longer than a lease should take, beyond a second.
+    pub(crate) fn gathering_time(&self) -> Duration {
+        let shared = Duration::from_secs(1) * self.active_leases.load(Ordering::Relaxed) / PARTIALS_PER_SECOND;
+        shared.min(self.config.lease_target).max(SHORTEST_GATHERING)
+    }
+
     /// Workers may have said that they are there, up to now, without having been heard.
     pub(crate) fn listen_anew(&self) {
         self.listens_since(Instant::now());
@@ -264,5 +293,19 @@ mod tests {
         assert!((15_000..20_000).contains(&silent_ms), "{silent_ms}");
         farm.listen_anew();
         assert_eq!(farm.alive_ms(), i64::MIN);
+    }
+
+    #[tokio::test]
+    async fn nodes_wait_for_others_the_longer_the_more_leases_there_are() {
+        let directory = tempfile::tempdir().unwrap();
+        let (farm, _bells) = open(Config::new(directory.path())).await.unwrap();
+        let gathering = |leases| {
+            farm.has_active_leases(leases);
+            farm.gathering_time().as_millis()
+        };
+        assert_eq!(
+            [0, 1, 250, 1000, 2500, 5000, u32::MAX].map(gathering),
+            [1000, 1000, 1000, 4000, 10_000, 10_000, 10_000]
+        );
     }
 }

@@ -312,6 +312,7 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
         }
         farm.tell(News::Wave(given_up.job));
     }
+    farm.has_active_leases(farm.store.active_leases().await?);
     let open = farm.store.open_jobs().await?;
     if !open.is_empty() {
         // With time alone, work that another holds becomes work to be taken over; and who was rung for a new job may not be one who can do it.

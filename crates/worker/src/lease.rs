@@ -17,9 +17,6 @@ use crate::renderer::{LeaseError, RenderedNode, Renderer};
 use crate::retry::until_answered;
 use crate::uploader::{Outbox, Parcel, Receipt, is_lease_over};
 
-/// Longest time for which a complete node waits for company in its parcel.
-const GATHERING_TIME: Duration = Duration::from_secs(1);
-
 /// Size of the sums at which a parcel is full, well below what coordinators take. A larger node travels alone.
 const FULL_PARCEL_BYTES: usize = 8 << 20;
 
@@ -123,7 +120,7 @@ impl LeaseWork {
             };
             let Some(node) = next else { break };
             if gathered.is_empty() {
-                due = Instant::now() + GATHERING_TIME;
+                due = Instant::now() + Duration::from_millis(self.lease.gather_ms.into());
             }
             gathered.push(node);
             if gathered.iter().map(|node| node.rendered.node.bytes()).sum::<usize>() >= FULL_PARCEL_BYTES {

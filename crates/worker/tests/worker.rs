@@ -157,7 +157,16 @@ fn farm() -> Farm {
 fn lease(number: u64, nodes: Vec<NodeAddress>) -> Lease {
     let id: LeaseId = format!("00000000-0000-7000-8000-{number:012}").parse().unwrap();
     let job: JobId = "00000000-0000-7000-8000-00000000000a".parse().unwrap();
-    Lease { id, token: number, job, scene_hash: String::new(), nodes, deadline_ms: 0, expires_in_ms: 600 }
+    Lease {
+        id,
+        token: number,
+        job,
+        scene_hash: String::new(),
+        nodes,
+        deadline_ms: 0,
+        expires_in_ms: 600,
+        gather_ms: 1000,
+    }
 }
 
 /// All tiles over the passes `[index * 2^level, (index + 1) * 2^level)`.

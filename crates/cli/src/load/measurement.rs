@@ -166,6 +166,7 @@ impl<'a> Measurement<'a> {
             load_seconds: in_load.as_secs_f64(),
             drain_seconds: (rested - unloaded.time).as_secs_f64(),
             registration_seconds: registration.as_secs_f64(),
+            leases_per_second: rate(unloaded.counts.leases - loaded.counts.leases),
             leased_per_second: rate(unloaded.counts.leased - loaded.counts.leased),
             uploaded_per_second: rate(unloaded.counts.accepted - loaded.counts.accepted),
             merged_per_second: rate(merged(unloaded.merged_passes - loaded.merged_passes)),

@@ -51,6 +51,8 @@ pub(super) struct Line {
     pub(super) drain_seconds: f64,
     /// Until all workers were registered, 100 at a time.
     pub(super) registration_seconds: f64,
+    /// Leases granted, over the measured time, as all rates below but one.
+    pub(super) leases_per_second: f64,
     /// Nodes leased.
     pub(super) leased_per_second: f64,
     /// Nodes accepted.
@@ -184,6 +186,7 @@ type Row = (&'static str, usize, fn(&Line) -> f64);
 
 const ROWS: &[Row] = &[
     ("workers", 0, |line| line.workers.into()),
+    ("leases, /s", 0, |line| line.leases_per_second),
     ("nodes leased, /s", 0, |line| line.leased_per_second),
     ("nodes uploaded, /s", 0, |line| line.uploaded_per_second),
     ("nodes merged, /s", 0, |line| line.merged_per_second),

@@ -18,8 +18,8 @@ const PERIOD: Duration = Duration::from_millis(300);
 pub(super) async fn look(client: &Client, tally: &Tally) {
     let mut watched = None;
     while tally.is_measuring() {
-        let next = Instant::now() + PERIOD;
         watched = running(client, tally, watched).await;
+        let next = Instant::now() + PERIOD;
         if let Some(job) = watched {
             look_at(client, tally, job).await;
         }

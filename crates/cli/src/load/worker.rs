@@ -1,7 +1,7 @@
 //! A simulated worker: it speaks to the coordinator as a real one does, and brings noise.
 //!
-//! It registers, sends signs of life, waits for leases, renews them while it holds them, uploads all nodes of a lease as the real one does that
-//! has them within a second, and repeats calls that fail in a way that may pass. Two things are left out: it does not fetch the scene,
+//! It registers, sends signs of life, waits for leases, renews them while it holds them, uploads nodes as the real one does, as often as it is told to those that
+//! would have been rendered by then, and repeats calls that fail in a way that may pass. Two things are left out: it does not fetch the scene,
 //! which real ones do once for each job; and it claims only after its upload was answered, where real ones claim meanwhile.
 
 use std::sync::Arc;
@@ -77,9 +77,10 @@ impl Load {
                 Ok(None) => turn = Instant::now(),
                 Ok(Some(lease)) => {
                     // Who is late does not catch up: a farm that cannot follow is offered less.
-                    turn = Instant::now().max(turn + self.cycle.unwrap_or_default());
+                    let now = Instant::now();
+                    turn = now.max(turn + self.cycle.unwrap_or_default());
                     tokio::select! {
-                        worked_off = self.work_off(&lease, turn) => {
+                        worked_off = self.work_off(&lease, now, turn) => {
                             if let Err(failure) = worked_off {
                                 return failure;
                             }
@@ -103,15 +104,27 @@ impl Load {
         Ok(lease)
     }
 
-    /// Holds a lease until `due`, as if it were rendered meanwhile, and uploads its nodes.
-    async fn work_off(&self, lease: &Lease, due: Instant) -> Result<(), WorkerFailure> {
-        tokio::time::sleep_until(due).await;
-        let mut outstanding = 0;
-        for nodes in lease.nodes.chunks(self.noise.nodes_per_parcel()) {
-            match self.upload(lease, nodes).await? {
-                Some(left) => outstanding = left,
-                None => return Ok(()),
+    /// Uploads the nodes of a lease as if one after the other had been rendered from `start` to `due`.
+    async fn work_off(&self, lease: &Lease, start: Instant, due: Instant) -> Result<(), WorkerFailure> {
+        let count = lease.nodes.len().max(1);
+        let each = (due - start).div_f64(count as f64);
+        let rendered = |time: Instant| match each.is_zero() {
+            true => count,
+            false => ((time - start).div_duration_f64(each).round() as usize).min(count),
+        };
+        let gathering_time = Duration::from_millis(lease.gather_ms.into());
+        let (mut next, mut outstanding) = (0, 0);
+        while next < lease.nodes.len() {
+            let hand_in = due.min(start + each.mul_f64((next + 1) as f64) + gathering_time);
+            tokio::time::sleep_until(hand_in).await;
+            let end = rendered(hand_in).max(next + 1);
+            for nodes in lease.nodes[next..end].chunks(self.noise.nodes_per_parcel()) {
+                match self.upload(lease, nodes).await? {
+                    Some(left) => outstanding = left,
+                    None => return Ok(()),
+                }
             }
+            next = end;
         }
         if outstanding > 0 {
             let body = LeaseReturn { token: lease.token, failure: None };

@@ -113,6 +113,7 @@ fn lease(farm: &Farm, grant: Grant) -> Lease {
         nodes: nodes.iter().map(acceptance::wire_address).collect(),
         deadline_ms: lease.deadline_ms,
         expires_in_ms: milliseconds(farm.config.lease_ttl),
+        gather_ms: u32::try_from(farm.gathering_time().as_millis()).unwrap_or(u32::MAX),
     }
 }
 

@@ -28,8 +28,9 @@ pub(super) async fn merge(farm: &Farm, job: &JobRecord, next_round: u32) -> Resu
         let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
         let tiles = tiles.filter(|rows| can_merge(rows, &held.of(rows))).collect();
         let batches = film::batches(tiles).into_iter();
+        // While some wait for the writer, others are merged.
         let merges: Vec<_> = batches.map(|tiles| merge_tiles(farm, job, tiles, &held)).collect();
-        stream::iter(merges).buffer_unordered(MERGES).try_collect::<()>().await?;
+        stream::iter(merges).buffer_unordered(2 * MERGES).try_collect::<()>().await?;
     }
     Ok(())
 }
@@ -62,8 +63,9 @@ async fn merge_tiles(farm: &Farm, job: &JobRecord, tiles: Vec<&[NodeRow]>, held:
     }
     // What is in memory now is the cache's: the writer may be busy for long, and others can go on.
     drop(permit);
-    // Claims wait for no more than a few at once.
+    // Claims wait for no more than a few of a few at once.
     for merges in merges.chunks(REPLACED) {
+        let _turn = farm.replacing.acquire().await.ok();
         farm.let_go(farm.store.replace(job.id, job.redone_nodes, merges.to_vec()).await?).await;
     }
     Ok(())

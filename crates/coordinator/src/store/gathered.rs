@@ -1,4 +1,4 @@
-//! Writes of one kind that are written together: those that come while one waits for its turn are written with it, by one statement. Thousands
+//! Writes of one kind that are written together: those that come while one waits for its turn are written with it, by a few statements. Thousands
 //! of workers say every few seconds that they are there, and that they go on with their leases.
 
 use std::mem;
@@ -8,6 +8,9 @@ use futures::future::BoxFuture;
 use tokio::sync::oneshot;
 
 use super::{Connection, Store, StoreError};
+
+/// Most writes that are written together: all else waits meanwhile.
+const MOST: usize = 256;
 
 /// What each of some writes of a kind has come to, in their order.
 pub(super) type Outcomes<T, E> = Result<Vec<Result<T, E>>, StoreError>;
@@ -49,10 +52,15 @@ where
     pub(super) async fn write(&self, store: &Store, write: W, all: WriteAll<W, T, E>) -> Result<T, E> {
         let (reply, answer) = oneshot::channel();
         if self.add(Waiting { write, reply }) {
-            // Others depend on it: it goes on when this caller goes away.
-            tokio::spawn(self.clone().write_all(store.clone(), all));
+            self.begin(store, all);
         }
         answer.await.unwrap_or_else(|_| Err(StoreError::Closed.into()))
+    }
+
+    /// Begins to write those that wait. Others than the caller depend on it: it goes on when that one goes away.
+    fn begin(&self, store: &Store, all: WriteAll<W, T, E>) {
+        let written: BoxFuture<'static, ()> = Box::pin(self.clone().write_all(store.clone(), all));
+        tokio::spawn(written);
     }
 
     /// Adds a write, and answers whether it is the first.
@@ -70,12 +78,23 @@ where
         mem::take(&mut *self.waiting.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
+    /// Takes as many as are written together, and answers whether there are more.
+    fn take_some(&self) -> (Vec<Waiting<W, T, E>>, bool) {
+        let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
+        let most = waiting.len().min(MOST);
+        let rest = waiting.split_off(most);
+        (mem::replace(&mut *waiting, rest), !waiting.is_empty())
+    }
+
     async fn write_all(self, store: Store, all: WriteAll<W, T, E>) {
         let taken = Self::default();
-        let (gathered, writing) = (self.clone(), taken.clone());
+        let (gathered, writing, again) = (self.clone(), taken.clone(), store.clone());
         let written = store.write(move |connection| {
             Box::pin(async move {
-                let waiting = gathered.take();
+                let (waiting, is_more) = gathered.take_some();
+                if is_more {
+                    gathered.begin(&again, all);
+                }
                 let writes = waiting.iter().map(|waiting| waiting.write.clone()).collect();
                 writing.put(waiting);
                 all(connection, writes).await

@@ -1,4 +1,4 @@
-//! Leases: kept, given back, or run out. [Claims](super::claim) make them.
+//! Leases: given back, or run out. [Claims](super::claim) make them, [renewals](super::renewals) keep them.
 //!
 //! A fencing token rises with every lease; whoever comes back with an older one is told so and changes nothing.
 
@@ -93,16 +93,27 @@ pub(crate) enum LeaseError {
 impl LeaseRecord {
     /// Whether work may be brought under it: the token fits, and it is active or all of it has been accepted.
     pub(crate) fn check(&self, token: u64, now_ms: i64) -> Result<(), LeaseError> {
-        if token != self.token {
-            return Err(LeaseError::StaleToken(token));
-        }
-        match self.state {
-            LeaseState::Active if self.deadline_ms <= now_ms => Err(LeaseError::Expired),
-            LeaseState::Active | LeaseState::Complete => Ok(()),
-            LeaseState::Returned => Err(LeaseError::Returned),
-            LeaseState::Expired => Err(LeaseError::Expired),
-            LeaseState::Ended => Err(LeaseError::JobNotRunning),
-        }
+        let Self { token: stored, state, deadline_ms, .. } = *self;
+        check([stored, token], state, deadline_ms, now_ms)
+    }
+}
+
+/// Whether work may be brought under a lease: its token is the one that is shown, and it is active or all of it has been accepted.
+pub(super) fn check(
+    [stored, shown]: [u64; 2],
+    state: LeaseState,
+    deadline_ms: i64,
+    now_ms: i64,
+) -> Result<(), LeaseError> {
+    if shown != stored {
+        return Err(LeaseError::StaleToken(shown));
+    }
+    match state {
+        LeaseState::Active if deadline_ms <= now_ms => Err(LeaseError::Expired),
+        LeaseState::Active | LeaseState::Complete => Ok(()),
+        LeaseState::Returned => Err(LeaseError::Returned),
+        LeaseState::Expired => Err(LeaseError::Expired),
+        LeaseState::Ended => Err(LeaseError::JobNotRunning),
     }
 }
 
@@ -146,7 +157,7 @@ pub(super) fn nodes_of(row: &Row) -> Result<BTreeSet<NodeAddress>, StoreError> {
 }
 
 /// The lease, if work may be brought under it now.
-pub(super) async fn valid(
+async fn valid(
     connection: &mut Connection,
     lease: LeaseId,
     token: u64,
@@ -236,6 +247,12 @@ impl Store {
     /// now failed for good.
     pub(crate) async fn fail_lease(&self, failure: WorkFailure) -> Result<Option<JobId>, LeaseError> {
         self.write(move |connection| Box::pin(async move { fail(connection, &failure).await })).await
+    }
+
+    /// How many leases are active.
+    pub(crate) async fn active_leases(&self) -> Result<u32, StoreError> {
+        let counted = query("select count(*) as active from leases where state = 'active'");
+        counted.fetch_one(&self.readers).await?.number("active")
     }
 
     /// Takes back all leases that have run out, and answers how many.

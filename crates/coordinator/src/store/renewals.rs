@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use clerestory_api::{LeaseId, WorkerId};
 
 use super::gathered::Outcomes;
-use super::leases::{LeaseError, OUTSTANDING, valid};
-use super::row::to_json;
-use super::sql::{Kind, looked_up, query};
-use super::{Connection, Store, workers};
+use super::leases::{LeaseError, LeaseState, OUTSTANDING, check};
+use super::row::{Row, to_json};
+use super::sql::{Kind, looked_up, looked_up_if, query};
+use super::{Connection, Store, StoreError, workers};
 
 /// A renewal of a lease.
 #[derive(Clone, Copy, Debug)]
@@ -42,33 +42,71 @@ async fn renew(connection: &mut Connection, renewals: Vec<Renewal>) -> Outcomes<
         |renewal: &Renewal| Some((renewal.lease.to_string(), i64::try_from(renewal.token).ok()?, renewal.now_ms));
     let listed: Vec<(String, i64, i64)> = renewals.iter().filter_map(listed).collect();
     let columns = [Kind::Text, Kind::Integer, Kind::Integer];
-    let found = "id = c0 and token = c1 and state = 'active' and deadline_ms > c2";
+    // Found by its identity alone: few leases are active when a server begins to plan this, and it would go through all that are.
+    let wanted = "token = c1 and state = 'active' and deadline_ms > c2";
     let statement = format!(
         "update leases set state = case when {OUTSTANDING} = 0 then 'complete' else state end, deadline_ms = $1 where {} \
          returning id, token, worker, {OUTSTANDING} as outstanding",
-        looked_up(connection.engine(), "leases", 2, &columns, found)
+        looked_up_if(connection.engine(), "leases", 2, &columns, "id = c0", wanted)
     );
     let (mut renewed, mut heard) = (BTreeMap::new(), BTreeSet::new());
     for row in query(statement).bind(deadline_ms).bind(to_json(&listed)?).fetch_all(&mut *connection).await? {
-        renewed.insert((row.parsed::<LeaseId>("id")?, row.number::<u64>("token")?), row.number("outstanding")?);
+        let key: (LeaseId, u64) = (row.parsed("id")?, row.number("token")?);
+        renewed.insert(key, row.number("outstanding")?);
         heard.insert(row.parsed::<WorkerId>("worker")?);
     }
+    let is_renewed = |renewal: &&Renewal| renewed.contains_key(&(renewal.lease, renewal.token));
+    let others: BTreeSet<LeaseId> =
+        renewals.iter().filter(|renewal| !is_renewed(renewal)).map(|renewal| renewal.lease).collect();
+    let stored = stored(connection, &others).await?;
     let mut outcomes = Vec::with_capacity(renewals.len());
     for Renewal { lease, token, now_ms, .. } in &renewals {
-        outcomes.push(match renewed.get(&(*lease, *token)) {
-            Some(outstanding) => Ok(*outstanding),
-            None => match valid(connection, *lease, *token, *now_ms).await {
-                Ok(complete) => {
-                    heard.insert(complete.worker);
-                    Ok(0)
-                }
-                Err(LeaseError::Store(error)) => return Err(error),
-                Err(refused) => Err(refused),
-            },
-        });
+        let outcome = match (renewed.get(&(*lease, *token)), stored.get(lease)) {
+            (Some(outstanding), _) => Ok(*outstanding),
+            (None, None) => Err(LeaseError::Unknown(*lease)),
+            (None, Some(stored)) => {
+                // What is not refused was not renewed because it is complete.
+                let checked = check([stored.token, *token], stored.state, stored.deadline_ms, *now_ms).map(|()| 0);
+                heard.extend(checked.is_ok().then_some(stored.worker));
+                checked
+            }
+        };
+        outcomes.push(outcome);
     }
-    if let Some(now_ms) = renewals.iter().map(|renewal| renewal.now_ms).max() {
+    if let Some(now_ms) = renewals.iter().map(|renewal| renewal.now_ms).max().filter(|_| !heard.is_empty()) {
         workers::hear_all(connection, &heard, now_ms).await?;
     }
     Ok(outcomes)
+}
+
+/// What is known of a lease that is not renewed.
+struct Stored {
+    token: u64,
+    worker: WorkerId,
+    state: LeaseState,
+    deadline_ms: i64,
+}
+
+/// Some leases as they are; without those that there are not.
+async fn stored(
+    connection: &mut Connection,
+    leases: &BTreeSet<LeaseId>,
+) -> Result<BTreeMap<LeaseId, Stored>, StoreError> {
+    if leases.is_empty() {
+        return Ok(BTreeMap::new());
+    }
+    let listed: Vec<[String; 1]> = leases.iter().map(|lease| [lease.to_string()]).collect();
+    let found = looked_up(connection.engine(), "leases", 1, &[Kind::Text], "id = c0");
+    let rows = query(format!("select id, token, worker, state, deadline_ms from leases where {found}"));
+    let rows = rows.bind(to_json(&listed)?).fetch_all(connection).await?;
+    let stored = |row: &Row| {
+        let stored = Stored {
+            token: row.number("token")?,
+            worker: row.parsed("worker")?,
+            state: row.word("state")?,
+            deadline_ms: row.integer("deadline_ms")?,
+        };
+        Ok((row.parsed("id")?, stored))
+    };
+    rows.iter().map(stored).collect()
 }

@@ -108,8 +108,24 @@ pub(super) fn rows_of(engine: Engine, number: usize, columns: &[Kind]) -> String
 /// PostgreSQL would look for them in all of the table wherever it believes that to be small; so its rows are found one by one, by the index that `found`
 /// names the columns of, and taken from where they lie.
 pub(super) fn looked_up(engine: Engine, table: &str, number: usize, columns: &[Kind], found: &str) -> String {
+    looked_up_if(engine, table, number, columns, found, "true")
+}
+
+/// The same, of rows that are wanted: a further condition, which is to be no part of how a row is found.
+pub(super) fn looked_up_if(
+    engine: Engine,
+    table: &str,
+    number: usize,
+    columns: &[Kind],
+    found: &str,
+    wanted: &str,
+) -> String {
     let listed = rows_of(engine, number, columns);
-    let places = |place| format!("select (select {place} from {table} where {found}) from {listed} as looked_up");
+    let places = |place| {
+        format!(
+            "select (select case when {wanted} then {place} end from {table} where {found}) from {listed} as looked_up"
+        )
+    };
     match engine {
         Engine::Sqlite => format!("rowid in ({})", places("rowid")),
         Engine::Postgres => format!("ctid = any(array({}))", places("ctid")),

@@ -7,6 +7,7 @@
 pub mod adaptive;
 pub mod address;
 pub mod decomposition;
+pub mod exposure;
 pub mod image;
 mod image_file;
 mod image_writer;
@@ -30,9 +31,10 @@ pub mod tree;
 pub use adaptive::{Adaptation, Share};
 pub use address::{NodeAddress, PassRange, Tile, TileGrid};
 pub use decomposition::{Decomposition, decompose};
+pub use exposure::{LogLuminance, MeanLuminance};
 pub use image::{FrameImage, ImageError, ImageLayers, ImageMetadata};
 pub use image_writer::{ImageWriter, ROWS_PER_BLOCK, first_bytes};
-pub use metrics::flip::{FlipComparison, FlipError, LogLuminance, MeanLuminance, mean_flip};
+pub use metrics::flip::{FlipComparison, FlipError, mean_flip};
 pub use metrics::{
     CompareError, Comparison, Metrics, NoiseMeasure, ReferenceMeasure, ReferenceSummary, RelativeNoise, compare,
     mean_squared_standard_error, relative_noise,

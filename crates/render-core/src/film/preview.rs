@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::exposure::MeanLuminance;
 use super::image::FrameImage;
 
 /// How bright a preview is.
@@ -17,9 +18,7 @@ use super::image::FrameImage;
 pub enum Exposure {
     /// Radiance is multiplied by 2 to this power; 0 shows radiance 1 as white.
     Stops(f64),
-    /// The log-average luminance becomes 0.18, a middle grey (Reinhard et al. 2002, "Photographic Tone Reproduction for
-    /// Digital Images", equation 1). Pixels darker than a thousandth of the mean luminance are left out of the average,
-    /// so that black surroundings do not count.
+    /// That at which the [log-average luminance](super::exposure) is a middle grey.
     Automatic,
 }
 
@@ -90,23 +89,12 @@ pub fn automatic_stops(image: &FrameImage) -> f64 {
     libm::log2(automatic_scale(&image.layers().mean))
 }
 
-/// Relative luminances whose product is a finite number: each is 1e-3 or more, and at most the number of pixels.
-const LUMINANCES_IN_A_PRODUCT: usize = 16;
-
 fn automatic_scale(pixels: &[[f32; 3]]) -> f64 {
-    let lit = |luminance: &f64| *luminance > 0.0;
-    let mean = pixels.iter().map(|pixel| luminance(*pixel)).filter(lit).sum::<f64>() / pixels.len().max(1) as f64;
-    let per_mean = 1.0 / mean;
-    let (mut sum, mut count) = (0.0, 0);
-    // The logarithm of a product instead of the sum of logarithms: those of two million pixels would take longer than their PNG.
-    for pixels in pixels.chunks(LUMINANCES_IN_A_PRODUCT) {
-        let relative = pixels.iter().map(|pixel| luminance(*pixel) * per_mean).filter(|relative| *relative >= 1e-3);
-        let (product, factors) =
-            relative.fold((1.0, 0), |(product, factors), relative| (product * relative, factors + 1));
-        sum += libm::log(product);
-        count += factors;
-    }
-    if count == 0 { 1.0 } else { 0.18 / (mean * libm::exp(sum / f64::from(count))) }
+    let mut mean = MeanLuminance::new();
+    mean.add(pixels);
+    let mut log = mean.finish();
+    log.add(pixels);
+    log.scale()
 }
 
 /// Luminance of linear Rec. 709.
@@ -132,11 +120,11 @@ impl Codes {
         let shown = |bits| code(f32::from_bits(bits), scale, curve);
         let mut thresholds = [u32::MAX; 256];
         let mut start = 0;
-        for (code, threshold) in (0..).zip(&mut thresholds[..255]) {
+        for (threshold, code) in thresholds[..255].iter_mut().zip(0_u8..) {
             let (mut below, mut from) = (start, infinity + 1);
             while below < from {
                 let middle = below.midpoint(from);
-                if middle <= infinity && shown(middle) <= code { below = middle + 1 } else { from = middle }
+                if shown(middle) <= code { below = middle + 1 } else { from = middle }
             }
             if from <= infinity {
                 *threshold = from;
@@ -148,8 +136,8 @@ impl Codes {
     }
 
     fn of(&self, radiance: f32) -> u8 {
-        // What is no number is shown as nothing.
-        let bits = radiance.max(0.0).to_bits();
+        // What is no number, or less than nothing, is shown as nothing.
+        let bits = if radiance > 0.0 { radiance.to_bits() } else { 0 };
         let mut code = self.first[(bits >> BITS_IN_A_CELL) as usize];
         while self.thresholds[usize::from(code)] <= bits {
             code += 1;
@@ -212,7 +200,7 @@ mod tests {
             for radiance in spread.chain(edges).chain(cells) {
                 assert_eq!(codes.of(radiance), code(radiance, scale, curve), "{radiance} by {scale}, {curve:?}");
             }
-            assert_eq!([f32::NAN, -1.0, f32::NEG_INFINITY].map(|radiance| codes.of(radiance)), [0; 3]);
+            assert_eq!([f32::NAN, -1.0, f32::NEG_INFINITY, -0.0].map(|radiance| codes.of(radiance)), [0; 4]);
         }
     }
 

@@ -22,7 +22,7 @@ use thiserror::Error;
 use self::perception::{Observer, Perceived, RADIUS, SIGNALS, Window, perceived_color};
 use super::CompareError;
 use crate::film::image::FrameImage;
-use crate::film::preview::{ToneCurve, automatic_stops, luminance};
+use crate::film::preview::{ToneCurve, automatic_stops};
 
 /// The exponent of the difference in color, `q_c`.
 const COLOR_EXPONENT: f64 = 0.7;
@@ -38,66 +38,6 @@ const FEATURE_EXPONENT: f64 = 0.5;
 
 /// Rows that are filtered at once: enough for the threads of a machine, few enough to keep.
 const BATCH_ROWS: usize = 32;
-
-/// Measures how bright a reference is, in two readings of it, so that it need not fit into memory. This is the first:
-///
-/// ```text
-/// MeanLuminance --finish--> LogLuminance --finish--> stops
-/// ```
-///
-/// The stops are those of [`automatic_stops`], to the last bit.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct MeanLuminance {
-    sum: f64,
-    pixels: usize,
-}
-
-impl MeanLuminance {
-    /// A measure of nothing yet.
-    pub fn new() -> Self {
-        Self::default()
-    }
-
-    /// Adds the next pixels, in rows from the top left: radiance, W/(m2 sr). What is not finite counts as black.
-    pub fn add(&mut self, pixels: &[[f32; 3]]) {
-        self.sum = luminances(pixels).fold(self.sum, |sum, luminance| sum + luminance);
-        self.pixels += pixels.len();
-    }
-
-    /// The second reading, once all pixels have been added.
-    pub fn finish(self) -> LogLuminance {
-        LogLuminance { darkest: 1e-3 * self.sum / self.pixels.max(1) as f64, sum: 0.0, count: 0.0 }
-    }
-}
-
-/// Measures how bright a reference is: the second of two readings.
-#[derive(Clone, Copy, Debug)]
-pub struct LogLuminance {
-    /// Darker pixels do not count.
-    darkest: f64,
-    sum: f64,
-    count: f64,
-}
-
-impl LogLuminance {
-    /// Adds the next pixels: the same, in the same order, as in the first reading.
-    pub fn add(&mut self, pixels: &[[f32; 3]]) {
-        for luminance in luminances(pixels).filter(|&luminance| luminance >= self.darkest) {
-            self.sum += libm::log(luminance);
-            self.count += 1.0;
-        }
-    }
-
-    /// The automatic exposure in stops, once all pixels have been added; 0 for an image that is black.
-    pub fn finish(self) -> f64 {
-        if self.count == 0.0 { 0.0 } else { libm::log2(0.18 / libm::exp(self.sum / self.count)) }
-    }
-}
-
-/// The luminances, linear Rec. 709, of the pixels that have one.
-fn luminances(pixels: &[[f32; 3]]) -> impl Iterator<Item = f64> {
-    pixels.iter().map(|pixel| luminance(*pixel)).filter(|luminance| *luminance > 0.0 && luminance.is_finite())
-}
 
 /// Why rows cannot be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]

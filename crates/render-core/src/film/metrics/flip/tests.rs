@@ -1,5 +1,6 @@
 use super::perception::{BLUE_YELLOW, EDGE_WIDTH, FEATURE_RADIUS, PIXELS_PER_DEGREE};
 use super::*;
+use crate::film::exposure::MeanLuminance;
 use crate::film::image::ImageLayers;
 use crate::film::preview::{Exposure, PreviewSettings, encode_png};
 use crate::film::sampler::{SampleStream, SamplerSettings};
