@@ -40,10 +40,13 @@ pub(crate) const MERGES: usize = 2;
 const REPLACEMENTS: usize = 8;
 
 /// Partials that all leases together are to bring in a second, when there are many: each costs some milliseconds, however little is in it.
-const PARTIALS_PER_SECOND: u32 = 250;
+const PARTIALS_PER_SECOND: u32 = 100;
 
 /// How long a complete node waits for others at least, however few leases there are.
 const SHORTEST_GATHERING: Duration = Duration::from_secs(1);
+
+/// And at most, where a lease does not end before: one that takes so long is not given to others meanwhile.
+const LONGEST_GATHERING: Duration = Duration::from_secs(30);
 
 /// How long a worker may be silent before others do without it: three signs of life.
 const LONGEST_SILENCE: Duration = Duration::from_secs(15);
@@ -220,10 +223,10 @@ impl Farm {
     }
 
     /// How long a complete node is to wait for others that travel with it: a thousand workers who each brought what they have every second would take
-    /// all of a coordinator's time. No longer than a lease should take, beyond a second.
+    /// all of a coordinator's time.
     pub(crate) fn gathering_time(&self) -> Duration {
         let shared = Duration::from_secs(1) * self.active_leases.load(Ordering::Relaxed) / PARTIALS_PER_SECOND;
-        shared.min(self.config.lease_target).max(SHORTEST_GATHERING)
+        shared.clamp(SHORTEST_GATHERING, LONGEST_GATHERING)
     }
 
     /// Workers may have said that they are there, up to now, without having been heard.
@@ -304,8 +307,8 @@ mod tests {
             farm.gathering_time().as_millis()
         };
         assert_eq!(
-            [0, 1, 250, 1000, 2500, 5000, u32::MAX].map(gathering),
-            [1000, 1000, 1000, 4000, 10_000, 10_000, 10_000]
+            [0, 1, 100, 400, 1000, 5000, u32::MAX].map(gathering),
+            [1000, 1000, 1000, 4000, 10_000, 30_000, 30_000]
         );
     }
 }

@@ -357,6 +357,22 @@ async fn a_lease_of_which_nothing_is_wanted_any_more_is_left_for_the_next() {
 }
 
 #[tokio::test]
+async fn complete_nodes_wait_for_others_as_long_as_the_lease_says() {
+    let farm = farm();
+    // Long ones, so that they do not fill a partial.
+    let nodes = (0..4096).map(|index| NodeAddress { frame: 0, tile: 0, level: 8, index }).collect();
+    let lease = Lease { gather_ms: 60_000, ..lease(1, nodes) };
+    farm.lock().claims.push_back(Claim::Lease(lease.clone()));
+    let worker = farm.start().await;
+    // Whoever does not listen to it hands in after a second.
+    tokio::time::sleep(Duration::from_secs(3)).await;
+    assert!(farm.lock().uploads.is_empty());
+    worker.stop().await;
+    let fake = farm.lock();
+    assert!(matches!(fake.uploads.as_slice(), [all] if !all.nodes.is_empty()));
+}
+
+#[tokio::test]
 async fn told_to_stop_it_uploads_what_is_complete_and_returns_the_rest() {
     let farm = farm();
     let lease = lease(1, endless());

@@ -123,7 +123,8 @@ impl<'a> Measurement<'a> {
         let tally = &self.load.tally;
         let leased_nodes = u64::from(self.workers) * u64::from(self.settings.nodes_per_lease);
         let mut supply = Supply::new(&self.connection, tally, self.grid, leased_nodes)?;
-        let ramp = self.load.cycle.unwrap_or_default().max(SHORTEST_RAMP);
+        // What workers bring of their first leases is not yet spread over the time as that of later ones.
+        let ramp = (2 * self.load.cycle.unwrap_or_default()).max(SHORTEST_RAMP);
         supply.begin().await?;
         let own = Process::this();
         let log_start = self.log_bytes().await?;
