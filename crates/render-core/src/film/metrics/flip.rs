@@ -68,7 +68,7 @@ pub struct FlipComparison {
 impl FlipComparison {
     /// A comparison of images `width` pixels wide (at least 1), both shown at an exposure of `stops` and with a tone curve.
     ///
-    /// The stops should be those of the reference alone ([`MeanLuminance`], [`automatic_stops`]): images of one scene can
+    /// The stops should be those of the reference alone ([`MeanLuminance`](crate::film::MeanLuminance), [`automatic_stops`]): images of one scene can
     /// then be compared.
     pub fn new(width: u32, stops: f64, curve: ToneCurve) -> Self {
         Self {
