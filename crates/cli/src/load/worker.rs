@@ -1,7 +1,7 @@
 //! A simulated worker: it speaks to the coordinator as a real one does, and brings noise.
 //!
-//! It registers, sends signs of life, waits for leases, renews them while it holds them, uploads nodes as the real one does, as often as it is told to those that
-//! would have been rendered by then, and repeats calls that fail in a way that may pass. Two things are left out: it does not fetch the scene,
+//! It registers, sends signs of life, waits for leases, renews them while it holds them, uploads nodes as the real one does, as often as its
+//! lease says, those that would have been rendered by then, and repeats calls that fail in a way that may pass. Two things are left out: it does not fetch the scene,
 //! which real ones do once for each job; and it claims only after its upload was answered, where real ones claim meanwhile.
 
 use std::sync::Arc;
