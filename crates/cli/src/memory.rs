@@ -2,7 +2,7 @@
 
 #![allow(unsafe_code)]
 
-/// Bytes from which on a block is mapped, where no free piece is large enough, and goes back to the system at once. Partials are smaller; images
+/// Bytes from which on a block is mapped, where no free piece is large enough, and goes back to the system at once. Most partials are smaller; images
 /// and previews are larger.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const LARGE_BLOCK: libc::c_int = 1 << 20;

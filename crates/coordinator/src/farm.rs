@@ -19,6 +19,7 @@ use crate::live::LiveValues;
 use crate::news::News;
 use crate::previews::Previews;
 use crate::rate::Rates;
+use crate::schedule::SHORTEST_GATHERING_SECONDS;
 use crate::store::{Removed, Store};
 
 /// Bytes of partials that are received at the same time, but for one that goes on beyond them.
@@ -35,17 +36,14 @@ pub(crate) fn permits(bytes: u64) -> u32 {
 /// Batches of tiles that are merged at the same time, of whichever jobs: while one is computed, another waits for the disk.
 pub(crate) const MERGES: usize = 2;
 
-/// Writes that put merged nodes in the place of their halves which wait for the writer at the same time: so many come before a claim. With fewer, where hundreds of
+/// Writes of all jobs that put merged nodes in the place of their halves which wait for the writer at the same time: so many come before a claim. With fewer, where hundreds of
 /// claims and partials wait as well, less would be merged than comes.
 const REPLACEMENTS: usize = 8;
 
 /// Partials that all leases together are to bring in a second, when there are many: each costs some milliseconds, however little is in it.
 const PARTIALS_PER_SECOND: u32 = 100;
 
-/// How long a complete node waits for others at least, however few leases there are.
-const SHORTEST_GATHERING: Duration = Duration::from_secs(1);
-
-/// And at most, where a lease does not end before: one that takes so long is not given to others meanwhile.
+/// How long a complete node waits for others at most, where a lease does not end before.
 const LONGEST_GATHERING: Duration = Duration::from_secs(30);
 
 /// How long a worker may be silent before others do without it: three signs of life.
@@ -222,11 +220,11 @@ impl Farm {
         self.active_leases.store(count, Ordering::Relaxed);
     }
 
-    /// How long a complete node is to wait for others that travel with it: a thousand workers who each brought what they have every second would take
+    /// How long a complete node of a long lease is to wait for others that travel with it: a thousand workers who each brought what they have every second would take
     /// all of a coordinator's time.
     pub(crate) fn gathering_time(&self) -> Duration {
         let shared = Duration::from_secs(1) * self.active_leases.load(Ordering::Relaxed) / PARTIALS_PER_SECOND;
-        shared.clamp(SHORTEST_GATHERING, LONGEST_GATHERING)
+        shared.clamp(Duration::from_secs_f64(SHORTEST_GATHERING_SECONDS), LONGEST_GATHERING)
     }
 
     /// Workers may have said that they are there, up to now, without having been heard.

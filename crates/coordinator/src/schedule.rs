@@ -12,6 +12,9 @@ const LATE_STEP: u32 = 16;
 /// A lease may go on without an accepted node for so many times as long as its work should take.
 const PATIENCE: f64 = 3.0;
 
+/// How long a complete node waits for others at least, in seconds, however few leases there are.
+pub(crate) const SHORTEST_GATHERING_SECONDS: f64 = 1.0;
+
 /// Longest time for which a lease may, in seconds: a week.
 const LONGEST_PATIENCE: f64 = 7.0 * 24.0 * 3600.0;
 
@@ -100,6 +103,13 @@ impl Pace {
         (PATIENCE * needed * f64::from(1_u32 << (2 * repeats.min(10)))).min(LONGEST_PATIENCE)
     }
 
+    /// How long a complete node of a lease of some samples waits for others, in seconds, where `longest_seconds` would do in one that is long enough.
+    /// No longer than the lease should take: what it holds is brought at its end in any case, unless its worker has got slow, and whoever waits for it
+    /// then should see what is left.
+    pub(crate) fn gathering_seconds(&self, samples: f64, longest_seconds: f64) -> f64 {
+        longest_seconds.min(self.seconds(samples)).max(SHORTEST_GATHERING_SECONDS)
+    }
+
     /// Samples that a lease should hold, and a node at most: what the worker renders in the wanted time, but towards the end of a job no
     /// more than half of an equal share of what is left, so that all workers finish together. None before its speed is known: then one
     /// pass is enough to measure it.
@@ -126,6 +136,15 @@ mod tests {
         check(16, &[1, 2, 4, 8, 16]);
         check(23, &[1, 2, 4, 8, 16, 23]);
         check(53, &[1, 2, 4, 8, 16, 32, 48, 53]);
+    }
+
+    #[test]
+    fn nodes_wait_for_others_no_longer_than_their_lease_should_take() {
+        let pace = |samples_per_second| Pace { samples_per_second, target_seconds: 10.0, workers: 1 };
+        let gathering = |rate, longest| pace(rate).gathering_seconds(1000.0, longest);
+        assert_eq!([0.5, 4.0, 30.0].map(|longest| gathering(Some(200.0), longest)), [1.0, 4.0, 5.0]);
+        assert_eq!([0.5, 4.0, 30.0].map(|longest| gathering(Some(10_000.0), longest)), [1.0; 3]);
+        assert_eq!(gathering(None, 30.0), 10.0, "as long as a lease should take while that is not known");
     }
 
     #[test]

@@ -222,6 +222,8 @@ async fn start(farm: &Arc<Farm>, bells: Bells, background: &Background) -> Resul
         // A round may have been complete when the last coordinator stopped.
         farm.look_at_film(job);
     }
+    // Those who come back to a coordinator that has stopped for a while come all at once.
+    farm.has_active_leases(farm.store.active_leases().await?);
     let last_event = farm.store.last_event_id().await?;
     let mut tasks = JoinSet::new();
     let keeper = background.spawn(keeper::run(Arc::clone(farm), bells.grown));

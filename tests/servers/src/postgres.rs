@@ -185,14 +185,18 @@ fn launch(
     Watched::start(owned(server.stderr(Stdio::null()), owner, folder))
 }
 
+/// The oldest version that the tests are for.
+const OLDEST_VERSION: u32 = 15;
+
 /// The folder with the programs of the newest version.
 fn programs() -> io::Result<PathBuf> {
     let version = |folder: &PathBuf| folder.file_name()?.to_str()?.parse::<u32>().ok();
     let folders = fs::read_dir(VERSIONS).into_iter().flatten().flatten().map(|entry| entry.path());
-    let programs = folders.filter(|folder| folder.join("bin/initdb").exists()).max_by_key(version);
+    let usable = |folder: &PathBuf| version(folder) >= Some(OLDEST_VERSION) && folder.join("bin/initdb").exists();
+    let programs = folders.filter(usable).max_by_key(version);
     programs.map(|folder| folder.join("bin")).ok_or_else(|| {
         let message =
-            format!("no PostgreSQL server in {VERSIONS}: install it with tests/run, or the package postgresql");
+            format!("no PostgreSQL server of version {OLDEST_VERSION} or newer in {VERSIONS}: install it with tests/run, or the package postgresql");
         io::Error::new(io::ErrorKind::NotFound, message)
     })
 }

@@ -80,6 +80,7 @@ fn fnee_is_unbiased_for_a_point_light() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn fnee_is_unbiased_for_a_sphere() {
     check_with_power("flat", "sphere", "fnee", 2);
     check_with_power("bump", "sphere", "fnee", 3);
@@ -103,6 +104,7 @@ fn fnee_is_unbiased_for_the_sun() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn cone_is_unbiased_for_the_sun() {
     check_with_power("flat", "sun", "cone", 2);
     check_with_power("bump", "sun", "cone", 4);

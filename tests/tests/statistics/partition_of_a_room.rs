@@ -67,6 +67,7 @@ fn every_method_finds_light_that_is_seen_through_a_pane_and_came_through_one_onc
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn every_method_finds_light_at_the_second_diffuse_vertex_once() {
     check_room(("panel", panel()), Some("D D TT L"), 2000, all_methods(), |name| match name {
         "cone" | "fnee, bleed" | "fnee, random" => 60,

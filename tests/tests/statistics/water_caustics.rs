@@ -129,6 +129,7 @@ fn the_light_of_conic_over_steep_waves_is_that_of_light_traced_forward() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn the_light_of_sms_is_that_of_light_traced_forward() {
     let sms = json!({"sms": {"chains": ["T"]}});
     let effort = |samples| Effort { photons: 40_000_000, faulty: FAULTY, samples };

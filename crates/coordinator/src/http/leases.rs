@@ -92,6 +92,7 @@ fn terms(farm: &Farm, request: &LeaseRequest) -> ClaimTerms {
         max_nodes: request.max_nodes,
         fixed_nodes: farm.config.lease_nodes,
         target_ms: request.wanted_ms.map_or_else(|| milliseconds(farm.config.lease_target), i64::from),
+        gather_ms: milliseconds(farm.gathering_time()),
         ttl_ms: milliseconds(farm.config.lease_ttl),
         now_ms: farm.config.clock.now_ms(),
     }
@@ -102,7 +103,7 @@ fn milliseconds(duration: Duration) -> i64 {
 }
 
 fn lease(farm: &Farm, grant: Grant) -> Lease {
-    let Grant { lease, scene_hash, nodes } = grant;
+    let Grant { lease, scene_hash, nodes, gather_ms } = grant;
     tracing::debug!(lease = %lease.id, job = %lease.job, worker = %lease.worker, nodes = nodes.len(), "lease granted");
     farm.tell(News::Lease(lease.job));
     Lease {
@@ -113,7 +114,7 @@ fn lease(farm: &Farm, grant: Grant) -> Lease {
         nodes: nodes.iter().map(acceptance::wire_address).collect(),
         deadline_ms: lease.deadline_ms,
         expires_in_ms: milliseconds(farm.config.lease_ttl),
-        gather_ms: u32::try_from(farm.gathering_time().as_millis()).unwrap_or(u32::MAX),
+        gather_ms: u32::try_from(gather_ms).unwrap_or(u32::MAX),
     }
 }
 

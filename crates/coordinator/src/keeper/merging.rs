@@ -65,8 +65,10 @@ async fn merge_tiles(farm: &Farm, job: &JobRecord, tiles: Vec<&[NodeRow]>, held:
     drop(permit);
     // Claims wait for no more than a few of a few at once.
     for merges in merges.chunks(REPLACED) {
-        let _turn = farm.replacing.acquire().await.ok();
-        farm.let_go(farm.store.replace(job.id, job.redone_nodes, merges.to_vec()).await?).await;
+        let turn = farm.replacing.acquire().await.ok();
+        let removed = farm.store.replace(job.id, job.redone_nodes, merges.to_vec()).await?;
+        drop(turn);
+        farm.let_go(removed).await;
     }
     Ok(())
 }

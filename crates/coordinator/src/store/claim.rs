@@ -51,6 +51,8 @@ pub(crate) struct ClaimTerms {
     pub(crate) fixed_nodes: Option<u32>,
     /// How long the work should take.
     pub(crate) target_ms: i64,
+    /// How long a complete node waits for others in a lease that is long enough.
+    pub(crate) gather_ms: i64,
     /// How long the lease lasts.
     pub(crate) ttl_ms: i64,
     /// Now.
@@ -267,7 +269,7 @@ async fn lease(
     if nodes.is_empty() {
         return Ok(None);
     }
-    let offer = Offer::new(nodes, leased, &open.job, pace, repeats);
+    let offer = Offer::new(nodes, leased, repeats, &open.job, pace, terms);
     Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?))
 }
 

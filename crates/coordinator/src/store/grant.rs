@@ -24,6 +24,8 @@ pub(crate) struct Grant {
     pub(crate) scene_hash: String,
     /// Its nodes, most urgent first.
     pub(crate) nodes: Vec<NodeAddress>,
+    /// How long a complete node waits for others.
+    pub(crate) gather_ms: i64,
 }
 
 /// What the nodes of a lease are to the farm.
@@ -41,14 +43,24 @@ pub(super) struct Offer {
     leased: Leased,
     /// How long the lease may go on without an accepted node before others are given them.
     patience_ms: i64,
+    gather_ms: i64,
 }
 
 impl Offer {
     /// Nodes that have been given out so often while others had them.
-    pub(super) fn new(nodes: Vec<NodeAddress>, leased: Leased, job: &JobRecord, pace: &Pace, repeats: u32) -> Self {
+    pub(super) fn new(
+        nodes: Vec<NodeAddress>,
+        leased: Leased,
+        repeats: u32,
+        job: &JobRecord,
+        pace: &Pace,
+        terms: &ClaimTerms,
+    ) -> Self {
         let samples: u64 = nodes.iter().map(|node| job.node_samples(node)).sum();
         let patience_ms = (pace.patience_seconds(samples as f64, repeats) * 1000.0) as i64;
-        Self { nodes, leased, patience_ms }
+        let longest_seconds = terms.gather_ms as f64 / 1000.0;
+        let gather_ms = (pace.gathering_seconds(samples as f64, longest_seconds) * 1000.0) as i64;
+        Self { nodes, leased, patience_ms, gather_ms }
     }
 }
 
@@ -60,12 +72,12 @@ pub(super) async fn grant(
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Grant, StoreError> {
-    let Offer { nodes, leased, patience_ms } = offer;
+    let Offer { nodes, leased, patience_ms, gather_ms } = offer;
     let listed = nodes_json(&nodes)?;
     let deadline_ms = terms.now_ms.saturating_add(terms.ttl_ms);
     let granted = query(
-        "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms, patience_ms, due_ms) \
-         select $1, coalesce(max(token), 0) + 1, $2, $3, 'active', $4, $5, $6, $7, $8 from leases returning token",
+        "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms, patience_ms, due_ms, gather_ms) \
+         select $1, coalesce(max(token), 0) + 1, $2, $3, 'active', $4, $5, $6, $7, $8, $9 from leases returning token",
     )
     .bind(terms.lease.to_string())
     .bind(job.id.to_string())
@@ -75,6 +87,7 @@ pub(super) async fn grant(
     .bind(deadline_ms)
     .bind(patience_ms)
     .bind(terms.now_ms.saturating_add(patience_ms))
+    .bind(gather_ms)
     .fetch_one(&mut *connection)
     .await?;
     let table = match leased {
@@ -97,7 +110,7 @@ pub(super) async fn grant(
         deadline_ms,
         nodes: nodes.iter().copied().collect(),
     };
-    Ok(Grant { lease, scene_hash: job.scene_hash.clone(), nodes })
+    Ok(Grant { lease, scene_hash: job.scene_hash.clone(), nodes, gather_ms })
 }
 
 /// Notes on a job that its first nodes have been given out, and to whom.

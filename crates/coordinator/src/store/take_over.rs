@@ -16,7 +16,7 @@ use super::parts::{Side, split_off};
 use super::row::{Row, is_of_nodes, nodes_json, to_json};
 use super::sql::{Kind, query, rows_of};
 use super::{Connection, StoreError};
-use crate::schedule::Pace;
+use crate::schedule::{Pace, SHORTEST_GATHERING_SECONDS};
 
 /// How often a node is leased while another lease has it, unless that is overdue: whatever the first taker meets with, another may take it once more.
 const MOST_REPEATS: i64 = 2;
@@ -24,13 +24,12 @@ const MOST_REPEATS: i64 = 2;
 /// Leases that have been held for longest, of which one may be taken over: to look at more of thousands would take longer than it is worth.
 const OLDEST: i64 = 64;
 
-/// How long a worker may keep what it has rendered before it brings it, in seconds.
-const GATHERING_SECONDS: f64 = 1.0;
-
 /// A lease of another worker with nodes that may be taken over.
 pub(super) struct HeldLease {
     id: String,
     granted_ms: i64,
+    /// How long its worker may keep what it has rendered before it brings it.
+    gather_ms: i64,
     /// The last round of which nodes may be taken over.
     last_round: i64,
     /// Whether it is so whoever asks, and however often that has been done.
@@ -54,7 +53,7 @@ pub(super) async fn overdue(
 ) -> Result<Option<HeldLease>, StoreError> {
     let last_round = up_to.min(last_round(job, terms));
     let row = query(
-        "select id, granted_ms from leases where state = 'active' and due_ms <= $1 and job = $2 and worker <> $3 \
+        "select id, granted_ms, gather_ms from leases where state = 'active' and due_ms <= $1 and job = $2 and worker <> $3 \
          and exists (select 1 from pending where lease = leases.id and round <= $4) order by due_ms, token limit 1",
     )
     .bind(terms.now_ms)
@@ -63,11 +62,7 @@ pub(super) async fn overdue(
     .bind(last_round)
     .fetch_optional(connection)
     .await?;
-    let lease = |row: Row| {
-        let (id, granted_ms) = (row.text("id")?, row.integer("granted_ms")?);
-        Ok(HeldLease { id, granted_ms, last_round, is_overdue: true })
-    };
-    row.map(lease).transpose()
+    row.map(|row| held_lease(&row, last_round, true)).transpose()
 }
 
 /// Of each of these jobs, the oldest such lease, if it is old enough for any worker and among the [`OLDEST`].
@@ -84,7 +79,7 @@ pub(super) async fn held_longest(
     let listed_jobs = rows_of(connection.engine(), 1, &[Kind::Text, Kind::Integer]);
     let rows = query(format!(
         "with listed_jobs as materialized (select c0, c1 from {listed_jobs} as listed_rows) \
-         select held.id, job, granted_ms, last_round from (select id, job, granted_ms, token, \
+         select held.id, job, granted_ms, gather_ms, last_round from (select id, job, granted_ms, gather_ms, token, \
          (select c1 from listed_jobs where c0 = job) as last_round from leases where state = 'active' and worker <> $2 \
          and granted_ms <= $3 and (select c1 from listed_jobs where c0 = job) is not null \
          order by granted_ms, token limit $4) as held \
@@ -93,22 +88,26 @@ pub(super) async fn held_longest(
     ))
     .bind(to_json(&listed)?)
     .bind(terms.worker.to_string())
-    .bind(terms.now_ms.saturating_sub((GATHERING_SECONDS * 1000.0) as i64))
+    .bind(terms.now_ms.saturating_sub((SHORTEST_GATHERING_SECONDS * 1000.0) as i64))
     .bind(OLDEST)
     .bind(MOST_REPEATS)
     .fetch_all(connection)
     .await?;
     let lease = |row: &Row| {
-        let (id, granted_ms) = (row.text("id")?, row.integer("granted_ms")?);
-        let held = HeldLease { id, granted_ms, last_round: row.integer("last_round")?, is_overdue: false };
-        Ok((row.parsed("job")?, held))
+        let last_round = row.integer("last_round")?;
+        Ok((row.parsed("job")?, held_lease(row, last_round, false)?))
     };
     // The oldest of a job comes last, and stays.
     rows.iter().map(lease).collect()
 }
 
-/// Nodes of a lease of another worker, if that is overdue or this one would have needed less for all that is left of it than the other has had: the
-/// later half of them, since the other renders them in their order, and no more than a lease should have. A node is taken over [`MOST_REPEATS`]
+fn held_lease(row: &Row, last_round: i64, is_overdue: bool) -> Result<HeldLease, StoreError> {
+    let (id, granted_ms, gather_ms) = (row.text("id")?, row.integer("granted_ms")?, row.integer("gather_ms")?);
+    Ok(HeldLease { id, granted_ms, gather_ms, last_round, is_overdue })
+}
+
+/// Nodes of a lease of another worker, if that is overdue or this one would have needed less for all that is left of it than the other has had, but for the time for which that may keep what it has
+/// rendered: the later half of them, since the other renders them in their order, and no more than a lease should have. A node is taken over [`MOST_REPEATS`]
 /// times at most while nobody is overdue.
 pub(super) async fn take_over(
     connection: &mut Connection,
@@ -126,10 +125,10 @@ pub(super) async fn take_over(
     .bind(lease.last_round)
     .fetch_all(&mut *connection)
     .await?;
-    let held_seconds = terms.now_ms.saturating_sub(lease.granted_ms) as f64 / 1000.0;
+    let held_ms = terms.now_ms.saturating_sub(lease.granted_ms).saturating_sub(lease.gather_ms);
     let held = rows.iter().map(address).collect::<Result<Vec<_>, _>>()?;
     let samples: u64 = held.iter().map(|node| job.node_samples(node)).sum();
-    let is_slow = held_seconds >= pace.seconds(samples as f64) + GATHERING_SECONDS;
+    let is_slow = held_ms as f64 / 1000.0 >= pace.seconds(samples as f64);
     if held.is_empty() || !(lease.is_overdue || is_slow) {
         return Ok(None);
     }

@@ -57,7 +57,8 @@ use claims::{
 use farm::{Farm, TTL_MS, delivered, merge, place};
 use stragglers::{
     a_node_is_not_leased_again_without_end, a_single_node_is_taken_over_by_its_passes,
-    stragglers_do_not_hold_up_the_end, what_a_worker_sits_on_is_taken_over_and_the_first_result_wins,
+    stragglers_do_not_hold_up_the_end, stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_for_long,
+    what_a_worker_may_still_keep_is_not_taken_over, what_a_worker_sits_on_is_taken_over_and_the_first_result_wins,
     what_is_overdue_of_an_urgent_job_comes_before_free_work_of_others,
     what_the_next_round_waits_for_is_taken_over_while_there_is_work_of_later_ones,
 };
@@ -493,6 +494,8 @@ on_both! {
     checks_of_a_worker_that_is_gone_go_to_another
     a_job_keeps_to_the_bits_that_it_was_begun_with
     stragglers_do_not_hold_up_the_end
+    stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_for_long
+    what_a_worker_may_still_keep_is_not_taken_over
     returned_work_is_free_at_once_and_returning_twice_is_harmless
     a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason

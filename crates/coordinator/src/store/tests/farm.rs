@@ -48,6 +48,7 @@ pub(super) fn terms(worker: WorkerId, now_ms: i64) -> ClaimTerms {
         max_nodes: None,
         fixed_nodes: None,
         target_ms: 1000,
+        gather_ms: 1000,
         ttl_ms: TTL_MS,
         now_ms,
     }

@@ -32,6 +32,25 @@ pub(super) async fn what_a_worker_sits_on_is_taken_over_and_the_first_result_win
     assert_eq!(farm.addresses(job).await, first.nodes, "each once");
 }
 
+pub(super) async fn what_a_worker_may_still_keep_is_not_taken_over(farm: Farm) {
+    farm.job(1).await;
+    let [slow, quick] = [farm.worker().await, farm.worker().await];
+    let claim = async |worker, now_ms| {
+        let terms = ClaimTerms {
+            target_ms: 5000,
+            gather_ms: 30_000,
+            ttl_ms: 100_000,
+            fixed_nodes: Some(15),
+            ..terms(worker, now_ms)
+        };
+        farm.store.claim(terms).await.unwrap()
+    };
+    let held = claim(slow, 0).await.unwrap();
+    assert_eq!((held.nodes.len(), held.gather_ms), (15, 5000), "no longer than the lease should take");
+    assert!(claim(quick, 9999).await.is_none(), "of what it has had for as long as another needs, all may be complete");
+    assert_eq!(claim(quick, 10_000).await.unwrap().nodes, held.nodes[7..]);
+}
+
 pub(super) async fn a_node_is_not_leased_again_without_end(farm: Farm) {
     farm.job_like(|job| NewJob { passes: 1, grid: TileGrid { width: 8, height: 8, tile_size: 16 }, ..job }).await;
     for time in 0..3 {
@@ -107,17 +126,27 @@ pub(super) async fn a_single_node_is_taken_over_by_its_passes(farm: Farm) {
 struct Worker {
     id: WorkerId,
     grant: Option<Grant>,
-    /// Nodes of the grant that are rendered; the last `unsent` of them have not been brought.
+    /// Nodes of the grant that are rendered; the last `unsent` of them have not been brought, and will be when that is due, in tenths of a second.
     rendered: usize,
     unsent: usize,
+    due: i64,
     /// Samples of the next node that are rendered.
     samples: f64,
 }
 
 /// A farm of which a tenth gets twenty times slower in the middle of the job ends it not much later than it could.
 ///
-/// Time is counted in tenths of a second; a worker brings what it has rendered once a second, as real ones do.
 pub(super) async fn stragglers_do_not_hold_up_the_end(farm: Farm) {
+    check_the_end(farm, 1000).await;
+}
+
+/// So does one whose workers keep what they have rendered for as long as those of a farm of thousands.
+pub(super) async fn stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_for_long(farm: Farm) {
+    check_the_end(farm, 30_000).await;
+}
+
+/// Time is counted in tenths of a second; a worker brings what it has rendered as late as its lease lets it, as real ones do.
+async fn check_the_end(farm: Farm, gather_ms: i64) {
     const WORKERS: usize = 20;
     const STRAGGLERS: usize = 2;
     const RATE: f64 = 100_000.0;
@@ -127,7 +156,7 @@ pub(super) async fn stragglers_do_not_hold_up_the_end(farm: Farm) {
     let record = farm.store.job(job).await.unwrap().unwrap();
     let mut workers = Vec::new();
     for _ in 0..WORKERS {
-        workers.push(Worker { id: farm.worker().await, grant: None, rendered: 0, unsent: 0, samples: 0.0 });
+        workers.push(Worker { id: farm.worker().await, grant: None, rendered: 0, unsent: 0, due: 0, samples: 0.0 });
     }
     // When the stragglers get slow, the others would be half done.
     let slow_from = record.total_samples() as f64 / RATE / WORKERS as f64 / 2.0;
@@ -145,7 +174,7 @@ pub(super) async fn stragglers_do_not_hold_up_the_end(farm: Farm) {
             // Each has its own moment in a second.
             let turn = (tenths as usize + number).is_multiple_of(10);
             if worker.grant.is_none() && turn {
-                worker.grant = claim(&farm, worker.id, tenths * 100).await;
+                worker.grant = claim(&farm, worker.id, gather_ms, tenths * 100).await;
                 (worker.rendered, worker.unsent, worker.samples) = (0, 0, 0.0);
             }
             let Some(grant) = &worker.grant else { continue };
@@ -155,10 +184,13 @@ pub(super) async fn stragglers_do_not_hold_up_the_end(farm: Farm) {
             {
                 worker.samples -= record.node_samples(node) as f64;
                 worker.rendered += 1;
+                if worker.unsent == 0 {
+                    worker.due = tenths + grant.gather_ms / 100;
+                }
                 worker.unsent += 1;
             }
             let is_over = worker.rendered == grant.nodes.len();
-            if worker.unsent > 0 && (turn || is_over) {
+            if worker.unsent > 0 && (tenths >= worker.due || is_over) {
                 let nodes = &grant.nodes[worker.rendered - worker.unsent..worker.rendered];
                 repeated += bring(&farm, grant, nodes, &record, rate(number, seconds), tenths * 100).await;
                 worker.unsent = 0;
@@ -166,7 +198,7 @@ pub(super) async fn stragglers_do_not_hold_up_the_end(farm: Farm) {
             if is_over {
                 let (lease, token) = (grant.lease.id, grant.lease.token);
                 farm.store.return_lease(lease, token, tenths * 100).await.unwrap();
-                worker.grant = claim(&farm, worker.id, tenths * 100).await;
+                worker.grant = claim(&farm, worker.id, gather_ms, tenths * 100).await;
                 (worker.rendered, worker.unsent) = (0, 0);
             }
         }
@@ -188,8 +220,8 @@ async fn is_complete(farm: &Farm, job: JobId) -> bool {
     record.samples == record.total_samples()
 }
 
-async fn claim(farm: &Farm, worker: WorkerId, now_ms: i64) -> Option<Grant> {
-    let terms = ClaimTerms { target_ms: 10_000, ttl_ms: 1_000_000, ..terms(worker, now_ms) };
+async fn claim(farm: &Farm, worker: WorkerId, gather_ms: i64, now_ms: i64) -> Option<Grant> {
+    let terms = ClaimTerms { target_ms: 10_000, gather_ms, ttl_ms: 1_000_000, ..terms(worker, now_ms) };
     farm.store.claim(terms).await.unwrap()
 }
 
