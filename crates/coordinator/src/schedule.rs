@@ -105,9 +105,10 @@ impl Pace {
 
     /// How long a complete node of a lease of some samples waits for others, in seconds, where `longest_seconds` would do in one that is long enough.
     /// No longer than the lease should take: what it holds is brought at its end in any case, unless its worker has got slow, and whoever waits for it
-    /// then should see what is left.
+    /// then should see what is left. Before the worker's speed is known, its lease is of one node as a rule, which waits for none.
     pub(crate) fn gathering_seconds(&self, samples: f64, longest_seconds: f64) -> f64 {
-        longest_seconds.min(self.seconds(samples)).max(SHORTEST_GATHERING_SECONDS)
+        let longest = self.samples_per_second.map_or(longest_seconds, |rate| longest_seconds.min(samples / rate));
+        longest.max(SHORTEST_GATHERING_SECONDS)
     }
 
     /// Samples that a lease should hold, and a node at most: what the worker renders in the wanted time, but towards the end of a job no
@@ -144,7 +145,7 @@ mod tests {
         let gathering = |rate, longest| pace(rate).gathering_seconds(1000.0, longest);
         assert_eq!([0.5, 4.0, 30.0].map(|longest| gathering(Some(200.0), longest)), [1.0, 4.0, 5.0]);
         assert_eq!([0.5, 4.0, 30.0].map(|longest| gathering(Some(10_000.0), longest)), [1.0; 3]);
-        assert_eq!(gathering(None, 30.0), 10.0, "as long as a lease should take while that is not known");
+        assert_eq!(gathering(None, 30.0), 30.0, "nobody knows how long it takes");
     }
 
     #[test]
