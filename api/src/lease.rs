@@ -63,7 +63,7 @@ pub struct Lease {
     pub deadline_ms: i64,
     /// The same from the moment of the answer, for clocks that disagree.
     pub expires_in_ms: i64,
-    /// How long a complete node is to wait for others that travel with it, at most: the longer, the more leases there are.
+    /// How long a complete node is to wait for others that travel with it, at most: the longer, the more leases there are, but no longer than the lease should take.
     #[serde(default = "default_gather_ms")]
     pub gather_ms: u32,
 }

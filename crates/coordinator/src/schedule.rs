@@ -95,18 +95,22 @@ impl Pace {
         self.samples_per_second.map_or(self.target_seconds, |rate| samples / rate)
     }
 
-    /// How long a lease of some samples may go on without an accepted node before others are given its work, in seconds. For work that has
+    /// How long a lease of some samples, of which complete nodes wait for others so long, may go on without an accepted node before others are given its
+    /// work, in seconds. For work that has
     /// been given out `repeats` times while others had it, four times as long for each: work that takes longer than anybody expects is
     /// not taken from all who begin it.
-    pub(crate) fn patience_seconds(&self, samples: f64, repeats: u32) -> f64 {
-        let needed = self.seconds(samples).max(self.target_seconds);
+    pub(crate) fn patience_seconds(&self, samples: f64, repeats: u32, gathering_seconds: f64) -> f64 {
+        let needed = self.seconds(samples).max(self.target_seconds).max(gathering_seconds);
         (PATIENCE * needed * f64::from(1_u32 << (2 * repeats.min(10)))).min(LONGEST_PATIENCE)
     }
 
-    /// How long a complete node of a lease of some samples waits for others, in seconds, where `longest_seconds` would do in one that is long enough.
-    /// No longer than the lease should take: what it holds is brought at its end in any case, unless its worker has got slow, and whoever waits for it
-    /// then should see what is left. Before the worker's speed is known, its lease is of one node as a rule, which waits for none.
-    pub(crate) fn gathering_seconds(&self, samples: f64, longest_seconds: f64) -> f64 {
+    /// How long a complete node of a lease of some nodes and samples waits for others, in seconds, where `longest_seconds` would do in one that is long
+    /// enough. No longer than the lease should take, where that is known: what it holds is brought at its end in any case, unless its worker has got
+    /// slow, and whoever waits for it then should see what is left. A node that is alone waits for none.
+    pub(crate) fn gathering_seconds(&self, nodes: usize, samples: f64, longest_seconds: f64) -> f64 {
+        if nodes < 2 {
+            return SHORTEST_GATHERING_SECONDS;
+        }
         let longest = self.samples_per_second.map_or(longest_seconds, |rate| longest_seconds.min(samples / rate));
         longest.max(SHORTEST_GATHERING_SECONDS)
     }
@@ -142,10 +146,11 @@ mod tests {
     #[test]
     fn nodes_wait_for_others_no_longer_than_their_lease_should_take() {
         let pace = |samples_per_second| Pace { samples_per_second, target_seconds: 10.0, workers: 1 };
-        let gathering = |rate, longest| pace(rate).gathering_seconds(1000.0, longest);
+        let gathering = |rate, longest| pace(rate).gathering_seconds(2, 1000.0, longest);
         assert_eq!([0.5, 4.0, 30.0].map(|longest| gathering(Some(200.0), longest)), [1.0, 4.0, 5.0]);
         assert_eq!([0.5, 4.0, 30.0].map(|longest| gathering(Some(10_000.0), longest)), [1.0; 3]);
         assert_eq!(gathering(None, 30.0), 30.0, "nobody knows how long it takes");
+        assert_eq!(pace(Some(200.0)).gathering_seconds(1, 1000.0, 30.0), 1.0, "there are no others");
     }
 
     #[test]
@@ -186,7 +191,7 @@ mod tests {
     #[test]
     fn work_that_was_given_out_before_is_left_to_the_next_for_longer() {
         let patience = |samples_per_second, samples, repeats| {
-            Pace { samples_per_second, target_seconds: 10.0, workers: 3 }.patience_seconds(samples, repeats)
+            Pace { samples_per_second, target_seconds: 10.0, workers: 3 }.patience_seconds(samples, repeats, 1.0)
         };
         assert_eq!(patience(None, 1e9, 0), 30.0);
         assert_eq!(patience(Some(100.0), 1.0, 0), 30.0, "as long as a lease should take, at least");

@@ -76,7 +76,6 @@ fn cone_and_fnee_throw_the_caustics_that_forward_tracing_throws() {
 }
 
 #[test]
-#[ignore = "takes a minute; `tests/run long` has it"]
 fn the_stored_references_are_pictures_of_the_room() {
     for angle in ANGLES {
         let reference = Reference::read(&reference_file(&scenes().join("room"), angle)).expect("the reference ships");

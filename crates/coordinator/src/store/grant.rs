@@ -57,10 +57,10 @@ impl Offer {
         terms: &ClaimTerms,
     ) -> Self {
         let samples: u64 = nodes.iter().map(|node| job.node_samples(node)).sum();
-        let patience_ms = (pace.patience_seconds(samples as f64, repeats) * 1000.0) as i64;
-        let longest_seconds = terms.gather_ms as f64 / 1000.0;
-        let gather_ms = (pace.gathering_seconds(samples as f64, longest_seconds) * 1000.0) as i64;
-        Self { nodes, leased, patience_ms, gather_ms }
+        let gathering = pace.gathering_seconds(nodes.len(), samples as f64, terms.gather_ms as f64 / 1000.0);
+        let patience = pace.patience_seconds(samples as f64, repeats, gathering);
+        let milliseconds = |seconds: f64| (seconds * 1000.0) as i64;
+        Self { nodes, leased, patience_ms: milliseconds(patience), gather_ms: milliseconds(gathering) }
     }
 }
 

@@ -1,4 +1,4 @@
-//! Stragglers: a worker for whom nothing is free takes over what another has held for longer than it would need itself. What another has had
+//! Stragglers: a worker for whom nothing is free takes over what another has held for longer than it would need itself and than that may keep what it has rendered. What another has had
 //! for [far longer](crate::schedule::Pace::patience_seconds) without bringing a node is taken over before there is nothing else to do, however
 //! often its lease is renewed. The other's lease goes on while it has anything left, and the first result wins.
 //!
@@ -81,7 +81,7 @@ pub(super) async fn held_longest(
         "with listed_jobs as materialized (select c0, c1 from {listed_jobs} as listed_rows) \
          select held.id, job, granted_ms, gather_ms, last_round from (select id, job, granted_ms, gather_ms, token, \
          (select c1 from listed_jobs where c0 = job) as last_round from leases where state = 'active' and worker <> $2 \
-         and granted_ms <= $3 and (select c1 from listed_jobs where c0 = job) is not null \
+         and granted_ms <= $3 and granted_ms + gather_ms <= $6 and (select c1 from listed_jobs where c0 = job) is not null \
          order by granted_ms, token limit $4) as held \
          where (select 1 from pending where lease = held.id and repeats < $5 and round <= last_round limit 1) is not null \
          order by granted_ms desc, token desc"
@@ -91,6 +91,7 @@ pub(super) async fn held_longest(
     .bind(terms.now_ms.saturating_sub((SHORTEST_GATHERING_SECONDS * 1000.0) as i64))
     .bind(OLDEST)
     .bind(MOST_REPEATS)
+    .bind(terms.now_ms)
     .fetch_all(connection)
     .await?;
     let lease = |row: &Row| {

@@ -57,8 +57,10 @@ use claims::{
 use farm::{Farm, TTL_MS, delivered, merge, place};
 use stragglers::{
     a_node_is_not_leased_again_without_end, a_single_node_is_taken_over_by_its_passes,
-    stragglers_do_not_hold_up_the_end, stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_for_long,
+    nodes_wait_for_others_no_longer_than_their_lease_should_take, stragglers_do_not_hold_up_the_end,
+    stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_for_long,
     what_a_worker_may_still_keep_is_not_taken_over, what_a_worker_sits_on_is_taken_over_and_the_first_result_wins,
+    what_comes_late_is_taken_over_beside_an_older_lease_that_may_keep_its_nodes,
     what_is_overdue_of_an_urgent_job_comes_before_free_work_of_others,
     what_the_next_round_waits_for_is_taken_over_while_there_is_work_of_later_ones,
 };
@@ -496,6 +498,8 @@ on_both! {
     stragglers_do_not_hold_up_the_end
     stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_for_long
     what_a_worker_may_still_keep_is_not_taken_over
+    what_comes_late_is_taken_over_beside_an_older_lease_that_may_keep_its_nodes
+    nodes_wait_for_others_no_longer_than_their_lease_should_take
     returned_work_is_free_at_once_and_returning_twice_is_harmless
     a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason

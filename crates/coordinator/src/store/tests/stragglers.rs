@@ -51,6 +51,36 @@ pub(super) async fn what_a_worker_may_still_keep_is_not_taken_over(farm: Farm) {
     assert_eq!(claim(quick, 10_000).await.unwrap().nodes, held.nodes[7..]);
 }
 
+pub(super) async fn nodes_wait_for_others_no_longer_than_their_lease_should_take(farm: Farm) {
+    let job =
+        farm.job_like(|job| NewJob { passes: 1, grid: TileGrid { width: 64, height: 64, tile_size: 16 }, ..job }).await;
+    let record = farm.store.job(job).await.unwrap().unwrap();
+    let worker = farm.worker().await;
+    let claim = async |count, now_ms| {
+        let terms = ClaimTerms { gather_ms: 30_000, fixed_nodes: Some(count), ..terms(worker, now_ms) };
+        farm.store.claim(terms).await.unwrap().unwrap()
+    };
+    let [alone, unknown] = [claim(1, 0).await, claim(3, 0).await];
+    assert_eq!([alone.gather_ms, unknown.gather_ms], [1000, 30_000]);
+    // One a second.
+    let rate = record.node_samples(&alone.nodes[0]) as f64;
+    bring(&farm, &alone, &alone.nodes, &record, rate, 500).await;
+    assert_eq!([claim(1, 500).await, claim(8, 500).await].map(|grant| grant.gather_ms), [1000, 8000]);
+}
+
+pub(super) async fn what_comes_late_is_taken_over_beside_an_older_lease_that_may_keep_its_nodes(farm: Farm) {
+    farm.job(1).await;
+    let claim = async |worker, gather_ms, count, now_ms| {
+        let terms = ClaimTerms { gather_ms, ttl_ms: 100_000, fixed_nodes: Some(count), ..terms(worker, now_ms) };
+        farm.store.claim(terms).await.unwrap()
+    };
+    let [older, younger, quick] = [farm.worker().await, farm.worker().await, farm.worker().await];
+    claim(older, 30_000, 8, 0).await.unwrap();
+    let late = claim(younger, 1000, 7, 100).await.unwrap();
+    assert!(claim(quick, 1000, 15, 2000).await.is_none());
+    assert_eq!(claim(quick, 1000, 15, 2100).await.unwrap().nodes, late.nodes[3..]);
+}
+
 pub(super) async fn a_node_is_not_leased_again_without_end(farm: Farm) {
     farm.job_like(|job| NewJob { passes: 1, grid: TileGrid { width: 8, height: 8, tile_size: 16 }, ..job }).await;
     for time in 0..3 {
@@ -135,7 +165,6 @@ struct Worker {
 }
 
 /// A farm of which a tenth gets twenty times slower in the middle of the job ends it not much later than it could.
-///
 pub(super) async fn stragglers_do_not_hold_up_the_end(farm: Farm) {
     check_the_end(farm, 1000).await;
 }
