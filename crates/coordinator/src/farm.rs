@@ -36,10 +36,6 @@ pub(crate) fn permits(bytes: u64) -> u32 {
 /// Batches of tiles that are merged at the same time, of whichever jobs: while one is computed, another waits for the disk.
 pub(crate) const MERGES: usize = 2;
 
-/// Writes of all jobs that put merged nodes in the place of their halves which wait for the writer at the same time: so many come before a claim. With fewer, where hundreds of
-/// claims and partials wait as well, less would be merged than comes.
-const REPLACEMENTS: usize = 8;
-
 /// Partials that all leases together are to bring in a second, when there are many: each costs some milliseconds, however little is in it.
 const PARTIALS_PER_SECOND: u32 = 100;
 
@@ -90,8 +86,6 @@ pub(crate) struct Farm {
     pub(crate) comparing: Semaphore,
     /// Permits for batches of tiles that are merged.
     pub(crate) merging: Semaphore,
-    /// Permits for putting merged nodes in the place of their halves, some at a time.
-    pub(crate) replacing: Semaphore,
     /// Permit for building a submitted scene, which may take much memory.
     pub(crate) building: Semaphore,
     /// Leases that were active a moment ago, at whichever coordinator.
@@ -143,7 +137,6 @@ impl Farm {
             measuring,
             comparing,
             merging: Semaphore::new(MERGES),
-            replacing: Semaphore::new(REPLACEMENTS),
             building: Semaphore::new(1),
             active_leases: AtomicU32::new(0),
             listening: Mutex::new(Instant::now()),

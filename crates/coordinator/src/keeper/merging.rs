@@ -14,7 +14,7 @@ use crate::farm::{Farm, MERGES};
 use crate::film::{self, FilmError, film_tile};
 use crate::store::{JobRecord, Merge, NodeRow};
 
-/// Nodes that are put in the place of their halves at the same time.
+/// Nodes that are put in the place of their halves at the same time: a claim may have to wait for it.
 const REPLACED: usize = 32;
 
 /// Merges the nodes of every tile as far as no later round needs them apart, of which the first is `next_round`.
@@ -63,12 +63,8 @@ async fn merge_tiles(farm: &Farm, job: &JobRecord, tiles: Vec<&[NodeRow]>, held:
     }
     // What is in memory now is the cache's: the writer may be busy for long, and others can go on.
     drop(permit);
-    // Claims wait for no more than a few of a few at once.
     for merges in merges.chunks(REPLACED) {
-        let turn = farm.replacing.acquire().await.ok();
-        let removed = farm.store.replace(job.id, job.redone_nodes, merges.to_vec()).await?;
-        drop(turn);
-        farm.let_go(removed).await;
+        farm.let_go(farm.store.replace(job.id, job.redone_nodes, merges.to_vec()).await?).await;
     }
     Ok(())
 }

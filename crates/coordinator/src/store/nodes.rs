@@ -178,7 +178,10 @@ impl Store {
     /// Puts merged nodes in the place of what they are the sums of, with the sums of its work, all at once; an error, and no change,
     /// when a pass of one is missing, or nodes have been taken out since so many were: those may be among the ones that were summed.
     pub(crate) async fn replace(&self, job: JobId, redone: u64, merges: Vec<Merge>) -> Result<Removed, StoreError> {
-        self.write(move |connection| Box::pin(async move { replace(connection, job, redone, &merges).await })).await
+        let write = self.writer.write_patiently(move |connection| {
+            Box::pin(async move { replace(connection, job, redone, &merges).await })
+        });
+        write.await
     }
 }
 

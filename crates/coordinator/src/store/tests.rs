@@ -25,6 +25,7 @@ mod several;
 mod silence;
 mod stragglers;
 mod targets;
+mod writes;
 
 use adaptive::{
     a_job_that_ends_before_its_pilot_leaves_none_of_it, a_pilot_that_is_not_whole_decides_nothing,
@@ -69,6 +70,10 @@ use targets::{
     a_target_that_is_not_reached_leaves_the_last_round_to_end_the_job,
     a_target_that_is_reached_after_the_end_changes_nothing,
     errors_and_targets_that_were_absent_at_first_are_stored_later, the_time_of_earlier_rounds_counts_in_later_ones,
+};
+use writes::{
+    a_failed_write_takes_nothing_else_with_it, a_transaction_ends_with_one_patient_write,
+    what_waits_is_written_before_the_store_is_closed,
 };
 
 async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing(farm: Farm) {
@@ -356,32 +361,6 @@ async fn a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_i
     assert_eq!(farm.state(job).await, JobState::Done);
 }
 
-async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
-    let write = |name: &'static str, then_fail: bool| {
-        let store = farm.store.clone();
-        async move {
-            store
-                .write::<(), StoreError, _>(move |connection| {
-                    Box::pin(async move {
-                        query("insert into sequences (name, value) values ($1, 1)")
-                            .bind(name)
-                            .execute(connection)
-                            .await?;
-                        if then_fail { Err(StoreError::Closed) } else { Ok(()) }
-                    })
-                })
-                .await
-        }
-    };
-    let (first, second, again) = tokio::join!(write("a", false), write("b", true), write("a", false));
-    let third = write("c", false).await;
-    assert!(first.is_ok() && second.is_err() && again.is_err() && third.is_ok());
-    let rows = query("select name from sequences where length(name) = 1 order by name");
-    let rows = rows.fetch_all(&farm.store.readers).await.unwrap();
-    let names: Vec<String> = rows.iter().map(|row| row.text("name").unwrap()).collect();
-    assert_eq!(names, ["a", "c"]);
-}
-
 async fn a_farm_keeps_its_identity(farm: Farm) {
     let identity = farm.store.identity().await.unwrap();
     assert_eq!(farm.store.identity().await.unwrap(), identity);
@@ -527,6 +506,8 @@ on_both! {
     a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again
     an_unknown_worker_gets_no_work_and_is_told
     a_failed_write_takes_nothing_else_with_it
+    a_transaction_ends_with_one_patient_write
+    what_waits_is_written_before_the_store_is_closed
     a_farm_keeps_its_identity
     a_database_of_a_newer_build_is_refused_with_both_versions
     a_lost_connection_fails_what_was_under_way_and_nothing_after_it

@@ -9,6 +9,9 @@
 //! A transaction takes no more writes when it has gone on for [some time](GROUPED): those who come meanwhile wait for all of it, and a server has to
 //! step over every row that it has replaced so far.
 //!
+//! Patient writes, which nobody waits for, have a queue of their own: each transaction ends with one of them, if there is any. So they come to their turn
+//! however much else there is, and whatever else there is waits for one of them at most.
+//!
 //! When the connection is lost, or nothing is heard over it for long, the writes of that transaction fail, whether or not it was committed at
 //! the last moment: whoever repeats one is told what is there. The next transaction gets a new connection.
 
@@ -34,6 +37,7 @@ const QUEUE: usize = 256;
 #[derive(Clone, Debug)]
 pub(super) struct Writer {
     writes: mpsc::Sender<Message>,
+    patient: mpsc::Sender<Box<dyn Write>>,
 }
 
 enum Message {
@@ -45,10 +49,11 @@ impl Writer {
     /// Starts the thread. It owns the connection and ends when it is closed or the last handle is dropped.
     pub(super) fn start(source: Source, connection: Connection) -> std::io::Result<Self> {
         let (writes, queue) = mpsc::channel(QUEUE);
+        let (patient, patient_queue) = mpsc::channel(QUEUE);
         let runtime = tokio::runtime::Handle::current();
-        let serve = move || runtime.block_on(serve(source, Some(connection), queue));
+        let serve = move || runtime.block_on(serve(source, Some(connection), queue, patient_queue));
         std::thread::Builder::new().name("store-writer".to_owned()).spawn(serve)?;
-        Ok(Self { writes })
+        Ok(Self { writes, patient })
     }
 
     /// Runs `write` in the next transaction and answers when that is committed. An error rolls this write back.
@@ -62,6 +67,19 @@ impl Writer {
         let waiting = Waiting { write: Some(write), result: None, reply };
         let message = Message::Write(Box::new(waiting));
         self.writes.send(message).await.map_err(|_| StoreError::Closed)?;
+        answer.await.map_err(|_| StoreError::Closed)?
+    }
+
+    /// As [`Self::write`], at the end of a transaction that has no other of this kind.
+    pub(super) async fn write_patiently<T, E, F>(&self, write: F) -> Result<T, E>
+    where
+        T: Send + 'static,
+        E: From<StoreError> + Send + 'static,
+        F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
+    {
+        let (reply, answer) = oneshot::channel();
+        let waiting = Waiting { write: Some(write), result: None, reply };
+        self.patient.send(Box::new(waiting)).await.map_err(|_| StoreError::Closed)?;
         answer.await.map_err(|_| StoreError::Closed)?
     }
 
@@ -116,35 +134,52 @@ where
     }
 }
 
-async fn serve(source: Source, mut connection: Option<Connection>, mut queue: mpsc::Receiver<Message>) {
+async fn serve(
+    source: Source,
+    mut connection: Option<Connection>,
+    mut queue: mpsc::Receiver<Message>,
+    mut patient_queue: mpsc::Receiver<Box<dyn Write>>,
+) {
     let mut messages = Vec::with_capacity(GROUP);
     let mut waiting: Vec<Box<dyn Write>> = Vec::with_capacity(GROUP);
     let mut closing = Vec::new();
     loop {
-        let room = GROUP - waiting.len();
-        if !waiting.is_empty() {
-            messages.extend(std::iter::from_fn(|| queue.try_recv().ok()).take(room));
-        } else if queue.recv_many(&mut messages, room).await == 0 {
-            break;
+        let mut patient = None;
+        if waiting.is_empty() {
+            tokio::select! {
+                biased;
+                count = queue.recv_many(&mut messages, GROUP) => if count == 0 {
+                    // It is closed, and so is the other.
+                    patient = patient_queue.recv().await;
+                    if patient.is_none() {
+                        break;
+                    }
+                },
+                Some(write) = patient_queue.recv() => patient = Some(write),
+            }
         }
+        let room = GROUP - waiting.len() - messages.len();
+        messages.extend(std::iter::from_fn(|| queue.try_recv().ok()).take(room));
+        let mut patient = patient.or_else(|| patient_queue.try_recv().ok());
         for message in messages.drain(..) {
             match message {
                 Message::Write(write) => waiting.push(write),
                 Message::Close(done) => {
                     // What is in the queue is still written.
                     queue.close();
+                    patient_queue.close();
                     closing.push(done);
                 }
             }
         }
-        if waiting.is_empty() {
+        if waiting.is_empty() && patient.is_none() {
             continue;
         }
-        let (ended, outcome) = commit(&source, &mut connection, &mut waiting).await;
+        let (ended, outcome) = commit(&source, &mut connection, &mut waiting, patient.as_mut()).await;
         if let Err(error) = &outcome {
             tracing::error!(%error, writes = ended, "transaction failed");
         }
-        for write in waiting.drain(..ended) {
+        for write in waiting.drain(..ended).chain(patient) {
             write.answer(&outcome);
         }
     }
@@ -159,11 +194,13 @@ async fn serve(source: Source, mut connection: Option<Connection>, mut queue: mp
     }
 }
 
-/// Runs writes in a transaction, the first and as many more as there is time for. Answers with how many of them it has ended, and how.
+/// Runs writes in a transaction, the first and as many more as there is time for, and a patient one. Answers with how many of the others it has ended, and
+/// how.
 async fn commit(
     source: &Source,
     held: &mut Option<Connection>,
     writes: &mut [Box<dyn Write>],
+    patient: Option<&mut Box<dyn Write>>,
 ) -> (usize, Result<(), StoreError>) {
     // Whatever is wrong with a connection, it is not used again unless its transaction has come to an end.
     let mut connection = match begun(source, held.take()).await {
@@ -172,7 +209,7 @@ async fn commit(
     };
     let mut ended = 0;
     let outcome = in_time(source.patience().transaction, async {
-        run_some(&mut connection, writes, &mut ended).await?;
+        run_some(&mut connection, writes, patient, &mut ended).await?;
         connection.batch("commit").await
     })
     .await;
@@ -203,6 +240,7 @@ async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, 
 async fn run_some(
     connection: &mut Connection,
     writes: &mut [Box<dyn Write>],
+    patient: Option<&mut Box<dyn Write>>,
     ended: &mut usize,
 ) -> Result<(), StoreError> {
     let start = Instant::now();
@@ -210,14 +248,26 @@ async fn run_some(
     let mut between = "savepoint one_write";
     for write in writes {
         *ended += 1;
-        connection.batch(between).await?;
-        if !write.run(connection).await {
-            connection.batch("rollback to savepoint one_write").await?;
-        }
+        run_one(connection, between, write).await?;
+        between = "release savepoint one_write; savepoint one_write";
         if start.elapsed() >= GROUPED {
             break;
         }
-        between = "release savepoint one_write; savepoint one_write";
+    }
+    match patient {
+        Some(write) => run_one(connection, between, write).await,
+        None => Ok(()),
+    }
+}
+
+async fn run_one(
+    connection: &mut Connection,
+    before: &'static str,
+    write: &mut Box<dyn Write>,
+) -> Result<(), StoreError> {
+    connection.batch(before).await?;
+    if !write.run(connection).await {
+        connection.batch("rollback to savepoint one_write").await?;
     }
     Ok(())
 }
