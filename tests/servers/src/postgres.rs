@@ -147,6 +147,20 @@ impl Postgres {
         format!("postgres://postgres@127.0.0.1:{}/{name}", self.port)
     }
 
+    /// Lets the server write its log where it has written before, as one that has run for some minutes does, for the next gigabyte: a new segment is
+    /// filled with zeros and synced while all commits wait.
+    ///
+    /// # Errors
+    ///
+    /// When the server refuses it.
+    pub fn settle(&self) -> io::Result<()> {
+        const SEGMENTS: &str = "do $$ begin for segment in 1..64 loop perform pg_logical_emit_message(false, 'settle', 'segment'); \
+                                perform pg_switch_wal(); end loop; end $$";
+        let statements =
+            ["alter system set min_wal_size = '1GB'", "select pg_reload_conf()", SEGMENTS, "checkpoint", "checkpoint"];
+        run(self.client("psql").args(statements.iter().flat_map(|statement| ["-c", statement])))
+    }
+
     /// Waits until it takes connections. One that ends meanwhile is started again: what was left of one that was killed may have been
     /// in its way.
     fn wait(&mut self) -> io::Result<()> {

@@ -17,10 +17,10 @@ const ON_SQLITE: &[&str] =
 const ON_POSTGRES: &[&str] = &["10,100", "1000 --rate 1000", "1000 --rate 1500", "5000 --rate 1000"];
 
 fn main() -> ExitCode {
-    let postgres = match Postgres::start() {
+    let postgres = match Postgres::start().and_then(|postgres| postgres.settle().map(|()| postgres)) {
         Ok(postgres) => postgres,
         Err(error) => {
-            eprintln!("PostgreSQL does not start: {error}");
+            eprintln!("PostgreSQL is not ready: {error}");
             return ExitCode::FAILURE;
         }
     };
