@@ -1,4 +1,5 @@
-//! Stragglers: a worker for whom nothing is free takes over what another has held for longer than it would need itself and than that may keep what it has rendered. What another has had
+//! Stragglers: a worker for whom nothing is free takes over what another has held for longer than it would need itself, and than that one may keep
+//! what it has rendered. What another has had
 //! for [far longer](crate::schedule::Pace::patience_seconds) without bringing a node is taken over before there is nothing else to do, however
 //! often its lease is renewed. The other's lease goes on while it has anything left, and the first result wins.
 //!
@@ -77,6 +78,7 @@ pub(super) async fn held_longest(
     let listed: Vec<(String, i64)> =
         jobs.iter().map(|open| (open.job.id.to_string(), last_round(&open.job, terms))).collect();
     let listed_jobs = rows_of(connection.engine(), 1, &[Kind::Text, Kind::Integer]);
+    // The shortest time that a worker may keep nodes is there for the index.
     let rows = query(format!(
         "with listed_jobs as materialized (select c0, c1 from {listed_jobs} as listed_rows) \
          select held.id, job, granted_ms, gather_ms, last_round from (select id, job, granted_ms, gather_ms, token, \
@@ -107,8 +109,8 @@ fn held_lease(row: &Row, last_round: i64, is_overdue: bool) -> Result<HeldLease,
     Ok(HeldLease { id, granted_ms, gather_ms, last_round, is_overdue })
 }
 
-/// Nodes of a lease of another worker, if that is overdue or this one would have needed less for all that is left of it than the other has had, but for the time for which that may keep what it has
-/// rendered: the later half of them, since the other renders them in their order, and no more than a lease should have. A node is taken over [`MOST_REPEATS`]
+/// Nodes of a lease of another worker, if that is overdue or this one would have needed less for all that is left of it than the other has had, but for
+/// the time for which that may keep what it has rendered: the later half of them, since the other renders them in their order, and no more than a lease should have. A node is taken over [`MOST_REPEATS`]
 /// times at most while nobody is overdue.
 pub(super) async fn take_over(
     connection: &mut Connection,

@@ -9,7 +9,7 @@
 //! A transaction takes no more writes when it has gone on for [some time](GROUPED): those who come meanwhile wait for all of it, and a server has to
 //! step over every row that it has replaced so far.
 //!
-//! Patient writes, which nobody waits for, have a queue of their own: each transaction ends with one of them, if there is any. So they come to their turn
+//! Patient writes, for which no worker waits, have a queue of their own: each transaction ends with one of them, if there is any. So they come to their turn
 //! however much else there is, and whatever else there is waits for one of them at most.
 //!
 //! When the connection is lost, or nothing is heard over it for long, the writes of that transaction fail, whether or not it was committed at
@@ -63,10 +63,8 @@ impl Writer {
         E: From<StoreError> + Send + 'static,
         F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
     {
-        let (reply, answer) = oneshot::channel();
-        let waiting = Waiting { write: Some(write), result: None, reply };
-        let message = Message::Write(Box::new(waiting));
-        self.writes.send(message).await.map_err(|_| StoreError::Closed)?;
+        let (waiting, answer) = waiting(write);
+        self.writes.send(Message::Write(waiting)).await.map_err(|_| StoreError::Closed)?;
         answer.await.map_err(|_| StoreError::Closed)?
     }
 
@@ -77,9 +75,8 @@ impl Writer {
         E: From<StoreError> + Send + 'static,
         F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
     {
-        let (reply, answer) = oneshot::channel();
-        let waiting = Waiting { write: Some(write), result: None, reply };
-        self.patient.send(Box::new(waiting)).await.map_err(|_| StoreError::Closed)?;
+        let (waiting, answer) = waiting(write);
+        self.patient.send(waiting).await.map_err(|_| StoreError::Closed)?;
         answer.await.map_err(|_| StoreError::Closed)?
     }
 
@@ -105,6 +102,17 @@ struct Waiting<T, E, F> {
     write: Option<F>,
     result: Option<Result<T, E>>,
     reply: oneshot::Sender<Result<T, E>>,
+}
+
+/// A write that waits for its turn, and where its answer will be.
+fn waiting<T, E, F>(write: F) -> (Box<dyn Write>, oneshot::Receiver<Result<T, E>>)
+where
+    T: Send + 'static,
+    E: From<StoreError> + Send + 'static,
+    F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
+{
+    let (reply, answer) = oneshot::channel();
+    (Box::new(Waiting { write: Some(write), result: None, reply }), answer)
 }
 
 impl<T, E, F> Write for Waiting<T, E, F>
