@@ -1,12 +1,12 @@
 //! Events for whoever watches: stored ones in their order, and what is only true now.
 //!
 //! One task sends everything, so that stored events go out in the order of their numbers and none is skipped, whichever
-//! transaction committed first. Progress is gathered: however many nodes arrive, a job or worker is sent a few times a
-//! second at most.
+//! transaction committed first. Progress is gathered: however many nodes arrive, a job is sent a few times a second at
+//! most, and workers once.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clerestory_api::{Event, EventBody, JobId};
 use futures::stream::{self, Stream};
@@ -16,14 +16,17 @@ use crate::farm::Farm;
 use crate::store::{StoreError, StoredEvent, StoredKind};
 use crate::views;
 
-/// Events that a slow listener may fall behind before it gets a snapshot instead.
-const BACKLOG: usize = 256;
+/// Events that a slow listener may fall behind before it gets a snapshot instead: more than one for each worker, since those go out together.
+const BACKLOG: usize = 8192;
 
 /// Stored events that are read at once; also the most that a listener who comes back is sent one by one.
 const BATCH: u32 = 500;
 
 /// Shortest time between two rounds of sending.
 const PAUSE: Duration = Duration::from_millis(200);
+
+/// Shortest time between two rounds of sending all workers: there are thousands of them, and something is new about one at any moment.
+const WORKERS_PAUSE: Duration = Duration::from_millis(900);
 
 /// The bells and the line on which events go out.
 #[derive(Debug)]
@@ -70,15 +73,16 @@ impl Events {
 
 /// Sends events until the coordinator stops.
 pub(crate) async fn run(farm: Arc<Farm>, mut last_id: i64) {
+    let mut workers_sent = None;
     while farm.stopping.run_until_cancelled(farm.events.news.notified()).await.is_some() {
-        if let Err(error) = send_news(&farm, &mut last_id).await {
+        if let Err(error) = send_news(&farm, &mut last_id, &mut workers_sent).await {
             tracing::error!(%error, "events could not be read");
         }
         tokio::time::sleep(PAUSE).await;
     }
 }
 
-async fn send_news(farm: &Farm, last_id: &mut i64) -> Result<(), StoreError> {
+async fn send_news(farm: &Farm, last_id: &mut i64, workers_sent: &mut Option<Instant>) -> Result<(), StoreError> {
     let changed = std::mem::take(&mut *farm.events.changed());
     loop {
         let stored = farm.store.events_after(*last_id, BATCH).await?;
@@ -102,6 +106,11 @@ async fn send_news(farm: &Farm, last_id: &mut i64) -> Result<(), StoreError> {
         }
     }
     if changed.workers {
+        if workers_sent.is_some_and(|sent| sent.elapsed() < WORKERS_PAUSE) {
+            farm.events.workers_changed();
+            return Ok(());
+        }
+        *workers_sent = Some(Instant::now());
         for worker in views::workers(farm).await? {
             send(farm, Event { id: None, body: EventBody::Worker { worker } });
         }

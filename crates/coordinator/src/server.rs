@@ -305,11 +305,11 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
     for given_up in farm.store.give_up_checks(farm.alive_ms()).await? {
         match given_up.workers.as_slice() {
             [] | [_] => {
-                tracing::debug!(job = %given_up.job, node = %given_up.node, "no other worker is there to check")
+                tracing::debug!(job = %given_up.job, node = %given_up.node, "no other worker can check it")
             }
             workers => {
                 let workers: Vec<String> = workers.iter().map(ToString::to_string).collect();
-                tracing::error!(job = %given_up.job, node = %given_up.node, ?workers, "two workers render a node to different bits, and there is no third to decide which is wrong");
+                tracing::error!(job = %given_up.job, node = %given_up.node, ?workers, "two workers render a node to different bits, and no third can decide which is wrong");
             }
         }
         farm.tell(News::Wave(given_up.job));

@@ -158,7 +158,10 @@ impl Postgres {
                                 perform pg_switch_wal(); end loop; end $$";
         let statements =
             ["alter system set min_wal_size = '1GB'", "select pg_reload_conf()", SEGMENTS, "checkpoint", "checkpoint"];
-        run(self.client("psql").args(statements.iter().flat_map(|statement| ["-c", statement])))
+        run(self
+            .client("psql")
+            .args(["--no-psqlrc", "--set", "ON_ERROR_STOP=1"])
+            .args(statements.iter().flat_map(|statement| ["-c", statement])))
     }
 
     /// Waits until it takes connections. One that ends meanwhile is started again: what was left of one that was killed may have been

@@ -57,6 +57,7 @@ fn every_method_finds_the_light_of_a_globe_in_a_closed_room_once() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn every_method_finds_light_that_is_seen_through_a_pane_and_came_through_one_once() {
     check_room(("panel", panel()), Some("TT D TT L"), 1000, all_methods(), |name| match name {
         "cone" | "fnee" | "fnee, reflected" => 4,

@@ -69,15 +69,22 @@ fn check_caustics(angular_radius: f64, integrators: &[&str], samples: u32, fault
 
 #[test]
 fn cone_and_fnee_throw_the_caustics_that_forward_tracing_throws() {
-    let [sun, large, larger] = ANGLES;
+    let [sun, ..] = ANGLES;
     check_caustics(sun, &["cone", "fnee"], SAMPLES, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);
+}
+
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
+fn cone_throws_the_caustics_of_larger_suns_that_forward_tracing_throws() {
+    let [_, large, larger] = ANGLES;
     check_caustics(large, &["cone"], FEWER_SAMPLES, &[Fault::MissingFresnelFactor]);
     check_caustics(larger, &["cone"], FEWER_SAMPLES, &[Fault::MissingFresnelFactor]);
 }
 
-#[test]
-fn the_stored_references_are_pictures_of_the_room() {
-    for angle in ANGLES {
+/// Compares the stored reference for each of some angles with pictures by `cone`.
+#[track_caller]
+fn check_stored_references(angles: &[f64]) {
+    for &angle in angles {
         let reference = Reference::read(&reference_file(&scenes().join("room"), angle)).expect("the reference ships");
         let ours = replicates(angle, "cone", SHORT_SAMPLES, None);
         let report = compare(&ours, &reference, &[], BLOCK);
@@ -86,6 +93,17 @@ fn the_stored_references_are_pictures_of_the_room() {
         let report = compare(&ours, &reference.scaled(1.04), &[], BLOCK);
         assert!(!report.agrees(), "{angle} degrees, against a reference that is 4 percent too bright: {report}");
     }
+}
+
+#[test]
+fn the_stored_reference_is_a_picture_of_the_room() {
+    check_stored_references(&ANGLES[..1]);
+}
+
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
+fn the_stored_references_of_larger_suns_are_pictures_of_the_room() {
+    check_stored_references(&ANGLES[1..]);
 }
 
 #[test]

@@ -103,6 +103,12 @@ fn the_light_of_conic_is_that_of_light_traced_forward() {
     let (report, largest) =
         check(&through(&water(GENTLE)), &conic, effort, &[Fault::MissingFresnelFactor, Fault::Scaled]);
     assert!(report.has_power() && report.fold_regions == [0, 0] && largest < 0.01, "{largest} {report}");
+}
+
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
+fn the_folded_light_of_conic_is_that_of_light_traced_forward() {
+    let conic = json!({"conic": {"chains": ["T"]}});
     let effort = Effort { photons: 240_000_000, faulty: FAULTY, samples: 96 };
     let (report, largest) = check(
         &through(&water(FOLDING)),

@@ -2,7 +2,8 @@
 //!
 //! Which nodes those are follows from their addresses, so that a node that is rendered again is checked again. When two workers disagree, a
 //! third decides: the odd one is quarantined, and [what it has rendered](super::redo) is rendered again. A round is not complete while nodes
-//! of it are to be checked. A check that nobody is left to do is given up: nobody who computes the bits that the job was begun with.
+//! of it are to be checked. A check that nobody is left to do is given up: nobody who computes the bits that the job was begun with, or those have failed
+//! to do it again and again.
 //!
 //! A machine does not check itself, and is quarantined as a whole: in all of this, workers of one name are one.
 
@@ -14,7 +15,7 @@ use uuid::Uuid;
 
 use super::claim::HAS_BITS;
 use super::jobs::JobRecord;
-use super::leases::{self, LeaseRecord, address};
+use super::leases::{self, LeaseRecord, MOST_FAILURES, address};
 use super::nodes::Removed;
 use super::row::to_json;
 use super::sql::query;
@@ -56,7 +57,7 @@ pub(crate) struct Outcome {
     pub(crate) removed: Removed,
 }
 
-/// A check that nobody was left to do.
+/// A check that nobody was left to do, or that had failed too much.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct GivenUp {
     /// The job.
@@ -67,10 +68,11 @@ pub(crate) struct GivenUp {
     pub(crate) workers: Vec<WorkerId>,
 }
 
-/// A condition on a row of `checks`: no worker of this name, which is an expression of SQL, has an opinion about the node.
-pub(super) fn is_new_to(name: &str) -> String {
+/// A condition on a row of `checks`: no worker of this name, which is an expression of SQL, has an opinion about the node, and it has not failed too
+/// much for anybody.
+pub(super) fn can_be_done_by(name: &str) -> String {
     format!(
-        "not exists (select 1 from opinions join workers as bringers on bringers.id = opinions.worker \
+        "checks.failures < {MOST_FAILURES} and not exists (select 1 from opinions join workers as bringers on bringers.id = opinions.worker \
          where opinions.check_id = checks.id and bringers.name = {name})"
     )
 }
@@ -279,7 +281,7 @@ pub(super) async fn choose(
         "select frame, tile, level, idx from checks where job = $1 \
          and (lease is null or exists (select 1 from leases where id = checks.lease and granted_ms <= $4)) \
          and {} order by round, frame, tile, idx limit $3",
-        is_new_to("$2")
+        can_be_done_by("$2")
     ))
     .bind(job.id.to_string())
     .bind(name)
@@ -305,7 +307,7 @@ async fn give_up(connection: &mut Connection, alive_ms: i64) -> Result<Vec<Given
         "select checks.id, job, frame, tile, level, idx from checks join jobs on jobs.id = checks.job \
          where lease is null and not exists (select 1 from workers \
          where workers.seen_ms >= $1 and workers.quarantine is null and {HAS_BITS} and {})",
-        is_new_to("workers.name")
+        can_be_done_by("workers.name")
     ))
     .bind(alive_ms)
     .fetch_all(&mut *connection)

@@ -10,7 +10,7 @@
 //! step over every row that it has replaced so far.
 //!
 //! Patient writes, for which no worker waits, have a queue of their own: each transaction ends with one of them, if there is any. So they come to their turn
-//! however much else there is, and whatever else there is waits for one of them at most.
+//! however much else there is, and whatever else there is waits for one of them in each transaction before its own answer.
 //!
 //! When the connection is lost, or nothing is heard over it for long, the writes of that transaction fail, whether or not it was committed at
 //! the last moment: whoever repeats one is told what is there. The next transaction gets a new connection.

@@ -1,5 +1,6 @@
 //! A whole coordinator, over HTTP, with workers that upload noise: what comes out must be what went in.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -9,7 +10,7 @@ use clerestory_api::{
 };
 use clerestory_coordinator::{Clock, Config, RunError, run};
 use clerestory_render_core::film::{self, Exposure, PreviewSettings, Rendered, encode_png};
-use futures::StreamExt;
+use futures::{StreamExt, stream};
 use serde_json::json;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, TcpStream};
@@ -36,6 +37,43 @@ async fn the_image_has_the_bits_of_a_single_process_however_the_work_is_cut() {
         assert_eq!(metadata.worker_builds, ["test"]);
         farm.stop().await;
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_asset_that_is_gone_is_refused_for_good() {
+    let farm = TestFarm::start().await;
+    let hash = hash(b"lead");
+    farm.client.upload_asset(&hash, "lead".into(), |_| ()).await.unwrap();
+    assert_eq!(farm.client.asset(&hash).await.unwrap(), "lead");
+    let name = hash.to_string();
+    std::fs::remove_file(farm.directory.path().join("blobs/assets").join(&name[..2]).join(&name)).unwrap();
+    let gone = farm.client.asset(&hash).await.unwrap_err();
+    // Whoever asks again and again would render nothing else meanwhile.
+    assert!(!gone.is_transient() && gone.to_string().contains("no longer where it was stored"), "{gone}");
+    farm.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn who_watches_many_workers_is_sent_each_and_not_everything_again() {
+    const WORKERS: usize = 1000;
+    let farm = TestFarm::start().await;
+    let names: Vec<String> = (0..WORKERS).map(|worker| format!("worker {worker}")).collect();
+    stream::iter(&names).for_each_concurrent(50, async |name| drop(farm.worker_named(name).await)).await;
+    let mut events = farm.client.events(None, None).await.unwrap();
+    let EventBody::Snapshot { workers, .. } = events.next().await.unwrap().unwrap().body else { panic!("a snapshot") };
+    assert_eq!(workers.len(), WORKERS);
+    let last = farm.worker_named("last").await;
+    let mut told = BTreeSet::new();
+    loop {
+        match events.next().await.unwrap().unwrap().body {
+            EventBody::Worker { worker } => told.insert(worker.id),
+            other => panic!("nothing else has changed: {other:?}"),
+        };
+        if told.contains(&last.id) && told.len() == WORKERS + 1 {
+            break;
+        }
+    }
+    farm.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

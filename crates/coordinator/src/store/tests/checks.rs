@@ -4,6 +4,7 @@ use clerestory_api::{ConvergencePoint, JobId, JobState, NodeVerdict, WorkerId, W
 use clerestory_render_core::film::NodeAddress;
 
 use super::adaptive::some_shares;
+use super::claims::fail;
 use super::{DeliveredNode, Farm, Grant, LeaseError, Merge, TTL_MS, WorkerError, delivered, merge, place};
 use crate::stop::Targets;
 use crate::store::{Outcome, Removed};
@@ -212,6 +213,42 @@ pub(super) async fn a_check_that_nobody_can_do_does_not_hold_up_the_round(farm: 
     assert_eq!(farm.next_wave(job).await, None, "a third has to decide");
     let given_up = farm.store.give_up_checks(late).await.unwrap();
     assert!(given_up.len() == 15 && given_up.iter().all(|given_up| given_up.workers == [alone, other]));
+    assert!(farm.next_wave(job).await.is_some());
+}
+
+pub(super) async fn a_check_that_fails_again_and_again_is_given_up(farm: Farm) {
+    let job = farm.job(1).await;
+    let [first, failing] = named(&farm, ["first", "failing"]).await;
+    let all = farm.claim(first, 100, 0).await.unwrap();
+    bring(&farm, &all, "bits", 0).await;
+    for attempt in 0..5 {
+        assert!(farm.store.give_up_checks(0).await.unwrap().is_empty(), "{attempt} failures");
+        fail(&farm, failing, attempt * 60_000, 0).await;
+    }
+    let late = 5 * 60_000;
+    let rest = farm.claim(failing, 100, late).await.unwrap();
+    assert_eq!(rest.nodes, all.nodes[1..], "what it has failed too often is not given to it again");
+    bring(&farm, &rest, "bits", late).await;
+    assert_eq!(farm.next_wave(job).await, None, "one is not checked");
+    let given_up = farm.store.give_up_checks(0).await.unwrap();
+    let [check] = given_up.as_slice() else { panic!("{given_up:?}") };
+    assert_eq!((check.node, check.workers.as_slice()), (all.nodes[0], &[first][..]));
+    assert!(farm.next_wave(job).await.is_some());
+}
+
+pub(super) async fn a_check_that_one_machine_fails_waits_for_another(farm: Farm) {
+    let job = farm.job(1).await;
+    let [first, failing, third] = named(&farm, ["first", "failing", "third"]).await;
+    let all = farm.claim(first, 100, 0).await.unwrap();
+    bring(&farm, &all, "bits", 0).await;
+    for attempt in 0..20 {
+        fail(&farm, failing, attempt * 60_000, 0).await;
+        assert!(farm.store.give_up_checks(0).await.unwrap().is_empty(), "{attempt} failures");
+    }
+    let late = 20 * 60_000;
+    let checks = farm.claim(third, 100, late).await.unwrap();
+    assert_eq!(checks.nodes, all.nodes);
+    bring(&farm, &checks, "bits", late).await;
     assert!(farm.next_wave(job).await.is_some());
 }
 

@@ -177,7 +177,8 @@ pub(super) async fn a_worker_that_dies_again_and_again_does_not_fail_the_job(far
     assert_eq!(farm.state(job).await, JobState::Running);
 }
 
-async fn fail(farm: &Farm, worker: WorkerId, now_ms: i64, alive_ms: i64) {
+/// Lets a worker claim a node and fail with it.
+pub(super) async fn fail(farm: &Farm, worker: WorkerId, now_ms: i64, alive_ms: i64) {
     let grant = farm.claim(worker, 1, now_ms).await.unwrap();
     let failure = WorkFailure {
         lease: grant.lease.id,
