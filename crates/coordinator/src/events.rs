@@ -199,7 +199,11 @@ impl Listener {
                     return Some(event);
                 }
                 Ok(_) => {}
-                Err(broadcast::error::RecvError::Lagged(_)) => self.snapshot().await.ok()?,
+                Err(broadcast::error::RecvError::Lagged(_)) => {
+                    // What the line still has is older than the snapshot.
+                    self.line = self.line.resubscribe();
+                    self.snapshot().await.ok()?;
+                }
                 Err(broadcast::error::RecvError::Closed) => return None,
             }
         }

@@ -1,6 +1,5 @@
 //! Assets: content that scenes name, uploaded once and named by its hash.
 
-use std::error::Error;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -14,7 +13,7 @@ use tokio_stream::StreamExt;
 
 use super::extract::{PathParameter, too_slow};
 use super::problem::ApiError;
-use crate::blobs::{BlobError, UploadError};
+use crate::blobs::UploadError;
 use crate::farm::Farm;
 
 /// Longest pause in an upload.
@@ -81,10 +80,7 @@ pub(super) async fn get(
     PathParameter(hash): PathParameter<ContentHash>,
 ) -> Result<Response, ApiError> {
     require(&farm, hash).await?;
-    let (size, stream) = farm.blobs.asset_stream(hash).await.map_err(|error| {
-        // A failure that is no passing one: who cannot build a scene without it tries no more.
-        if error.is_missing() { lost(hash, error) } else { error.into() }
-    })?;
+    let (size, stream) = farm.blobs.asset_stream(hash).await?;
     let headers = [
         (CONTENT_TYPE, "application/octet-stream".to_owned()),
         (CONTENT_LENGTH, size.to_string()),
@@ -99,12 +95,6 @@ async fn require(farm: &Farm, hash: ContentHash) -> Result<(), ApiError> {
     }
     let detail = format!("no asset with the hash {hash} has been uploaded");
     Err(ApiError::new(ProblemCode::UnknownAsset, detail).field("hash").value(hash))
-}
-
-fn lost(hash: ContentHash, error: BlobError) -> ApiError {
-    tracing::error!(asset = %hash, cause = &error as &dyn Error, "an asset that was stored is gone");
-    let detail = format!("the asset with the hash {hash} was uploaded, but is no longer where it was stored");
-    ApiError::new(ProblemCode::UnknownAsset, detail).field("hash").value(hash)
 }
 
 enum Pause {

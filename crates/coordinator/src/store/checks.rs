@@ -2,8 +2,8 @@
 //!
 //! Which nodes those are follows from their addresses, so that a node that is rendered again is checked again. When two workers disagree, a
 //! third decides: the odd one is quarantined, and [what it has rendered](super::redo) is rendered again. A round is not complete while nodes
-//! of it are to be checked. A check that nobody is left to do is given up: nobody who computes the bits that the job was begun with, or those have failed
-//! to do it again and again.
+//! of it are to be checked. A check that nobody is left to do is given up: nobody who computes the bits that the job was begun with, and does not fail
+//! again and again.
 //!
 //! A machine does not check itself, and is quarantined as a whole: in all of this, workers of one name are one.
 
@@ -15,7 +15,7 @@ use uuid::Uuid;
 
 use super::claim::HAS_BITS;
 use super::jobs::JobRecord;
-use super::leases::{self, LeaseRecord, MOST_FAILURES, address};
+use super::leases::{self, LeaseRecord, address};
 use super::nodes::Removed;
 use super::row::to_json;
 use super::sql::query;
@@ -24,6 +24,9 @@ use super::{Connection, Store, StoreError, redo};
 
 /// Opinions with which a check ends, whatever they say.
 const MOST_OPINIONS: usize = 3;
+
+/// A round does not wait for the checks of a worker that has failed so often in a row, whatever it was given.
+const MOST_FAILURES_IN_A_ROW: u32 = 5;
 
 /// Whether a node is rendered by a second worker too, if `fraction` of all nodes are.
 pub(crate) fn is_chosen(job: JobId, node: &NodeAddress, fraction: f64) -> bool {
@@ -57,7 +60,7 @@ pub(crate) struct Outcome {
     pub(crate) removed: Removed,
 }
 
-/// A check that nobody was left to do, or that had failed too much.
+/// A check that nobody was left to do.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct GivenUp {
     /// The job.
@@ -68,12 +71,20 @@ pub(crate) struct GivenUp {
     pub(crate) workers: Vec<WorkerId>,
 }
 
-/// A condition on a row of `checks`: no worker of this name, which is an expression of SQL, has an opinion about the node, and it has not failed too
-/// much for anybody.
-pub(super) fn can_be_done_by(name: &str) -> String {
+/// A condition on a row of `checks`: no worker of this name, which is an expression of SQL, has an opinion about the node.
+pub(super) fn is_new_to(name: &str) -> String {
     format!(
-        "checks.failures < {MOST_FAILURES} and not exists (select 1 from opinions join workers as bringers on bringers.id = opinions.worker \
+        "not exists (select 1 from opinions join workers as bringers on bringers.id = opinions.worker \
          where opinions.check_id = checks.id and bringers.name = {name})"
+    )
+}
+
+/// A condition on a row of `workers` and one of `jobs`: a round may wait for this worker to check nodes of the job. It was heard of since a time, which is
+/// an expression of SQL.
+fn is_waited_for(alive_ms: &str) -> String {
+    format!(
+        "workers.seen_ms >= {alive_ms} and workers.quarantine is null \
+         and workers.failures_in_a_row < {MOST_FAILURES_IN_A_ROW} and {HAS_BITS}"
     )
 }
 
@@ -85,9 +96,9 @@ pub(super) async fn open(
     alive_ms: i64,
 ) -> Result<Outcome, StoreError> {
     let others = query(format!(
-        "select 1 from workers join jobs on jobs.id = $3 \
-         where workers.seen_ms >= $2 and workers.quarantine is null and {HAS_BITS} \
-         and workers.name <> (select own.name from workers as own where own.id = $1) limit 1"
+        "select 1 from workers join jobs on jobs.id = $3 where {} \
+         and workers.name <> (select own.name from workers as own where own.id = $1) limit 1",
+        is_waited_for("$2")
     ))
     .bind(lease.worker.to_string())
     .bind(alive_ms)
@@ -281,7 +292,7 @@ pub(super) async fn choose(
         "select frame, tile, level, idx from checks where job = $1 \
          and (lease is null or exists (select 1 from leases where id = checks.lease and granted_ms <= $4)) \
          and {} order by round, frame, tile, idx limit $3",
-        can_be_done_by("$2")
+        is_new_to("$2")
     ))
     .bind(job.id.to_string())
     .bind(name)
@@ -293,7 +304,7 @@ pub(super) async fn choose(
 }
 
 impl Store {
-    /// Gives up checks that no worker which was heard of since `alive_ms` can do, and answers them.
+    /// Gives up checks that no worker which was heard of since `alive_ms` can do or is failing to do, and answers them.
     pub(crate) async fn give_up_checks(&self, alive_ms: i64) -> Result<Vec<GivenUp>, StoreError> {
         if query("select 1 from checks limit 1").fetch_optional(&self.readers).await?.is_none() {
             return Ok(Vec::new());
@@ -305,9 +316,9 @@ impl Store {
 async fn give_up(connection: &mut Connection, alive_ms: i64) -> Result<Vec<GivenUp>, StoreError> {
     let rows = query(format!(
         "select checks.id, job, frame, tile, level, idx from checks join jobs on jobs.id = checks.job \
-         where lease is null and not exists (select 1 from workers \
-         where workers.seen_ms >= $1 and workers.quarantine is null and {HAS_BITS} and {})",
-        can_be_done_by("workers.name")
+         where lease is null and not exists (select 1 from workers where {} and {})",
+        is_waited_for("$1"),
+        is_new_to("workers.name")
     ))
     .bind(alive_ms)
     .fetch_all(&mut *connection)

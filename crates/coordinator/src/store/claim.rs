@@ -168,7 +168,7 @@ async fn open_jobs(
     without: usize,
 ) -> Result<Vec<OpenJob>, StoreError> {
     let columns = jobs::COLUMNS;
-    let can_check = format!("select 1 from checks where job = jobs.id and {}", checks::can_be_done_by("$4"));
+    let can_check = format!("select 1 from checks where job = jobs.id and {}", checks::is_new_to("$4"));
     // Not `exists`: of that, PostgreSQL would look for all rows of all jobs at once.
     let rows = query(format!(
         "select {columns}, \

@@ -12,15 +12,15 @@ use super::claim::HAS_BITS;
 use super::jobs::{self, Ending, JobRecord};
 use super::row::{Row, to_json};
 use super::sql::{Kind, looked_up, query};
-use super::{Connection, Store, StoreError, checks, workers};
+use super::{Connection, Store, StoreError, workers};
 
 /// How much counts that a node failed, each time under another lease: what one machine alone cannot do, others may, and its failures in a row count
 /// little while one is there to try it.
 const FAILURE: i64 = 10;
 const FAILURE_AGAIN: i64 = 1;
 
-/// A node that failed so much fails its job, as some worker would have brought it; a check that did is given up.
-pub(super) const MOST_FAILURES: i64 = 5 * FAILURE;
+/// A node that failed so much fails its job: some worker would have brought it.
+const MOST_FAILURES: i64 = 5 * FAILURE;
 
 /// How long the answer to a late call can still say what became of its lease.
 const LEASES_KEPT_MS: i64 = 7 * 24 * 3600 * 1000;
@@ -340,31 +340,6 @@ pub(super) async fn release(connection: &mut Connection, lease: LeaseId) -> Resu
     Ok(())
 }
 
-/// Counts a failure of all that a lease has in a table of work or checks, and answers how much each has failed. Where others, which meet a condition
-/// on rows of `workers` and `failing`, were heard of since `alive_ms`, it counts little that the same machine fails again.
-async fn count_failures(
-    connection: &mut Connection,
-    table: &str,
-    is_another: &str,
-    lease: &LeaseRecord,
-    alive_ms: i64,
-) -> Result<Vec<Row>, StoreError> {
-    query(format!(
-        "update {table} set failures = failures + case when failed_by = failing.name and exists (select 1 from workers \
-         where {is_another} and workers.seen_ms >= $3 and workers.quarantine is null and {HAS_BITS}) \
-         then $5 else $4 end, failed_by = failing.name \
-         from jobs, (select name from workers where id = $2) as failing where lease = $1 and jobs.id = job \
-         returning failures, frame, tile, level, idx"
-    ))
-    .bind(lease.id.to_string())
-    .bind(lease.worker.to_string())
-    .bind(alive_ms)
-    .bind(FAILURE)
-    .bind(FAILURE_AGAIN)
-    .fetch_all(connection)
-    .await
-}
-
 async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Option<JobId>, LeaseError> {
     let lease = valid(connection, failure.lease, failure.token, failure.now_ms).await?;
     query(
@@ -376,10 +351,20 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     .bind(failure.now_ms)
     .execute(&mut *connection)
     .await?;
-    let failed =
-        count_failures(connection, "pending", "workers.name <> failing.name", &lease, failure.alive_ms).await?;
-    let is_another = format!("workers.name <> failing.name and {}", checks::can_be_done_by("workers.name"));
-    count_failures(connection, "checks", &is_another, &lease, failure.alive_ms).await?;
+    let failed = query(format!(
+        "update pending set failures = failures + case when failed_by = failing.name and exists (select 1 from workers \
+         where workers.name <> failing.name and workers.seen_ms >= $3 and workers.quarantine is null and {HAS_BITS}) \
+         then $5 else $4 end, failed_by = failing.name \
+         from jobs, (select name from workers where id = $2) as failing where lease = $1 and jobs.id = job \
+         returning failures, frame, tile, level, idx"
+    ))
+    .bind(failure.lease.to_string())
+    .bind(lease.worker.to_string())
+    .bind(failure.alive_ms)
+    .bind(FAILURE)
+    .bind(FAILURE_AGAIN)
+    .fetch_all(&mut *connection)
+    .await?;
     if lease.state == LeaseState::Active {
         release(connection, failure.lease).await?;
     }

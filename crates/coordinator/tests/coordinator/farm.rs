@@ -40,20 +40,6 @@ async fn the_image_has_the_bits_of_a_single_process_however_the_work_is_cut() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn an_asset_that_is_gone_is_refused_for_good() {
-    let farm = TestFarm::start().await;
-    let hash = hash(b"lead");
-    farm.client.upload_asset(&hash, "lead".into(), |_| ()).await.unwrap();
-    assert_eq!(farm.client.asset(&hash).await.unwrap(), "lead");
-    let name = hash.to_string();
-    std::fs::remove_file(farm.directory.path().join("blobs/assets").join(&name[..2]).join(&name)).unwrap();
-    let gone = farm.client.asset(&hash).await.unwrap_err();
-    // Whoever asks again and again would render nothing else meanwhile.
-    assert!(!gone.is_transient() && gone.to_string().contains("no longer where it was stored"), "{gone}");
-    farm.stop().await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
 async fn who_watches_many_workers_is_sent_each_and_not_everything_again() {
     const WORKERS: usize = 1000;
     let farm = TestFarm::start().await;
