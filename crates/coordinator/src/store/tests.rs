@@ -34,9 +34,9 @@ use adaptive::{
     passes_beyond_those_that_all_get_wait_until_they_are_shared_out,
 };
 use checks::{
-    a_check_ends_though_no_node_would_be_chosen_now, a_check_that_fails_again_and_again_is_given_up,
-    a_check_that_nobody_can_do_does_not_hold_up_the_round, a_check_that_one_machine_fails_waits_for_another,
-    a_job_keeps_to_the_bits_that_it_was_begun_with, a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
+    a_check_ends_though_no_node_would_be_chosen_now, a_check_that_nobody_can_do_does_not_hold_up_the_round,
+    a_check_that_one_machine_fails_waits_for_another, a_job_keeps_to_the_bits_that_it_was_begun_with,
+    a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
     a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others,
     a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again, a_worker_of_the_same_name_is_nobody_to_check,
     a_worker_that_computes_other_bits_is_nobody_to_check,
