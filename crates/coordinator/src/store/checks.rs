@@ -134,6 +134,7 @@ pub(super) async fn answer(
     now_ms: i64,
 ) -> Result<Outcome, StoreError> {
     let mut outcome = Outcome::default();
+    let mut has_answered = false;
     let rows = query("select id, frame, tile, level, idx from checks where lease = $1")
         .bind(lease.id.to_string())
         .fetch_all(&mut *connection)
@@ -146,6 +147,7 @@ pub(super) async fn answer(
             continue;
         }
         give_opinion(connection, &check, lease.worker, &brought.digest).await?;
+        has_answered = true;
         match judge(&opinions(connection, &check).await?) {
             Judgement::Agreed => end(connection, &check).await?,
             Judgement::Disputed => {
@@ -166,6 +168,12 @@ pub(super) async fn answer(
             }
         }
         outcome.has_ended = true;
+    }
+    if has_answered {
+        query("update workers set failures_in_a_row = 0 where id = $1")
+            .bind(lease.worker.to_string())
+            .execute(connection)
+            .await?;
     }
     Ok(outcome)
 }

@@ -41,9 +41,9 @@ use checks::{
     a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again, a_worker_of_the_same_name_is_nobody_to_check,
     a_worker_that_computes_other_bits_is_nobody_to_check,
     a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again,
-    checks_of_a_worker_that_is_gone_go_to_another, no_check_waits_for_a_machine_that_fails_again_and_again,
-    points_that_were_measured_with_wrong_nodes_are_taken_back, two_who_agree_end_a_check,
-    workers_of_one_name_are_one_machine,
+    an_answered_check_ends_a_row_of_failures, checks_of_a_worker_that_is_gone_go_to_another,
+    no_check_waits_for_a_machine_that_fails_again_and_again, points_that_were_measured_with_wrong_nodes_are_taken_back,
+    two_who_agree_end_a_check, workers_of_one_name_are_one_machine,
 };
 use claims::{
     a_machine_that_fails_alone_fails_the_job_late_if_at_all,
@@ -471,6 +471,7 @@ on_both! {
     a_check_that_nobody_can_do_does_not_hold_up_the_round
     no_check_waits_for_a_machine_that_fails_again_and_again
     a_check_that_one_machine_fails_waits_for_another
+    an_answered_check_ends_a_row_of_failures
     a_worker_that_computes_other_bits_is_nobody_to_check
     workers_of_one_name_are_one_machine
     a_worker_of_the_same_name_is_nobody_to_check

@@ -244,6 +244,22 @@ pub(super) async fn no_check_waits_for_a_machine_that_fails_again_and_again(farm
     assert_eq!(check.nodes, rest.nodes);
 }
 
+pub(super) async fn an_answered_check_ends_a_row_of_failures(farm: Farm) {
+    farm.job(1).await;
+    let [first, second] = named(&farm, ["first", "second"]).await;
+    let all = farm.claim(first, 100, 0).await.unwrap();
+    bring(&farm, &all, "bits", 0).await;
+    for now_ms in [0, 5 * 60_000] {
+        for attempt in 0..4 {
+            fail(&farm, second, now_ms + attempt * 60_000, 0).await;
+        }
+        let late = now_ms + 4 * 60_000;
+        let check = farm.claim(second, 1, late).await.unwrap();
+        bring(&farm, &check, "bits", late).await;
+        assert!(farm.store.give_up_checks(0).await.unwrap().is_empty(), "it can do the others, too");
+    }
+}
+
 pub(super) async fn a_check_that_one_machine_fails_waits_for_another(farm: Farm) {
     let job = farm.job(1).await;
     let [first, failing, third] = named(&farm, ["first", "failing", "third"]).await;
