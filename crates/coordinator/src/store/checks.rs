@@ -9,7 +9,7 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_api::{JobId, Quarantine, WorkerId};
+use clerestory_api::{JobId, LeaseId, Quarantine, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 use uuid::Uuid;
 
@@ -17,7 +17,7 @@ use super::claim::HAS_BITS;
 use super::jobs::JobRecord;
 use super::leases::{self, LeaseRecord, address};
 use super::nodes::Removed;
-use super::row::to_json;
+use super::row::{is_of_nodes, nodes_json, to_json};
 use super::sql::query;
 use super::workers::OF_THE_SAME_NAME;
 use super::{Connection, Store, StoreError, redo};
@@ -126,7 +126,7 @@ pub(super) async fn open(
     Ok(Outcome { has_work: true, ..Outcome::default() })
 }
 
-/// Takes the opinions of a worker about nodes that it was leased to check. Others change nothing.
+/// Takes the opinions of a worker about nodes of a lease that are checked, whoever else has them by now. Others change nothing.
 pub(super) async fn answer(
     connection: &mut Connection,
     lease: &LeaseRecord,
@@ -135,14 +135,21 @@ pub(super) async fn answer(
 ) -> Result<Outcome, StoreError> {
     let mut outcome = Outcome::default();
     let mut has_answered = false;
-    let rows = query("select id, frame, tile, level, idx from checks where lease = $1")
-        .bind(lease.id.to_string())
-        .fetch_all(&mut *connection)
-        .await?;
+    let leased = nodes.iter().map(|brought| &brought.address).filter(|node| lease.nodes.contains(node));
+    let rows = query(format!(
+        "select id, frame, tile, level, idx from checks where {} and {}",
+        is_of_nodes(connection.engine(), "checks", 1, 2),
+        is_new_to("(select name from workers where id = $3)")
+    ))
+    .bind(lease.job.to_string())
+    .bind(nodes_json(leased)?)
+    .bind(lease.worker.to_string())
+    .fetch_all(&mut *connection)
+    .await?;
     for row in rows {
         let (check, node) = (row.text("id")?, address(&row)?);
         let Some(brought) = nodes.iter().find(|brought| brought.address == node) else { continue };
-        if !is_leased(connection, &check, lease).await? {
+        if !is_open(connection, &check, lease).await? {
             // It went with what has just been found to be wrong.
             continue;
         }
@@ -151,7 +158,7 @@ pub(super) async fn answer(
         match judge(&opinions(connection, &check).await?) {
             Judgement::Agreed => end(connection, &check).await?,
             Judgement::Disputed => {
-                query("update checks set lease = null where id = $1").bind(&check).execute(&mut *connection).await?;
+                let_go_of(connection, "id = $2", lease.id, &check).await?;
                 outcome.has_work = true;
                 continue;
             }
@@ -178,14 +185,35 @@ pub(super) async fn answer(
     Ok(outcome)
 }
 
-/// Whether a check is still to be done under a lease.
-async fn is_leased(connection: &mut Connection, check: &str, lease: &LeaseRecord) -> Result<bool, StoreError> {
-    let row = query("select 1 from checks where id = $1 and lease = $2")
-        .bind(check)
-        .bind(lease.id.to_string())
-        .fetch_optional(connection)
-        .await?;
+/// Whether a check can still be answered under a lease.
+async fn is_open(connection: &mut Connection, check: &str, lease: &LeaseRecord) -> Result<bool, StoreError> {
+    let row = query(
+        "select 1 from checks join leases on leases.id = $2 where checks.id = $1 and state in ('active', 'complete')",
+    )
+    .bind(check)
+    .bind(lease.id.to_string())
+    .fetch_optional(connection)
+    .await?;
     Ok(row.is_some())
+}
+
+/// Lets go of the checks that a lease has.
+pub(super) async fn let_go(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    let held = "id in (select id from checks where lease = $2 union all select id from checks where second_lease = $2)";
+    let_go_of(connection, held, lease, &lease.to_string()).await
+}
+
+/// Lets go of some checks that a lease may have, found by a condition on them and `$2`. Whoever has taken one over is the only one to have it then.
+async fn let_go_of(connection: &mut Connection, which: &str, lease: LeaseId, found_by: &str) -> Result<(), StoreError> {
+    query(format!(
+        "update checks set lease = case when lease = $1 then second_lease else lease end, \
+         second_lease = case when lease = $1 or second_lease = $1 then null else second_lease end where {which}"
+    ))
+    .bind(lease.to_string())
+    .bind(found_by)
+    .execute(connection)
+    .await?;
+    Ok(())
 }
 
 async fn give_opinion(
@@ -287,27 +315,48 @@ async fn quarantine(
     Ok(())
 }
 
-/// Nodes of a job that a worker of this name is to check: those that nobody has, and with `held_before_ms` also those that another has held since
-/// before that.
+/// Since before when others have had a check, but for the time for which they may keep what they have rendered, for it to be given to one more,
+/// milliseconds since 1970.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HeldSince {
+    /// One other.
+    pub(super) one_ms: i64,
+    /// Two, of whom the second loses it.
+    pub(super) two_ms: i64,
+}
+
+/// Nodes of a job that a worker of this name is to check: those that nobody has, or those that others have had for so long.
 pub(super) async fn choose(
     connection: &mut Connection,
     job: &JobRecord,
     name: &str,
     most: u32,
-    held_before_ms: Option<i64>,
+    held_since: Option<HeldSince>,
 ) -> Result<Vec<NodeAddress>, StoreError> {
-    let rows = query(format!(
-        "select frame, tile, level, idx from checks where job = $1 \
-         and (lease is null or exists (select 1 from leases where id = checks.lease and granted_ms <= $4)) \
-         and {} order by round, frame, tile, idx limit $3",
+    let is_held_since = |lease: &str, time: &str| {
+        format!(
+            "exists (select 1 from leases join workers as holders on holders.id = leases.worker \
+             where leases.id = checks.{lease} and holders.name <> $2 and granted_ms + gather_ms <= {time})"
+        )
+    };
+    let (whose, times) = match held_since {
+        None => ("lease is null".to_owned(), None),
+        Some(HeldSince { one_ms, two_ms }) => {
+            let (one, two) = (is_held_since("lease", "$4"), is_held_since("second_lease", "$5"));
+            let of_two = is_held_since("lease", "$5");
+            (format!("(second_lease is null and {one} or {two} and {of_two})"), Some([one_ms, two_ms]))
+        }
+    };
+    let chosen = query(format!(
+        "select frame, tile, level, idx from checks where job = $1 and {whose} and {} \
+         order by round, frame, tile, idx limit $3",
         is_new_to("$2")
     ))
     .bind(job.id.to_string())
     .bind(name)
-    .bind(i64::from(most))
-    .bind(held_before_ms.unwrap_or(i64::MIN))
-    .fetch_all(connection)
-    .await?;
+    .bind(i64::from(most));
+    let chosen = times.into_iter().flatten().fold(chosen, |chosen, time| chosen.bind(time));
+    let rows = chosen.fetch_all(connection).await?;
     rows.iter().map(address).collect()
 }
 

@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 
-use super::checks;
+use super::checks::{self, HeldSince};
 use super::grant::{Grant, Leased, Offer, grant};
 use super::jobs::{self, JobRecord};
 use super::leases::address;
@@ -29,8 +29,8 @@ use super::workers::{self, Claimant};
 use super::{Connection, Store, StoreError, WorkerError};
 use crate::schedule::Pace;
 
-/// A check that another has had for so many times as long as a lease should take is given to the next, whatever else there is to do. Whoever had it
-/// before does it in vain, so that only what has stopped may seem to.
+/// A check that another has had for so many times as long as a lease should take is given to one more, whatever else there is to do, and also when two
+/// have had it for so long: only what has stopped may seem to.
 const CHECK_PATIENCE: i64 = 30;
 
 /// Open jobs that are looked at together: one after the other has nothing only where all that is left of them is leased.
@@ -323,8 +323,9 @@ async fn held_of(
     if !open.has_held_checks {
         return Ok(None);
     }
-    let held_before_ms = terms.now_ms.saturating_sub(terms.target_ms.saturating_mul(check_patience));
-    let nodes = choose_checks(connection, open, pace, claimant, terms, Some(held_before_ms)).await?;
+    let since = |patience: i64| terms.now_ms.saturating_sub(terms.target_ms.saturating_mul(patience));
+    let held_since = HeldSince { one_ms: since(check_patience), two_ms: since(CHECK_PATIENCE) };
+    let nodes = choose_checks(connection, open, pace, claimant, terms, Some(held_since)).await?;
     lease(connection, open, (nodes, Leased::Checks, 0), pace, claimant, terms).await
 }
 
@@ -407,9 +408,9 @@ async fn choose_checks(
     pace: &Pace,
     claimant: &Claimant,
     terms: &ClaimTerms,
-    held_before_ms: Option<i64>,
+    held_since: Option<HeldSince>,
 ) -> Result<Vec<NodeAddress>, StoreError> {
-    let nodes = checks::choose(connection, job, &claimant.name, terms.most_nodes(), held_before_ms).await?;
+    let nodes = checks::choose(connection, job, &claimant.name, terms.most_nodes(), held_since).await?;
     Ok(first_of(nodes, job, pace, terms))
 }
 

@@ -90,11 +90,14 @@ pub(super) async fn grant(
     .bind(gather_ms)
     .fetch_one(&mut *connection)
     .await?;
-    let table = match leased {
-        Leased::Work => "pending",
-        Leased::Checks => "checks",
+    let (table, holders) = match leased {
+        Leased::Work => ("pending", "lease = $1"),
+        // Whoever has a check keeps it: the first answer counts.
+        Leased::Checks => {
+            ("checks", "second_lease = case when lease is null then null else $1 end, lease = coalesce(lease, $1)")
+        }
     };
-    let statement = format!("update {table} set lease = $1 where {}", is_of_nodes(connection.engine(), table, 2, 3));
+    let statement = format!("update {table} set {holders} where {}", is_of_nodes(connection.engine(), table, 2, 3));
     let update = query(statement).bind(terms.lease.to_string()).bind(job.id.to_string()).bind(listed);
     update.execute(&mut *connection).await?;
     if job.probe_digest.is_none() {

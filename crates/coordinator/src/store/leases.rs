@@ -12,7 +12,7 @@ use super::claim::HAS_BITS;
 use super::jobs::{self, Ending, JobRecord};
 use super::row::{Row, to_json};
 use super::sql::{Kind, looked_up, query};
-use super::{Connection, Store, StoreError, workers};
+use super::{Connection, Store, StoreError, checks, workers};
 
 /// How much counts that a node failed, each time under another lease: what one machine alone cannot do, others may, and its failures in a row count
 /// little while one is there to try it.
@@ -187,8 +187,8 @@ pub(super) async fn valid_with_job(
 }
 
 /// How much a lease still has: work, and checks.
-pub(super) const OUTSTANDING: &str =
-    "((select count(*) from pending where lease = leases.id) + (select count(*) from checks where lease = leases.id))";
+pub(super) const OUTSTANDING: &str = "((select count(*) from pending where lease = leases.id) + (select count(*) from checks where lease = leases.id) \
+     + (select count(*) from checks where second_lease = leases.id))";
 
 /// Notes that what has been brought under a lease was taken, and when nodes of it were accepted; answers how much it still has. One that has
 /// nothing is complete. Renewals alone do not keep its work from others.
@@ -325,12 +325,8 @@ impl Store {
 
 /// Lets go of what a lease has: of work, and of checks.
 async fn free(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
-    for statement in
-        ["update pending set lease = null where lease = $1", "update checks set lease = null where lease = $1"]
-    {
-        query(statement).bind(lease.to_string()).execute(&mut *connection).await?;
-    }
-    Ok(())
+    query("update pending set lease = null where lease = $1").bind(lease.to_string()).execute(&mut *connection).await?;
+    checks::let_go(connection, lease).await
 }
 
 /// Lets go of what a lease has, and closes it.

@@ -4,13 +4,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use futures::StreamExt;
-use sqlx::postgres::{PgListener, PgRow, Postgres};
-use sqlx::{AssertSqlSafe, Column, Either, Executor, PgPool, Row as _, TypeInfo};
+use sqlx::postgres::{PgConnectOptions, PgListener, PgRow, Postgres};
+use sqlx::{
+    AssertSqlSafe, Column, ConnectOptions, Connection as _, Either, Executor, PgConnection, PgPool, Row as _, TypeInfo,
+};
 
 use super::StoreError;
 use super::patience::{Patience, in_time};
 use super::row::Row;
-use super::sql::{Answer, Query, Value};
+use super::sql::{Answer, Query, Value, query};
 
 /// What begins a transaction. The lock, whose number is `cleresto` in ASCII, lets the writers of several coordinators take turns: what
 /// one reads, no other changes before it has committed, as with the one writer of a SQLite file.
@@ -70,6 +72,34 @@ fn values(row: &PgRow) -> Result<Vec<Value>, StoreError> {
         })
     };
     row.columns().iter().enumerate().map(value).collect()
+}
+
+/// The number of the process that serves a connection.
+pub(super) async fn process(connection: &mut PgConnection) -> Result<i64, StoreError> {
+    let row = run(connection, query("select pg_backend_pid() as process")).await?.rows.pop();
+    row.ok_or_else(|| StoreError::Database("it does not say who serves a connection".to_owned()))?.integer("process")
+}
+
+/// Comes to an end when the process that serves a connection has been waiting for it for a second, or is gone, while it is waited for: what was said
+/// on one side or on the other is lost. A server that cannot be asked may still be at it.
+pub(super) async fn lost(options: &PgConnectOptions, process: i64, patience: &Patience) -> StoreError {
+    loop {
+        tokio::time::sleep(patience.doubt).await;
+        let asked = async {
+            let mut connection = options.connect().await?;
+            let busy = query(
+                "select 1 from pg_stat_activity where pid = $1 and (state is null or state not like 'idle%' \
+                 or state_change > clock_timestamp() - interval '1 second')",
+            );
+            let busy = run(&mut connection, busy.bind(process)).await?;
+            // It has said what was asked.
+            let _ = connection.close().await;
+            Ok(!busy.rows.is_empty())
+        };
+        if matches!(in_time(patience.connection, asked).await, Ok(false)) {
+            return StoreError::Database("what was said on its connection is lost".to_owned());
+        }
+    }
 }
 
 /// Runs a statement on a connection of the pool, which is closed when the database does not answer in time: the pool itself would wait for it.

@@ -48,8 +48,8 @@ impl fmt::Debug for Source {
 pub(crate) enum Connection {
     /// To a SQLite file.
     Sqlite(rusqlite::Connection),
-    /// To PostgreSQL.
-    Postgres(PgConnection),
+    /// To PostgreSQL, with the number of the process that serves it.
+    Postgres(PgConnection, i64),
 }
 
 impl Connection {
@@ -57,7 +57,7 @@ impl Connection {
     pub(super) fn engine(&self) -> Engine {
         match self {
             Self::Sqlite(_) => Engine::Sqlite,
-            Self::Postgres(_) => Engine::Postgres,
+            Self::Postgres(..) => Engine::Postgres,
         }
     }
 
@@ -65,7 +65,7 @@ impl Connection {
     pub(super) async fn batch(&mut self, statements: &'static str) -> Result<(), StoreError> {
         match self {
             Self::Sqlite(connection) => Ok(connection.execute_batch(statements)?),
-            Self::Postgres(connection) => {
+            Self::Postgres(connection, _) => {
                 sqlx::raw_sql(statements).execute(connection).await?;
                 Ok(())
             }
@@ -86,7 +86,7 @@ impl Connection {
     pub(super) async fn close(self) -> Result<(), StoreError> {
         match self {
             Self::Sqlite(connection) => connection.close().map_err(|(_, error)| error.into()),
-            Self::Postgres(connection) => Ok(sqlx::Connection::close(connection).await?),
+            Self::Postgres(connection, _) => Ok(sqlx::Connection::close(connection).await?),
         }
     }
 }
@@ -95,7 +95,7 @@ impl Runner for &mut Connection {
     async fn run(self, query: Query) -> Result<Answer, StoreError> {
         match self {
             Connection::Sqlite(connection) => sqlite::run(connection, &query),
-            Connection::Postgres(connection) => postgres::run(connection, query).await,
+            Connection::Postgres(connection, _) => postgres::run(connection, query).await,
         }
     }
 }
@@ -169,13 +169,41 @@ impl Source {
             Place::File(file) => Ok(Connection::Sqlite(sqlite::writer(file)?)),
             Place::Server { options, .. } => {
                 let connect = async {
-                    let mut connection = Connection::Postgres(options.connect().await?);
+                    let mut connection = options.connect().await?;
+                    let process = postgres::process(&mut connection).await?;
+                    let mut connection = Connection::Postgres(connection, process);
                     connection.batch(postgres::SESSION).await?;
                     connection.batch(postgres::LOOKUPS).await?;
                     Ok(connection)
                 };
                 in_time(self.patience.connection, connect).await
             }
+        }
+    }
+
+    /// What a connection to write with is to do, for so long at most. What the network has lost is not waited for, since the others wait for the
+    /// writer of this coordinator: when nothing is heard, the server is asked whether it is still at it.
+    pub(super) async fn carried_out<T>(
+        &self,
+        connection: &mut Connection,
+        longest: Duration,
+        work: impl AsyncFnOnce(&mut Connection) -> Result<T, StoreError>,
+    ) -> Result<T, StoreError> {
+        match (&self.place, &*connection) {
+            (Place::Server { options, .. }, Connection::Postgres(_, process)) => {
+                let lost = postgres::lost(options, *process, &self.patience);
+                let work = work(connection);
+                in_time(longest, async {
+                    tokio::select! {
+                        // What has come is not lost.
+                        biased;
+                        done = work => done,
+                        lost = lost => Err(lost),
+                    }
+                })
+                .await
+            }
+            _ => in_time(longest, work(connection)).await,
         }
     }
 

@@ -35,15 +35,17 @@ use adaptive::{
 };
 use checks::{
     a_check_ends_though_no_node_would_be_chosen_now, a_check_that_nobody_can_do_does_not_hold_up_the_round,
-    a_check_that_one_machine_fails_waits_for_another, a_job_keeps_to_the_bits_that_it_was_begun_with,
-    a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
+    a_check_that_one_machine_fails_waits_for_another, a_check_that_two_have_goes_on_without_either,
+    a_job_keeps_to_the_bits_that_it_was_begun_with, a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
     a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others,
     a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again, a_worker_of_the_same_name_is_nobody_to_check,
     a_worker_that_computes_other_bits_is_nobody_to_check,
     a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again,
     an_answered_check_ends_a_row_of_failures, checks_of_a_worker_that_is_gone_go_to_another,
     no_check_waits_for_a_machine_that_fails_again_and_again, points_that_were_measured_with_wrong_nodes_are_taken_back,
-    two_who_agree_end_a_check, workers_of_one_name_are_one_machine,
+    the_second_of_two_who_have_a_check_decides_a_dispute, two_who_agree_end_a_check,
+    two_who_do_not_bring_a_check_keep_it_from_nobody, whoever_brings_a_node_second_has_checked_it,
+    whoever_has_a_check_keeps_it_when_another_takes_it_over, workers_of_one_name_are_one_machine,
 };
 use claims::{
     a_machine_that_fails_alone_fails_the_job_late_if_at_all,
@@ -477,6 +479,11 @@ on_both! {
     a_worker_of_the_same_name_is_nobody_to_check
     a_check_ends_though_no_node_would_be_chosen_now
     a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others
+    whoever_has_a_check_keeps_it_when_another_takes_it_over
+    a_check_that_two_have_goes_on_without_either
+    two_who_do_not_bring_a_check_keep_it_from_nobody
+    the_second_of_two_who_have_a_check_decides_a_dispute
+    whoever_brings_a_node_second_has_checked_it
     checks_of_a_worker_that_is_gone_go_to_another
     a_job_keeps_to_the_bits_that_it_was_begun_with
     stragglers_do_not_hold_up_the_end

@@ -68,22 +68,54 @@ async fn carry(
     }
 }
 
-/// Long enough for whoever answers, and short enough for a test.
+/// For longer than any test.
+const LONG: Duration = Duration::from_secs(3600);
+
+/// Long enough for whoever answers, and short enough for a test. The server is not asked what it is at.
 const PATIENCE: Patience = Patience {
     connection: Duration::from_secs(2),
     turn: Duration::from_secs(2),
     transaction: Duration::from_secs(2),
+    doubt: LONG,
     read: Duration::from_secs(2),
     silence: Duration::from_millis(200),
 };
 
+/// The server is waited for as long as it is at it.
+const DOUBT: Patience = Patience { turn: LONG, transaction: LONG, doubt: Duration::from_millis(200), ..PATIENCE };
+
 #[tokio::test]
 async fn a_database_that_falls_silent_is_given_up_and_called_again() {
+    falls_silent(PATIENCE).await;
+}
+
+#[tokio::test]
+async fn what_is_lost_of_a_transaction_is_not_waited_for() {
+    falls_silent(DOUBT).await;
+}
+
+#[tokio::test]
+async fn a_server_that_takes_long_is_waited_for() {
+    let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap().with_patience(DOUBT);
+    let [store, other] = [Store::open(source.clone()).await.unwrap(), Store::open(source).await.unwrap()];
+    // It takes its time, and the other waits for its turn meanwhile.
+    let slow = store.write::<_, StoreError, _>(|connection| {
+        Box::pin(async move { query("select pg_sleep(3)").execute(connection).await })
+    });
+    let waits = other
+        .write::<_, StoreError, _>(|connection| Box::pin(async move { query("select 1").execute(connection).await }));
+    let (slow, waits) = tokio::join!(slow, waits);
+    assert!(slow.is_ok() && waits.is_ok(), "{slow:?}, {waits:?}");
+    store.close().await;
+    other.close().await;
+}
+
+async fn falls_silent(patience: Patience) {
     let address: url::Url = postgres().new_database().parse().unwrap();
     let network = Arc::new(Network::before(address.socket_addrs(|| None).unwrap()[0]).await);
     let mut through = address.clone();
     through.set_port(Some(network.address.port())).unwrap();
-    let source = Source::postgres(&through.as_str().parse().unwrap()).unwrap().with_patience(PATIENCE);
+    let source = Source::postgres(&through.as_str().parse().unwrap()).unwrap().with_patience(patience);
     let store = Store::open(source).await.unwrap();
     let farm = store.identity().await.unwrap().farm;
     store.open_jobs().await.unwrap();
