@@ -158,7 +158,7 @@ pub(super) async fn answer(
         match judge(&opinions(connection, &check).await?) {
             Judgement::Agreed => end(connection, &check).await?,
             Judgement::Disputed => {
-                let_go_of(connection, "id = $2", lease.id, &check).await?;
+                let_go_by(connection, &check, lease.worker).await?;
                 outcome.has_work = true;
                 continue;
             }
@@ -199,20 +199,37 @@ async fn is_open(connection: &mut Connection, check: &str, lease: &LeaseRecord) 
 
 /// Lets go of the checks that a lease has.
 pub(super) async fn let_go(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
-    let held = "id in (select id from checks where lease = $2 union all select id from checks where second_lease = $2)";
-    let_go_of(connection, held, lease, &lease.to_string()).await
+    let held = "select id from checks where lease = $1 union all select id from checks where second_lease = $1";
+    let rows = query(held).bind(lease.to_string()).fetch_all(&mut *connection).await?;
+    for row in rows {
+        let_go_of(connection, &row.text("id")?, &lease.to_string()).await?;
+    }
+    Ok(())
 }
 
-/// Lets go of some checks that a lease may have, found by a condition on them and `$2`. Whoever has taken one over is the only one to have it then.
-async fn let_go_of(connection: &mut Connection, which: &str, lease: LeaseId, found_by: &str) -> Result<(), StoreError> {
-    query(format!(
-        "update checks set lease = case when lease = $1 then second_lease else lease end, \
-         second_lease = case when lease = $1 or second_lease = $1 then null else second_lease end where {which}"
-    ))
-    .bind(lease.to_string())
-    .bind(found_by)
+/// Lets go of a check that a lease has. Whoever has taken it over is the only one to have it then.
+async fn let_go_of(connection: &mut Connection, check: &str, lease: &str) -> Result<(), StoreError> {
+    query(
+        "update checks set lease = case when lease = $2 then second_lease else lease end, second_lease = null \
+         where id = $1 and (lease = $2 or second_lease = $2)",
+    )
+    .bind(check)
+    .bind(lease)
     .execute(connection)
     .await?;
+    Ok(())
+}
+
+/// Lets go of a check that a worker, or another of its name, may have under whatever lease.
+async fn let_go_by(connection: &mut Connection, check: &str, worker: WorkerId) -> Result<(), StoreError> {
+    let own = query(format!(
+        "select leases.id from checks join leases on leases.id in (checks.lease, checks.second_lease) \
+         where checks.id = $2 and leases.worker in {OF_THE_SAME_NAME}"
+    ));
+    let own = own.bind(worker.to_string()).bind(check).fetch_all(&mut *connection).await?;
+    for row in own {
+        let_go_of(connection, check, &row.text("id")?).await?;
+    }
     Ok(())
 }
 
@@ -315,13 +332,13 @@ async fn quarantine(
     Ok(())
 }
 
-/// Since before when others have had a check, but for the time for which they may keep what they have rendered, for it to be given to one more,
-/// milliseconds since 1970.
+/// When others must have been given a check for one more to get it, milliseconds since 1970. The time for which they may keep what they have rendered
+/// does not count.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HeldSince {
-    /// One other.
+    /// Where one other has it.
     pub(super) one_ms: i64,
-    /// Two, of whom the second loses it.
+    /// Where two have it, of whom the second loses it.
     pub(super) two_ms: i64,
 }
 
@@ -339,17 +356,19 @@ pub(super) async fn choose(
              where leases.id = checks.{lease} and holders.name <> $2 and granted_ms + gather_ms <= {time})"
         )
     };
-    let (whose, times) = match held_since {
-        None => ("lease is null".to_owned(), None),
+    // Whoever has some begins with the first.
+    let (whose, order, times) = match held_since {
+        None => ("lease is null".to_owned(), "frame, tile, idx", None),
         Some(HeldSince { one_ms, two_ms }) => {
             let (one, two) = (is_held_since("lease", "$4"), is_held_since("second_lease", "$5"));
             let of_two = is_held_since("lease", "$5");
-            (format!("(second_lease is null and {one} or {two} and {of_two})"), Some([one_ms, two_ms]))
+            let held = format!("(second_lease is null and {one} or {two} and {of_two})");
+            (held, "frame desc, tile desc, idx desc", Some([one_ms, two_ms]))
         }
     };
     let chosen = query(format!(
         "select frame, tile, level, idx from checks where job = $1 and {whose} and {} \
-         order by round, frame, tile, idx limit $3",
+         order by round, {order} limit $3",
         is_new_to("$2")
     ))
     .bind(job.id.to_string())

@@ -16,7 +16,7 @@ pub(crate) struct Patience {
     pub(crate) turn: Duration,
     /// For the statements of a transaction and its commit together.
     pub(crate) transaction: Duration,
-    /// Without an answer to a writer, before the server is asked over another connection whether it is still at it.
+    /// Without an answer to a statement of a writer, before the server is asked over another connection whether it is still at it.
     pub(crate) doubt: Duration,
     /// For a read: less than callers wait.
     pub(crate) read: Duration,
@@ -30,7 +30,7 @@ impl Default for Patience {
             connection: Duration::from_secs(10),
             turn: Duration::from_secs(60),
             transaction: Duration::from_secs(60),
-            doubt: Duration::from_secs(2),
+            doubt: Duration::from_secs(3),
             read: Duration::from_secs(10),
             silence: Duration::from_secs(20),
         }

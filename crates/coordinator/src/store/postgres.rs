@@ -24,7 +24,7 @@ pub(super) const CHANNEL: &str = "clerestory";
 
 /// What a writing connection is told: whatever a server or a role has as its default, what is acknowledged is on disk. A coordinator that
 /// is suspended in the middle of a transaction loses it, so that the others get their turn.
-pub(super) const SESSION: &str = "set synchronous_commit = on; set idle_in_transaction_session_timeout = '5s'";
+const SESSION: &str = "set synchronous_commit = on; set idle_in_transaction_session_timeout = '5s'";
 
 /// What any connection is told. All that is asked often is found by an index, and has to be whatever the server believes of the size of tables
 /// that may have grown a thousandfold since it looked. What it cannot find so is small, but costs so much by that reckoning that the server would
@@ -74,30 +74,89 @@ fn values(row: &PgRow) -> Result<Vec<Value>, StoreError> {
     row.columns().iter().enumerate().map(value).collect()
 }
 
-/// The number of the process that serves a connection.
-pub(super) async fn process(connection: &mut PgConnection) -> Result<i64, StoreError> {
-    let row = run(connection, query("select pg_backend_pid() as process")).await?.rows.pop();
-    row.ok_or_else(|| StoreError::Database("it does not say who serves a connection".to_owned()))?.integer("process")
+/// A connection to write with.
+#[derive(Debug)]
+pub(crate) struct Session {
+    connection: PgConnection,
+    watch: Watch,
 }
 
-/// Comes to an end when the process that serves a connection has been waiting for it for a second, or is gone, while it is waited for: what was said
-/// on one side or on the other is lost. A server that cannot be asked may still be at it.
-pub(super) async fn lost(options: &PgConnectOptions, process: i64, patience: &Patience) -> StoreError {
-    loop {
-        tokio::time::sleep(patience.doubt).await;
-        let asked = async {
-            let mut connection = options.connect().await?;
-            let busy = query(
-                "select 1 from pg_stat_activity where pid = $1 and (state is null or state not like 'idle%' \
-                 or state_change > clock_timestamp() - interval '1 second')",
-            );
-            let busy = run(&mut connection, busy.bind(process)).await?;
-            // It has said what was asked.
-            let _ = connection.close().await;
-            Ok(!busy.rows.is_empty())
-        };
-        if matches!(in_time(patience.connection, asked).await, Ok(false)) {
-            return StoreError::Database("what was said on its connection is lost".to_owned());
+impl Session {
+    /// A new connection.
+    pub(super) async fn begin(options: Box<PgConnectOptions>, patience: Patience) -> Result<Self, StoreError> {
+        let mut connection = options.connect().await?;
+        for statements in [SESSION, LOOKUPS] {
+            sqlx::raw_sql(statements).execute(&mut connection).await?;
+        }
+        let answer = run(&mut connection, query("select pg_backend_pid() as process")).await?;
+        let row = answer.rows.first();
+        let row = row.ok_or_else(|| StoreError::Database("it does not say who serves a connection".to_owned()))?;
+        let process = row.integer("process")?;
+        Ok(Self { connection, watch: Watch { options, process, patience, is_lost: false } })
+    }
+
+    /// Runs statements without parameters, of which nothing is wanted.
+    pub(super) async fn batch(&mut self, statements: &'static str) -> Result<(), StoreError> {
+        let Self { connection, watch } = self;
+        let run = async { Ok(sqlx::raw_sql(statements).execute(connection).await.map(drop)?) };
+        watch.unless_lost(run).await
+    }
+
+    /// Runs a statement.
+    pub(super) async fn run(&mut self, query: Query) -> Result<Answer, StoreError> {
+        let Self { connection, watch } = self;
+        watch.unless_lost(run(connection, query)).await
+    }
+
+    /// Says goodbye.
+    pub(super) async fn close(self) -> Result<(), StoreError> {
+        Ok(self.connection.close().await?)
+    }
+}
+
+/// What notices that the network has lost a statement or its answer, while the server is there: other writers wait for the one who waits for it.
+#[derive(Debug)]
+struct Watch {
+    options: Box<PgConnectOptions>,
+    /// The number of the server's process that serves the connection.
+    process: i64,
+    patience: Patience,
+    is_lost: bool,
+}
+
+impl Watch {
+    /// What is answered to a statement. It is not waited for when the server's process is gone, or has been waiting itself for two seconds; nor is
+    /// that of any other statement then.
+    async fn unless_lost<T>(&mut self, answer: impl Future<Output = Result<T, StoreError>>) -> Result<T, StoreError> {
+        if !self.is_lost {
+            tokio::select! {
+                // What has come is not lost.
+                biased;
+                answer = answer => return answer,
+                () = self.lost() => self.is_lost = true,
+            }
+        }
+        Err(StoreError::Database("what was said on its connection is lost".to_owned()))
+    }
+
+    /// Comes to an end when what is waited for will not come. A server that cannot be asked may still be at it.
+    async fn lost(&self) {
+        loop {
+            tokio::time::sleep(self.patience.doubt).await;
+            let asked = async {
+                let mut connection = self.options.connect().await?;
+                let busy = query(
+                    "select 1 from pg_stat_activity where pid = $1 and (state is null or state not like 'idle%' \
+                     or state_change > clock_timestamp() - interval '2 seconds')",
+                );
+                let busy = run(&mut connection, busy.bind(self.process)).await?;
+                // Nobody waits for its goodbye.
+                tokio::spawn(connection.close());
+                Ok(!busy.rows.is_empty())
+            };
+            if matches!(in_time(self.patience.connection, asked).await, Ok(false)) {
+                return;
+            }
         }
     }
 }

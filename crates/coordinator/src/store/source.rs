@@ -7,11 +7,11 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use sqlx::PgPool;
 use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
-use sqlx::{ConnectOptions, PgConnection, PgPool};
 
 use super::patience::{Patience, in_time};
-use super::postgres::{self, Listener};
+use super::postgres::{self, Listener, Session};
 use super::sql::{Answer, Engine, Query, Runner, query};
 use super::{StoreError, sqlite};
 use crate::config::PostgresUrl;
@@ -48,8 +48,8 @@ impl fmt::Debug for Source {
 pub(crate) enum Connection {
     /// To a SQLite file.
     Sqlite(rusqlite::Connection),
-    /// To PostgreSQL, with the number of the process that serves it.
-    Postgres(PgConnection, i64),
+    /// To PostgreSQL.
+    Postgres(Session),
 }
 
 impl Connection {
@@ -57,7 +57,7 @@ impl Connection {
     pub(super) fn engine(&self) -> Engine {
         match self {
             Self::Sqlite(_) => Engine::Sqlite,
-            Self::Postgres(..) => Engine::Postgres,
+            Self::Postgres(_) => Engine::Postgres,
         }
     }
 
@@ -65,10 +65,7 @@ impl Connection {
     pub(super) async fn batch(&mut self, statements: &'static str) -> Result<(), StoreError> {
         match self {
             Self::Sqlite(connection) => Ok(connection.execute_batch(statements)?),
-            Self::Postgres(connection, _) => {
-                sqlx::raw_sql(statements).execute(connection).await?;
-                Ok(())
-            }
+            Self::Postgres(session) => session.batch(statements).await,
         }
     }
 
@@ -86,7 +83,7 @@ impl Connection {
     pub(super) async fn close(self) -> Result<(), StoreError> {
         match self {
             Self::Sqlite(connection) => connection.close().map_err(|(_, error)| error.into()),
-            Self::Postgres(connection, _) => Ok(sqlx::Connection::close(connection).await?),
+            Self::Postgres(session) => session.close().await,
         }
     }
 }
@@ -95,7 +92,7 @@ impl Runner for &mut Connection {
     async fn run(self, query: Query) -> Result<Answer, StoreError> {
         match self {
             Connection::Sqlite(connection) => sqlite::run(connection, &query),
-            Connection::Postgres(connection, _) => postgres::run(connection, query).await,
+            Connection::Postgres(session) => session.run(query).await,
         }
     }
 }
@@ -168,42 +165,9 @@ impl Source {
         match &self.place {
             Place::File(file) => Ok(Connection::Sqlite(sqlite::writer(file)?)),
             Place::Server { options, .. } => {
-                let connect = async {
-                    let mut connection = options.connect().await?;
-                    let process = postgres::process(&mut connection).await?;
-                    let mut connection = Connection::Postgres(connection, process);
-                    connection.batch(postgres::SESSION).await?;
-                    connection.batch(postgres::LOOKUPS).await?;
-                    Ok(connection)
-                };
-                in_time(self.patience.connection, connect).await
+                let session = Session::begin(options.clone(), self.patience);
+                Ok(Connection::Postgres(in_time(self.patience.connection, session).await?))
             }
-        }
-    }
-
-    /// What a connection to write with is to do, for so long at most. What the network has lost is not waited for, since the others wait for the
-    /// writer of this coordinator: when nothing is heard, the server is asked whether it is still at it.
-    pub(super) async fn carried_out<T>(
-        &self,
-        connection: &mut Connection,
-        longest: Duration,
-        work: impl AsyncFnOnce(&mut Connection) -> Result<T, StoreError>,
-    ) -> Result<T, StoreError> {
-        match (&self.place, &*connection) {
-            (Place::Server { options, .. }, Connection::Postgres(_, process)) => {
-                let lost = postgres::lost(options, *process, &self.patience);
-                let work = work(connection);
-                in_time(longest, async {
-                    tokio::select! {
-                        // What has come is not lost.
-                        biased;
-                        done = work => done,
-                        lost = lost => Err(lost),
-                    }
-                })
-                .await
-            }
-            _ => in_time(longest, work(connection)).await,
         }
     }
 

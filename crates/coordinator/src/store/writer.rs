@@ -21,6 +21,7 @@ use futures::future::BoxFuture;
 use tokio::sync::{mpsc, oneshot};
 
 use super::StoreError;
+use super::patience::in_time;
 use super::source::{Connection, Source};
 
 /// Most writes in one transaction.
@@ -215,17 +216,14 @@ async fn commit(
         Err(error) => return (writes.len(), Err(error)),
     };
     let mut ended = 0;
-    let transaction = async |connection: &mut Connection| {
-        run_some(connection, writes, patient, &mut ended).await?;
+    let outcome = in_time(source.patience().transaction, async {
+        run_some(&mut connection, writes, patient, &mut ended).await?;
         connection.batch("commit").await
-    };
-    let outcome = source.carried_out(&mut connection, source.patience().transaction, transaction).await;
+    })
+    .await;
     let is_over = match &outcome {
         Ok(()) => Ok(()),
-        Err(_) => {
-            let rollback = async |connection: &mut Connection| connection.batch("rollback").await;
-            source.carried_out(&mut connection, source.patience().connection, rollback).await
-        }
+        Err(_) => in_time(source.patience().connection, connection.batch("rollback")).await,
     };
     match is_over {
         Ok(()) => *held = Some(connection),
@@ -236,15 +234,14 @@ async fn commit(
 
 /// A connection on which a transaction has begun: the one at hand, or a new one where that is lost.
 async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, StoreError> {
-    let begin = async |connection: &mut Connection| connection.begin().await;
     if let Some(mut connection) = held {
-        match source.carried_out(&mut connection, source.patience().turn, begin).await {
+        match in_time(source.patience().turn, connection.begin()).await {
             Ok(()) => return Ok(connection),
             Err(error) => tracing::warn!(%error, "the connection to the database is lost"),
         }
     }
     let mut connection = source.writer().await?;
-    source.carried_out(&mut connection, source.patience().turn, begin).await?;
+    in_time(source.patience().turn, connection.begin()).await?;
     Ok(connection)
 }
 

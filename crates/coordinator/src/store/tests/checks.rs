@@ -396,7 +396,7 @@ pub(super) async fn checks_of_a_worker_that_is_gone_go_to_another(farm: Farm) {
     bring(&farm, &rest, "right", 0).await;
     assert!(farm.claim(third, 100, 1999).await.is_none(), "it may still be at it, or wait to bring it");
     let taken = farm.claim(third, 5, 2000).await.unwrap();
-    assert_eq!(taken.nodes, lost.nodes, "it has been at it for longer than a lease should take");
+    assert_eq!(taken.lease.nodes, lost.lease.nodes, "it has been at it for longer than a lease should take");
     assert!(bring(&farm, &taken, "right", 2001).await.has_ended);
     assert!(!bring(&farm, &lost, "other", 2002).await.has_work, "it is too late");
     assert_eq!(all.nodes.len(), lost.nodes.len() + rest.nodes.len());
@@ -432,7 +432,8 @@ pub(super) async fn whoever_has_a_check_keeps_it_when_another_takes_it_over(farm
     let check = long(&farm, slow, 0).await;
     assert!(farm.claim(slow, 100, 2000).await.is_none(), "it has it already");
     let taken = long(&farm, slower, 2000).await;
-    assert_eq!((&check.nodes, &taken.nodes), (&all.nodes, &all.nodes));
+    assert_eq!(check.nodes, all.nodes);
+    assert!(taken.nodes.iter().eq(all.nodes.iter().rev()), "from the other end");
     for now_ms in [2000, 4000, 20_000] {
         assert_eq!([outstanding(&farm, &check, now_ms).await, outstanding(&farm, &taken, now_ms).await], [15; 2]);
         for worker in [slow, slower, late] {
@@ -461,7 +462,7 @@ pub(super) async fn a_check_that_two_have_goes_on_without_either(farm: Farm) {
         assert_eq!(outstanding(&farm, other, now_ms + 2000).await, 15);
         assert!(farm.store.give_up_checks(i64::MAX).await.unwrap().is_empty(), "it is at it");
         let again = long(&farm, three, now_ms + 4000).await;
-        assert_eq!(again.nodes, all.nodes, "there is one who has had it for long enough");
+        assert_eq!(again.lease.nodes, all.lease.nodes, "there is one who has had it for long enough");
         farm.store.return_lease(again.lease.id, again.lease.token, now_ms + 4000).await.unwrap();
         farm.store.return_lease(other.lease.id, other.lease.token, now_ms + 4000).await.unwrap();
     }
@@ -482,7 +483,7 @@ pub(super) async fn two_who_do_not_bring_a_check_keep_it_from_nobody(farm: Farm)
     }
     assert!(farm.claim(three, 100, 32_999).await.is_none());
     let last = long(&farm, three, 33_000).await;
-    assert_eq!(last.nodes, all.nodes);
+    assert_eq!(last.lease.nodes, all.lease.nodes);
     let answer = farm.bring(&taken, with_bits(&all.nodes[..5], "bits"), 33_000).await.unwrap();
     assert!(answer.checks.has_ended, "it had it once");
     assert_eq!(outstanding(&farm, &check, 33_000).await, 10);
@@ -518,6 +519,27 @@ pub(super) async fn whoever_brings_a_node_second_has_checked_it(farm: Farm) {
     assert!(!bring(&farm, &one, "others", late).await.has_work, "not by whoever has brought it");
     assert!(bring(&farm, &taken, "bits", late).await.has_ended);
     assert!(farm.next_wave(job).await.is_some());
+}
+
+pub(super) async fn whoever_has_brought_a_node_is_not_waited_for_to_check_it(farm: Farm) {
+    farm.job(1).await;
+    let [first, second, third] = named(&farm, ["first", "second", "third"]).await;
+    let one = farm.claim(first, 1, 0).await.unwrap();
+    let rest = farm.claim(second, 100, 0).await.unwrap();
+    farm.deliver(&rest, &rest.nodes, 0).await.unwrap();
+    let late = 60_000;
+    farm.store.renew(one.lease.id, one.lease.token, 0, late + TTL_MS).await.unwrap();
+    let taken = farm.claim(second, 1, late).await.unwrap();
+    assert!(bring(&farm, &one, "right", late).await.has_work);
+    let check = farm.claim(second, 1, late).await.unwrap();
+    assert_eq!((&taken.nodes, &check.nodes), (&one.nodes, &one.nodes), "as work, and to check it");
+    let disputed = bring(&farm, &taken, "wrong", late).await;
+    assert!(disputed.has_work && !disputed.has_ended, "{disputed:?}");
+    assert_eq!(outstanding(&farm, &check, late).await, 0, "it has answered it");
+    let decision = farm.claim(third, 1, late).await.unwrap();
+    assert_eq!(decision.nodes, one.nodes);
+    let decided = bring(&farm, &decision, "right", late).await;
+    assert!(matches!(decided.quarantined.as_slice(), [(wrong, _)] if *wrong == second), "{decided:?}");
 }
 
 pub(super) async fn a_job_keeps_to_the_bits_that_it_was_begun_with(farm: Farm) {

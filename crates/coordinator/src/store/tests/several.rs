@@ -53,15 +53,14 @@ async fn eight_claimants_share_a_job_and_none_is_sent_away_while_there_is_work()
 async fn a_coordinator_that_is_suspended_in_a_transaction_does_not_hold_up_the_others() {
     let farms = coordinators(2).await;
     let (begun, has_begun) = tokio::sync::oneshot::channel();
-    let (go_on, wait) = std::sync::mpsc::channel::<()>();
+    let (go_on, wait) = tokio::sync::oneshot::channel::<()>();
     let suspended = farms[0].store.clone();
     let suspended = tokio::spawn(async move {
         suspended
             .write::<(), StoreError, _>(|_| {
                 Box::pin(async move {
                     begun.send(()).unwrap();
-                    // Its thread does nothing meanwhile.
-                    wait.recv().unwrap();
+                    wait.await.unwrap();
                     Ok(())
                 })
             })

@@ -91,16 +91,20 @@ async fn a_database_that_falls_silent_is_given_up_and_called_again() {
 
 #[tokio::test]
 async fn what_is_lost_of_a_transaction_is_not_waited_for() {
-    falls_silent(DOUBT).await;
+    tokio::time::timeout(Duration::from_secs(60), falls_silent(DOUBT)).await.expect("it is not waited for");
 }
 
 #[tokio::test]
 async fn a_server_that_takes_long_is_waited_for() {
     let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap().with_patience(DOUBT);
     let [store, other] = [Store::open(source.clone()).await.unwrap(), Store::open(source).await.unwrap()];
-    // It takes its time, and the other waits for its turn meanwhile.
+    // It takes its time, as does this process, and the other waits for its turn meanwhile.
     let slow = store.write::<_, StoreError, _>(|connection| {
-        Box::pin(async move { query("select pg_sleep(3)").execute(connection).await })
+        Box::pin(async move {
+            query("select pg_sleep(3)").execute(&mut *connection).await?;
+            tokio::time::sleep(Duration::from_secs(3)).await;
+            query("select 1").execute(connection).await
+        })
     });
     let waits = other
         .write::<_, StoreError, _>(|connection| Box::pin(async move { query("select 1").execute(connection).await }));
