@@ -197,38 +197,25 @@ async fn is_open(connection: &mut Connection, check: &str, lease: &LeaseRecord) 
     Ok(row.is_some())
 }
 
-/// Lets go of the checks that a lease has.
+/// Lets go of the checks that a lease has. Whoever has taken one over is the only one to have it then.
 pub(super) async fn let_go(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
-    let held = "select id from checks where lease = $1 union all select id from checks where second_lease = $1";
-    let rows = query(held).bind(lease.to_string()).fetch_all(&mut *connection).await?;
-    for row in rows {
-        let_go_of(connection, &row.text("id")?, &lease.to_string()).await?;
+    for statement in [
+        "update checks set second_lease = null where second_lease = $1",
+        "update checks set lease = second_lease, second_lease = null where lease = $1",
+    ] {
+        query(statement).bind(lease.to_string()).execute(&mut *connection).await?;
     }
     Ok(())
 }
 
-/// Lets go of a check that a lease has. Whoever has taken it over is the only one to have it then.
-async fn let_go_of(connection: &mut Connection, check: &str, lease: &str) -> Result<(), StoreError> {
-    query(
-        "update checks set lease = case when lease = $2 then second_lease else lease end, second_lease = null \
-         where id = $1 and (lease = $2 or second_lease = $2)",
-    )
-    .bind(check)
-    .bind(lease)
-    .execute(connection)
-    .await?;
-    Ok(())
-}
-
-/// Lets go of a check that a worker, or another of its name, may have under whatever lease.
+/// Lets go of a check that a worker, or others of its name, may have under whatever lease.
 async fn let_go_by(connection: &mut Connection, check: &str, worker: WorkerId) -> Result<(), StoreError> {
-    let own = query(format!(
-        "select leases.id from checks join leases on leases.id in (checks.lease, checks.second_lease) \
-         where checks.id = $2 and leases.worker in {OF_THE_SAME_NAME}"
-    ));
-    let own = own.bind(worker.to_string()).bind(check).fetch_all(&mut *connection).await?;
-    for row in own {
-        let_go_of(connection, check, &row.text("id")?).await?;
+    let own = format!("(select id from leases where worker in {OF_THE_SAME_NAME})");
+    for statement in [
+        format!("update checks set second_lease = null where id = $2 and second_lease in {own}"),
+        format!("update checks set lease = second_lease, second_lease = null where id = $2 and lease in {own}"),
+    ] {
+        query(statement).bind(worker.to_string()).bind(check).execute(&mut *connection).await?;
     }
     Ok(())
 }
@@ -342,18 +329,17 @@ pub(super) struct HeldSince {
     pub(super) two_ms: i64,
 }
 
-/// Nodes of a job that a worker of this name is to check: those that nobody has, or those that others have had for so long.
+/// Nodes of a job that a worker is to check: those that nobody has, or those that others have had for so long.
 pub(super) async fn choose(
     connection: &mut Connection,
     job: &JobRecord,
-    name: &str,
+    worker: WorkerId,
     most: u32,
     held_since: Option<HeldSince>,
 ) -> Result<Vec<NodeAddress>, StoreError> {
     let is_held_since = |lease: &str, time: &str| {
         format!(
-            "exists (select 1 from leases join workers as holders on holders.id = leases.worker \
-             where leases.id = checks.{lease} and holders.name <> $2 and granted_ms + gather_ms <= {time})"
+            "exists (select 1 from leases where id = checks.{lease} and worker <> $2 and granted_ms + gather_ms <= {time})"
         )
     };
     // Whoever has some begins with the first.
@@ -369,10 +355,10 @@ pub(super) async fn choose(
     let chosen = query(format!(
         "select frame, tile, level, idx from checks where job = $1 and {whose} and {} \
          order by round, {order} limit $3",
-        is_new_to("$2")
+        is_new_to("(select name from workers where id = $2)")
     ))
     .bind(job.id.to_string())
-    .bind(name)
+    .bind(worker.to_string())
     .bind(i64::from(most));
     let chosen = times.into_iter().flatten().fold(chosen, |chosen, time| chosen.bind(time));
     let rows = chosen.fetch_all(connection).await?;

@@ -239,7 +239,7 @@ async fn free_work(
     }
     let pace = pace(connection, open, terms).await?;
     if open.has_checks {
-        let nodes = choose_checks(connection, open, &pace, claimant, terms, None).await?;
+        let nodes = choose_checks(connection, open, &pace, terms, None).await?;
         let grant = lease(connection, open, (nodes, Leased::Checks, 0), &pace, claimant, terms).await?;
         if grant.is_some() {
             return Ok(grant);
@@ -325,7 +325,7 @@ async fn held_of(
     }
     let since = |patience: i64| terms.now_ms.saturating_sub(terms.target_ms.saturating_mul(patience));
     let held_since = HeldSince { one_ms: since(check_patience), two_ms: since(CHECK_PATIENCE) };
-    let nodes = choose_checks(connection, open, pace, claimant, terms, Some(held_since)).await?;
+    let nodes = choose_checks(connection, open, pace, terms, Some(held_since)).await?;
     lease(connection, open, (nodes, Leased::Checks, 0), pace, claimant, terms).await
 }
 
@@ -406,11 +406,10 @@ async fn choose_checks(
     connection: &mut Connection,
     OpenJob { job, .. }: &OpenJob,
     pace: &Pace,
-    claimant: &Claimant,
     terms: &ClaimTerms,
     held_since: Option<HeldSince>,
 ) -> Result<Vec<NodeAddress>, StoreError> {
-    let nodes = checks::choose(connection, job, &claimant.name, terms.most_nodes(), held_since).await?;
+    let nodes = checks::choose(connection, job, terms.worker, terms.most_nodes(), held_since).await?;
     Ok(first_of(nodes, job, pace, terms))
 }
 

@@ -46,7 +46,7 @@ use checks::{
     the_second_of_two_who_have_a_check_decides_a_dispute, two_who_agree_end_a_check,
     two_who_do_not_bring_a_check_keep_it_from_nobody, whoever_brings_a_node_second_has_checked_it,
     whoever_has_a_check_keeps_it_when_another_takes_it_over, whoever_has_brought_a_node_is_not_waited_for_to_check_it,
-    workers_of_one_name_are_one_machine,
+    workers_of_one_name_are_one_machine, workers_of_one_name_take_checks_over_from_each_other_and_answer_once,
 };
 use claims::{
     a_machine_that_fails_alone_fails_the_job_late_if_at_all,
@@ -484,6 +484,7 @@ on_both! {
     a_check_that_two_have_goes_on_without_either
     two_who_do_not_bring_a_check_keep_it_from_nobody
     the_second_of_two_who_have_a_check_decides_a_dispute
+    workers_of_one_name_take_checks_over_from_each_other_and_answer_once
     whoever_has_brought_a_node_is_not_waited_for_to_check_it
     whoever_brings_a_node_second_has_checked_it
     checks_of_a_worker_that_is_gone_go_to_another

@@ -521,6 +521,24 @@ pub(super) async fn whoever_brings_a_node_second_has_checked_it(farm: Farm) {
     assert!(farm.next_wave(job).await.is_some());
 }
 
+pub(super) async fn workers_of_one_name_take_checks_over_from_each_other_and_answer_once(farm: Farm) {
+    farm.job(1).await;
+    let [first, hung, namesake, third] = named(&farm, ["first", "twin", "twin", "third"]).await;
+    let all = farm.claim(first, 100, 0).await.unwrap();
+    bring(&farm, &all, "right", 0).await;
+    let check = long(&farm, hung, 0).await;
+    let taken = long(&farm, namesake, 2000).await;
+    assert_eq!(taken.lease.nodes, check.lease.nodes);
+    let disputed = bring(&farm, &taken, "wrong", 2000).await;
+    assert!(disputed.has_work && !disputed.has_ended, "{disputed:?}");
+    assert_eq!([outstanding(&farm, &check, 2000).await, outstanding(&farm, &taken, 2000).await], [0; 2]);
+    let decision = farm.claim(third, 100, 2000).await.unwrap();
+    assert_eq!(decision.nodes, all.nodes, "neither of the two has it any more");
+    assert_eq!(bring(&farm, &check, "right", 2000).await, Outcome::default(), "they have had their say");
+    let decided = bring(&farm, &decision, "right", 2000).await;
+    assert!(matches!(decided.quarantined.as_slice(), [(wrong, _)] if *wrong == namesake), "{decided:?}");
+}
+
 pub(super) async fn whoever_has_brought_a_node_is_not_waited_for_to_check_it(farm: Farm) {
     farm.job(1).await;
     let [first, second, third] = named(&farm, ["first", "second", "third"]).await;

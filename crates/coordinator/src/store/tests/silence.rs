@@ -99,15 +99,22 @@ async fn a_server_that_takes_long_is_waited_for() {
     let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap().with_patience(DOUBT);
     let [store, other] = [Store::open(source.clone()).await.unwrap(), Store::open(source).await.unwrap()];
     // It takes its time, as does this process, and the other waits for its turn meanwhile.
+    let (begun, has_begun) = tokio::sync::oneshot::channel();
     let slow = store.write::<_, StoreError, _>(|connection| {
         Box::pin(async move {
+            begun.send(()).unwrap();
             query("select pg_sleep(3)").execute(&mut *connection).await?;
             tokio::time::sleep(Duration::from_secs(3)).await;
             query("select 1").execute(connection).await
         })
     });
-    let waits = other
-        .write::<_, StoreError, _>(|connection| Box::pin(async move { query("select 1").execute(connection).await }));
+    let waits = async {
+        has_begun.await.unwrap();
+        let write = other.write::<_, StoreError, _>(|connection| {
+            Box::pin(async move { query("select 1").execute(connection).await })
+        });
+        write.await
+    };
     let (slow, waits) = tokio::join!(slow, waits);
     assert!(slow.is_ok() && waits.is_ok(), "{slow:?}, {waits:?}");
     store.close().await;
