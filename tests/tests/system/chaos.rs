@@ -11,7 +11,7 @@ const DURATIONS: Durations = Durations { pauses: [0.2, 0.8], away: 0.5, fault: 1
 const PAUSES_ON_SERVERS: [f64; 2] = [0.3, 1.5];
 
 /// Longest time for a job, and for everything to happen.
-const PATIENCE: Duration = Duration::from_secs(150);
+const PATIENCE: Duration = Duration::from_secs(300);
 
 /// Attacks a farm until each kind of blow has come at least once, and everything that can happen to a request.
 fn attack(servers: bool) {
