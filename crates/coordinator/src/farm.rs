@@ -15,6 +15,7 @@ use crate::blobs::Blobs;
 use crate::config::Config;
 use crate::events::Events;
 use crate::film::FilmReader;
+use crate::idle::Idle;
 use crate::live::LiveValues;
 use crate::news::News;
 use crate::previews::Previews;
@@ -74,6 +75,8 @@ pub(crate) struct Farm {
     pub(crate) rates: Rates,
     /// Rings when work may have become available.
     pub(crate) work: Notify,
+    /// Who waits for it.
+    pub(crate) idle: Idle,
     /// Permits for receiving partials, one for each kibibyte.
     pub(crate) receiving: Semaphore,
     /// Permit for receiving the rest of a partial without them: those that have begun to come could wait for each other.
@@ -131,6 +134,7 @@ impl Farm {
             events: Events::default(),
             rates,
             work: Notify::new(),
+            idle: Idle::default(),
             receiving: Semaphore::new(permits(RECEIVED_BYTES) as usize),
             receiving_beyond: Semaphore::new(1),
             decoding: Arc::new(Semaphore::new(permits(DECODED_BYTES) as usize)),

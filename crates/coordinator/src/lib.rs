@@ -33,6 +33,7 @@ mod farm;
 mod film;
 mod frame;
 mod http;
+mod idle;
 mod images;
 mod keeper;
 mod live;

@@ -315,6 +315,7 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
         farm.tell(News::Wave(given_up.job));
     }
     farm.has_active_leases(farm.store.active_leases().await?);
+    farm.idle.forget_those_who_have_gone(Instant::now());
     let open = farm.store.open_jobs().await?;
     if !open.is_empty() {
         // With time alone, work that another holds becomes work to be taken over; and who was rung for a new job may not be one who can do it.

@@ -64,20 +64,26 @@ pub(super) async fn claim(
         return Err(ApiError::invalid_field("built", request.built.len(), format!("at most {MOST_BUILT} jobs")));
     }
     let until = Instant::now() + Duration::from_millis(request.wait_ms.into());
+    // Who has just looked in vain, and asks again, goes on waiting, if it waits at all.
+    let mut looks = request.wait_ms == 0 || farm.idle.is_to_look(request.worker, Instant::now().into_std());
     let mut has_waited = false;
     loop {
         // Listening begins before looking, so that work which appears in between is not slept through.
         let mut work = std::pin::pin!(farm.work.notified());
         work.as_mut().enable();
-        if let Some(grant) = farm.store.claim(terms(&farm, &request)).await? {
-            if has_waited {
-                // There may be more.
-                farm.ring_for_work();
+        if looks {
+            if let Some(grant) = farm.store.claim(terms(&farm, &request)).await? {
+                farm.idle.has_work(request.worker);
+                if has_waited {
+                    // There may be more.
+                    farm.ring_for_work();
+                }
+                return Ok((StatusCode::CREATED, Json(lease(&farm, grant))).into_response());
             }
-            return Ok((StatusCode::CREATED, Json(lease(&farm, grant))).into_response());
+            farm.idle.looked_in_vain(request.worker, Instant::now().into_std());
         }
         tokio::select! {
-            () = work => has_waited = true,
+            () = work => (has_waited, looks) = (true, true),
             () = tokio::time::sleep_until(until) => return Ok(StatusCode::NO_CONTENT.into_response()),
             () = farm.stopping.cancelled() => return Ok(StatusCode::NO_CONTENT.into_response()),
         }

@@ -19,13 +19,14 @@ use clerestory_render_core::film::NodeAddress;
 use super::checks::{self, HeldSince};
 use super::grant::{Grant, Leased, Offer, grant};
 use super::jobs::{self, JobRecord};
-use super::leases::address;
+use super::leases::{self, address};
 use super::parts::{Side, split_off};
 use super::row::{Row, to_json};
 use super::sql::{Kind, query, rows_of};
 use super::stock::{STOCK, stock};
 use super::take_over::{self, HeldLease, TakenOver};
 use super::workers::{self, Claimant};
+use super::writer::Turn;
 use super::{Connection, Store, StoreError, WorkerError};
 use crate::schedule::Pace;
 
@@ -67,9 +68,9 @@ impl ClaimTerms {
 }
 
 impl Store {
-    /// Gives work to a worker; `None` when there is none for it now.
+    /// Gives work to a worker; `None` when there is none for it now. Who has gone away meanwhile gets none: nobody would render it until the lease runs out.
     pub(crate) async fn claim(&self, terms: ClaimTerms) -> Result<Option<Grant>, WorkerError> {
-        self.write(move |connection| Box::pin(async move { claim(connection, &terms).await })).await
+        self.write_in(Turn::ForCaller, move |connection| Box::pin(async move { claim(connection, &terms).await })).await
     }
 }
 
@@ -79,7 +80,7 @@ pub(super) struct OpenJob {
     pub(super) job: JobRecord,
     /// Whether there are nodes in its queue that nobody has.
     has_free: bool,
-    /// Whether there are nodes of it that this worker can check, which nobody has and which others have.
+    /// Whether there are nodes of it that this worker can check, which nobody has, and which others have had for as long as a lease should take.
     has_checks: bool,
     has_held_checks: bool,
     /// Whether another worker has had a lease of it for [too long](Pace::patience_seconds) without an accepted node.
@@ -92,6 +93,15 @@ impl OpenJob {
     /// Whether the next nodes of it can be put into the queue.
     fn can_be_cut(&self) -> bool {
         self.job.boundaries().wave(self.job.cursor[0]).is_some_and(|wave| !self.job.waits_for_shares(wave))
+    }
+
+    /// How fast the worker renders it, as if no other did.
+    fn pace_alone(&self, terms: &ClaimTerms) -> Pace {
+        Pace {
+            samples_per_second: self.samples_per_second,
+            target_seconds: terms.target_ms as f64 / 1000.0,
+            workers: 1,
+        }
     }
 }
 
@@ -169,6 +179,8 @@ async fn open_jobs(
 ) -> Result<Vec<OpenJob>, StoreError> {
     let columns = jobs::COLUMNS;
     let can_check = format!("select 1 from checks where job = jobs.id and {}", checks::is_new_to("$4"));
+    // What anybody may have had for long enough is looked at more closely.
+    let held = "(select granted_ms + gather_ms from leases where id = checks.lease) <= $6";
     // Not `exists`: of that, PostgreSQL would look for all rows of all jobs at once.
     let rows = query(format!(
         "select {columns}, \
@@ -178,7 +190,7 @@ async fn open_jobs(
          (select 1 from leases where job = jobs.id and state = 'active' and worker <> $1 and due_ms <= $5 \
          order by due_ms limit 1) is not null as has_overdue, \
          ({can_check} and lease is null limit 1) is not null as has_checks, \
-         ({can_check} and lease is not null limit 1) is not null as has_held_checks \
+         ({can_check} and {held} limit 1) is not null as has_held_checks \
          from jobs where state in ('queued', 'running') order by priority desc, created_ms, id limit $2 offset $3"
     ))
     .bind(terms.worker.to_string())
@@ -186,6 +198,7 @@ async fn open_jobs(
     .bind(without as i64)
     .bind(&claimant.name)
     .bind(terms.now_ms)
+    .bind(terms.now_ms.saturating_sub(terms.target_ms))
     .fetch_all(connection)
     .await?;
     let open = |row: &Row| {
@@ -219,11 +232,7 @@ async fn pace(connection: &mut Connection, open: &OpenJob, terms: &ClaimTerms) -
     .bind(terms.worker.to_string())
     .fetch_one(connection)
     .await?;
-    Ok(Pace {
-        samples_per_second: open.samples_per_second,
-        target_seconds: terms.target_ms as f64 / 1000.0,
-        workers: others.number::<u32>("others")?.saturating_add(1),
-    })
+    Ok(Pace { workers: others.number::<u32>("others")?.saturating_add(1), ..open.pace_alone(terms) })
 }
 
 /// Nodes of a job that nobody has, for this worker.
@@ -248,7 +257,7 @@ async fn free_work(
     if open.has_overdue && may_have_free {
         // All later rounds wait for it.
         let next_round = i64::from(open.job.rounds);
-        let grant = overdue_work_up_to(connection, open, next_round, &pace, claimant, terms).await?;
+        let grant = overdue_work_up_to(connection, open, next_round, claimant, terms).await?;
         if grant.is_some() {
             return Ok(grant);
         }
@@ -281,9 +290,8 @@ async fn overdue_work(
     terms: &ClaimTerms,
 ) -> Result<Option<Grant>, StoreError> {
     for open in jobs.iter().filter(|open| open.has_overdue) {
-        let pace = pace(connection, open, terms).await?;
         let last_round = last_round(&open.job, terms);
-        let grant = overdue_work_up_to(connection, open, last_round, &pace, claimant, terms).await?;
+        let grant = overdue_work_up_to(connection, open, last_round, claimant, terms).await?;
         if grant.is_some() {
             return Ok(grant);
         }
@@ -296,37 +304,39 @@ async fn overdue_work_up_to(
     connection: &mut Connection,
     open: &OpenJob,
     last_round: i64,
-    pace: &Pace,
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Option<Grant>, StoreError> {
     let held = take_over::overdue(connection, &open.job, last_round, terms).await?;
-    held_of(connection, open, held, CHECK_PATIENCE, pace, claimant, terms).await
+    held_of(connection, open, held, CHECK_PATIENCE, claimant, terms).await
 }
 
-/// Nodes of a lease that another holds, or checks that others have had for so many times as long as a lease should take, for this worker.
+/// Nodes of a lease that another holds, if it may be taken over, or checks that others have had for so many times as long as a lease should take, for this
+/// worker.
 async fn held_of(
     connection: &mut Connection,
     open: &OpenJob,
     held: Option<HeldLease>,
     check_patience: i64,
-    pace: &Pace,
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Option<Grant>, StoreError> {
-    if let Some(held) = held
-        && let Some(TakenOver { nodes, repeats }) =
-            take_over::take_over(connection, &open.job, &held, pace, terms).await?
-    {
-        return lease(connection, open, (nodes, Leased::Work, repeats), pace, claimant, terms).await;
-    }
-    if !open.has_held_checks {
+    let seconds = |samples| open.pace_alone(terms).seconds(samples);
+    let held = held.filter(|held| held.may_be_taken_over(&open.job, seconds, terms));
+    if held.is_none() && !open.has_held_checks {
         return Ok(None);
+    }
+    let pace = pace(connection, open, terms).await?;
+    if let Some(held) = held {
+        let TakenOver { nodes, repeats } = take_over::take_over(connection, &open.job, &held, &pace, terms).await?;
+        let grant = lease(connection, open, (nodes, Leased::Work, repeats), &pace, claimant, terms).await?;
+        leases::end_if_empty(connection, held.id).await?;
+        return Ok(grant);
     }
     let since = |patience: i64| terms.now_ms.saturating_sub(terms.target_ms.saturating_mul(patience));
     let held_since = HeldSince { one_ms: since(check_patience), two_ms: since(CHECK_PATIENCE) };
-    let nodes = choose_checks(connection, open, pace, terms, Some(held_since)).await?;
-    lease(connection, open, (nodes, Leased::Checks, 0), pace, claimant, terms).await
+    let nodes = choose_checks(connection, open, &pace, terms, Some(held_since)).await?;
+    lease(connection, open, (nodes, Leased::Checks, 0), &pace, claimant, terms).await
 }
 
 /// Nodes of some jobs that others have held for longer than this worker would need, when there is nothing else for it.
@@ -339,11 +349,7 @@ async fn held_work(
     let mut held = take_over::held_longest(connection, jobs, terms).await?;
     for open in jobs {
         let lease = held.remove(&open.job.id);
-        if lease.is_none() && !open.has_held_checks {
-            continue;
-        }
-        let pace = pace(connection, open, terms).await?;
-        let grant = held_of(connection, open, lease, 1, &pace, claimant, terms).await?;
+        let grant = held_of(connection, open, lease, 1, claimant, terms).await?;
         if grant.is_some() {
             return Ok(grant);
         }

@@ -1,5 +1,5 @@
 //! Writes of one kind that are written together: those that come while one waits for its turn are written with it, by a few statements. Thousands
-//! of workers say every few seconds that they are there, and that they go on with their leases.
+//! of workers say every few seconds that they are there, and that they go on with their leases. Whatever else waits, they are [first](Turn::First).
 
 use std::mem;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -7,6 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use futures::future::BoxFuture;
 use tokio::sync::oneshot;
 
+use super::writer::Turn;
 use super::{Connection, Store, StoreError};
 
 /// Most writes that are written together: all else waits meanwhile.
@@ -89,7 +90,7 @@ where
     async fn write_all(self, store: Store, all: WriteAll<W, T, E>) {
         let taken = Self::default();
         let (gathered, writing, again) = (self.clone(), taken.clone(), store.clone());
-        let written = store.write(move |connection| {
+        let written = store.write_in(Turn::First, move |connection| {
             Box::pin(async move {
                 let (waiting, is_more) = gathered.take_some();
                 if is_more {

@@ -208,6 +208,15 @@ pub(super) async fn go_on(
     active.map_or(Ok(0), |row| row.number("outstanding"))
 }
 
+/// Ends a lease of which others have all that it had, as its renewal would.
+pub(super) async fn end_if_empty(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    query(format!("update leases set state = 'complete' where id = $1 and state = 'active' and {OUTSTANDING} = 0"))
+        .bind(lease.to_string())
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
 /// The node of a row.
 pub(super) fn address(row: &Row) -> Result<NodeAddress, StoreError> {
     Ok(NodeAddress {

@@ -59,7 +59,7 @@ use source::Readers;
 pub(crate) use source::{Connection, Source};
 use sql::query;
 pub(crate) use workers::WorkerError;
-use writer::Writer;
+use writer::{Turn, Writer};
 
 /// A handle on the database. Cheap to clone.
 #[derive(Clone, Debug)]
@@ -179,7 +179,17 @@ impl Store {
         E: From<StoreError> + Send + 'static,
         F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
     {
-        self.writer.write(write).await
+        self.write_in(Turn::Usual, write).await
+    }
+
+    /// The same in another turn.
+    async fn write_in<T, E, F>(&self, turn: Turn, write: F) -> Result<T, E>
+    where
+        T: Send + 'static,
+        E: From<StoreError> + Send + 'static,
+        F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
+    {
+        self.writer.write(turn, write).await
     }
 
     /// Waits for the writes that are under way, then closes the database.

@@ -10,6 +10,7 @@ use clerestory_render_core::film::NodeAddress;
 use super::leases::address;
 use super::row::{Row, is_of_nodes, nodes_json, to_json};
 use super::sql::{Kind, query, rows_of};
+use super::writer::Turn;
 use super::{Connection, Store, StoreError};
 use crate::adaptive::TilePasses;
 use crate::blobs::Place;
@@ -178,7 +179,7 @@ impl Store {
     /// Puts merged nodes in the place of what they are the sums of, with the sums of its work, all at once; an error, and no change,
     /// when a pass of one is missing, or nodes have been taken out since so many were: those may be among the ones that were summed.
     pub(crate) async fn replace(&self, job: JobId, redone: u64, merges: Vec<Merge>) -> Result<Removed, StoreError> {
-        let write = self.writer.write_patiently(move |connection| {
+        let write = self.write_in(Turn::Patient, move |connection| {
             Box::pin(async move { replace(connection, job, redone, &merges).await })
         });
         write.await

@@ -102,6 +102,18 @@ pub(super) fn rows_of(engine: Engine, number: usize, columns: &[Kind]) -> String
     }
 }
 
+/// An expression for all rows that a query would find, as a JSON array of arrays, in no order; null where PostgreSQL finds none. The query is what stands
+/// after `from`.
+///
+/// It is looked up for each row of the statement that it is part of, by the index that its condition names; a join would read all of a table where
+/// PostgreSQL believes that to be small.
+pub(super) fn array_of(engine: Engine, columns: &str, query: &str) -> String {
+    match engine {
+        Engine::Sqlite => format!("(select json_group_array(json_array({columns})) from {query})"),
+        Engine::Postgres => format!("(select json_agg(json_build_array({columns})) from {query})::text"),
+    }
+}
+
 /// The condition that a row of a table is one of those that the rows of a JSON array find, which is bound as parameter `$number`. Each finds the
 /// row that fits to it (`found`, a condition on the table's columns and on `c0` and so on), or none.
 ///

@@ -5,17 +5,17 @@
 //!
 //! A single node is taken over by its passes: its second half goes to the other worker.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
-use clerestory_api::JobId;
+use clerestory_api::{JobId, LeaseId};
 use clerestory_render_core::film::NodeAddress;
 
 use super::claim::{ClaimTerms, OpenJob, first_of, last_round, most_samples};
 use super::jobs::JobRecord;
-use super::leases::address;
 use super::parts::{Side, split_off};
 use super::row::{Row, is_of_nodes, nodes_json, to_json};
-use super::sql::{Kind, query, rows_of};
+use super::sql::{Engine, Kind, array_of, query, rows_of};
 use super::{Connection, StoreError};
 use crate::schedule::{Pace, SHORTEST_GATHERING_SECONDS};
 
@@ -27,14 +27,29 @@ const OLDEST: i64 = 64;
 
 /// A lease of another worker with nodes that may be taken over.
 pub(super) struct HeldLease {
-    id: String,
+    pub(super) id: LeaseId,
     granted_ms: i64,
     /// How long its worker may keep what it has rendered before it brings it.
     gather_ms: i64,
-    /// The last round of which nodes may be taken over.
-    last_round: i64,
+    /// Its nodes that may be taken over, the least urgent first, with how often each has been leased while it had them.
+    nodes: Vec<(NodeAddress, u32)>,
     /// Whether it is so whoever asks, and however often that has been done.
     is_overdue: bool,
+}
+
+impl HeldLease {
+    /// Whether it is overdue, or a worker that needs so many seconds for some samples would have needed less for all that is left of it than the other has
+    /// had, but for the time for which that may keep what it has rendered.
+    pub(super) fn may_be_taken_over(
+        &self,
+        job: &JobRecord,
+        seconds: impl FnOnce(f64) -> f64,
+        terms: &ClaimTerms,
+    ) -> bool {
+        let held_ms = terms.now_ms.saturating_sub(self.granted_ms).saturating_sub(self.gather_ms);
+        let samples: u64 = self.nodes.iter().map(|(node, _)| job.node_samples(node)).sum();
+        self.is_overdue || held_ms as f64 / 1000.0 >= seconds(samples as f64)
+    }
 }
 
 /// What has been taken over.
@@ -53,17 +68,23 @@ pub(super) async fn overdue(
     terms: &ClaimTerms,
 ) -> Result<Option<HeldLease>, StoreError> {
     let last_round = up_to.min(last_round(job, terms));
-    let row = query(
-        "select id, granted_ms, gather_ms from leases where state = 'active' and due_ms <= $1 and job = $2 and worker <> $3 \
-         and exists (select 1 from pending where lease = leases.id and round <= $4) order by due_ms, token limit 1",
-    )
+    let nodes = nodes_of(connection.engine(), "lease = leases.id and round <= $4");
+    let row = query(format!(
+        "select id, granted_ms, gather_ms, {nodes} as nodes from leases where state = 'active' and due_ms <= $1 and job = $2 and worker <> $3 \
+         and exists (select 1 from pending where lease = leases.id and round <= $4) order by due_ms, token limit 1"
+    ))
     .bind(terms.now_ms)
     .bind(job.id.to_string())
     .bind(terms.worker.to_string())
     .bind(last_round)
     .fetch_optional(connection)
     .await?;
-    row.map(|row| held_lease(&row, last_round, true)).transpose()
+    row.map(|row| held_lease(&row, true)).transpose()
+}
+
+/// The pending nodes of a lease that a condition lets through, as [`held_lease`] reads them.
+fn nodes_of(engine: Engine, condition: &str) -> String {
+    array_of(engine, "round, frame, tile, level, idx, repeats", &format!("pending where {condition}"))
 }
 
 /// Of each of these jobs, the oldest such lease, if it is old enough for any worker and among the [`OLDEST`].
@@ -78,15 +99,18 @@ pub(super) async fn held_longest(
     let listed: Vec<(String, i64)> =
         jobs.iter().map(|open| (open.job.id.to_string(), last_round(&open.job, terms))).collect();
     let listed_jobs = rows_of(connection.engine(), 1, &[Kind::Text, Kind::Integer]);
+    let nodes = nodes_of(connection.engine(), "lease = first_held.id and repeats < $5 and round <= last_round");
     // The shortest time that a worker may keep nodes is there for the index.
     let rows = query(format!(
         "with listed_jobs as materialized (select c0, c1 from {listed_jobs} as listed_rows) \
-         select held.id, job, granted_ms, gather_ms, last_round from (select id, job, granted_ms, gather_ms, token, \
-         (select c1 from listed_jobs where c0 = job) as last_round from leases where state = 'active' and worker <> $2 \
+         select id, job, granted_ms, gather_ms, {nodes} as nodes from \
+         (select held.*, row_number() over (partition by job order by granted_ms, token) as place from \
+         (select id, job, granted_ms, gather_ms, token, (select c1 from listed_jobs where c0 = job) as last_round \
+         from leases where state = 'active' and worker <> $2 \
          and granted_ms <= $3 and granted_ms + gather_ms <= $6 and (select c1 from listed_jobs where c0 = job) is not null \
          order by granted_ms, token limit $4) as held \
-         where (select 1 from pending where lease = held.id and repeats < $5 and round <= last_round limit 1) is not null \
-         order by granted_ms desc, token desc"
+         where (select 1 from pending where lease = held.id and repeats < $5 and round <= last_round limit 1) is not null) \
+         as first_held where place = 1"
     ))
     .bind(to_json(&listed)?)
     .bind(terms.worker.to_string())
@@ -96,54 +120,34 @@ pub(super) async fn held_longest(
     .bind(terms.now_ms)
     .fetch_all(connection)
     .await?;
-    let lease = |row: &Row| {
-        let last_round = row.integer("last_round")?;
-        Ok((row.parsed("job")?, held_lease(row, last_round, false)?))
-    };
-    // The oldest of a job comes last, and stays.
-    rows.iter().map(lease).collect()
+    rows.iter().map(|row| Ok((row.parsed("job")?, held_lease(row, false)?))).collect()
 }
 
-fn held_lease(row: &Row, last_round: i64, is_overdue: bool) -> Result<HeldLease, StoreError> {
-    let (id, granted_ms, gather_ms) = (row.text("id")?, row.integer("granted_ms")?, row.integer("gather_ms")?);
-    Ok(HeldLease { id, granted_ms, gather_ms, last_round, is_overdue })
+fn held_lease(row: &Row, is_overdue: bool) -> Result<HeldLease, StoreError> {
+    let (id, granted_ms, gather_ms) = (row.parsed("id")?, row.integer("granted_ms")?, row.integer("gather_ms")?);
+    let mut listed: Vec<[u32; 6]> = row.optional_json("nodes")?.unwrap_or_default();
+    listed.sort_unstable_by_key(|[round, frame, tile, _, index, _]| Reverse([*round, *frame, *tile, *index]));
+    let node = |[_, frame, tile, level, index, repeats]: [u32; 6]| (NodeAddress { frame, tile, level, index }, repeats);
+    Ok(HeldLease { id, granted_ms, gather_ms, nodes: listed.into_iter().map(node).collect(), is_overdue })
 }
 
-/// Nodes of a lease of another worker, if that is overdue or this one would have needed less for all that is left of it than the other has had, but for
-/// the time for which that may keep what it has rendered: the later half of them, since the other renders them in their order, and no more than a lease should have. A node is taken over [`MOST_REPEATS`]
-/// times at most while nobody is overdue.
+/// Nodes of a lease of another worker that [may be taken over](HeldLease::may_be_taken_over): the later half of them, since the other renders them in their
+/// order, and no more than a lease should have. A node is taken over [`MOST_REPEATS`] times at most while nobody is overdue.
 pub(super) async fn take_over(
     connection: &mut Connection,
     job: &JobRecord,
     lease: &HeldLease,
     pace: &Pace,
     terms: &ClaimTerms,
-) -> Result<Option<TakenOver>, StoreError> {
-    let rows = query(
-        "select frame, tile, level, idx, repeats from pending where lease = $1 and repeats < $2 and round <= $3 \
-         order by round desc, frame desc, tile desc, idx desc",
-    )
-    .bind(lease.id.as_str())
-    .bind(if lease.is_overdue { i64::MAX } else { MOST_REPEATS })
-    .bind(lease.last_round)
-    .fetch_all(&mut *connection)
-    .await?;
-    let held_ms = terms.now_ms.saturating_sub(lease.granted_ms).saturating_sub(lease.gather_ms);
-    let held = rows.iter().map(address).collect::<Result<Vec<_>, _>>()?;
+) -> Result<TakenOver, StoreError> {
+    let held: Vec<NodeAddress> = lease.nodes.iter().map(|(node, _)| *node).collect();
     let samples: u64 = held.iter().map(|node| job.node_samples(node)).sum();
-    let is_slow = held_ms as f64 / 1000.0 >= pace.seconds(samples as f64);
-    if held.is_empty() || !(lease.is_overdue || is_slow) {
-        return Ok(None);
-    }
     let count = held.len().div_ceil(2).min(terms.most_nodes() as usize);
     let is_alone = held.len() == 1;
     let mut taken = held;
     taken.truncate(count);
     let mut taken = first_of(taken, job, pace, terms);
-    let mut repeats = 0_u32;
-    for row in rows.iter().take(taken.len()) {
-        repeats = repeats.max(row.number("repeats")?);
-    }
+    let repeats = lease.nodes.iter().take(taken.len()).map(|(_, repeats)| *repeats).max().unwrap_or(0);
     let mut longest = most_samples(job, pace, terms);
     if is_alone && terms.fixed_nodes.is_none() {
         longest = longest.min(samples as f64 / 2.0);
@@ -155,5 +159,5 @@ pub(super) async fn take_over(
     let statement =
         format!("update pending set repeats = repeats + 1 where {}", is_of_nodes(connection.engine(), "pending", 1, 2));
     query(statement).bind(job.id.to_string()).bind(nodes_json(&taken)?).execute(connection).await?;
-    Ok(Some(TakenOver { nodes: taken, repeats: repeats.saturating_add(1) }))
+    Ok(TakenOver { nodes: taken, repeats: repeats.saturating_add(1) })
 }

@@ -77,7 +77,8 @@ use targets::{
     errors_and_targets_that_were_absent_at_first_are_stored_later, the_time_of_earlier_rounds_counts_in_later_ones,
 };
 use writes::{
-    a_failed_write_takes_nothing_else_with_it, a_transaction_ends_with_one_patient_write,
+    a_claim_of_a_worker_that_has_gone_away_takes_nothing, a_failed_write_takes_nothing_else_with_it,
+    a_transaction_ends_with_one_patient_write, what_keeps_leases_alive_is_written_first_and_holds_nothing_else_up,
     what_waits_is_written_before_the_store_is_closed,
 };
 
@@ -522,6 +523,8 @@ on_both! {
     an_unknown_worker_gets_no_work_and_is_told
     a_failed_write_takes_nothing_else_with_it
     a_transaction_ends_with_one_patient_write
+    what_keeps_leases_alive_is_written_first_and_holds_nothing_else_up
+    a_claim_of_a_worker_that_has_gone_away_takes_nothing
     what_waits_is_written_before_the_store_is_closed
     a_farm_keeps_its_identity
     a_database_of_a_newer_build_is_refused_with_both_versions

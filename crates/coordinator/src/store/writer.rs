@@ -4,12 +4,14 @@
 //!
 //! A commit costs a sync of the disk, whatever it holds. So writes that have gathered while the last commit ran go
 //! into the next one, each in a savepoint of its own: a write that fails takes nothing else with it. A caller is answered
-//! after the commit, never before. A write whose caller has gone away is carried out all the same.
+//! after the commit, never before. A write whose caller has gone away is carried out all the same, unless it is [for the caller alone](Turn::ForCaller).
 //!
 //! A transaction takes no more writes when it has gone on for [some time](GROUPED): those who come meanwhile wait for all of it, and a server has to
 //! step over every row that it has replaced so far.
 //!
-//! Patient writes, for which no worker waits, have a queue of their own: each transaction ends with one of them, if there is any. So they come to their turn
+//! Some have a [turn](Turn) of their own. Those that keep leases and workers alive begin each transaction, so that a farm with more to do than its
+//! coordinator can follow gets slow, and does not let its leases run out. Patient writes, for which no worker waits, end it: each transaction ends with one
+//! of them, if there is any. So they come to their turn
 //! however much else there is, and whatever else there is waits for one of them in each transaction before its own answer.
 //!
 //! When the connection is lost, or nothing is heard over it for long, the writes of that transaction fail, whether or not it was committed at
@@ -33,9 +35,23 @@ const GROUPED: Duration = Duration::from_millis(10);
 /// Writes that may wait before callers are held back.
 const QUEUE: usize = 256;
 
+/// When a write is carried out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Turn {
+    /// Before all that waits.
+    First,
+    /// After all that came before it.
+    Usual,
+    /// The same, but not at all if its caller has gone away by then: it would do harm.
+    ForCaller,
+    /// At the end of a transaction that has no other of this kind.
+    Patient,
+}
+
 /// A handle on the writer task.
 #[derive(Clone, Debug)]
 pub(super) struct Writer {
+    first: mpsc::Sender<Box<dyn Write>>,
     writes: mpsc::Sender<Message>,
     patient: mpsc::Sender<Box<dyn Write>>,
 }
@@ -45,38 +61,53 @@ enum Message {
     Close(oneshot::Sender<()>),
 }
 
+/// What waits for the writer.
+struct Queues {
+    first: mpsc::Receiver<Box<dyn Write>>,
+    writes: mpsc::Receiver<Message>,
+    patient: mpsc::Receiver<Box<dyn Write>>,
+}
+
+impl Queues {
+    /// No more is let in; what waits is still written.
+    fn close(&mut self) {
+        self.first.close();
+        self.writes.close();
+        self.patient.close();
+    }
+}
+
 impl Writer {
     /// Starts the thread. It owns the connection and ends when it is closed or the last handle is dropped.
     pub(super) fn start(source: Source, connection: Connection) -> std::io::Result<Self> {
+        let (first, first_queue) = mpsc::channel(QUEUE);
         let (writes, queue) = mpsc::channel(QUEUE);
         let (patient, patient_queue) = mpsc::channel(QUEUE);
+        let queues = Queues { first: first_queue, writes: queue, patient: patient_queue };
         let runtime = tokio::runtime::Handle::current();
-        let serve = move || runtime.block_on(serve(source, Some(connection), queue, patient_queue));
+        let serve = move || runtime.block_on(serve(source, Some(connection), queues));
         std::thread::Builder::new().name("store-writer".to_owned()).spawn(serve)?;
-        Ok(Self { writes, patient })
+        Ok(Self { first, writes, patient })
     }
 
-    /// Runs `write` in the next transaction and answers when that is committed. An error rolls this write back.
-    pub(super) async fn write<T, E, F>(&self, write: F) -> Result<T, E>
+    /// Runs `write` when it is its turn and answers when that is committed. An error rolls this write back.
+    pub(super) async fn write<T, E, F>(&self, turn: Turn, write: F) -> Result<T, E>
     where
         T: Send + 'static,
         E: From<StoreError> + Send + 'static,
         F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
     {
-        let (waiting, answer) = waiting(write);
-        self.writes.send(Message::Write(waiting)).await.map_err(|_| StoreError::Closed)?;
-        answer.await.map_err(|_| StoreError::Closed)?
-    }
-
-    /// As [`Self::write`], at the end of a transaction that has no other of this kind.
-    pub(super) async fn write_patiently<T, E, F>(&self, write: F) -> Result<T, E>
-    where
-        T: Send + 'static,
-        E: From<StoreError> + Send + 'static,
-        F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
-    {
-        let (waiting, answer) = waiting(write);
-        self.patient.send(waiting).await.map_err(|_| StoreError::Closed)?;
+        let (reply, answer) = oneshot::channel();
+        let is_for_caller = turn == Turn::ForCaller;
+        let waiting = Box::new(Waiting { write: Some(write), is_for_caller, result: None, reply });
+        let is_in = match turn {
+            Turn::First => self.first.send(waiting).await.is_ok(),
+            Turn::Usual | Turn::ForCaller => self.writes.send(Message::Write(waiting)).await.is_ok(),
+            Turn::Patient => self.patient.send(waiting).await.is_ok(),
+        };
+        if !is_in {
+            return Err(StoreError::Closed.into());
+        }
         answer.await.map_err(|_| StoreError::Closed)?
     }
 
@@ -94,25 +125,17 @@ impl Writer {
 trait Write: Send {
     /// Runs it; `false` asks for the savepoint to be rolled back.
     fn run<'c>(&'c mut self, connection: &'c mut Connection) -> BoxFuture<'c, bool>;
+    /// Whether it is still to be carried out.
+    fn is_wanted(&self) -> bool;
     /// Answers the caller, once it is known how the transaction ended.
     fn answer(self: Box<Self>, transaction: &Result<(), StoreError>);
 }
 
 struct Waiting<T, E, F> {
     write: Option<F>,
+    is_for_caller: bool,
     result: Option<Result<T, E>>,
     reply: oneshot::Sender<Result<T, E>>,
-}
-
-/// A write that waits for its turn, and where its answer will be.
-fn waiting<T, E, F>(write: F) -> (Box<dyn Write>, oneshot::Receiver<Result<T, E>>)
-where
-    T: Send + 'static,
-    E: From<StoreError> + Send + 'static,
-    F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
-{
-    let (reply, answer) = oneshot::channel();
-    (Box::new(Waiting { write: Some(write), result: None, reply }), answer)
 }
 
 impl<T, E, F> Write for Waiting<T, E, F>
@@ -130,6 +153,10 @@ where
         })
     }
 
+    fn is_wanted(&self) -> bool {
+        !(self.is_for_caller && self.reply.is_closed())
+    }
+
     fn answer(self: Box<Self>, transaction: &Result<(), StoreError>) {
         let result = match (self.result, transaction) {
             (Some(Err(error)), _) => Err(error),
@@ -142,52 +169,42 @@ where
     }
 }
 
-async fn serve(
-    source: Source,
-    mut connection: Option<Connection>,
-    mut queue: mpsc::Receiver<Message>,
-    mut patient_queue: mpsc::Receiver<Box<dyn Write>>,
-) {
-    let mut messages = Vec::with_capacity(GROUP);
+async fn serve(source: Source, mut connection: Option<Connection>, mut queues: Queues) {
     let mut waiting: Vec<Box<dyn Write>> = Vec::with_capacity(GROUP);
     let mut closing = Vec::new();
     loop {
-        let mut patient = None;
+        let (mut first, mut messages, mut patient) = (Vec::new(), Vec::new(), None);
         if waiting.is_empty() {
             tokio::select! {
                 biased;
-                count = queue.recv_many(&mut messages, GROUP) => if count == 0 {
-                    // It is closed, and so is the other.
-                    patient = patient_queue.recv().await;
-                    if patient.is_none() {
-                        break;
-                    }
-                },
-                Some(write) = patient_queue.recv() => patient = Some(write),
+                Some(write) = queues.first.recv() => first.push(write),
+                Some(message) = queues.writes.recv() => messages.push(message),
+                Some(write) = queues.patient.recv() => patient = Some(write),
+                else => break,
             }
         }
+        first.extend(std::iter::from_fn(|| queues.first.try_recv().ok()).take(GROUP));
         let room = GROUP - waiting.len() - messages.len();
-        messages.extend(std::iter::from_fn(|| queue.try_recv().ok()).take(room));
-        let mut patient = patient.or_else(|| patient_queue.try_recv().ok());
-        for message in messages.drain(..) {
+        messages.extend(std::iter::from_fn(|| queues.writes.try_recv().ok()).take(room));
+        let mut patient = patient.or_else(|| queues.patient.try_recv().ok());
+        for message in messages {
             match message {
                 Message::Write(write) => waiting.push(write),
                 Message::Close(done) => {
-                    // What is in the queue is still written.
-                    queue.close();
-                    patient_queue.close();
+                    queues.close();
                     closing.push(done);
                 }
             }
         }
-        if waiting.is_empty() && patient.is_none() {
+        waiting.retain(|write| write.is_wanted());
+        if first.is_empty() && waiting.is_empty() && patient.is_none() {
             continue;
         }
-        let (ended, outcome) = commit(&source, &mut connection, &mut waiting, patient.as_mut()).await;
+        let (ended, outcome) = commit(&source, &mut connection, &mut first, &mut waiting, patient.as_mut()).await;
         if let Err(error) = &outcome {
-            tracing::error!(%error, writes = ended, "transaction failed");
+            tracing::error!(%error, writes = first.len() + ended, "transaction failed");
         }
-        for write in waiting.drain(..ended).chain(patient) {
+        for write in first.into_iter().chain(waiting.drain(..ended)).chain(patient) {
             write.answer(&outcome);
         }
     }
@@ -202,11 +219,12 @@ async fn serve(
     }
 }
 
-/// Runs writes in a transaction, the first and as many more as there is time for, and a patient one. Answers with how many of the others it has ended, and
-/// how.
+/// Runs writes in a transaction: those that are first, as many of the others as there is time for, and a patient one. Answers with how many of the
+/// others it has ended, and how.
 async fn commit(
     source: &Source,
     held: &mut Option<Connection>,
+    first: &mut [Box<dyn Write>],
     writes: &mut [Box<dyn Write>],
     patient: Option<&mut Box<dyn Write>>,
 ) -> (usize, Result<(), StoreError>) {
@@ -217,7 +235,7 @@ async fn commit(
     };
     let mut ended = 0;
     let outcome = in_time(source.patience().transaction, async {
-        run_some(&mut connection, writes, patient, &mut ended).await?;
+        run_some(&mut connection, first, writes, patient, &mut ended).await?;
         connection.batch("commit").await
     })
     .await;
@@ -247,6 +265,7 @@ async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, 
 
 async fn run_some(
     connection: &mut Connection,
+    first: &mut [Box<dyn Write>],
     writes: &mut [Box<dyn Write>],
     patient: Option<&mut Box<dyn Write>>,
     ended: &mut usize,
@@ -254,10 +273,15 @@ async fn run_some(
     let start = Instant::now();
     // What ends a write goes to the database together with what begins the next; the last ends with the transaction.
     let mut between = "savepoint one_write";
+    const NEXT: &str = "release savepoint one_write; savepoint one_write";
+    for write in first {
+        run_one(connection, between, write).await?;
+        between = NEXT;
+    }
     for write in writes {
         *ended += 1;
         run_one(connection, between, write).await?;
-        between = "release savepoint one_write; savepoint one_write";
+        between = NEXT;
         if start.elapsed() >= GROUPED {
             break;
         }

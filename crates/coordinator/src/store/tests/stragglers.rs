@@ -7,6 +7,7 @@ use clerestory_render_core::film::{NodeAddress, TileGrid};
 
 use super::farm::terms;
 use super::{Farm, delivered};
+use crate::store::leases::LeaseState;
 use crate::store::{ClaimTerms, Delivery, Grant, JobRecord, NewJob};
 
 pub(super) async fn what_a_worker_sits_on_is_taken_over_and_the_first_result_wins(farm: Farm) {
@@ -83,9 +84,14 @@ pub(super) async fn what_comes_late_is_taken_over_beside_an_older_lease_that_may
 
 pub(super) async fn a_node_is_not_leased_again_without_end(farm: Farm) {
     farm.job_like(|job| NewJob { passes: 1, grid: TileGrid { width: 8, height: 8, tile_size: 16 }, ..job }).await;
+    let mut last = None;
     for time in 0..3 {
         let grant = farm.claim(farm.worker().await, 1, time * 2000).await.unwrap();
         farm.store.renew(grant.lease.id, grant.lease.token, time * 2000, 100_000).await.unwrap();
+        if let Some(before) = last.replace(grant.lease.id) {
+            let before = farm.store.lease(before).await.unwrap();
+            assert_eq!(before.state, LeaseState::Complete, "another has all of it");
+        }
     }
     assert!(farm.claim(farm.worker().await, 1, 50_000).await.is_none());
     assert!(farm.claim(farm.worker().await, 1, 52_000).await.is_some(), "the last to take it over has stopped");

@@ -7,8 +7,10 @@ use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
 use super::Farm;
+use super::farm::terms;
 use crate::store::StoreError;
 use crate::store::sql::query;
+use crate::store::writer::Turn;
 
 pub(super) async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
     let write = async |name: &'static str, then_fail: bool| {
@@ -48,10 +50,37 @@ pub(super) async fn a_transaction_ends_with_one_patient_write(farm: Farm) {
     assert!(!mixed.windows(2).any(|pair| pair == ["patient"; 2]), "others wait for several: {order:?}");
 }
 
+pub(super) async fn what_keeps_leases_alive_is_written_first_and_holds_nothing_else_up(farm: Farm) {
+    let held = Held::hold(&farm).await;
+    let order = Arc::default();
+    let others = notes(&farm, ["other"; 3], &order).await;
+    // Together they take longer than a transaction lets others begin.
+    let first = notes(&farm, ["slow first"; 2], &order).await;
+    held.let_go().await;
+    for write in first.into_iter().chain(others) {
+        write.await.unwrap().unwrap();
+    }
+    assert_eq!(*order.lock().unwrap(), ["slow first", "slow first", "other", "other", "other"]);
+}
+
+/// What is written of a claim whose caller has hung up would be a lease that nobody works off.
+pub(super) async fn a_claim_of_a_worker_that_has_gone_away_takes_nothing(farm: Farm) {
+    farm.job(1).await;
+    let [gone, here] = [farm.worker().await, farm.worker().await];
+    let held = Held::hold(&farm).await;
+    let store = farm.store.clone();
+    let claim = tokio::spawn(async move { store.claim(terms(gone, 0)).await });
+    tokio::time::sleep(SETTLED).await;
+    claim.abort();
+    assert!(claim.await.unwrap_err().is_cancelled(), "it waits for its turn");
+    held.let_go().await;
+    assert_eq!(farm.claim(here, 100, 0).await.unwrap().nodes.len(), 15);
+}
+
 pub(super) async fn what_waits_is_written_before_the_store_is_closed(farm: Farm) {
     let held = Held::hold(&farm).await;
     let order = Arc::default();
-    let writes = notes(&farm, ["patient", "other", "patient", "patient"], &order).await;
+    let writes = notes(&farm, ["patient", "other", "patient", "patient", "first"], &order).await;
     let store = farm.store.clone();
     let closed = tokio::spawn(async move { store.close().await });
     tokio::time::sleep(SETTLED).await;
@@ -60,8 +89,8 @@ pub(super) async fn what_waits_is_written_before_the_store_is_closed(farm: Farm)
         write.await.unwrap().unwrap();
     }
     closed.await.unwrap();
-    assert_eq!(*order.lock().unwrap(), ["other", "patient", "patient", "patient"]);
-    for kind in ["patient", "other"] {
+    assert_eq!(*order.lock().unwrap(), ["first", "other", "patient", "patient", "patient"]);
+    for kind in ["patient", "other", "first"] {
         let [late] = notes(&farm, [kind], &order).await;
         assert!(matches!(late.await.unwrap(), Err(StoreError::Closed)), "{kind}");
     }
@@ -69,6 +98,9 @@ pub(super) async fn what_waits_is_written_before_the_store_is_closed(farm: Farm)
 
 /// After this time, a write that was asked for waits for its turn.
 const SETTLED: Duration = Duration::from_millis(100);
+
+/// Longer than a transaction takes more writes.
+const LONG: Duration = Duration::from_millis(20);
 
 /// A write that goes on until it is let go.
 struct Held {
@@ -112,11 +144,21 @@ async fn notes<const N: usize>(
             order.lock().unwrap().push(kind);
             Ok(())
         };
+        let turn = match kind {
+            "patient" => Turn::Patient,
+            "first" | "slow first" => Turn::First,
+            _ => Turn::Usual,
+        };
         tokio::spawn(async move {
-            match kind {
-                "patient" => store.writer.write_patiently(move |_| Box::pin(async move { noted() })).await,
-                _ => store.write(move |_| Box::pin(async move { noted() })).await,
-            }
+            let write = store.write_in(turn, move |_| {
+                Box::pin(async move {
+                    if kind == "slow first" {
+                        tokio::time::sleep(LONG).await;
+                    }
+                    noted()
+                })
+            });
+            write.await
         })
     });
     tokio::time::sleep(SETTLED).await;
