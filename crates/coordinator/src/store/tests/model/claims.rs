@@ -68,20 +68,20 @@ impl Model {
             return None;
         };
         let stored = self.stored(farm).await;
-        let is_taken_over = match source {
+        let taken_from = match source {
             Source::Free => {
                 self.hold_against_free(&stored, &grant, wanted);
-                false
+                None
             }
             Source::Overdue { lease, up_to } => {
                 self.hold_against_lease(lease, |pending| pending.round <= up_to, &grant, wanted);
                 self.seen.note(Event::TakenOverdue);
-                true
+                Some(lease)
             }
             Source::Slow { lease } => {
                 self.hold_against_lease(lease, |pending| pending.repeats < MOST_REPEATS, &grant, wanted);
                 self.seen.note(Event::TakenOver);
-                true
+                Some(lease)
             }
             Source::Nothing => panic!("there was nothing for it: {:?}", grant.nodes),
         };
@@ -89,8 +89,11 @@ impl Model {
         for node in &grant.nodes {
             let pending = self.pending.get_mut(node).unwrap();
             pending.lease = Some(grant.lease.id);
-            pending.repeats += u32::from(is_taken_over);
+            pending.repeats += u32::from(taken_from.is_some());
             self.seen.note_level(node.level);
+        }
+        if let Some(lease) = taken_from.filter(|lease| self.held_under(*lease).is_empty()) {
+            self.leases[lease].state = LeaseState::Complete;
         }
         if wanted.exactly.is_none() && grant.nodes.len() > 1 {
             self.seen.note(Event::LeasedByPace);
