@@ -14,41 +14,60 @@ use clerestory_api::WorkerId;
 /// Least time from the look of one to that of another, of those who are not rung.
 const EACH: Duration = Duration::from_millis(20);
 
-/// Longest time between an answer to a worker that there is no work and its next question, if it is still there.
+/// Longest time from when a worker should look to when it asks, if it is still there.
 const ABSENCE: Duration = Duration::from_secs(60);
 
-/// The workers that wait for work at this coordinator, with when they looked for it last.
-#[derive(Debug, Default)]
+/// The workers that wait for work at this coordinator.
+#[derive(Debug)]
 pub(crate) struct Idle {
-    looked: Mutex<BTreeMap<WorkerId, Instant>>,
+    looks: Mutex<Looks>,
+}
+
+#[derive(Debug)]
+struct Looks {
+    /// When each has looked last.
+    last: BTreeMap<WorkerId, Instant>,
+    /// Until when no other looks that is not rung.
+    next: Instant,
+}
+
+impl Default for Idle {
+    fn default() -> Self {
+        Self { looks: Mutex::new(Looks { last: BTreeMap::new(), next: Instant::now() }) }
+    }
 }
 
 impl Idle {
-    /// Whether a worker that asks is to look at once, though nobody has rung.
+    /// Whether a worker that asks is to look at once, though nobody has rung; it is taken to do so.
     pub(crate) fn is_to_look(&self, worker: WorkerId, now: Instant) -> bool {
-        let looked = self.looked();
-        looked.get(&worker).is_none_or(|last| *last + pause(looked.len()) <= now)
+        let mut looks = self.looks();
+        let Some(last) = looks.last.get(&worker) else { return true };
+        let is_to_look = *last + pause(looks.last.len()) <= now && looks.next <= now;
+        if is_to_look {
+            looks.next = now + EACH;
+        }
+        is_to_look
     }
 
     /// Notes that it has looked in vain.
     pub(crate) fn looked_in_vain(&self, worker: WorkerId, now: Instant) {
-        self.looked().insert(worker, now);
+        self.looks().last.insert(worker, now);
     }
 
     /// Notes that it has found work.
     pub(crate) fn has_work(&self, worker: WorkerId) {
-        self.looked().remove(&worker);
+        self.looks().last.remove(&worker);
     }
 
     /// Forgets workers that have not come again.
     pub(crate) fn forget_those_who_have_gone(&self, now: Instant) {
-        let mut looked = self.looked();
-        let longest = pause(looked.len()) + ABSENCE;
-        looked.retain(|_, looked| *looked + longest > now);
+        let mut looks = self.looks();
+        let longest = pause(looks.last.len()) + ABSENCE;
+        looks.last.retain(|_, last| *last + longest > now);
     }
 
-    fn looked(&self) -> MutexGuard<'_, BTreeMap<WorkerId, Instant>> {
-        self.looked.lock().unwrap_or_else(PoisonError::into_inner)
+    fn looks(&self) -> MutexGuard<'_, Looks> {
+        self.looks.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -75,7 +94,10 @@ mod tests {
             idle.looked_in_vain(*worker, start);
         }
         assert!(!idle.is_to_look(workers[0], start + Duration::from_secs(99)));
-        assert!(idle.is_to_look(workers[0], start + Duration::from_secs(100)));
+        let again = start + Duration::from_secs(100);
+        assert!(idle.is_to_look(workers[0], again));
+        assert!(!idle.is_to_look(workers[1], again), "one after the other");
+        assert!(idle.is_to_look(workers[1], again + EACH));
         idle.has_work(workers[0]);
         assert!(idle.is_to_look(workers[0], start), "it has worked since");
     }
@@ -88,8 +110,8 @@ mod tests {
         let later = start + ABSENCE;
         idle.looked_in_vain(here, later);
         idle.forget_those_who_have_gone(later);
-        assert_eq!(idle.looked().len(), 2, "it may still be on its way");
+        assert_eq!(idle.looks().last.len(), 2, "it may still be on its way");
         idle.forget_those_who_have_gone(later + 2 * EACH);
-        assert_eq!(idle.looked().keys().copied().collect::<Vec<_>>(), [here]);
+        assert_eq!(idle.looks().last.keys().copied().collect::<Vec<_>>(), [here]);
     }
 }

@@ -63,24 +63,26 @@ pub(super) async fn claim(
     if request.built.len() > MOST_BUILT {
         return Err(ApiError::invalid_field("built", request.built.len(), format!("at most {MOST_BUILT} jobs")));
     }
+    let worker = request.worker;
     let until = Instant::now() + Duration::from_millis(request.wait_ms.into());
     // Who has just looked in vain, and asks again, goes on waiting, if it waits at all.
-    let mut looks = request.wait_ms == 0 || farm.idle.is_to_look(request.worker, Instant::now().into_std());
+    let mut looks = request.wait_ms == 0 || farm.idle.is_to_look(worker, Instant::now().into_std());
     let mut has_waited = false;
     loop {
         // Listening begins before looking, so that work which appears in between is not slept through.
         let mut work = std::pin::pin!(farm.work.notified());
         work.as_mut().enable();
         if looks {
-            if let Some(grant) = farm.store.claim(terms(&farm, &request)).await? {
-                farm.idle.has_work(request.worker);
+            let (asked, request) = (Arc::clone(&farm), request.clone());
+            if let Some(grant) = farm.store.claim(move || terms(&asked, &request)).await? {
+                farm.idle.has_work(worker);
                 if has_waited {
                     // There may be more.
                     farm.ring_for_work();
                 }
                 return Ok((StatusCode::CREATED, Json(lease(&farm, grant))).into_response());
             }
-            farm.idle.looked_in_vain(request.worker, Instant::now().into_std());
+            farm.idle.looked_in_vain(worker, Instant::now().into_std());
         }
         tokio::select! {
             () = work => (has_waited, looks) = (true, true),
@@ -170,6 +172,8 @@ pub(super) async fn partial(
         LeaseError::StaleToken(_) => ApiError::from(error).field(FENCING_TOKEN_HEADER),
         error => error.into(),
     })?;
+    // Another coordinator may have given it the lease.
+    farm.idle.has_work(record.worker);
     let (body, _room) = receive(&farm, ArrivingBody::new(request, farm.config.max_partial_bytes)?).await?;
     // Thousands may wait above: what comes below takes its memory when its turn has come.
     Ok(Json(Box::pin(acceptance::accept(&farm, record, core_ms, body)).await?))

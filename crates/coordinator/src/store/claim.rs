@@ -69,8 +69,14 @@ impl ClaimTerms {
 
 impl Store {
     /// Gives work to a worker; `None` when there is none for it now. Who has gone away meanwhile gets none: nobody would render it until the lease runs out.
-    pub(crate) async fn claim(&self, terms: ClaimTerms) -> Result<Option<Grant>, WorkerError> {
-        self.write_in(Turn::ForCaller, move |connection| Box::pin(async move { claim(connection, &terms).await })).await
+    ///
+    /// What it asks for is asked when its turn has come: a lease lasts from then on.
+    pub(crate) async fn claim(
+        &self,
+        terms: impl FnOnce() -> ClaimTerms + Send + 'static,
+    ) -> Result<Option<Grant>, WorkerError> {
+        self.write_in(Turn::ForCaller, move |connection| Box::pin(async move { claim(connection, &terms()).await }))
+            .await
     }
 }
 
@@ -80,7 +86,7 @@ pub(super) struct OpenJob {
     pub(super) job: JobRecord,
     /// Whether there are nodes in its queue that nobody has.
     has_free: bool,
-    /// Whether there are nodes of it that this worker can check, which nobody has, and which others have had for as long as a lease should take.
+    /// Whether there are nodes of it that this worker can check, which nobody has and which others have.
     has_checks: bool,
     has_held_checks: bool,
     /// Whether another worker has had a lease of it for [too long](Pace::patience_seconds) without an accepted node.
@@ -179,8 +185,6 @@ async fn open_jobs(
 ) -> Result<Vec<OpenJob>, StoreError> {
     let columns = jobs::COLUMNS;
     let can_check = format!("select 1 from checks where job = jobs.id and {}", checks::is_new_to("$4"));
-    // What anybody may have had for long enough is looked at more closely.
-    let held = "(select granted_ms + gather_ms from leases where id = checks.lease) <= $6";
     // Not `exists`: of that, PostgreSQL would look for all rows of all jobs at once.
     let rows = query(format!(
         "select {columns}, \
@@ -190,7 +194,7 @@ async fn open_jobs(
          (select 1 from leases where job = jobs.id and state = 'active' and worker <> $1 and due_ms <= $5 \
          order by due_ms limit 1) is not null as has_overdue, \
          ({can_check} and lease is null limit 1) is not null as has_checks, \
-         ({can_check} and {held} limit 1) is not null as has_held_checks \
+         ({can_check} and lease is not null limit 1) is not null as has_held_checks \
          from jobs where state in ('queued', 'running') order by priority desc, created_ms, id limit $2 offset $3"
     ))
     .bind(terms.worker.to_string())
@@ -198,7 +202,6 @@ async fn open_jobs(
     .bind(without as i64)
     .bind(&claimant.name)
     .bind(terms.now_ms)
-    .bind(terms.now_ms.saturating_sub(terms.target_ms))
     .fetch_all(connection)
     .await?;
     let open = |row: &Row| {
@@ -246,10 +249,9 @@ async fn free_work(
     if !(open.has_checks || may_have_free) {
         return Ok(None);
     }
-    let pace = pace(connection, open, terms).await?;
     if open.has_checks {
-        let nodes = choose_checks(connection, open, &pace, terms, None).await?;
-        let grant = lease(connection, open, (nodes, Leased::Checks, 0), &pace, claimant, terms).await?;
+        let nodes = checks::choose(connection, &open.job, terms.worker, terms.most_nodes(), None).await?;
+        let grant = lease_checks(connection, open, nodes, claimant, terms).await?;
         if grant.is_some() {
             return Ok(grant);
         }
@@ -262,8 +264,25 @@ async fn free_work(
             return Ok(grant);
         }
     }
+    let pace = pace(connection, open, terms).await?;
     let nodes = choose(connection, open, &pace, terms).await?;
     lease(connection, open, (nodes, Leased::Work, 0), &pace, claimant, terms).await
+}
+
+/// Gives nodes that are to be checked to this worker as a lease, the first of them and no more than a lease should have, if there are any.
+async fn lease_checks(
+    connection: &mut Connection,
+    open: &OpenJob,
+    nodes: Vec<NodeAddress>,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    if nodes.is_empty() {
+        return Ok(None);
+    }
+    let pace = pace(connection, open, terms).await?;
+    let nodes = first_of(nodes, &open.job, &pace, terms);
+    lease(connection, open, (nodes, Leased::Checks, 0), &pace, claimant, terms).await
 }
 
 /// Gives chosen nodes to this worker as a lease, if there are any. They have been given out so often while others had them.
@@ -323,20 +342,20 @@ async fn held_of(
 ) -> Result<Option<Grant>, StoreError> {
     let seconds = |samples| open.pace_alone(terms).seconds(samples);
     let held = held.filter(|held| held.may_be_taken_over(&open.job, seconds, terms));
-    if held.is_none() && !open.has_held_checks {
-        return Ok(None);
-    }
-    let pace = pace(connection, open, terms).await?;
     if let Some(held) = held {
+        let pace = pace(connection, open, terms).await?;
         let TakenOver { nodes, repeats } = take_over::take_over(connection, &open.job, &held, &pace, terms).await?;
         let grant = lease(connection, open, (nodes, Leased::Work, repeats), &pace, claimant, terms).await?;
         leases::end_if_empty(connection, held.id).await?;
         return Ok(grant);
     }
+    if !open.has_held_checks {
+        return Ok(None);
+    }
     let since = |patience: i64| terms.now_ms.saturating_sub(terms.target_ms.saturating_mul(patience));
     let held_since = HeldSince { one_ms: since(check_patience), two_ms: since(CHECK_PATIENCE) };
-    let nodes = choose_checks(connection, open, &pace, terms, Some(held_since)).await?;
-    lease(connection, open, (nodes, Leased::Checks, 0), &pace, claimant, terms).await
+    let nodes = checks::choose(connection, &open.job, terms.worker, terms.most_nodes(), Some(held_since)).await?;
+    lease_checks(connection, open, nodes, claimant, terms).await
 }
 
 /// Nodes of some jobs that others have held for longer than this worker would need, when there is nothing else for it.
@@ -405,18 +424,6 @@ async fn free_nodes(
     .fetch_all(connection)
     .await?;
     rows.iter().map(address).collect()
-}
-
-/// Nodes of a job that this worker is to check, [as it can](checks::choose).
-async fn choose_checks(
-    connection: &mut Connection,
-    OpenJob { job, .. }: &OpenJob,
-    pace: &Pace,
-    terms: &ClaimTerms,
-    held_since: Option<HeldSince>,
-) -> Result<Vec<NodeAddress>, StoreError> {
-    let nodes = checks::choose(connection, job, terms.worker, terms.most_nodes(), held_since).await?;
-    Ok(first_of(nodes, job, pace, terms))
 }
 
 /// Samples that a lease should hold at most.

@@ -78,8 +78,9 @@ use targets::{
 };
 use writes::{
     a_claim_of_a_worker_that_has_gone_away_takes_nothing, a_failed_write_takes_nothing_else_with_it,
-    a_transaction_ends_with_one_patient_write, what_keeps_leases_alive_is_written_first_and_holds_nothing_else_up,
-    what_waits_is_written_before_the_store_is_closed,
+    a_lease_lasts_from_when_it_is_granted, a_transaction_ends_with_one_patient_write,
+    what_else_was_asked_is_written_though_whoever_asked_has_gone_away,
+    what_keeps_workers_alive_is_written_before_all_that_waits, what_waits_is_written_before_the_store_is_closed,
 };
 
 async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing(farm: Farm) {
@@ -523,7 +524,9 @@ on_both! {
     an_unknown_worker_gets_no_work_and_is_told
     a_failed_write_takes_nothing_else_with_it
     a_transaction_ends_with_one_patient_write
-    what_keeps_leases_alive_is_written_first_and_holds_nothing_else_up
+    what_keeps_workers_alive_is_written_before_all_that_waits
+    a_lease_lasts_from_when_it_is_granted
+    what_else_was_asked_is_written_though_whoever_asked_has_gone_away
     a_claim_of_a_worker_that_has_gone_away_takes_nothing
     what_waits_is_written_before_the_store_is_closed
     a_farm_keeps_its_identity

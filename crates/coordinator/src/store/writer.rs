@@ -9,7 +9,7 @@
 //! A transaction takes no more writes when it has gone on for [some time](GROUPED): those who come meanwhile wait for all of it, and a server has to
 //! step over every row that it has replaced so far.
 //!
-//! Some have a [turn](Turn) of their own. Those that keep leases and workers alive begin each transaction, so that a farm with more to do than its
+//! Some have a [turn](Turn) of their own. Those that keep leases and workers alive come before all that waits, some times a second, so that a farm with more to do than its
 //! coordinator can follow gets slow, and does not let its leases run out. Patient writes, for which no worker waits, end it: each transaction ends with one
 //! of them, if there is any. So they come to their turn
 //! however much else there is, and whatever else there is waits for one of them in each transaction before its own answer.
@@ -31,6 +31,9 @@ const GROUP: usize = 64;
 
 /// How long a transaction takes more writes.
 const GROUPED: Duration = Duration::from_millis(10);
+
+/// Least time between transactions that begin with [first](Turn::First) writes while others wait: the more of those have gathered, the less each costs.
+const BETWEEN_FIRST: Duration = Duration::from_millis(100);
 
 /// Writes that may wait before callers are held back.
 const QUEUE: usize = 256;
@@ -172,18 +175,21 @@ where
 async fn serve(source: Source, mut connection: Option<Connection>, mut queues: Queues) {
     let mut waiting: Vec<Box<dyn Write>> = Vec::with_capacity(GROUP);
     let mut closing = Vec::new();
+    let mut last_first = Instant::now();
     loop {
         let (mut first, mut messages, mut patient) = (Vec::new(), Vec::new(), None);
         if waiting.is_empty() {
             tokio::select! {
                 biased;
-                Some(write) = queues.first.recv() => first.push(write),
                 Some(message) = queues.writes.recv() => messages.push(message),
                 Some(write) = queues.patient.recv() => patient = Some(write),
+                Some(write) = queues.first.recv() => first.push(write),
                 else => break,
             }
         }
-        first.extend(std::iter::from_fn(|| queues.first.try_recv().ok()).take(GROUP));
+        if !first.is_empty() || last_first.elapsed() >= BETWEEN_FIRST {
+            first.extend(std::iter::from_fn(|| queues.first.try_recv().ok()).take(GROUP));
+        }
         let room = GROUP - waiting.len() - messages.len();
         messages.extend(std::iter::from_fn(|| queues.writes.try_recv().ok()).take(room));
         let mut patient = patient.or_else(|| queues.patient.try_recv().ok());
@@ -203,6 +209,9 @@ async fn serve(source: Source, mut connection: Option<Connection>, mut queues: Q
         let (ended, outcome) = commit(&source, &mut connection, &mut first, &mut waiting, patient.as_mut()).await;
         if let Err(error) = &outcome {
             tracing::error!(%error, writes = first.len() + ended, "transaction failed");
+        }
+        if !first.is_empty() {
+            last_first = Instant::now();
         }
         for write in first.into_iter().chain(waiting.drain(..ended)).chain(patient) {
             write.answer(&outcome);
@@ -270,7 +279,6 @@ async fn run_some(
     patient: Option<&mut Box<dyn Write>>,
     ended: &mut usize,
 ) -> Result<(), StoreError> {
-    let start = Instant::now();
     // What ends a write goes to the database together with what begins the next; the last ends with the transaction.
     let mut between = "savepoint one_write";
     const NEXT: &str = "release savepoint one_write; savepoint one_write";
@@ -278,6 +286,7 @@ async fn run_some(
         run_one(connection, between, write).await?;
         between = NEXT;
     }
+    let start = Instant::now();
     for write in writes {
         *ended += 1;
         run_one(connection, between, write).await?;

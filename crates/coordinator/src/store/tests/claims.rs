@@ -52,7 +52,7 @@ async fn bring_after(farm: &Farm, grant: &Grant, core_ms: i64) {
 /// Claims all that is free, with leases as large as the pace asks.
 async fn claim_all(farm: &Farm, worker: WorkerId) -> Vec<NodeAddress> {
     let mut nodes = Vec::new();
-    while let Some(grant) = farm.store.claim(terms(worker, 0)).await.unwrap() {
+    while let Some(grant) = farm.store.claim(move || terms(worker, 0)).await.unwrap() {
         nodes.extend(grant.nodes);
     }
     nodes
@@ -68,7 +68,7 @@ fn passes_of(nodes: &[NodeAddress]) -> Vec<u32> {
 pub(super) async fn a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time(farm: Farm) {
     farm.job_like(|job| NewJob { passes: 32, grid: ONE_TILE, ..job }).await;
     let worker = farm.worker().await;
-    let first = farm.store.claim(terms(worker, 0)).await.unwrap().unwrap();
+    let first = farm.store.claim(move || terms(worker, 0)).await.unwrap().unwrap();
     assert_eq!(first.nodes.len(), 1);
     let mut nodes = claim_all(&farm, worker).await;
     nodes.extend(first.nodes);
@@ -79,10 +79,10 @@ pub(super) async fn a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time(farm
 pub(super) async fn nodes_that_were_cut_before_are_cut_again_for_a_slower_worker(farm: Farm) {
     farm.job_like(|job| NewJob { passes: 64, grid: ONE_TILE, ..job }).await;
     let worker = farm.worker().await;
-    let first = farm.store.claim(terms(worker, 0)).await.unwrap().unwrap();
+    let first = farm.store.claim(move || terms(worker, 0)).await.unwrap().unwrap();
     // A thousand samples a second, so that three passes fit into a lease, and one node of two.
     bring_after(&farm, &first, 512).await;
-    let second = farm.store.claim(terms(worker, 0)).await.unwrap().unwrap();
+    let second = farm.store.claim(move || terms(worker, 0)).await.unwrap().unwrap();
     assert_eq!(passes_of(&second.nodes), [1, 2, 3]);
     let rest = claim_all(&farm, worker).await;
     assert!(rest.iter().all(|node| node.level == 1), "{rest:?}");
@@ -95,7 +95,7 @@ pub(super) async fn times_of_short_nodes_add_up_and_give_a_speed(farm: Farm) {
     let grant = farm.claim(worker, 15, 0).await.unwrap();
     bring_after(&farm, &grant, 1).await;
     assert_eq!(farm.store.job(job).await.unwrap().unwrap().core_ms, 1);
-    let next = farm.store.claim(terms(worker, 0)).await.unwrap().unwrap();
+    let next = farm.store.claim(move || terms(worker, 0)).await.unwrap().unwrap();
     assert!(next.nodes.len() > 1, "{:?}", next.nodes);
 }
 
@@ -132,7 +132,7 @@ pub(super) async fn a_worker_goes_on_with_scenes_that_it_has_unless_nobody_rende
     let [here, new] = [farm.worker().await, farm.worker().await];
     let claim = async |worker, built: &[JobId]| {
         let terms = ClaimTerms { built: built.to_vec(), fixed_nodes: Some(10), ..terms(worker, 0) };
-        farm.store.claim(terms).await.unwrap().map(|grant| grant.lease.job)
+        farm.store.claim(move || terms).await.unwrap().map(|grant| grant.lease.job)
     };
     assert_eq!(claim(new, &[newer]).await, Some(urgent), "what is urgent comes first whatever has to be built");
     assert_eq!(claim(new, &[newer]).await, Some(urgent));
@@ -151,7 +151,7 @@ pub(super) async fn a_worker_goes_on_with_scenes_that_it_has_unless_nobody_rende
 pub(super) async fn an_unknown_worker_gets_no_work_and_is_told(farm: Farm) {
     farm.job(1).await;
     let terms = terms(WorkerId::from(Uuid::now_v7()), 0);
-    assert!(matches!(farm.store.claim(terms).await, Err(WorkerError::Unknown(_))));
+    assert!(matches!(farm.store.claim(move || terms).await, Err(WorkerError::Unknown(_))));
 }
 
 pub(super) async fn returned_work_is_free_at_once_and_returning_twice_is_harmless(farm: Farm) {

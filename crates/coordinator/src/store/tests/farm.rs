@@ -116,7 +116,7 @@ impl Farm {
 
     pub(super) async fn claim(&self, worker: WorkerId, nodes: u32, now_ms: i64) -> Option<Grant> {
         let terms = ClaimTerms { fixed_nodes: Some(nodes), ..terms(worker, now_ms) };
-        self.store.claim(terms).await.unwrap()
+        self.store.claim(move || terms).await.unwrap()
     }
 
     pub(super) async fn deliver(

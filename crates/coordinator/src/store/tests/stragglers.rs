@@ -44,7 +44,7 @@ pub(super) async fn what_a_worker_may_still_keep_is_not_taken_over(farm: Farm) {
             fixed_nodes: Some(15),
             ..terms(worker, now_ms)
         };
-        farm.store.claim(terms).await.unwrap()
+        farm.store.claim(move || terms).await.unwrap()
     };
     let held = claim(slow, 0).await.unwrap();
     assert_eq!((held.nodes.len(), held.gather_ms), (15, 5000));
@@ -59,7 +59,7 @@ pub(super) async fn nodes_wait_for_others_no_longer_than_their_lease_should_take
     let worker = farm.worker().await;
     let claim = async |count, now_ms| {
         let terms = ClaimTerms { gather_ms: 30_000, fixed_nodes: Some(count), ..terms(worker, now_ms) };
-        farm.store.claim(terms).await.unwrap().unwrap()
+        farm.store.claim(move || terms).await.unwrap().unwrap()
     };
     let [alone, unknown] = [claim(1, 0).await, claim(3, 0).await];
     assert_eq!([alone.gather_ms, unknown.gather_ms], [1000, 30_000]);
@@ -73,7 +73,7 @@ pub(super) async fn what_comes_late_is_taken_over_beside_an_older_lease_that_may
     farm.job(1).await;
     let claim = async |worker, gather_ms, count, now_ms| {
         let terms = ClaimTerms { gather_ms, ttl_ms: 100_000, fixed_nodes: Some(count), ..terms(worker, now_ms) };
-        farm.store.claim(terms).await.unwrap()
+        farm.store.claim(move || terms).await.unwrap()
     };
     let [older, younger, quick] = [farm.worker().await, farm.worker().await, farm.worker().await];
     claim(older, 30_000, 8, 0).await.unwrap();
@@ -137,7 +137,7 @@ pub(super) async fn a_single_node_is_taken_over_by_its_passes(farm: Farm) {
         farm.store.renew(held.lease.id, held.lease.token, 0, 100_000).await.unwrap();
         let claim = async || {
             let terms = ClaimTerms { ttl_ms: 100_000, ..terms(quick, 2000) };
-            farm.store.claim(terms).await.unwrap().unwrap()
+            farm.store.claim(move || terms).await.unwrap().unwrap()
         };
         let taken = claim().await;
         assert_eq!(taken.nodes, [second_half]);
@@ -257,7 +257,7 @@ async fn is_complete(farm: &Farm, job: JobId) -> bool {
 
 async fn claim(farm: &Farm, worker: WorkerId, gather_ms: i64, now_ms: i64) -> Option<Grant> {
     let terms = ClaimTerms { target_ms: 10_000, gather_ms, ttl_ms: 1_000_000, ..terms(worker, now_ms) };
-    farm.store.claim(terms).await.unwrap()
+    farm.store.claim(move || terms).await.unwrap()
 }
 
 /// Brings nodes that were rendered at some samples a second with both cores, and answers the samples that were not needed.

@@ -1,5 +1,6 @@
 //! Writes that come together: what one does to the others, and in which order they are carried out.
 
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -7,7 +8,7 @@ use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
 use super::Farm;
-use super::farm::terms;
+use super::farm::{TTL_MS, terms};
 use crate::store::StoreError;
 use crate::store::sql::query;
 use crate::store::writer::Turn;
@@ -50,17 +51,39 @@ pub(super) async fn a_transaction_ends_with_one_patient_write(farm: Farm) {
     assert!(!mixed.windows(2).any(|pair| pair == ["patient"; 2]), "others wait for several: {order:?}");
 }
 
-pub(super) async fn what_keeps_leases_alive_is_written_first_and_holds_nothing_else_up(farm: Farm) {
+pub(super) async fn what_keeps_workers_alive_is_written_before_all_that_waits(farm: Farm) {
+    let worker = farm.worker().await;
+    tokio::time::sleep(LONG).await;
     let held = Held::hold(&farm).await;
-    let order = Arc::default();
-    let others = notes(&farm, ["other"; 3], &order).await;
-    // Together they take longer than a transaction lets others begin.
-    let first = notes(&farm, ["slow first"; 2], &order).await;
+    let store = farm.store.clone();
+    let look = tokio::spawn(async move {
+        let write = store.write::<_, StoreError, _>(|connection| {
+            Box::pin(
+                async move { query("select seen_ms from workers").fetch_one(connection).await?.integer("seen_ms") },
+            )
+        });
+        write.await
+    });
+    tokio::time::sleep(SETTLED).await;
+    let store = farm.store.clone();
+    let alive = tokio::spawn(async move { store.touch_worker(worker, 7).await });
+    tokio::time::sleep(SETTLED).await;
     held.let_go().await;
-    for write in first.into_iter().chain(others) {
-        write.await.unwrap().unwrap();
-    }
-    assert_eq!(*order.lock().unwrap(), ["slow first", "slow first", "other", "other", "other"]);
+    alive.await.unwrap().unwrap();
+    assert_eq!(look.await.unwrap().unwrap(), 7, "it has waited for longer");
+}
+
+pub(super) async fn a_lease_lasts_from_when_it_is_granted(farm: Farm) {
+    farm.job(1).await;
+    let worker = farm.worker().await;
+    let held = Held::hold(&farm).await;
+    let now_ms = Arc::new(AtomicI64::new(0));
+    let (store, shown_ms) = (farm.store.clone(), Arc::clone(&now_ms));
+    let claim = tokio::spawn(async move { store.claim(move || terms(worker, shown_ms.load(Ordering::SeqCst))).await });
+    tokio::time::sleep(SETTLED).await;
+    now_ms.store(50_000, Ordering::SeqCst);
+    held.let_go().await;
+    assert_eq!(claim.await.unwrap().unwrap().unwrap().lease.deadline_ms, 50_000 + TTL_MS);
 }
 
 /// What is written of a claim whose caller has hung up would be a lease that nobody works off.
@@ -69,12 +92,23 @@ pub(super) async fn a_claim_of_a_worker_that_has_gone_away_takes_nothing(farm: F
     let [gone, here] = [farm.worker().await, farm.worker().await];
     let held = Held::hold(&farm).await;
     let store = farm.store.clone();
-    let claim = tokio::spawn(async move { store.claim(terms(gone, 0)).await });
+    let claim = tokio::spawn(async move { store.claim(move || terms(gone, 0)).await });
     tokio::time::sleep(SETTLED).await;
     claim.abort();
     assert!(claim.await.unwrap_err().is_cancelled(), "it waits for its turn");
     held.let_go().await;
     assert_eq!(farm.claim(here, 100, 0).await.unwrap().nodes.len(), 15);
+}
+
+pub(super) async fn what_else_was_asked_is_written_though_whoever_asked_has_gone_away(farm: Farm) {
+    let held = Held::hold(&farm).await;
+    let order = Arc::default();
+    let [gone] = notes(&farm, ["other"], &order).await;
+    gone.abort();
+    assert!(gone.await.unwrap_err().is_cancelled(), "it waits for its turn");
+    held.let_go().await;
+    notes(&farm, ["later"], &order).await;
+    assert_eq!(*order.lock().unwrap(), ["other", "later"]);
 }
 
 pub(super) async fn what_waits_is_written_before_the_store_is_closed(farm: Farm) {
@@ -99,8 +133,8 @@ pub(super) async fn what_waits_is_written_before_the_store_is_closed(farm: Farm)
 /// After this time, a write that was asked for waits for its turn.
 const SETTLED: Duration = Duration::from_millis(100);
 
-/// Longer than a transaction takes more writes.
-const LONG: Duration = Duration::from_millis(20);
+/// Longer than such writes wait while others do.
+const LONG: Duration = Duration::from_millis(150);
 
 /// A write that goes on until it is let go.
 struct Held {
@@ -146,18 +180,11 @@ async fn notes<const N: usize>(
         };
         let turn = match kind {
             "patient" => Turn::Patient,
-            "first" | "slow first" => Turn::First,
+            "first" => Turn::First,
             _ => Turn::Usual,
         };
         tokio::spawn(async move {
-            let write = store.write_in(turn, move |_| {
-                Box::pin(async move {
-                    if kind == "slow first" {
-                        tokio::time::sleep(LONG).await;
-                    }
-                    noted()
-                })
-            });
+            let write = store.write_in(turn, move |_| Box::pin(async move { noted() }));
             write.await
         })
     });

@@ -56,7 +56,7 @@ impl Model {
             ttl_ms: LEASE_MS,
             ..terms(self.workers[worker].id, self.now_ms)
         };
-        let grant = farm.store.claim(terms).await.unwrap();
+        let grant = farm.store.claim(move || terms).await.unwrap();
         if self.workers[worker].rests_until_ms() > self.now_ms {
             assert!(grant.is_none(), "it has failed and rests");
             self.seen.note(Event::Rested);

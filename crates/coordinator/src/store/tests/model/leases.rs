@@ -112,7 +112,7 @@ impl Model {
         assert!(outcome.has_work, "it is to be checked");
         for judge in self.judges {
             let terms = ClaimTerms { fixed_nodes: Some(1), ..terms(judge, self.now_ms) };
-            let grant = farm.store.claim(terms).await.unwrap().unwrap();
+            let grant = farm.store.claim(move || terms).await.unwrap().unwrap();
             assert_eq!(grant.nodes, [node], "checks come first");
             let (lease, token) = (grant.lease.id, grant.lease.token);
             let nodes = vec![rendered(&node, Some("right"))];
