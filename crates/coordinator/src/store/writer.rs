@@ -10,7 +10,7 @@
 //! step over every row that it has replaced so far.
 //!
 //! Some have a [turn](Turn) of their own. Those that keep leases and workers alive come before all that waits, some times a second, so that a farm with more to do than its
-//! coordinator can follow gets slow, and does not let its leases run out. Patient writes, for which no worker waits, end it: each transaction ends with one
+//! coordinator can follow gets slow, and does not let its leases run out. Patient writes, for which no worker waits, come last: each transaction ends with one
 //! of them, if there is any. So they come to their turn
 //! however much else there is, and whatever else there is waits for one of them in each transaction before its own answer.
 //!
