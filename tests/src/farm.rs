@@ -253,10 +253,10 @@ impl Farm {
         self.coordinators[index].process = process;
     }
 
-    /// Starts it again, on the same port and with the same data. It may not be able to start.
-    pub fn launch_coordinator(&mut self, index: usize) {
+    /// Starts it again, on the same port, with the same data and with further options. It may not be able to start.
+    pub fn launch_coordinator(&mut self, index: usize, options: &[&str]) {
         let mut command = self.serving_again(index);
-        self.coordinators[index].process = Process::spawn(command.stdout(Stdio::null()));
+        self.coordinators[index].process = Process::spawn(command.args(options).stdout(Stdio::null()));
     }
 
     fn serving_again(&self, index: usize) -> Command {

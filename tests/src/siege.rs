@@ -18,7 +18,7 @@ use clerestory_test_servers::Faults;
 
 pub use blows::Durations;
 use blows::{Blow, Kind, ON_FILES, ON_SERVERS, Rounds, Victim, below};
-use order::{Order, strangers};
+use order::{Order, RULES, strangers};
 use servers::Servers;
 
 use crate::farm::Farm;
@@ -42,6 +42,15 @@ const RESTART: Duration = Duration::from_millis(500);
 
 /// How far a clock is off that has been stepped, seconds.
 const STEP: i64 = 60;
+
+/// Streams of the seed: of what is ordered, of the leases of coordinators that are started again, and of the order of blows; each blow
+/// has one of its own after that. They are far from those of the network, which are the numbers of connections.
+const ORDERS: u64 = 1 << 32;
+const LEASES: u64 = 2 << 32;
+const BLOWS: u64 = 3 << 32;
+
+/// How coordinators size leases.
+const LEASE_SIZES: [&str; 2] = ["as each worker's pace asks for", "of a fixed number of nodes"];
 
 /// How a farm is attacked.
 #[derive(Clone, Copy, Debug)]
@@ -76,6 +85,8 @@ struct Coordinator {
     clock_step: i64,
     /// Whether it has answered since it was started.
     has_answered: bool,
+    /// Whether it was started with so many nodes in each lease, and not as many as each worker's pace asks for.
+    has_fixed_leases: bool,
     /// When to start it again if it has ended before it answered.
     again: Instant,
 }
@@ -104,8 +115,17 @@ pub struct Siege {
     farm: Farm,
     servers: Option<Servers>,
     network: Proxy,
-    random: Random,
+    /// Which rule the first order has; the others follow in turn.
+    first_rule: usize,
+    /// Draws what is ordered.
+    wishes: Random,
+    /// Draws the leases of coordinators that are started again.
+    leases: Random,
     rounds: Rounds,
+    /// Draws all else about the blow that is being dealt.
+    random: Random,
+    /// How often somebody was asked about the jobs.
+    looks: usize,
     workers: Vec<(usize, bool)>,
     started: usize,
     coordinators: Vec<Coordinator>,
@@ -118,6 +138,8 @@ pub struct Siege {
     blows: BTreeMap<Kind, u32>,
     /// Coordinators and servers that had to be started again because they had ended by themselves.
     restarts: BTreeMap<Victim, u32>,
+    /// Starts of coordinators that have then answered, for each of [`LEASE_SIZES`].
+    starts: [u32; 2],
     checked: BTreeSet<JobId>,
     wrong: Vec<String>,
 }
@@ -129,16 +151,13 @@ impl Siege {
     ///
     /// When it does not start.
     pub fn lay(plan: Plan) -> Self {
-        // Nodes in each lease; none: as many as each worker's pace asks for.
-        let lease_nodes = plan.seed % 7;
-        let lease_nodes = (lease_nodes > 0).then(|| ["--lease-nodes".to_owned(), lease_nodes.to_string()]);
-        let lease_seconds = ["--lease-seconds", LEASE_SECONDS];
-        let options = || lease_nodes.iter().flatten().map(String::as_str).chain(lease_seconds);
+        // The size of leases is left to workers' paces until a coordinator is started again.
+        let options = ["--lease-seconds", LEASE_SECONDS];
         let log = ("CLERESTORY_LOG".to_owned(), plan.log.to_owned());
         let (mut farm, servers) = if plan.servers {
             let servers = Servers::start(plan.seed);
             let shared = servers.options();
-            let options: Vec<&str> = options().chain(shared.iter().map(String::as_str)).collect();
+            let options: Vec<&str> = options.into_iter().chain(shared.iter().map(String::as_str)).collect();
             let environment: Vec<_> = servers.environment().into_iter().chain([log]).collect();
             // A coordinator that starts in the middle of a fault may give up, and nobody starts the first ones again.
             servers.network.iter().for_each(|network| network.calm(true));
@@ -146,7 +165,7 @@ impl Siege {
             servers.network.iter().for_each(|network| network.calm(false));
             (farm, Some(servers))
         } else {
-            (Farm::start_with_faults(1, &[log], &options().collect::<Vec<_>>()), None)
+            (Farm::start_with_faults(1, &[log], &options), None)
         };
         let network = Proxy::start(Protocol::Http, farm.sockets(), plan.seed, plan.roughness).expect("a free port");
         farm.call_through(network.address());
@@ -157,16 +176,22 @@ impl Siege {
             has_faults: false,
             clock_step: 0,
             has_answered: false,
+            has_fixed_leases: false,
             again: now,
         };
+        let mut wishes = Random::new(plan.seed, ORDERS);
         let mut siege = Self {
             plan,
             coordinators: farm.sockets().into_iter().map(coordinator).collect(),
             farm,
             servers,
             network,
-            random: Random::new(plan.seed, 0),
-            rounds: Rounds::of(if plan.servers { &ON_SERVERS } else { &ON_FILES }),
+            first_rule: below(&mut wishes, RULES.len()),
+            wishes,
+            leases: Random::new(plan.seed, LEASES),
+            rounds: Rounds::of(if plan.servers { &ON_SERVERS } else { &ON_FILES }, plan.seed),
+            random: Random::new(plan.seed, BLOWS),
+            looks: 0,
             workers: Vec::new(),
             started: 0,
             database_is_hit: false,
@@ -177,6 +202,7 @@ impl Siege {
             orders: Vec::new(),
             blows: BTreeMap::new(),
             restarts: BTreeMap::new(),
+            starts: [0; 2],
             checked: BTreeSet::new(),
             wrong: Vec::new(),
         };
@@ -188,10 +214,11 @@ impl Siege {
 
     /// Renders one or two jobs under attack, and checks their images. Answers how many were asked for.
     pub fn wave(&mut self) -> usize {
-        let count = 1 + below(&mut self.random, 2);
+        let count = 1 + below(&mut self.wishes, 2);
         let first = self.orders.len();
         for number in first..first + count {
-            self.orders.push(Order::draw(&mut self.random, number, self.plan.passes, self.plan.is_long));
+            let rule = if self.plan.is_long { RULES[(self.first_rule + number) % RULES.len()] } else { &[] };
+            self.orders.push(Order::draw(&mut self.wishes, number, self.plan.passes, rule));
         }
         self.until_ended(first);
         count
@@ -221,9 +248,10 @@ impl Siege {
         &self.wrong
     }
 
-    /// Kinds of blows and fates that have not happened yet.
+    /// Kinds of blows, fates and jobs that there have not been yet.
     pub fn missing(&self) -> Vec<String> {
         let mut missing = self.missing_blows();
+        missing.extend(self.missing_rules());
         let fates = self.network.fates();
         let all = [Fate::Delayed, Fate::Dropped, Fate::Cut, Fate::Unanswered, Fate::Duplicated];
         missing.extend(all.iter().filter(|fate| !fates.contains_key(fate)).map(|fate| format!("requests {fate}")));
@@ -236,10 +264,19 @@ impl Siege {
         missing
     }
 
-    /// Kinds of blows that have not come yet, or have not been felt.
+    /// Rules that no job has had yet, where jobs are to have some. Each has had one after as many jobs as there are rules.
+    pub fn missing_rules(&self) -> Vec<String> {
+        let has_come = |rule| !self.plan.is_long || self.orders.iter().any(|order| order.rule == rule);
+        let missing = RULES.into_iter().filter(|&rule| !has_come(rule));
+        missing.map(|rule| format!("a job with the options {rule:?}")).collect()
+    }
+
+    /// Kinds of blows that have not come yet, or have not been felt; and sizes of leases, which change when coordinators are killed.
     fn missing_blows(&self) -> Vec<String> {
         let kinds = self.rounds.kinds().iter().filter(|kind| !self.blows.contains_key(kind));
         let mut missing: Vec<String> = kinds.map(|(victim, blow)| format!("{victim} {blow}")).collect();
+        let sizes = LEASE_SIZES.into_iter().zip(self.starts).filter(|(_, count)| *count == 0);
+        missing.extend(sizes.map(|(size, _)| format!("coordinators with leases {size}")));
         let fell_on = |victim: Victim, blow: Blow| self.rounds.kinds().contains(&(victim, blow));
         for (victim, faults) in self.faults() {
             if fell_on(victim, Blow::DiskFull) && faults.iter().all(|faults| faults.failed_writes() == 0) {
@@ -280,6 +317,9 @@ impl Siege {
             for (fate, count) in network.fates() {
                 let _ = writeln!(text, "{count:6} messages between coordinators and {name} {fate}");
             }
+        }
+        for (size, count) in LEASE_SIZES.into_iter().zip(self.starts) {
+            let _ = writeln!(text, "{count:6} starts of coordinators with leases {size}");
         }
         for (victim, count) in &self.restarts {
             let _ = writeln!(text, "{count:6} starts of {victim} that had ended by themselves or could not start");
@@ -341,12 +381,16 @@ impl Siege {
         true
     }
 
-    /// All jobs, as a coordinator tells them that answers.
+    /// All jobs, as a coordinator tells them that answers. They are asked in turn.
     fn jobs(&mut self) -> Option<(usize, Vec<JobView>)> {
         let up: Vec<usize> = (0..self.coordinators.len()).filter(|index| self.is_up(*index)).collect();
-        let index = *up.get(below(&mut self.random, up.len().max(1)))?;
+        self.looks += 1;
+        let index = *up.get(self.looks % up.len().max(1))?;
         let jobs = self.ask(index, async |client| client.jobs().await)?;
-        self.coordinators[index].has_answered = true;
+        let Coordinator { has_answered, has_fixed_leases, .. } = &mut self.coordinators[index];
+        if !std::mem::replace(has_answered, true) {
+            self.starts[usize::from(*has_fixed_leases)] += 1;
+        }
         Some((index, jobs))
     }
 

@@ -8,6 +8,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytes::Bytes;
+use clerestory_api::JobId;
 use clerestory_render_core::film::{
     self, FilmTile, ImageError, ImageMetadata, InsertError, Node, NodeAddress, Sampling, SamplingError, SumError,
 };
@@ -88,6 +89,15 @@ impl FilmError {
     /// Whether the film itself is wrong, as far as what was read belongs together.
     pub(crate) fn is_damage(&self) -> bool {
         matches!(self, Self::Damaged { .. } | Self::Inconsistent(_) | Self::Incomplete(_))
+    }
+}
+
+/// Passes a failure on, unless a node was not found because the keeper has merged and removed it between the read of its row and its own.
+/// Then the rows are to be read again: they name its parent now.
+pub(crate) async fn unless_merged(farm: &Farm, job: JobId, failure: FilmError) -> Result<(), FilmError> {
+    match &failure {
+        FilmError::Lost { node, blob, .. } if !farm.store.is_at(job, node, blob).await? => Ok(()),
+        _ => Err(failure),
     }
 }
 
@@ -290,4 +300,27 @@ pub(crate) async fn metadata(farm: &Farm, job: &JobRecord, frame: u32) -> Result
         counters: Default::default(),
         elapsed_seconds: elapsed_ms.map(|elapsed_ms| elapsed_ms as f64 / 1000.0),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::server;
+    use crate::store::Work;
+    use crate::store::tests::farm::some_job;
+
+    #[tokio::test]
+    async fn rows_are_read_again_when_a_node_that_is_not_there_has_none_any_more() {
+        let directory = tempfile::tempdir().unwrap();
+        let (farm, _bells) = server::open(Config::new(directory.path())).await.unwrap();
+        let job = some_job();
+        farm.store.insert_job(job.clone()).await.unwrap();
+        let place = Place { blob: "merged".to_owned(), offset: 0, length: Some(1) };
+        let address = NodeAddress { frame: 0, tile: 0, level: 0, index: 0 };
+        let failure = farm.film.load(&[NodeRow { address, place, work: Work::default() }]).await.unwrap_err();
+        assert!(matches!(failure, FilmError::Lost { .. }), "{failure:?}");
+        unless_merged(&farm, job.id, failure).await.unwrap();
+        assert!(matches!(unless_merged(&farm, job.id, FilmError::Empty).await, Err(FilmError::Empty)));
+    }
 }

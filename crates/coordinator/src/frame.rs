@@ -12,11 +12,8 @@ use clerestory_render_core::film::{
 
 use crate::adaptive::TilePasses;
 use crate::farm::Farm;
-use crate::film::{FilmError, batches, film_tile, metadata, runs};
+use crate::film::{FilmError, batches, film_tile, metadata, runs, unless_merged};
 use crate::store::{JobRecord, NodeRow, Work};
-
-/// Tries to read nodes that are being merged away.
-const TRIES: u32 = 3;
 
 /// Up to which pass an image is wanted.
 #[derive(Clone, Debug)]
@@ -115,7 +112,6 @@ impl Frame<'_> {
         let first_tile = rows.start / grid.tile_size * grid.columns();
         let end_tile = rows.end.div_ceil(grid.tile_size) * grid.columns();
         for Range { start: mut next, end } in runs(first_tile..end_tile) {
-            let mut tries = 1;
             while next < end {
                 let nodes = self.farm.store.nodes(self.job.id, self.frame, next..end, self.end_pass()).await?;
                 self.check_present(&nodes, next..end)?;
@@ -125,9 +121,11 @@ impl Frame<'_> {
                         continue;
                     };
                     let loaded = match load(self.farm, tiles).await {
-                        // The keeper has merged and removed a node between the two reads; the new rows name its parent.
-                        Err(FilmError::Lost { .. }) if tries < TRIES => break,
-                        loaded => loaded?,
+                        Ok(loaded) => loaded,
+                        Err(failure) => {
+                            unless_merged(self.farm, self.job.id, failure).await?;
+                            break;
+                        }
                     };
                     image = self.fill(image, loaded, reading).await?;
                     next = last + 1;
@@ -136,7 +134,6 @@ impl Frame<'_> {
                 if is_read {
                     break;
                 }
-                tries += 1;
             }
         }
         Ok(image)

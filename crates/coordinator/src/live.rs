@@ -15,7 +15,7 @@ use clerestory_render_core::film::{
 use tokio::sync::{Mutex as AsyncMutex, Semaphore, SemaphorePermit};
 
 use crate::farm::{Farm, permits};
-use crate::film::{FilmError, batches, runs};
+use crate::film::{FilmError, batches, runs, unless_merged};
 use crate::frame::{LoadedTile, load};
 use crate::store::{JobRecord, NodeRow};
 
@@ -24,9 +24,6 @@ const FRESH_MS: i64 = 1000;
 
 /// How long an update goes on before it is left to the next look.
 const UPDATE_MS: i64 = 1000;
-
-/// Tries to read the film while its nodes are being merged away.
-const TRIES: u32 = 3;
 
 /// Tiles of which something is kept, of all jobs: 8 MiB.
 const MOST_TILES: u64 = 1 << 18;
@@ -183,12 +180,13 @@ async fn update(farm: &Farm, job: &JobRecord, live: &mut Live, begin_ms: i64) ->
     };
     let (first, end) = (live.next_tile, job.grid.len());
     for tiles in runs(first..end).chain(runs(0..first)) {
-        let mut tries = 1;
         let is_complete = loop {
             match measure_run(farm, job, live, tiles.clone(), &mut reference, begin_ms).await {
-                // The keeper has merged and removed a node between the two reads; the new rows name its parent.
-                Err(FilmError::Lost { .. }) if tries < TRIES => tries += 1,
-                outcome => break outcome?,
+                Ok(is_complete) => break is_complete,
+                Err(failure) => unless_merged(farm, job.id, failure).await?,
+            }
+            if farm.config.clock.now_ms() - begin_ms >= UPDATE_MS {
+                break false;
             }
         };
         if !is_complete {

@@ -6,6 +6,7 @@
 //! more than half of the time of a core goes into those of a job.
 
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytes::Bytes;
@@ -14,15 +15,12 @@ use clerestory_render_core::film::{PreviewSettings, ReducedImage};
 use tokio::sync::{Mutex as AsyncMutex, OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
 
 use crate::farm::{Farm, permits};
-use crate::film::{FilmError, batches, runs};
+use crate::film::{FilmError, batches, runs, unless_merged};
 use crate::frame::load;
 use crate::store::JobRecord;
 
 /// How long the preview of a running job may stay as it is although its film has grown, if its updates do not take longer.
 const FRESH_MS: i64 = 250;
-
-/// Tries to read the film while its nodes are being merged away.
-const TRIES: u32 = 3;
 
 /// Bytes of a pixel that is kept.
 const PIXEL_BYTES: u64 = size_of::<[f32; 3]>() as u64;
@@ -188,39 +186,41 @@ async fn update(
     if canvas.redone_nodes != job.redone_nodes {
         canvas.begin_again(job.redone_nodes);
     }
-    for tiles in runs(0..job.grid.len()) {
-        let mut tries = 1;
-        loop {
-            let complete = farm.store.complete_passes(job.id, 0, tiles.clone()).await?;
+    for Range { start: mut next, end } in runs(0..job.grid.len()) {
+        while next < end {
+            let complete = farm.store.complete_passes(job.id, 0, next..end).await?;
             let has_changed = |(tile, passes): &(u32, u32)| canvas.tile_passes.get(*tile as usize) != Some(passes);
-            let changed: Vec<u32> = tiles.clone().zip(complete).filter(has_changed).map(|(tile, _)| tile).collect();
-            let (updated, outcome) = show(farm, job, canvas, &changed).await?;
+            let changed: Vec<u32> = (next..end).zip(complete).filter(has_changed).map(|(tile, _)| tile).collect();
+            let (updated, missed) = show(farm, job, canvas, &changed).await?;
             canvas = updated;
-            match outcome {
-                // The keeper has merged and removed a node between the two reads; the new rows name its parent.
-                Err(FilmError::Lost { .. }) if tries < TRIES => tries += 1,
-                outcome => break outcome?,
-            }
+            next = match missed {
+                Some((tile, failure)) => {
+                    unless_merged(farm, job.id, failure).await?;
+                    tile
+                }
+                None => end,
+            };
         }
     }
     Ok(canvas)
 }
 
-/// Shows tiles of one run as they are. Where their nodes cannot be read, what has been read before is shown.
+/// Shows tiles of one run as they are. Answers also from which on their nodes could not be read, and why; those before are shown.
 async fn show(
     farm: &Farm,
     job: &JobRecord,
     mut canvas: OwnedMutexGuard<Canvas>,
     changed: &[u32],
-) -> Result<(OwnedMutexGuard<Canvas>, Result<(), FilmError>), FilmError> {
-    let (Some(first), Some(last)) = (changed.first(), changed.last()) else { return Ok((canvas, Ok(()))) };
+) -> Result<(OwnedMutexGuard<Canvas>, Option<(u32, FilmError)>), FilmError> {
+    let (Some(first), Some(last)) = (changed.first(), changed.last()) else { return Ok((canvas, None)) };
     let rows = farm.store.nodes(job.id, 0, *first..last + 1, job.passes).await?;
     let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
     let tiles = tiles.filter(|rows| rows.first().is_some_and(|row| changed.contains(&row.address.tile))).collect();
     for tiles in batches(tiles) {
+        let begins_with = tiles.first().and_then(|rows| rows.first()).map_or(*first, |row| row.address.tile);
         let loaded = match load(farm, tiles).await {
             Ok(loaded) => loaded,
-            Err(error) => return Ok((canvas, Err(error))),
+            Err(failure) => return Ok((canvas, Some((begins_with, failure)))),
         };
         let job = job.clone();
         let shown = tokio::task::spawn_blocking(move || {
@@ -236,5 +236,5 @@ async fn show(
         });
         canvas = shown.await??;
     }
-    Ok((canvas, Ok(())))
+    Ok((canvas, None))
 }

@@ -11,10 +11,11 @@ use clerestory_tests::siege::{Durations, Plan, Siege};
 /// stepped and whose connections are cut, and compares every image, bit for bit, with that of one process.
 #[derive(Parser)]
 struct Arguments {
-    /// How long, minutes, and at least until 200 processes have been killed or suspended; the jobs that then run are waited for.
+    /// How long, minutes, and at least until 200 processes have been killed or suspended and some job has shared out its passes and
+    /// another had a target; the jobs that then run are waited for.
     #[arg(long, default_value_t = 10.0)]
     minutes: f64,
-    /// Seed of the moments, the blows and the jobs.
+    /// Seed of the jobs, and of the blows and the pauses between them.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Two coordinators on PostgreSQL and S3, all of which are hit too, instead of one with its own files.
@@ -61,7 +62,10 @@ fn main() -> ExitCode {
     };
     let start = Instant::now();
     let mut siege = Siege::lay(plan);
-    let is_over = |siege: &Siege| siege.sudden() >= SUDDEN_BLOWS && start.elapsed().as_secs_f64() >= minutes * 60.0;
+    let is_over = |siege: &Siege| {
+        let is_late = start.elapsed().as_secs_f64() >= minutes * 60.0;
+        is_late && siege.sudden() >= SUDDEN_BLOWS && siege.missing_rules().is_empty()
+    };
     while !is_over(&siege) && siege.wrong().is_empty() {
         siege.wave();
         println!("{:.0} s: {}", start.elapsed().as_secs_f64(), siege.told());

@@ -1,22 +1,69 @@
 //! How much a coordinator takes: the loads of docs/results/farm.md, one after the other, on SQLite and on a PostgreSQL that is started for it.
-//! They print figures and judge none.
+//! It fails when a load fails, or a figure is not what it should be.
 //!
 //! ```text
 //! cargo run --release -p clerestory-tests --bin load
 //! ```
 
+use std::fs;
 use std::process::ExitCode;
 
+use clap::Parser;
 use clerestory_test_servers::Postgres;
 use clerestory_tests::farm::clerestory;
+use serde_json::Value;
 
-/// What is asked of `clerestory bench farm`: numbers of workers, and what else.
-const ON_SQLITE: &[&str] =
-    &["10,100,1000", "1000 --rate 1000", "1000 --rate 2000", "5000 --rate 1500", "10,100 --tile 64", "10 --watch"];
+/// What is asked of `clerestory bench farm`, numbers of workers and what else, and what should come of it.
+type Load = (&'static str, &'static [Goal]);
 
-const ON_POSTGRES: &[&str] = &["10,100", "1000 --rate 1000", "1000 --rate 1500", "5000 --rate 1000"];
+const ON_SQLITE: &[Load] = &[
+    ("10,100,1000", &[SUSTAINED_ON_SQLITE]),
+    ("1000 --rate 1000", &[LEASE]),
+    ("1000 --rate 2000", &[LEASE]),
+    ("5000 --rate 1500", &[MEMORY]),
+    ("10,100 --tile 64", &[]),
+    ("10 --watch", &[PREVIEW_AGE, FAILED_PREVIEWS]),
+];
+
+const ON_POSTGRES: &[Load] = &[
+    ("10,100", &[SUSTAINED_ON_POSTGRES]),
+    ("1000 --rate 1000", &[LEASE]),
+    ("1000 --rate 1500", &[LEASE]),
+    ("5000 --rate 1000", &[MEMORY]),
+];
+
+/// A figure in a line of the report, by the names of its fields, and what it should be.
+type Goal = (&'static str, Wanted);
+
+enum Wanted {
+    AtLeast(f64),
+    Below(f64),
+}
+
+/// Nodes that are leased, uploaded and merged, over load and drain.
+const SUSTAINED_ON_SQLITE: Goal = ("sustained_per_second", Wanted::AtLeast(2000.0));
+
+/// The same with PostgreSQL, which commits more slowly.
+const SUSTAINED_ON_POSTGRES: Goal = ("sustained_per_second", Wanted::AtLeast(1500.0));
+
+/// How long a worker waits for a lease while no more is asked of the coordinator than it can do.
+const LEASE: Goal = ("claim/p99_ms", Wanted::Below(50.0));
+
+/// Most memory of the coordinator, so that a small machine is enough for it.
+const MEMORY: Goal = ("coordinator_peak_megabytes", Wanted::Below(512.0));
+
+/// How old an image gets before whoever looks at it sees the next.
+const PREVIEW_AGE: Goal = ("preview_replaced_age/p99_ms", Wanted::Below(1000.0));
+
+/// None may fail: the age is that of those which came.
+const FAILED_PREVIEWS: Goal = ("failed_previews", Wanted::Below(1.0));
+
+/// Measures how much a coordinator takes, on SQLite and on PostgreSQL, and compares it with what it should.
+#[derive(Parser)]
+struct Arguments {}
 
 fn main() -> ExitCode {
+    let Arguments {} = Arguments::parse();
     let postgres = match Postgres::start().and_then(|postgres| postgres.settle().map(|()| postgres)) {
         Ok(postgres) => postgres,
         Err(error) => {
@@ -26,13 +73,51 @@ fn main() -> ExitCode {
     };
     let on_sqlite = ON_SQLITE.iter().map(|load| (load, None));
     let on_postgres = ON_POSTGRES.iter().map(|load| (load, Some(postgres.new_database())));
-    let mut failed = false;
-    for (load, database) in on_sqlite.chain(on_postgres) {
-        println!("\n== {load}{}", if database.is_some() { ", PostgreSQL" } else { "" });
+    let (mut figures, mut failed) = (Vec::new(), Vec::new());
+    for ((load, goals), database) in on_sqlite.chain(on_postgres) {
+        let title = format!("{load}{}", if database.is_some() { ", PostgreSQL" } else { "" });
+        println!("\n== {title}");
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let file = folder.path().join("report.json");
         let mut command = clerestory();
-        command.args(["bench", "farm", "--seconds", "8", "--workers"]).args(load.split(' '));
+        command.args(["bench", "farm", "--seconds", "8", "--output"]).arg(&file);
+        command.arg("--workers").args(load.split(' '));
         command.args(database.iter().flat_map(|database| ["--database", database]));
-        failed |= !command.status().is_ok_and(|status| status.success());
+        let has_succeeded = command.status().is_ok_and(|status| status.success());
+        // A load that fails may leave no report: its goals are missed.
+        let report = fs::read(&file).ok().and_then(|json| serde_json::from_slice(&json).ok()).unwrap_or(Value::Null);
+        figures.extend(goals.iter().map(|goal| (title.clone(), goal, greatest(&report, goal.0))));
+        if !has_succeeded {
+            failed.push(title);
+        }
     }
-    if failed { ExitCode::FAILURE } else { ExitCode::SUCCESS }
+    println!("\n== goals");
+    let mut is_good = failed.is_empty();
+    for (title, (field, wanted), figure) in figures {
+        let (is_reached, wanted) = match *wanted {
+            Wanted::AtLeast(least) => (figure.is_some_and(|figure| figure >= least), format!("at least {least}")),
+            Wanted::Below(limit) => (figure.is_some_and(|figure| figure < limit), format!("below {limit}")),
+        };
+        is_good &= is_reached;
+        let figure = figure.map_or_else(|| "not measured".to_owned(), |figure| format!("{figure:.1}"));
+        let verdict = if is_reached { "reached" } else { "missed" };
+        println!("{title}: {field} {figure}, wanted: {wanted}: {verdict}");
+    }
+    for title in failed {
+        println!("{title}: the load failed");
+    }
+    if is_good { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// The greatest figure of all lines: of what should be large the best, since the goal is what the coordinator can sustain, and of what should be small
+/// the worst. None where one is missing.
+fn greatest(report: &Value, field: &str) -> Option<f64> {
+    let pointer = format!("/{field}");
+    let figure = |line: &Value| {
+        // Latencies are 0 where none was measured, which is not short.
+        let is_measured = field.split_once('/').is_none_or(|(latency, _)| line[latency]["count"].as_u64() > Some(0));
+        line.pointer(&pointer).filter(|_| is_measured)?.as_f64()
+    };
+    let figures: Option<Vec<f64>> = report["lines"].as_array()?.iter().map(figure).collect();
+    figures?.into_iter().max_by(f64::total_cmp)
 }

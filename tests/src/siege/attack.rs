@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::blows::{Blow, Kind, Victim, below};
 use super::{Coordinator, RESTART, Relief, STEP, Servers, Siege};
+use crate::random::Random;
 
 impl Siege {
     /// Does what is due.
@@ -20,14 +21,15 @@ impl Siege {
         self.start_what_has_ended();
         let is_over = self.is_over || !self.plan.is_long && self.missing_blows().is_empty();
         if self.next_blow <= now && !is_over {
+            let (kind, stream) = self.rounds.next();
+            self.random = Random::new(self.plan.seed, stream);
             let [shortest, longest] = self.plan.durations.pauses;
             let pause = shortest + (longest - shortest) * self.random.uniform();
             self.next_blow = Instant::now() + Duration::from_secs_f64(pause);
-            let kind = self.rounds.next(&mut self.random);
             if self.deal(kind) {
                 *self.blows.entry(kind).or_default() += 1;
             } else {
-                self.rounds.put_back(kind);
+                self.rounds.put_back(kind, stream);
             }
         }
     }
@@ -259,8 +261,12 @@ impl Siege {
     }
 
     fn start_coordinator(&mut self, index: usize) {
-        self.farm.launch_coordinator(index);
+        let has_fixed_leases = below(&mut self.leases, 2) == 1;
+        let nodes = (1 + below(&mut self.leases, 6)).to_string();
+        let options = ["--lease-nodes", &nodes];
+        self.farm.launch_coordinator(index, if has_fixed_leases { &options } else { &[] });
         let coordinator = &mut self.coordinators[index];
+        coordinator.has_fixed_leases = has_fixed_leases;
         coordinator.is_down = false;
         coordinator.has_answered = false;
         coordinator.again = Instant::now() + RESTART;

@@ -1,7 +1,9 @@
 //! What can happen to the processes of a farm, and for how long.
 
+use std::collections::VecDeque;
 use std::fmt;
 
+use super::BLOWS;
 use crate::random::Random;
 
 /// Who is hit.
@@ -92,13 +94,19 @@ pub struct Durations {
 #[derive(Debug)]
 pub(super) struct Rounds {
     kinds: &'static [Kind],
+    random: Random,
     rest: Vec<Kind>,
+    /// Those that could not happen yet. They come last in their round, so that nothing that is drawn depends on them.
+    late: VecDeque<(Kind, u64)>,
+    /// The stream of the seed of the blow that was drawn last.
+    stream: u64,
 }
 
 impl Rounds {
     /// Rounds of these kinds.
-    pub(super) fn of(kinds: &'static [Kind]) -> Self {
-        Self { kinds, rest: Vec::new() }
+    pub(super) fn of(kinds: &'static [Kind], seed: u64) -> Self {
+        let random = Random::new(seed, BLOWS);
+        Self { kinds, random, rest: Vec::new(), late: VecDeque::new(), stream: BLOWS }
     }
 
     /// The kinds.
@@ -106,18 +114,22 @@ impl Rounds {
         self.kinds
     }
 
-    /// The next kind.
-    pub(super) fn next(&mut self, random: &mut Random) -> Kind {
+    /// The next kind, and the stream of the seed that draws whom it hits, for how long, and when the next one comes.
+    pub(super) fn next(&mut self) -> (Kind, u64) {
         if self.rest.is_empty() {
+            if let Some(late) = self.late.pop_front() {
+                return late;
+            }
             let sudden = self.kinds.iter().filter(|(_, blow)| blow.is_sudden());
             self.rest.extend(self.kinds.iter().chain(sudden));
         }
-        self.rest.swap_remove(below(random, self.rest.len()))
+        self.stream += 1;
+        (self.rest.swap_remove(below(&mut self.random, self.rest.len())), self.stream)
     }
 
-    /// Puts a kind back that could not happen.
-    pub(super) fn put_back(&mut self, kind: Kind) {
-        self.rest.push(kind);
+    /// Puts a kind back that could not happen, with its stream.
+    pub(super) fn put_back(&mut self, kind: Kind, stream: u64) {
+        self.late.push_back((kind, stream));
     }
 }
 

@@ -23,8 +23,11 @@ const SCENES: [(&str, &str); 4] = [
 ];
 
 /// How its passes are shared out, and when it ends before it has all of them.
-const RULES: [&[&str]; 4] = [&[], &[], SHARED_OUT, &["--target-estimated-mse", "0.001"]];
-const SHARED_OUT: &[&str] = &["--adaptive"];
+pub(super) type Rule = &'static [&'static str];
+
+/// All of them.
+pub(super) const RULES: [Rule; 3] = [&[], SHARED_OUT, &["--target-estimated-mse", "0.001"]];
+const SHARED_OUT: Rule = &["--adaptive"];
 
 /// Samples that every pixel of these scenes gets at least where passes are shared out.
 const LEAST_SHARED_OUT: usize = 512;
@@ -36,6 +39,7 @@ const PAUSE: Duration = Duration::from_millis(500);
 pub(super) struct Order {
     /// Its name at the farm. Asked for twice, there are two jobs of that name.
     pub(super) name: String,
+    pub(super) rule: Rule,
     scene: PathBuf,
     options: Vec<String>,
     asking: Asking,
@@ -59,10 +63,9 @@ enum Alone {
 }
 
 impl Order {
-    /// An order at random, of up to so many passes, and perhaps with a rule for them. One process begins with it at once.
-    pub(super) fn draw(random: &mut Random, number: usize, most_passes: usize, has_rules: bool) -> Self {
+    /// An order at random, of up to so many passes, with a rule for them. One process begins with it at once.
+    pub(super) fn draw(random: &mut Random, number: usize, most_passes: usize, rule: Rule) -> Self {
         let (scene, integrator) = SCENES[below(random, SCENES.len())];
-        let rule = if has_rules { RULES[below(random, RULES.len())] } else { &[] };
         let (least, spread) = if rule == SHARED_OUT { (LEAST_SHARED_OUT, 16) } else { (0, 60) };
         let samples = (least + 16 * (1 + below(random, most_passes))).to_string();
         let size = format!("{}x{}", 40 + below(random, spread), 30 + below(random, spread));
@@ -76,7 +79,7 @@ impl Order {
             std::thread::spawn(move || rendered_alone(&scene, &options))
         };
         let asking = Asking::Again(Instant::now());
-        Self { name: format!("order {number}"), scene, options, asking, alone: Alone::Coming(alone) }
+        Self { name: format!("order {number}"), rule, scene, options, asking, alone: Alone::Coming(alone) }
     }
 
     /// Asks for it as a user does, as long as the farm does not have it. `jobs` is what it says that it has.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use clerestory_api::{JobId, JobSubmission, PreviewQuery};
+use clerestory_api::{JobId, JobSubmission, PreviewQuery, ProblemCode};
 use clerestory_coordinator::{Clock, Config};
 use clerestory_render_core::film::{
     Exposure, FrameImage, Node, NodeAddress, NodeLayers, PreviewSettings, Rendered, ToneCurve, compare, encode_png,
@@ -148,6 +148,27 @@ async fn what_is_shown_of_wrong_nodes_is_not_shown_of_those_that_took_their_plac
     let last = farm.client.convergence(job.id).await.unwrap().points.pop().unwrap();
     let live_now = farm.client.live(job.id).await.unwrap();
     assert!(live_now.mse == last.mse && live_now.mse != live.mse, "{live_now:?} after {live:?}, {last:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_would_show_a_lost_node_fails_instead_of_looking_for_it_for_ever() {
+    let farm = TestFarm::start_with(|config| {
+        config.lease_nodes = Some(grid().len());
+        config.node_cache_bytes = 0;
+    })
+    .await;
+    let job = farm.submit(2).await;
+    let worker = farm.worker().await;
+    let lease = worker.claim().await.unwrap();
+    worker.upload(&lease, noise_partial(&lease, &addresses(&lease)[..1])).await.unwrap();
+    std::fs::remove_dir_all(farm.directory.path().join("blobs/nodes")).unwrap();
+    let of_preview = farm.client.preview(job.id, &PreviewQuery::default()).await.unwrap_err();
+    let of_live = farm.client.live(job.id).await.unwrap_err();
+    for failure in [of_preview, of_live] {
+        assert_eq!(failure.problem().unwrap().code, ProblemCode::Internal, "{failure:?}");
+    }
+    // Its first bytes come before anything is read.
+    farm.client.image(job.id).await.unwrap_err();
 }
 
 #[tokio::test(flavor = "multi_thread")]
