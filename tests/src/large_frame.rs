@@ -31,10 +31,12 @@ pub fn scene(folder: &Path, edge: u32) -> PathBuf {
     let text = std::fs::read_to_string(shipped).expect("the scene is shipped");
     let mut description: Value = serde_json::from_str(&text).expect("JSON");
     description["film"] = json!({"width": edge, "height": edge});
-    // Obliquely, so that no two tiles are the same distance away.
+    // Obliquely and askew, so that no two tiles are the same distance away.
     description["camera"] = json!({"perspective": {
-        "position": [0.1, -0.6, -0.3], "look_at": [0.05, 0, -1], "up": [0, 0, 1], "vertical_field_of_view": 35
+        "position": [0.1, -0.6, -0.3], "look_at": [0.05, 0, -1], "up": [0.3, 0, 1], "vertical_field_of_view": 35
     }});
+    // So large that tiles have lit samples, of which `path` must find the lamp by chance.
+    description["lights"][0]["sphere"]["radius"] = json!(0.6);
     description["integrator"] = json!({"path": {}});
     description["sampling"] = json!({"samples_per_pass": 1, "samples_per_block": 1});
     let file = folder.join(format!("four-panes-{edge}.json"));

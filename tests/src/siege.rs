@@ -1,5 +1,5 @@
 //! A farm under attack: real processes that are killed, suspended, cut off from one another and let down by their disks and clocks,
-//! at moments that a seed draws, while jobs of all kinds are rendered.
+//! one blow after the other as a seed draws them, while jobs of all kinds are rendered.
 //!
 //! Whoever is hit recovers after a while, as an operator or a supervisor of services would have it: who was killed is started again.
 //! Whatever happens, every job has to end, and every image to have the bits that one process makes.
@@ -55,7 +55,7 @@ const LEASE_SIZES: [&str; 2] = ["as each worker's pace asks for", "of a fixed nu
 /// How a farm is attacked.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
-    /// Seed of the moments, the blows, the network's and the jobs'.
+    /// Seed of the blows, the network, the leases and the jobs.
     pub seed: u64,
     /// Whether there are two coordinators on PostgreSQL and S3, all of which are hit too, instead of one with its own files.
     pub servers: bool,

@@ -218,12 +218,12 @@ async fn look(farm: &Arc<Farm>, turns: &Semaphore, job: JobId, mut kept: Kept) -
         if error.is_damage() {
             // Another coordinator that keeps the film as well may have gone on in between, or nodes may have been taken out.
             is_damaged = is_settled(farm, job, &mut kept, stand).await.unwrap_or(false);
-            if is_damaged && !is_suspected {
-                is_suspected = true;
-                continue;
-            }
         } else if let FilmError::Lost { node, blob, .. } = &error {
             is_damaged = is_lost(farm, job, *node, blob).await;
+        }
+        if is_damaged && !is_suspected {
+            is_suspected = true;
+            continue;
         }
         tracing::error!(%job, error = &error as &dyn std::error::Error, is_damaged, "keeping the film failed");
         if !(is_damaged && has_failed(farm, job, &error).await) {
