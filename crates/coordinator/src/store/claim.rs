@@ -75,8 +75,7 @@ impl Store {
         &self,
         terms: impl FnOnce() -> ClaimTerms + Send + 'static,
     ) -> Result<Option<Grant>, WorkerError> {
-        self.write_in(Turn::ForCaller, move |connection| Box::pin(async move { claim(connection, &terms()).await }))
-            .await
+        self.write_in(Turn::Claim, move |connection| Box::pin(async move { claim(connection, &terms()).await })).await
     }
 }
 

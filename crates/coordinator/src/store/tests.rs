@@ -79,7 +79,7 @@ use targets::{
 use writes::{
     a_claim_of_a_worker_that_has_gone_away_takes_nothing, a_failed_write_takes_nothing_else_with_it,
     a_lease_lasts_from_when_it_is_granted, a_transaction_ends_with_one_patient_write,
-    what_else_was_asked_is_written_though_whoever_asked_has_gone_away,
+    claims_take_turns_with_other_writes, what_else_was_asked_is_written_though_whoever_asked_has_gone_away,
     what_keeps_workers_alive_is_written_before_all_that_waits, what_waits_is_written_before_the_store_is_closed,
 };
 
@@ -524,6 +524,7 @@ on_both! {
     an_unknown_worker_gets_no_work_and_is_told
     a_failed_write_takes_nothing_else_with_it
     a_transaction_ends_with_one_patient_write
+    claims_take_turns_with_other_writes
     what_keeps_workers_alive_is_written_before_all_that_waits
     a_lease_lasts_from_when_it_is_granted
     what_else_was_asked_is_written_though_whoever_asked_has_gone_away

@@ -4,19 +4,23 @@
 //!
 //! A commit costs a sync of the disk, whatever it holds. So writes that have gathered while the last commit ran go
 //! into the next one, each in a savepoint of its own: a write that fails takes nothing else with it. A caller is answered
-//! after the commit, never before. A write whose caller has gone away is carried out all the same, unless it is [for the caller alone](Turn::ForCaller).
+//! after the commit, never before. A write whose caller has gone away is carried out all the same, unless it is a [claim](Turn::Claim).
 //!
 //! A transaction takes no more writes when it has gone on for [some time](GROUPED): those who come meanwhile wait for all of it, and a server has to
-//! step over every row that it has replaced so far.
+//! step over every row that it has replaced so far. While the disk is slow it goes on for longer: with a few writes for each commit, most
+//! time would go to commits, and whatever came meanwhile would wait for all of them.
 //!
-//! Some have a [turn](Turn) of their own. Those that keep leases and workers alive come before all that waits, some times a second, so that a farm with more to do than its
-//! coordinator can follow gets slow, and does not let its leases run out. Patient writes, for which no worker waits, come last: each transaction ends with one
-//! of them, if there is any. So they come to their turn
-//! however much else there is, and whatever else there is waits for one of them in each transaction before its own answer.
+//! Some have a [turn](Turn) of their own. Claims take turns with all else that waits: a worker that asks for work may stand still until it has some, and
+//! does not wait for all that others have brought while the disk paused. Those that keep leases and workers alive come before all that waits, some times a
+//! second, so that a farm with more to do than its coordinator can follow gets slow, and does not let its leases run out. Patient writes, for which no worker
+//! waits, come last: each transaction ends with one of them, if there is any. So they come to their turn however much else there is, and whatever else there
+//! is waits for one of them in each transaction before its own answer.
 //!
 //! When the connection is lost, or nothing is heard over it for long, the writes of that transaction fail, whether or not it was committed at
 //! the last moment: whoever repeats one is told what is there. The next transaction gets a new connection.
 
+use std::collections::VecDeque;
+use std::iter;
 use std::time::{Duration, Instant};
 
 use futures::future::BoxFuture;
@@ -29,8 +33,8 @@ use super::source::{Connection, Source};
 /// Most writes in one transaction.
 const GROUP: usize = 64;
 
-/// How long a transaction takes more writes.
-const GROUPED: Duration = Duration::from_millis(10);
+/// How long a transaction takes more writes, at least and at most: as long as the last commit took.
+const GROUPED: [Duration; 2] = [Duration::from_millis(10), Duration::from_millis(50)];
 
 /// Least time between transactions that begin with [first](Turn::First) writes while others wait: the more of those have gathered, the less each costs.
 const BETWEEN_FIRST: Duration = Duration::from_millis(100);
@@ -43,10 +47,10 @@ const QUEUE: usize = 256;
 pub(super) enum Turn {
     /// Before all that waits.
     First,
-    /// After all that came before it.
+    /// After all of its kind that came before it, in turn with claims.
     Usual,
-    /// The same, but not at all if its caller has gone away by then: it would do harm.
-    ForCaller,
+    /// The same, in turn with the usual ones, but not at all if its caller has gone away by then: nobody would work off the lease.
+    Claim,
     /// At the end of a transaction that has no other of this kind.
     Patient,
 }
@@ -55,6 +59,7 @@ pub(super) enum Turn {
 #[derive(Clone, Debug)]
 pub(super) struct Writer {
     first: mpsc::Sender<Box<dyn Write>>,
+    claims: mpsc::Sender<Box<dyn Write>>,
     writes: mpsc::Sender<Message>,
     patient: mpsc::Sender<Box<dyn Write>>,
 }
@@ -67,6 +72,7 @@ enum Message {
 /// What waits for the writer.
 struct Queues {
     first: mpsc::Receiver<Box<dyn Write>>,
+    claims: mpsc::Receiver<Box<dyn Write>>,
     writes: mpsc::Receiver<Message>,
     patient: mpsc::Receiver<Box<dyn Write>>,
 }
@@ -75,6 +81,7 @@ impl Queues {
     /// No more is let in; what waits is still written.
     fn close(&mut self) {
         self.first.close();
+        self.claims.close();
         self.writes.close();
         self.patient.close();
     }
@@ -84,13 +91,14 @@ impl Writer {
     /// Starts the thread. It owns the connection and ends when it is closed or the last handle is dropped.
     pub(super) fn start(source: Source, connection: Connection) -> std::io::Result<Self> {
         let (first, first_queue) = mpsc::channel(QUEUE);
+        let (claims, claim_queue) = mpsc::channel(QUEUE);
         let (writes, queue) = mpsc::channel(QUEUE);
         let (patient, patient_queue) = mpsc::channel(QUEUE);
-        let queues = Queues { first: first_queue, writes: queue, patient: patient_queue };
+        let queues = Queues { first: first_queue, claims: claim_queue, writes: queue, patient: patient_queue };
         let runtime = tokio::runtime::Handle::current();
         let serve = move || runtime.block_on(serve(source, Some(connection), queues));
         std::thread::Builder::new().name("store-writer".to_owned()).spawn(serve)?;
-        Ok(Self { first, writes, patient })
+        Ok(Self { first, claims, writes, patient })
     }
 
     /// Runs `write` when it is its turn and answers when that is committed. An error rolls this write back.
@@ -101,11 +109,12 @@ impl Writer {
         F: for<'c> FnOnce(&'c mut Connection) -> BoxFuture<'c, Result<T, E>> + Send + 'static,
     {
         let (reply, answer) = oneshot::channel();
-        let is_for_caller = turn == Turn::ForCaller;
-        let waiting = Box::new(Waiting { write: Some(write), is_for_caller, result: None, reply });
+        let is_claim = turn == Turn::Claim;
+        let waiting = Box::new(Waiting { write: Some(write), is_claim, result: None, reply });
         let is_in = match turn {
             Turn::First => self.first.send(waiting).await.is_ok(),
-            Turn::Usual | Turn::ForCaller => self.writes.send(Message::Write(waiting)).await.is_ok(),
+            Turn::Claim => self.claims.send(waiting).await.is_ok(),
+            Turn::Usual => self.writes.send(Message::Write(waiting)).await.is_ok(),
             Turn::Patient => self.patient.send(waiting).await.is_ok(),
         };
         if !is_in {
@@ -136,7 +145,7 @@ trait Write: Send {
 
 struct Waiting<T, E, F> {
     write: Option<F>,
-    is_for_caller: bool,
+    is_claim: bool,
     result: Option<Result<T, E>>,
     reply: oneshot::Sender<Result<T, E>>,
 }
@@ -157,7 +166,7 @@ where
     }
 
     fn is_wanted(&self) -> bool {
-        !(self.is_for_caller && self.reply.is_closed())
+        !(self.is_claim && self.reply.is_closed())
     }
 
     fn answer(self: Box<Self>, transaction: &Result<(), StoreError>) {
@@ -172,15 +181,37 @@ where
     }
 }
 
+/// Usual writes and claims whose transaction has not come yet, in their order.
+#[derive(Default)]
+struct Queued {
+    claims: VecDeque<Box<dyn Write>>,
+    others: VecDeque<Box<dyn Write>>,
+    is_claim_next: bool,
+}
+
+impl Queued {
+    fn is_empty(&self) -> bool {
+        self.claims.is_empty() && self.others.is_empty()
+    }
+
+    /// Takes the next: one of each kind in turn, as long as there are both.
+    fn take(&mut self) -> Option<Box<dyn Write>> {
+        let is_claim = !self.claims.is_empty() && (self.is_claim_next || self.others.is_empty());
+        self.is_claim_next = !is_claim;
+        if is_claim { self.claims.pop_front() } else { self.others.pop_front() }
+    }
+}
+
 async fn serve(source: Source, mut connection: Option<Connection>, mut queues: Queues) {
-    let mut waiting: Vec<Box<dyn Write>> = Vec::with_capacity(GROUP);
+    let mut queued = Queued::default();
     let mut closing = Vec::new();
-    let mut last_first = Instant::now();
+    let (mut last_first, mut last_commit) = (Instant::now(), Duration::ZERO);
     loop {
         let (mut first, mut messages, mut patient) = (Vec::new(), Vec::new(), None);
-        if waiting.is_empty() {
+        if queued.is_empty() {
             tokio::select! {
                 biased;
+                Some(write) = queues.claims.recv() => queued.claims.push_back(write),
                 Some(message) = queues.writes.recv() => messages.push(message),
                 Some(write) = queues.patient.recv() => patient = Some(write),
                 Some(write) = queues.first.recv() => first.push(write),
@@ -188,32 +219,42 @@ async fn serve(source: Source, mut connection: Option<Connection>, mut queues: Q
             }
         }
         if !first.is_empty() || last_first.elapsed() >= BETWEEN_FIRST {
-            first.extend(std::iter::from_fn(|| queues.first.try_recv().ok()).take(GROUP));
+            first.extend(iter::from_fn(|| queues.first.try_recv().ok()).take(GROUP));
         }
-        let room = GROUP - waiting.len() - messages.len();
-        messages.extend(std::iter::from_fn(|| queues.writes.try_recv().ok()).take(room));
+        let room = GROUP.saturating_sub(queued.claims.len());
+        queued.claims.extend(iter::from_fn(|| queues.claims.try_recv().ok()).take(room));
+        let room = GROUP.saturating_sub(queued.others.len() + messages.len());
+        messages.extend(iter::from_fn(|| queues.writes.try_recv().ok()).take(room));
         let mut patient = patient.or_else(|| queues.patient.try_recv().ok());
         for message in messages {
             match message {
-                Message::Write(write) => waiting.push(write),
+                Message::Write(write) => queued.others.push_back(write),
                 Message::Close(done) => {
                     queues.close();
                     closing.push(done);
                 }
             }
         }
-        waiting.retain(|write| write.is_wanted());
-        if first.is_empty() && waiting.is_empty() && patient.is_none() {
+        queued.claims.retain(|claim| claim.is_wanted());
+        if first.is_empty() && queued.is_empty() && patient.is_none() {
             continue;
         }
-        let (ended, outcome) = commit(&source, &mut connection, &mut first, &mut waiting, patient.as_mut()).await;
+        let mut writes = Vec::with_capacity(GROUP);
+        let group = Group {
+            first: &mut first,
+            queued: &mut queued,
+            ended: &mut writes,
+            patient: patient.as_mut(),
+            time: last_commit.clamp(GROUPED[0], GROUPED[1]),
+        };
+        let outcome = commit(&source, &mut connection, group, &mut last_commit).await;
         if let Err(error) = &outcome {
-            tracing::error!(%error, writes = first.len() + ended, "transaction failed");
+            tracing::error!(%error, writes = first.len() + writes.len(), "transaction failed");
         }
         if !first.is_empty() {
             last_first = Instant::now();
         }
-        for write in first.into_iter().chain(waiting.drain(..ended)).chain(patient) {
+        for write in first.into_iter().chain(writes).chain(patient) {
             write.answer(&outcome);
         }
     }
@@ -228,24 +269,38 @@ async fn serve(source: Source, mut connection: Option<Connection>, mut queues: Q
     }
 }
 
-/// Runs writes in a transaction: those that are first, as many of the others as there is time for, and a patient one. Answers with how many of the
-/// others it has ended, and how.
+/// What goes into a transaction.
+struct Group<'a> {
+    first: &'a mut [Box<dyn Write>],
+    queued: &'a mut Queued,
+    /// Those of the queued ones that it has ended, however.
+    ended: &'a mut Vec<Box<dyn Write>>,
+    patient: Option<&'a mut Box<dyn Write>>,
+    /// How long it takes more of the queued ones.
+    time: Duration,
+}
+
+/// Runs writes in a transaction: those that are first, as many of the queued ones as there is time for, and a patient one. Notes how long the commit took.
 async fn commit(
     source: &Source,
     held: &mut Option<Connection>,
-    first: &mut [Box<dyn Write>],
-    writes: &mut [Box<dyn Write>],
-    patient: Option<&mut Box<dyn Write>>,
-) -> (usize, Result<(), StoreError>) {
+    mut group: Group<'_>,
+    took: &mut Duration,
+) -> Result<(), StoreError> {
     // Whatever is wrong with a connection, it is not used again unless its transaction has come to an end.
     let mut connection = match begun(source, held.take()).await {
         Ok(connection) => connection,
-        Err(error) => return (writes.len(), Err(error)),
+        Err(error) => {
+            group.ended.extend(iter::from_fn(|| group.queued.take()));
+            return Err(error);
+        }
     };
-    let mut ended = 0;
     let outcome = in_time(source.patience().transaction, async {
-        run_some(&mut connection, first, writes, patient, &mut ended).await?;
-        connection.batch("commit").await
+        group.run(&mut connection).await?;
+        let start = Instant::now();
+        connection.batch("commit").await?;
+        *took = start.elapsed();
+        Ok(())
     })
     .await;
     let is_over = match &outcome {
@@ -256,7 +311,7 @@ async fn commit(
         Ok(()) => *held = Some(connection),
         Err(error) => tracing::error!(%error, "the connection to the database is given up"),
     }
-    (ended, outcome)
+    outcome
 }
 
 /// A connection on which a transaction has begun: the one at hand, or a new one where that is lost.
@@ -272,32 +327,27 @@ async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, 
     Ok(connection)
 }
 
-async fn run_some(
-    connection: &mut Connection,
-    first: &mut [Box<dyn Write>],
-    writes: &mut [Box<dyn Write>],
-    patient: Option<&mut Box<dyn Write>>,
-    ended: &mut usize,
-) -> Result<(), StoreError> {
-    // What ends a write goes to the database together with what begins the next; the last ends with the transaction.
-    let mut between = "savepoint one_write";
-    const NEXT: &str = "release savepoint one_write; savepoint one_write";
-    for write in first {
-        run_one(connection, between, write).await?;
-        between = NEXT;
-    }
-    let start = Instant::now();
-    for write in writes {
-        *ended += 1;
-        run_one(connection, between, write).await?;
-        between = NEXT;
-        if start.elapsed() >= GROUPED {
-            break;
+impl Group<'_> {
+    async fn run(&mut self, connection: &mut Connection) -> Result<(), StoreError> {
+        // What ends a write goes to the database together with what begins the next; the last ends with the transaction.
+        let mut between = "savepoint one_write";
+        const NEXT: &str = "release savepoint one_write; savepoint one_write";
+        for write in &mut *self.first {
+            run_one(connection, between, write).await?;
+            between = NEXT;
         }
-    }
-    match patient {
-        Some(write) => run_one(connection, between, write).await,
-        None => Ok(()),
+        let start = Instant::now();
+        while self.ended.len() < GROUP
+            && start.elapsed() < self.time
+            && let Some(write) = self.queued.take()
+        {
+            run_one(connection, between, self.ended.push_mut(write)).await?;
+            between = NEXT;
+        }
+        match &mut self.patient {
+            Some(write) => run_one(connection, between, write).await,
+            None => Ok(()),
+        }
     }
 }
 

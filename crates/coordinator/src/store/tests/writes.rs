@@ -51,6 +51,24 @@ pub(super) async fn a_transaction_ends_with_one_patient_write(farm: Farm) {
     assert!(!mixed.windows(2).any(|pair| pair == ["patient"; 2]), "others wait for several: {order:?}");
 }
 
+/// A claim that comes last waits for no more than one other write for each claim before it, and they for as many claims.
+pub(super) async fn claims_take_turns_with_other_writes(farm: Farm) {
+    for (before, after) in [("other", "claim"), ("claim", "other")] {
+        let held = Held::hold(&farm).await;
+        let order = Arc::default();
+        // More than one transaction holds.
+        let many = notes(&farm, [before; 70], &order).await;
+        let few = notes(&farm, [after; 5], &order).await;
+        held.let_go().await;
+        for write in many.into_iter().chain(few) {
+            write.await.unwrap().unwrap();
+        }
+        let order = order.lock().unwrap();
+        let last = order.iter().rposition(|kind| *kind == after).unwrap();
+        assert!(order.len() == 75 && last < 10, "those that came last wait for all others: {order:?}");
+    }
+}
+
 pub(super) async fn what_keeps_workers_alive_is_written_before_all_that_waits(farm: Farm) {
     let worker = farm.worker().await;
     tokio::time::sleep(LONG).await;
@@ -114,7 +132,7 @@ pub(super) async fn what_else_was_asked_is_written_though_whoever_asked_has_gone
 pub(super) async fn what_waits_is_written_before_the_store_is_closed(farm: Farm) {
     let held = Held::hold(&farm).await;
     let order = Arc::default();
-    let writes = notes(&farm, ["patient", "other", "patient", "patient", "first"], &order).await;
+    let writes = notes(&farm, ["patient", "other", "patient", "claim", "patient", "first"], &order).await;
     let store = farm.store.clone();
     let closed = tokio::spawn(async move { store.close().await });
     tokio::time::sleep(SETTLED).await;
@@ -123,8 +141,8 @@ pub(super) async fn what_waits_is_written_before_the_store_is_closed(farm: Farm)
         write.await.unwrap().unwrap();
     }
     closed.await.unwrap();
-    assert_eq!(*order.lock().unwrap(), ["first", "other", "patient", "patient", "patient"]);
-    for kind in ["patient", "other", "first"] {
+    assert_eq!(*order.lock().unwrap(), ["first", "claim", "other", "patient", "patient", "patient"]);
+    for kind in ["patient", "other", "claim", "first"] {
         let [late] = notes(&farm, [kind], &order).await;
         assert!(matches!(late.await.unwrap(), Err(StoreError::Closed)), "{kind}");
     }
@@ -181,6 +199,7 @@ async fn notes<const N: usize>(
         let turn = match kind {
             "patient" => Turn::Patient,
             "first" => Turn::First,
+            "claim" => Turn::Claim,
             _ => Turn::Usual,
         };
         tokio::spawn(async move {
