@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use bytes::Bytes;
 use clerestory_api::JobId;
@@ -21,6 +22,9 @@ use crate::store::JobRecord;
 
 /// How long the preview of a running job may stay as it is although its film has grown, if its updates do not take longer.
 const FRESH_MS: i64 = 250;
+
+/// How long somebody waits for whom there is no memory until looking whether there is some: less than most updates take.
+const BUSY: Duration = Duration::from_millis(20);
 
 /// Bytes of a pixel that is kept.
 const PIXEL_BYTES: u64 = size_of::<[f32; 3]>() as u64;
@@ -64,7 +68,7 @@ struct Canvas {
     fresh_until_ms: Option<i64>,
     png: Option<(PreviewSettings, Bytes)>,
     /// Returned when it is dropped.
-    _memory: Option<OwnedSemaphorePermit>,
+    _memory: OwnedSemaphorePermit,
 }
 
 impl Canvas {
@@ -102,10 +106,10 @@ impl Previews {
                 return known;
             }
             match Arc::clone(&self.memory).try_acquire_many_owned(wanted) {
-                Ok(memory) => break Some(memory),
+                Ok(memory) => break memory,
                 Err(_) if self.forget_one() => {}
-                // All others are being looked at. The semaphore is never closed.
-                Err(_) => break Arc::clone(&self.memory).acquire_many_owned(wanted).await.ok(),
+                // All others are being looked at. Whoever is done keeps what it has looked at, so that nothing says when that may go.
+                Err(_) => tokio::time::sleep(BUSY).await,
             }
         };
         let canvas = Arc::new(AsyncMutex::new(Canvas {

@@ -5,7 +5,7 @@
 //! fails when that is less than it should be.
 //!
 //! ```text
-//! cargo run --release -p clerestory-tests --bin efficiency
+//! tests/run build && target/release/efficiency
 //! ```
 
 use std::path::{Path, PathBuf};

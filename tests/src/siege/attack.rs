@@ -77,7 +77,9 @@ impl Siege {
         let index = below(&mut self.random, self.coordinators.len());
         let Coordinator { is_asleep, has_faults, has_answered, is_down, clock_step, .. } = self.coordinators[index];
         // One that is about to start may give up when it meets a fault; killed it may be at any time.
-        if is_down || !has_answered && blow != Blow::Killed {
+        let may_be_hit = !is_down && (has_answered || blow == Blow::Killed);
+        // One that has given up is not killed again.
+        if !may_be_hit || !self.farm.coordinator_runs(index) {
             return false;
         }
         let (away, fault) = (self.some(self.plan.durations.away), self.some(self.plan.durations.fault));

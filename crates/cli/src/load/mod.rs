@@ -8,6 +8,7 @@
 
 mod ceilings;
 mod echo;
+mod file_system;
 mod measurement;
 mod merging;
 mod partials;
@@ -85,7 +86,7 @@ pub(crate) async fn run(settings: &Settings) -> Result<(Report, Result<(), Failu
             }
         }
     }
-    Ok((Report::new(settings, ceilings, lines), outcome))
+    Ok((Report::new(settings, file_system::of(&folder), ceilings, lines), outcome))
 }
 
 /// The sizes of what is there would be taken for those of the load.

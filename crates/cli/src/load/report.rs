@@ -23,6 +23,8 @@ pub(crate) struct Report {
     state: &'static str,
     /// `folder` or `bucket`.
     blobs: &'static str,
+    /// What the folder of the coordinator is on.
+    file_system: String,
     /// Fraction of the nodes that were rendered twice to be compared.
     checked_fraction: f64,
     /// Whether somebody looked at the image.
@@ -129,13 +131,14 @@ pub(super) struct Line {
 
 impl Report {
     /// The report of a run.
-    pub(super) fn new(settings: &Settings, ceilings: Ceilings, lines: Vec<Line>) -> Self {
+    pub(super) fn new(settings: &Settings, file_system: String, ceilings: Ceilings, lines: Vec<Line>) -> Self {
         let state = if settings.database.is_some() { "postgres" } else { "sqlite" };
         let blobs = if settings.object_store.is_some() { "bucket" } else { "folder" };
         Self {
             machine: Machine::this(),
             state,
             blobs,
+            file_system,
             checked_fraction: CHECKED_FRACTION,
             is_watched: settings.watch,
             ceilings,
@@ -157,9 +160,9 @@ impl Report {
             || "as many nodes as the coordinator takes".to_owned(),
             |rate| format!("{rate} nodes/s offered"),
         );
-        let Self { state, blobs, checked_fraction, .. } = self;
+        let Self { state, blobs, file_system, checked_fraction, .. } = self;
         table.push_str(&format!(
-            "state: {state}, blobs: {blobs}; tiles of {tile_size} x {tile_size} pixels, {nodes_per_lease} nodes in a lease, partials of \
+            "state: {state}, blobs: {blobs}, on {file_system}; tiles of {tile_size} x {tile_size} pixels, {nodes_per_lease} nodes in a lease, partials of \
              {partial_bytes} bytes, {offered}; fraction of nodes that are checked: {checked_fraction}\n"
         ));
         let [names, numbers] = WIDTHS;

@@ -81,7 +81,7 @@ pub(super) struct Times {
     pub(super) encodings: Vec<Duration>,
     /// From the request for a preview to its last byte.
     pub(super) previews: Vec<Duration>,
-    /// From the answer that acknowledged the first node which a preview lacked until it came.
+    /// From the answer that acknowledged the first node which had not been accepted when a preview was begun until it came.
     pub(super) ages: Vec<Duration>,
     /// The same until another took its place that shows more of the job.
     pub(super) replaced_ages: Vec<Duration>,
@@ -149,6 +149,14 @@ impl Tally {
         state.free_passes = state.free_passes.saturating_sub(passes(nodes.iter()));
         if state.free_passes == 0 {
             state.droughts += 1;
+        }
+    }
+
+    /// It was answered after so long that there is no work. If there was, that is how long the worker was without.
+    pub(super) fn claimed_in_vain(&self, asked: Asked, time: Duration) {
+        let mut state = self.state();
+        if asked.0 == Some(state.droughts) {
+            state.times.claims.push(time);
         }
     }
 
@@ -290,6 +298,10 @@ mod tests {
         assert_eq!(measured(), 2, "waited for work");
         tally.granted(tally.asks(), time, &nodes(1));
         assert_eq!((measured(), tally.counts().leased, tally.counts().leases), (3, 7, 6));
+        tally.claimed_in_vain(tally.asks(), time);
+        assert_eq!((measured(), tally.counts().leases), (4, 6));
+        tally.claimed_in_vain(idle, time);
+        assert_eq!(measured(), 4, "there was none");
     }
 
     fn job(number: u8) -> JobId {

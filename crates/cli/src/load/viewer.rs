@@ -1,7 +1,8 @@
 //! Somebody who looks at a job: fetches its preview again and again, as the page does, and notes how old each is when it comes, and when a newer
 //! one replaces it.
 //!
-//! The age of a preview is the time since the first node was acknowledged that it lacks; nothing, when it lacks none.
+//! The age of a preview is the time since the first node was acknowledged that had not been accepted when it was begun; nothing, when all had been. What
+//! lies behind a gap of the film is shown when the gap is closed, however fast previews are made.
 
 use std::time::Duration;
 

@@ -98,8 +98,9 @@ impl Load {
         let asked = self.tally.asks();
         let start = Instant::now();
         let lease = self.until_answered(|| self.client.claim_lease(&request)).await?;
-        if let Some(lease) = &lease {
-            self.tally.granted(asked, start.elapsed(), &lease.nodes);
+        match &lease {
+            Some(lease) => self.tally.granted(asked, start.elapsed(), &lease.nodes),
+            None => self.tally.claimed_in_vain(asked, start.elapsed()),
         }
         Ok(lease)
     }

@@ -8,6 +8,7 @@ use clerestory_api::JobId;
 use uuid::Uuid;
 
 use super::sql::query;
+use super::writer::Turn;
 use super::{Store, StoreError};
 
 /// What became of a claim.
@@ -31,7 +32,8 @@ impl Store {
         now_ms: i64,
         until_ms: i64,
     ) -> Result<Keeping, StoreError> {
-        self.write(move |connection| {
+        // Uploads may wait for longer than a term lasts.
+        self.write_in(Turn::First, move |connection| {
             Box::pin(async move {
                 let claimed = query(
                     "insert into keepers (job, coordinator, until_ms) select id, $2, $4 from jobs where id = $1 \

@@ -275,7 +275,9 @@ impl Store {
                 .fetch_all(&mut *connection)
                 .await?;
                 for row in &expired {
-                    free(connection, row.parsed("id")?).await?;
+                    let lease = row.parsed("id")?;
+                    free(connection, lease).await?;
+                    open_to_all_bits(connection, lease).await?;
                 }
                 Ok(expired.len() as u64)
             })
@@ -341,7 +343,25 @@ async fn free(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreEr
 /// Lets go of what a lease has, and closes it.
 pub(super) async fn release(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
     free(connection, lease).await?;
-    query("update leases set state = 'returned' where id = $1").bind(lease.to_string()).execute(connection).await?;
+    query("update leases set state = 'returned' where id = $1")
+        .bind(lease.to_string())
+        .execute(&mut *connection)
+        .await?;
+    open_to_all_bits(connection, lease).await
+}
+
+/// Lets the job of a lease that has ended be rendered with whatever bits, if nothing of it has been accepted or is leased: whoever had the lease may never come
+/// back, and nobody else compute the same.
+async fn open_to_all_bits(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    query(
+        "update jobs set probe_digest = null where id = (select job from leases where id = $1) \
+         and probe_digest is not null and shared_samples is null \
+         and (select 1 from nodes where job = jobs.id limit 1) is null \
+         and (select 1 from leases where job = jobs.id and state = 'active' limit 1) is null",
+    )
+    .bind(lease.to_string())
+    .execute(connection)
+    .await?;
     Ok(())
 }
 

@@ -49,7 +49,7 @@ use checks::{
     workers_of_one_name_are_one_machine, workers_of_one_name_take_checks_over_from_each_other_and_answer_once,
 };
 use claims::{
-    a_machine_that_fails_alone_fails_the_job_late_if_at_all,
+    a_job_of_which_nothing_has_come_is_open_to_other_bits, a_machine_that_fails_alone_fails_the_job_late_if_at_all,
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason,
     a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job,
     a_worker_that_dies_again_and_again_does_not_fail_the_job, a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time,
@@ -522,6 +522,7 @@ on_both! {
     a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again
     a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again
     an_unknown_worker_gets_no_work_and_is_told
+    a_job_of_which_nothing_has_come_is_open_to_other_bits
     a_failed_write_takes_nothing_else_with_it
     a_transaction_ends_with_one_patient_write
     claims_take_turns_with_other_writes

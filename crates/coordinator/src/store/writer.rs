@@ -171,8 +171,9 @@ where
 
     fn answer(self: Box<Self>, transaction: &Result<(), StoreError>) {
         let result = match (self.result, transaction) {
-            (Some(Err(error)), _) => Err(error),
+            // Whatever a write has seen in a transaction that is rolled back may not be so.
             (_, Err(error)) => Err(error.clone().into()),
+            (Some(Err(error)), Ok(())) => Err(error),
             (Some(Ok(value)), Ok(())) => Ok(value),
             (None, Ok(())) => Err(StoreError::Closed.into()),
         };
@@ -194,8 +195,12 @@ impl Queued {
         self.claims.is_empty() && self.others.is_empty()
     }
 
-    /// Takes the next: one of each kind in turn, as long as there are both.
+    /// Takes the next that is to be carried out: one of each kind in turn, as long as there are both.
     fn take(&mut self) -> Option<Box<dyn Write>> {
+        iter::from_fn(|| self.pop()).find(|write| write.is_wanted())
+    }
+
+    fn pop(&mut self) -> Option<Box<dyn Write>> {
         let is_claim = !self.claims.is_empty() && (self.is_claim_next || self.others.is_empty());
         self.is_claim_next = !is_claim;
         if is_claim { self.claims.pop_front() } else { self.others.pop_front() }
@@ -235,7 +240,6 @@ async fn serve(source: Source, mut connection: Option<Connection>, mut queues: Q
                 }
             }
         }
-        queued.claims.retain(|claim| claim.is_wanted());
         if first.is_empty() && queued.is_empty() && patient.is_none() {
             continue;
         }

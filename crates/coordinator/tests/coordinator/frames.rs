@@ -1,6 +1,7 @@
 //! Images that are never whole in memory: in strips of a few rows, with no node kept, they are the same as ever.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use clerestory_api::{JobId, JobSubmission, PreviewQuery, ProblemCode};
 use clerestory_coordinator::{Clock, Config};
@@ -185,4 +186,19 @@ async fn a_frame_that_is_too_large_for_its_preview_is_shown_smaller() {
         let number = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
         assert_eq!((number(16), number(20)), (WIDTH.div_ceil(2), HEIGHT.div_ceil(2)));
     }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn previews_of_two_jobs_come_although_there_is_memory_for_one() {
+    let farm = TestFarm::start_with(|config| config.preview_bytes = u64::from(WIDTH * HEIGHT) * 12).await;
+    let (first, second) = (farm.submit(3).await, farm.submit(3).await);
+    farm.worker().await.drain().await;
+    farm.finished(first.id).await;
+    farm.finished(second.id).await;
+    let looks = async {
+        for _ in 0..50 {
+            tokio::join!(preview(&farm, first.id), preview(&farm, second.id));
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(60), looks).await.expect("nobody waits for ever");
 }

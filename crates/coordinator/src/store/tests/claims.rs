@@ -276,3 +276,24 @@ pub(super) async fn leases_that_ended_long_ago_go_and_the_next_token_is_larger_a
     farm.job(1).await;
     assert!(farm.claim(worker, 1, LATER_MS).await.unwrap().lease.token > kept.lease.token);
 }
+
+pub(super) async fn a_job_of_which_nothing_has_come_is_open_to_other_bits(farm: Farm) {
+    let job = farm.job(1).await;
+    let one = farm.worker_with("one", Some("bits")).await.unwrap();
+    let other = farm.worker_with("other", Some("other bits")).await.unwrap();
+    let returned = farm.claim(one, 1, 0).await.unwrap().lease;
+    assert!(farm.claim(other, 1, 0).await.is_none(), "who has a lease may bring something");
+    let also = farm.claim(one, 1, 0).await.unwrap().lease;
+    farm.store.return_lease(returned.id, returned.token, 0).await.unwrap();
+    assert!(farm.claim(other, 1, 0).await.is_none(), "so may who has another");
+    farm.store.return_lease(also.id, also.token, 0).await.unwrap();
+    assert!(farm.claim(other, 1, 0).await.is_some());
+    assert!(farm.claim(one, 1, 0).await.is_none());
+    assert_eq!(farm.store.expire_leases(TTL_MS).await.unwrap(), 1);
+    let grant = farm.claim(one, 2, TTL_MS).await.unwrap();
+    farm.deliver(&grant, &grant.nodes[..1], TTL_MS).await.unwrap();
+    farm.store.return_lease(grant.lease.id, grant.lease.token, TTL_MS).await.unwrap();
+    assert!(farm.claim(other, 1, TTL_MS).await.is_none(), "its bits are in the image");
+    assert_eq!(farm.claim(one, 15, TTL_MS).await.unwrap().nodes.len(), 14);
+    assert_eq!(farm.state(job).await, JobState::Running);
+}
