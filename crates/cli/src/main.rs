@@ -39,7 +39,7 @@ const LEFTOVER_TIME: Duration = Duration::from_millis(100);
 fn main() -> ExitCode {
     let arguments = arguments::read();
     if matches!(arguments.command, Command::Coordinator(_)) {
-        memory::give_large_blocks_back();
+        memory::keep_little();
     }
     logging::start(&arguments);
     match run(arguments) {

@@ -19,7 +19,7 @@ use serde_json::Value;
 type Load = (&'static str, &'static [Goal]);
 
 const ON_SQLITE: &[Load] = &[
-    ("10,100,1000 --seconds 8", &[SUSTAINED_ON_SQLITE]),
+    ("10,100,1000,5000 --seconds 8", &[SUSTAINED_ON_SQLITE, MEMORY]),
     ("1000 --rate 1000 --seconds 30", &[LEASE, uploaded(1000.0), merged(1000.0), LATE]),
     ("1000 --rate 2000 --seconds 30", &[LEASE, uploaded(2000.0), merged(2000.0), LATE]),
     ("5000 --rate 1500 --seconds 8", &[MEMORY, uploaded(1500.0), merged(1500.0), LATE]),
@@ -28,7 +28,7 @@ const ON_SQLITE: &[Load] = &[
 ];
 
 const ON_POSTGRES: &[Load] = &[
-    ("10,100,1000 --seconds 8", &[SUSTAINED_ON_POSTGRES]),
+    ("10,100,1000,5000 --seconds 8", &[SUSTAINED_ON_POSTGRES, MEMORY]),
     ("1000 --rate 1000 --seconds 30", &[LEASE, uploaded(1000.0), merged(1000.0), LATE]),
     ("1000 --rate 1500 --seconds 30", &[LEASE, uploaded(1500.0), merged(1500.0), LATE]),
     ("5000 --rate 1000 --seconds 8", &[MEMORY, uploaded(1000.0), merged(1000.0), LATE]),
