@@ -192,6 +192,7 @@ impl<'a> Measurement<'a> {
             duplicate_nodes: counts.duplicate,
             refused_nodes: counts.refused,
             late_nodes: counts.late,
+            late_nodes_under_load: unloaded.counts.late,
             lost_nodes: counts.accepted.saturating_sub(merged(end.merged_passes)),
             repeated_calls: counts.repeated,
             samples: counts.accepted_passes * self.pass_samples(),

@@ -101,8 +101,10 @@ pub(super) struct Line {
     pub(super) duplicate_nodes: u64,
     /// Nodes that the coordinator did not take.
     pub(super) refused_nodes: u64,
-    /// Nodes whose lease had run out.
+    /// Nodes whose lease had run out, or which others had brought by then: at the end, whoever has nothing to do takes over what others hold.
     pub(super) late_nodes: u64,
+    /// Those of them until the end of the measured time, while there was work for all.
+    pub(super) late_nodes_under_load: u64,
     /// Nodes that were accepted and are in no recorded round at the end.
     pub(super) lost_nodes: u64,
     /// Calls that were repeated because they failed in a way that may pass.
