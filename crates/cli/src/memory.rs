@@ -18,7 +18,7 @@ const ARENAS: &str = "MALLOC_ARENA_MAX";
 /// at the same speed.
 ///
 /// Of small blocks, glibc keeps what was freed in the arena that it came from, and has eight arenas for each core. A coordinator with 5000 workers that ask again at
-/// once, on two cores, has 446 MB at most with four arenas, and 514 to 563 with sixteen, at the same speed (4274, 4334, 3996 nodes a second, and 3860, 3919, 4008).
+/// once, on two cores, has 436 to 460 MB at most with four arenas, and 514 to 563 with sixteen, at the same speed (4274, 4334, 3996 nodes a second, and 3860, 3919, 4008).
 pub(crate) fn keep_little() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
