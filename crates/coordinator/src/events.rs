@@ -1,8 +1,8 @@
 //! Events for whoever watches: stored ones in their order, and what is only true now.
 //!
 //! One task sends everything, so that stored events go out in the order of their numbers and none is skipped, whichever
-//! transaction committed first. Progress is gathered: however many nodes arrive, a job is sent a few times a second at
-//! most, and workers once.
+//! transaction committed first. Stored events go out at once, or nearly: somebody waits for the end of a job. Progress is gathered:
+//! however many nodes arrive, a job is sent a few times a second at most, and workers once.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -22,8 +22,11 @@ const BACKLOG: usize = 8192;
 /// Stored events that are read at once; also the most that a listener who comes back is sent one by one.
 const BATCH: u32 = 500;
 
-/// Shortest time between two rounds of sending.
-const PAUSE: Duration = Duration::from_millis(200);
+/// Shortest time between two looks for stored events: each lease rings for one.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// Shortest time between two rounds of sending how far jobs are.
+const PROGRESS_PAUSE: Duration = Duration::from_millis(200);
 
 /// Shortest time between two rounds of sending all workers: there are thousands of them, and something is new about one at any moment.
 const WORKERS_PAUSE: Duration = Duration::from_millis(900);
@@ -71,23 +74,34 @@ impl Events {
     }
 }
 
+/// What has been sent.
+#[derive(Debug)]
+struct Sent {
+    /// The last stored event.
+    last_id: i64,
+    /// When it was said how far jobs are.
+    progress: Option<Instant>,
+    /// When it was said what workers do.
+    workers: Option<Instant>,
+}
+
 /// Sends events until the coordinator stops.
-pub(crate) async fn run(farm: Arc<Farm>, mut last_id: i64) {
-    let mut workers_sent = None;
+pub(crate) async fn run(farm: Arc<Farm>, last_id: i64) {
+    let mut sent = Sent { last_id, progress: None, workers: None };
     while farm.stopping.run_until_cancelled(farm.events.news.notified()).await.is_some() {
-        if let Err(error) = send_news(&farm, &mut last_id, &mut workers_sent).await {
+        if let Err(error) = send_news(&farm, &mut sent).await {
             tracing::error!(%error, "events could not be read");
         }
         tokio::time::sleep(PAUSE).await;
     }
 }
 
-async fn send_news(farm: &Farm, last_id: &mut i64, workers_sent: &mut Option<Instant>) -> Result<(), StoreError> {
+async fn send_news(farm: &Farm, sent: &mut Sent) -> Result<(), StoreError> {
     let changed = std::mem::take(&mut *farm.events.changed());
     loop {
-        let stored = farm.store.events_after(*last_id, BATCH).await?;
+        let stored = farm.store.events_after(sent.last_id, BATCH).await?;
         for event in &stored {
-            *last_id = event.id;
+            sent.last_id = event.id;
             if let Some(body) = body_of(farm, event).await? {
                 send(farm, Event { id: Some(event.id), body });
             }
@@ -99,23 +113,37 @@ async fn send_news(farm: &Farm, last_id: &mut i64, workers_sent: &mut Option<Ins
     if farm.events.line.receiver_count() == 0 {
         return Ok(());
     }
-    for job in changed.jobs {
-        if let Some(record) = farm.store.job(job).await? {
-            let job = Box::new(views::job(farm, record).await?);
-            send(farm, Event { id: None, body: EventBody::Progress { job } });
+    if !changed.jobs.is_empty() {
+        if is_due(&mut sent.progress, PROGRESS_PAUSE) {
+            for job in changed.jobs {
+                if let Some(record) = farm.store.job(job).await? {
+                    let job = Box::new(views::job(farm, record).await?);
+                    send(farm, Event { id: None, body: EventBody::Progress { job } });
+                }
+            }
+        } else {
+            changed.jobs.into_iter().for_each(|job| farm.events.progressed(job));
         }
     }
     if changed.workers {
-        if workers_sent.is_some_and(|sent| sent.elapsed() < WORKERS_PAUSE) {
+        if is_due(&mut sent.workers, WORKERS_PAUSE) {
+            for worker in views::workers(farm).await? {
+                send(farm, Event { id: None, body: EventBody::Worker { worker } });
+            }
+        } else {
             farm.events.workers_changed();
-            return Ok(());
-        }
-        *workers_sent = Some(Instant::now());
-        for worker in views::workers(farm).await? {
-            send(farm, Event { id: None, body: EventBody::Worker { worker } });
         }
     }
     Ok(())
+}
+
+/// Whether something that was sent then, if ever, may be sent again: it is now.
+fn is_due(sent: &mut Option<Instant>, pause: Duration) -> bool {
+    let is_due = sent.is_none_or(|sent| sent.elapsed() >= pause);
+    if is_due {
+        *sent = Some(Instant::now());
+    }
+    is_due
 }
 
 fn send(farm: &Farm, event: Event) {

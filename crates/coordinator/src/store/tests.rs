@@ -77,10 +77,12 @@ use targets::{
     errors_and_targets_that_were_absent_at_first_are_stored_later, the_time_of_earlier_rounds_counts_in_later_ones,
 };
 use writes::{
+    a_claim_of_a_worker_that_goes_away_during_another_write_takes_nothing,
     a_claim_of_a_worker_that_has_gone_away_takes_nothing, a_failed_write_takes_nothing_else_with_it,
     a_lease_lasts_from_when_it_is_granted, a_transaction_ends_with_one_patient_write,
-    claims_take_turns_with_other_writes, what_else_was_asked_is_written_though_whoever_asked_has_gone_away,
-    what_keeps_workers_alive_is_written_before_all_that_waits, what_waits_is_written_before_the_store_is_closed,
+    an_error_in_a_transaction_that_fails_is_not_told, claims_take_turns_with_other_writes,
+    what_else_was_asked_is_written_though_whoever_asked_has_gone_away,
+    what_keeps_workers_and_films_is_written_before_all_that_waits, what_waits_is_written_before_the_store_is_closed,
 };
 
 async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing(farm: Farm) {
@@ -524,12 +526,14 @@ on_both! {
     an_unknown_worker_gets_no_work_and_is_told
     a_job_of_which_nothing_has_come_is_open_to_other_bits
     a_failed_write_takes_nothing_else_with_it
+    an_error_in_a_transaction_that_fails_is_not_told
     a_transaction_ends_with_one_patient_write
     claims_take_turns_with_other_writes
-    what_keeps_workers_alive_is_written_before_all_that_waits
+    what_keeps_workers_and_films_is_written_before_all_that_waits
     a_lease_lasts_from_when_it_is_granted
     what_else_was_asked_is_written_though_whoever_asked_has_gone_away
     a_claim_of_a_worker_that_has_gone_away_takes_nothing
+    a_claim_of_a_worker_that_goes_away_during_another_write_takes_nothing
     what_waits_is_written_before_the_store_is_closed
     a_farm_keeps_its_identity
     a_database_of_a_newer_build_is_refused_with_both_versions

@@ -11,7 +11,7 @@
 //! time would go to commits, and whatever came meanwhile would wait for all of them.
 //!
 //! Some have a [turn](Turn) of their own. Claims take turns with all else that waits: a worker that asks for work may stand still until it has some, and
-//! does not wait for all that others have brought while the disk paused. Those that keep leases and workers alive come before all that waits, some times a
+//! does not wait for all that others have brought while the disk paused. Those that keep leases, workers and films come before all that waits, some times a
 //! second, so that a farm with more to do than its coordinator can follow gets slow, and does not let its leases run out. Patient writes, for which no worker
 //! waits, come last: each transaction ends with one of them, if there is any. So they come to their turn however much else there is, and whatever else there
 //! is waits for one of them in each transaction before its own answer.

@@ -6,12 +6,13 @@ use std::time::Duration;
 
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
+use uuid::Uuid;
 
 use super::Farm;
 use super::farm::{TTL_MS, terms};
-use crate::store::StoreError;
 use crate::store::sql::query;
 use crate::store::writer::Turn;
+use crate::store::{Keeping, StoreError};
 
 pub(super) async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
     let write = async |name: &'static str, then_fail: bool| {
@@ -30,6 +31,21 @@ pub(super) async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
     let rows = rows.fetch_all(&farm.store.readers).await.unwrap();
     let names: Vec<String> = rows.iter().map(|row| row.text("name").unwrap()).collect();
     assert_eq!(names, ["a", "c"]);
+}
+
+/// What a write has seen in a transaction that comes to nothing may be what nobody has ever written.
+pub(super) async fn an_error_in_a_transaction_that_fails_is_not_told(farm: Farm) {
+    let write = farm.store.write::<(), StoreError, _>(|connection| {
+        Box::pin(async {
+            connection.batch("rollback").await?;
+            Err(StoreError::Closed)
+        })
+    });
+    let told = write.await.unwrap_err();
+    assert!(!matches!(told, StoreError::Closed), "{told}");
+    let order = Arc::default();
+    let [later] = notes(&farm, ["later"], &order).await;
+    later.await.unwrap().unwrap();
 }
 
 /// However many patient writes wait, others wait for one of them in each transaction, and they for one transaction each.
@@ -69,26 +85,32 @@ pub(super) async fn claims_take_turns_with_other_writes(farm: Farm) {
     }
 }
 
-pub(super) async fn what_keeps_workers_alive_is_written_before_all_that_waits(farm: Farm) {
+pub(super) async fn what_keeps_workers_and_films_is_written_before_all_that_waits(farm: Farm) {
+    let job = farm.job(1).await;
     let worker = farm.worker().await;
     tokio::time::sleep(LONG).await;
     let held = Held::hold(&farm).await;
     let store = farm.store.clone();
     let look = tokio::spawn(async move {
         let write = store.write::<_, StoreError, _>(|connection| {
-            Box::pin(
-                async move { query("select seen_ms from workers").fetch_one(connection).await?.integer("seen_ms") },
-            )
+            Box::pin(async move {
+                let row = query("select seen_ms, (select until_ms from keepers) as until_ms from workers");
+                let row = row.fetch_one(connection).await?;
+                Ok((row.optional_integer("until_ms")?, row.integer("seen_ms")?))
+            })
         });
         write.await
     });
     tokio::time::sleep(SETTLED).await;
     let store = farm.store.clone();
     let alive = tokio::spawn(async move { store.touch_worker(worker, 7).await });
+    let store = farm.store.clone();
+    let kept = tokio::spawn(async move { store.keep(job, Uuid::now_v7(), 0, 9).await });
     tokio::time::sleep(SETTLED).await;
     held.let_go().await;
     alive.await.unwrap().unwrap();
-    assert_eq!(look.await.unwrap().unwrap(), 7, "it has waited for longer");
+    assert_eq!(kept.await.unwrap().unwrap(), Keeping::Ours);
+    assert_eq!(look.await.unwrap().unwrap(), (Some(9), 7), "it has waited for longer");
 }
 
 pub(super) async fn a_lease_lasts_from_when_it_is_granted(farm: Farm) {
@@ -115,6 +137,27 @@ pub(super) async fn a_claim_of_a_worker_that_has_gone_away_takes_nothing(farm: F
     claim.abort();
     assert!(claim.await.unwrap_err().is_cancelled(), "it waits for its turn");
     held.let_go().await;
+    assert_eq!(farm.claim(here, 100, 0).await.unwrap().nodes.len(), 15);
+}
+
+/// The same where it has been taken from the queue, and waits for the transaction to come to it.
+pub(super) async fn a_claim_of_a_worker_that_goes_away_during_another_write_takes_nothing(farm: Farm) {
+    farm.job(1).await;
+    let [gone, here] = [farm.worker().await, farm.worker().await];
+    let held = Held::hold(&farm).await;
+    // Its turn comes first, then that of a usual write, and only then that of a second claim.
+    let order = Arc::default();
+    let [before] = notes(&farm, ["claim"], &order).await;
+    let (begun, next) = Held::ask(&farm);
+    let store = farm.store.clone();
+    let claim = tokio::spawn(async move { store.claim(move || terms(gone, 0)).await });
+    tokio::time::sleep(SETTLED).await;
+    held.let_go().await;
+    begun.await.unwrap();
+    claim.abort();
+    assert!(claim.await.unwrap_err().is_cancelled(), "it waits for its turn");
+    next.let_go().await;
+    before.await.unwrap().unwrap();
     assert_eq!(farm.claim(here, 100, 0).await.unwrap().nodes.len(), 15);
 }
 
@@ -162,6 +205,13 @@ struct Held {
 
 impl Held {
     async fn hold(farm: &Farm) -> Self {
+        let (begun, held) = Self::ask(farm);
+        begun.await.unwrap();
+        held
+    }
+
+    /// One that may have to wait for its turn, and what tells when that has come.
+    fn ask(farm: &Farm) -> (oneshot::Receiver<()>, Self) {
         let (go_on, gone_on) = oneshot::channel();
         let (begins, begun) = oneshot::channel();
         let store = farm.store.clone();
@@ -174,8 +224,7 @@ impl Held {
             });
             write.await
         });
-        begun.await.unwrap();
-        Self { go_on, write }
+        (begun, Self { go_on, write })
     }
 
     async fn let_go(self) {
