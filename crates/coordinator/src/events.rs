@@ -28,6 +28,9 @@ const PAUSE: Duration = Duration::from_millis(50);
 /// Shortest time between two rounds of sending how far jobs are.
 const PROGRESS_PAUSE: Duration = Duration::from_millis(200);
 
+/// Pause after the database could not be read.
+const FAILURE_PAUSE: Duration = Duration::from_secs(1);
+
 /// Shortest time between two rounds of sending all workers: there are thousands of them, and something is new about one at any moment.
 const WORKERS_PAUSE: Duration = Duration::from_millis(900);
 
@@ -69,6 +72,22 @@ impl Events {
         self.news.notify_one();
     }
 
+    /// Takes what has changed.
+    fn take(&self) -> Changed {
+        std::mem::take(&mut *self.changed())
+    }
+
+    /// Takes back what could not be sent yet, and rings for it.
+    fn again(&self, later: Changed) {
+        let Changed { jobs, workers } = later;
+        {
+            let mut changed = self.changed();
+            changed.jobs.extend(jobs);
+            changed.workers |= workers;
+        }
+        self.news.notify_one();
+    }
+
     fn changed(&self) -> MutexGuard<'_, Changed> {
         self.changed.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -89,20 +108,38 @@ struct Sent {
 pub(crate) async fn run(farm: Arc<Farm>, last_id: i64) {
     let mut sent = Sent { last_id, progress: None, workers: None };
     while farm.stopping.run_until_cancelled(farm.events.news.notified()).await.is_some() {
-        if let Err(error) = send_news(&farm, &mut sent).await {
-            tracing::error!(%error, "events could not be read");
+        let mut changed = farm.events.take();
+        match send_news(&farm, &mut sent, &mut changed).await {
+            Ok(()) => {
+                if changed.workers || !changed.jobs.is_empty() {
+                    farm.events.again(changed);
+                }
+                tokio::time::sleep(PAUSE).await;
+            }
+            Err(error) => {
+                tracing::error!(%error, "events could not be read, trying again");
+                farm.events.again(changed);
+                tokio::time::sleep(FAILURE_PAUSE).await;
+            }
         }
-        tokio::time::sleep(PAUSE).await;
     }
 }
 
-async fn send_news(farm: &Farm, sent: &mut Sent) -> Result<(), StoreError> {
-    let changed = std::mem::take(&mut *farm.events.changed());
+/// Sends the stored events that have not been sent, and what has changed as far as that is due; the rest is left in `changed`.
+async fn send_news(farm: &Farm, sent: &mut Sent, changed: &mut Changed) -> Result<(), StoreError> {
     loop {
         let stored = farm.store.events_after(sent.last_id, BATCH).await?;
         for event in &stored {
+            let body = match body_of(farm, event).await {
+                // It would be no other the next time.
+                Err(error @ StoreError::Corrupt { .. }) => {
+                    tracing::error!(%error, id = event.id, "an event cannot be read and is left out");
+                    None
+                }
+                body => body?,
+            };
             sent.last_id = event.id;
-            if let Some(body) = body_of(farm, event).await? {
+            if let Some(body) = body {
                 send(farm, Event { id: Some(event.id), body });
             }
         }
@@ -111,28 +148,23 @@ async fn send_news(farm: &Farm, sent: &mut Sent) -> Result<(), StoreError> {
         }
     }
     if farm.events.line.receiver_count() == 0 {
+        *changed = Changed::default();
         return Ok(());
     }
-    if !changed.jobs.is_empty() {
-        if is_due(&mut sent.progress, PROGRESS_PAUSE) {
-            for job in changed.jobs {
-                if let Some(record) = farm.store.job(job).await? {
-                    let job = Box::new(views::job(farm, record).await?);
-                    send(farm, Event { id: None, body: EventBody::Progress { job } });
-                }
+    if !changed.jobs.is_empty() && is_due(&mut sent.progress, PROGRESS_PAUSE) {
+        while let Some(&id) = changed.jobs.first() {
+            if let Some(record) = farm.store.job(id).await? {
+                let job = Box::new(views::job(farm, record).await?);
+                send(farm, Event { id: None, body: EventBody::Progress { job } });
             }
-        } else {
-            changed.jobs.into_iter().for_each(|job| farm.events.progressed(job));
+            changed.jobs.remove(&id);
         }
     }
-    if changed.workers {
-        if is_due(&mut sent.workers, WORKERS_PAUSE) {
-            for worker in views::workers(farm).await? {
-                send(farm, Event { id: None, body: EventBody::Worker { worker } });
-            }
-        } else {
-            farm.events.workers_changed();
+    if changed.workers && is_due(&mut sent.workers, WORKERS_PAUSE) {
+        for worker in views::workers(farm).await? {
+            send(farm, Event { id: None, body: EventBody::Worker { worker } });
         }
+        changed.workers = false;
     }
     Ok(())
 }
@@ -240,5 +272,42 @@ impl Listener {
     fn is_news(&self, event: &Event) -> bool {
         let is_mine = self.job.is_none() || event.body.job().is_none_or(|job| Some(job) == self.job);
         is_mine && event.id.is_none_or(|id| id > self.last_id)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::pin::pin;
+
+    use futures::StreamExt;
+
+    use super::*;
+    use crate::config::Config;
+    use crate::server::open;
+    use crate::store::tests::farm::some_job;
+
+    fn alter(directory: &Path, statement: &str) {
+        let database = rusqlite::Connection::open(directory.join("farm.sqlite")).unwrap();
+        database.execute_batch(statement).unwrap();
+    }
+
+    #[tokio::test]
+    async fn what_could_not_be_read_is_sent_later() {
+        let directory = tempfile::tempdir().unwrap();
+        let (farm, _bells) = open(Config::new(directory.path())).await.unwrap();
+        let mut events = pin!(listen(Arc::clone(&farm), None, None).await.unwrap());
+        assert!(matches!(events.next().await.unwrap().body, EventBody::Snapshot { .. }));
+        let job = some_job();
+        let mut sent = Sent { last_id: 0, progress: None, workers: None };
+        let mut changed = Changed { jobs: [job.id].into(), workers: true };
+        farm.store.insert_job(job).await.unwrap();
+        alter(directory.path(), "alter table jobs rename to jobs_away");
+        send_news(&farm, &mut sent, &mut changed).await.unwrap_err();
+        alter(directory.path(), "alter table jobs_away rename to jobs");
+        send_news(&farm, &mut sent, &mut changed).await.unwrap();
+        assert!(matches!(events.next().await.unwrap(), Event { id: Some(_), body: EventBody::Job { .. } }));
+        assert!(matches!(events.next().await.unwrap(), Event { id: None, body: EventBody::Progress { .. } }));
+        assert!(changed.jobs.is_empty() && !changed.workers);
     }
 }

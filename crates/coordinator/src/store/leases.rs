@@ -269,15 +269,18 @@ impl Store {
         self.write(move |connection| {
             Box::pin(async move {
                 let expired = query(
-                    "update leases set state = 'expired' where state = 'active' and deadline_ms <= $1 returning id",
+                    "update leases set state = 'expired' where state = 'active' and deadline_ms <= $1 returning id, job",
                 )
                 .bind(now_ms)
                 .fetch_all(&mut *connection)
                 .await?;
+                let mut jobs = BTreeSet::new();
                 for row in &expired {
-                    let lease = row.parsed("id")?;
-                    free(connection, lease).await?;
-                    open_to_all_bits(connection, lease).await?;
+                    free(connection, row.parsed("id")?).await?;
+                    jobs.insert(row.parsed("job")?);
+                }
+                for job in jobs {
+                    open_to_all_bits(connection, job).await?;
                 }
                 Ok(expired.len() as u64)
             })
@@ -342,26 +345,34 @@ async fn free(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreEr
 
 /// Lets go of what a lease has, and closes it.
 pub(super) async fn release(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
-    free(connection, lease).await?;
-    query("update leases set state = 'returned' where id = $1")
-        .bind(lease.to_string())
-        .execute(&mut *connection)
-        .await?;
-    open_to_all_bits(connection, lease).await
+    close(connection, lease).await?;
+    free(connection, lease).await
 }
 
-/// Lets the job of a lease that has ended be rendered with whatever bits, if nothing of it has been accepted or is leased: whoever had the lease may never come
-/// back, and nobody else compute the same.
-async fn open_to_all_bits(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
-    query(
-        "update jobs set probe_digest = null where id = (select job from leases where id = $1) \
-         and probe_digest is not null and shared_samples is null \
+/// Closes a lease: nothing more can be brought under it.
+async fn close(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    let closed = query("update leases set state = 'returned' where id = $1 returning job").bind(lease.to_string());
+    match closed.fetch_optional(&mut *connection).await? {
+        Some(row) => open_to_all_bits(connection, row.parsed("job")?).await,
+        None => Ok(()),
+    }
+}
+
+/// Lets a job of which a lease has ended be rendered with whatever bits, if nothing of it has been accepted or is leased: whoever had the lease may never
+/// come back, and nobody else compute the same.
+async fn open_to_all_bits(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
+    let opened = query(
+        "update jobs set probe_digest = null where id = $1 and probe_digest is not null and shared_samples is null \
          and (select 1 from nodes where job = jobs.id limit 1) is null \
          and (select 1 from leases where job = jobs.id and state = 'active' limit 1) is null",
-    )
-    .bind(lease.to_string())
-    .execute(connection)
-    .await?;
+    );
+    if opened.bind(job.to_string()).execute(&mut *connection).await? > 0 {
+        // Whoever had nodes that others took over may still bring them, with the bits of before.
+        query("update leases set state = 'returned' where job = $1 and state = 'complete'")
+            .bind(job.to_string())
+            .execute(connection)
+            .await?;
+    }
     Ok(())
 }
 
@@ -376,6 +387,11 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     .bind(failure.now_ms)
     .execute(&mut *connection)
     .await?;
+    let is_active = lease.state == LeaseState::Active;
+    if is_active {
+        // Those with other bits could try it too, once the job is open to them.
+        close(connection, failure.lease).await?;
+    }
     let failed = query(format!(
         "update pending set failures = failures + case when failed_by = failing.name and exists (select 1 from workers \
          where workers.name <> failing.name and workers.seen_ms >= $3 and workers.quarantine is null and {HAS_BITS}) \
@@ -390,8 +406,8 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     .bind(FAILURE_AGAIN)
     .fetch_all(&mut *connection)
     .await?;
-    if lease.state == LeaseState::Active {
-        release(connection, failure.lease).await?;
+    if is_active {
+        free(connection, failure.lease).await?;
     }
     for row in &failed {
         if row.integer("failures")? >= MOST_FAILURES {

@@ -59,6 +59,8 @@ use claims::{
     nodes_that_were_cut_before_are_cut_again_for_a_slower_worker,
     returned_work_is_free_at_once_and_returning_twice_is_harmless, the_speed_of_a_worker_is_that_of_its_last_work,
     times_of_short_nodes_add_up_and_give_a_speed,
+    what_was_taken_over_is_not_accepted_when_the_job_is_open_to_other_bits,
+    who_has_other_bits_could_try_a_job_of_which_nothing_has_come,
 };
 use farm::{Farm, TTL_MS, delivered, merge, place};
 use stragglers::{
@@ -525,6 +527,8 @@ on_both! {
     a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again
     an_unknown_worker_gets_no_work_and_is_told
     a_job_of_which_nothing_has_come_is_open_to_other_bits
+    what_was_taken_over_is_not_accepted_when_the_job_is_open_to_other_bits
+    who_has_other_bits_could_try_a_job_of_which_nothing_has_come
     a_failed_write_takes_nothing_else_with_it
     an_error_in_a_transaction_that_fails_is_not_told
     a_transaction_ends_with_one_patient_write

@@ -8,6 +8,7 @@ use uuid::Uuid;
 
 use super::farm::terms;
 use super::{Farm, LeaseError, TTL_MS, delivered, query};
+use crate::store::leases::LeaseState;
 use crate::store::{ClaimTerms, Delivery, Ending, Grant, NewJob, StoreError, WorkFailure, WorkerError};
 
 pub(super) async fn concurrent_claimants_never_get_the_same_node(farm: Farm) {
@@ -225,12 +226,14 @@ pub(super) async fn machines_that_fail_in_turn_fail_the_job(farm: Farm) {
     assert_eq!(farm.state(job).await, JobState::Failed);
 }
 
-/// Lets a machine fail while another is registered, which was not heard of since `alive_ms` or could do nothing.
+/// Lets a machine fail at a job of which it has brought a node, while another is registered, which was not heard of since `alive_ms` or could do nothing.
 async fn fails_soon(farm: &Farm, failing: WorkerId, alive_ms: i64) {
     let job = farm.job(1).await;
     let first_ms = 1_000_000 * (1 + farm.store.jobs().await.unwrap().len() as i64);
+    let grant = farm.claim(failing, 1, first_ms - 60_000).await.unwrap();
+    farm.deliver(&grant, &grant.nodes, first_ms - 60_000).await.unwrap();
     for attempt in 0..5 {
-        assert_eq!(farm.state(job).await, if attempt == 0 { JobState::Queued } else { JobState::Running });
+        assert_eq!(farm.state(job).await, JobState::Running);
         fail(farm, failing, first_ms + attempt * 60_000, alive_ms).await;
     }
     assert_eq!(farm.state(job).await, JobState::Failed);
@@ -249,6 +252,34 @@ pub(super) async fn failures_count_where_nobody_else_could_try(farm: Farm) {
     });
     assert_eq!(quarantine.await.unwrap(), 1);
     fails_soon(&farm, failing, 0).await;
+}
+
+pub(super) async fn who_has_other_bits_could_try_a_job_of_which_nothing_has_come(farm: Farm) {
+    let job = farm.job(1).await;
+    let failing = farm.worker_with("failing", Some("bits")).await.unwrap();
+    let other = farm.worker_with("other bits", Some("other")).await.unwrap();
+    for attempt in 0..5 {
+        fail(&farm, failing, attempt * 60_000, 0).await;
+    }
+    assert_eq!(farm.state(job).await, JobState::Running, "one that is busy has not tried it");
+    assert!(farm.claim(other, 1, 300_000).await.is_some());
+}
+
+/// Who has been overtaken with all of its lease may bring it as long as the job wants its bits.
+pub(super) async fn what_was_taken_over_is_not_accepted_when_the_job_is_open_to_other_bits(farm: Farm) {
+    farm.job_like(|job| NewJob { passes: 1, grid: TileGrid { width: 8, height: 8, tile_size: 16 }, ..job }).await;
+    let slow = farm.worker_with("slow", Some("bits")).await.unwrap();
+    let quick = farm.worker_with("quick", Some("bits")).await.unwrap();
+    let other = farm.worker_with("other", Some("other bits")).await.unwrap();
+    let overtaken = farm.claim(slow, 1, 0).await.unwrap();
+    farm.store.renew(overtaken.lease.id, overtaken.lease.token, 0, 100_000).await.unwrap();
+    let taken = farm.claim(quick, 1, 2000).await.unwrap();
+    assert_eq!(farm.store.lease(overtaken.lease.id).await.unwrap().state, LeaseState::Complete);
+    farm.store.return_lease(taken.lease.id, taken.lease.token, 2000).await.unwrap();
+    let begun = farm.claim(other, 1, 2000).await.unwrap();
+    let late = farm.deliver(&overtaken, &overtaken.nodes, 2000).await;
+    assert!(matches!(late, Err(LeaseError::Returned)), "{late:?}");
+    farm.deliver(&begun, &begun.nodes, 2000).await.unwrap();
 }
 
 pub(super) async fn leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same(farm: Farm) {
