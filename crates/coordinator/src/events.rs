@@ -6,11 +6,12 @@
 
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clerestory_api::{Event, EventBody, JobId};
 use futures::stream::{self, Stream};
 use tokio::sync::{Notify, broadcast};
+use tokio::time::Instant;
 
 use crate::farm::Farm;
 use crate::store::{StoreError, StoredEvent, StoredKind};
@@ -42,9 +43,14 @@ pub(crate) struct Events {
     changed: Mutex<Changed>,
 }
 
+/// What there may be to send.
 #[derive(Debug, Default)]
 struct Changed {
+    /// Whether events have been stored.
+    stored: bool,
+    /// Jobs that have advanced.
     jobs: BTreeSet<JobId>,
+    /// Whether something is new about a worker.
     workers: bool,
 }
 
@@ -57,6 +63,7 @@ impl Default for Events {
 impl Events {
     /// Says that events have been stored.
     pub(crate) fn stored(&self) {
+        self.changed().stored = true;
         self.news.notify_one();
     }
 
@@ -72,20 +79,12 @@ impl Events {
         self.news.notify_one();
     }
 
-    /// Takes what has changed.
-    fn take(&self) -> Changed {
-        std::mem::take(&mut *self.changed())
-    }
-
-    /// Takes back what could not be sent yet, and rings for it.
-    fn again(&self, later: Changed) {
-        let Changed { jobs, workers } = later;
-        {
-            let mut changed = self.changed();
-            changed.jobs.extend(jobs);
-            changed.workers |= workers;
-        }
-        self.news.notify_one();
+    /// Moves what has changed since the last time to what is to be sent.
+    fn move_to(&self, pending: &mut Changed) {
+        let Changed { stored, jobs, workers } = std::mem::take(&mut *self.changed());
+        pending.stored |= stored;
+        pending.jobs.extend(jobs);
+        pending.workers |= workers;
     }
 
     fn changed(&self) -> MutexGuard<'_, Changed> {
@@ -93,40 +92,60 @@ impl Events {
     }
 }
 
-/// What has been sent.
+/// What has been sent, and when the next may be.
 #[derive(Debug)]
 struct Sent {
     /// The last stored event.
     last_id: i64,
-    /// When it was said how far jobs are.
-    progress: Option<Instant>,
-    /// When it was said what workers do.
-    workers: Option<Instant>,
+    /// When to look for more of them.
+    stored: Instant,
+    /// When to say how far jobs are.
+    progress: Instant,
+    /// When to say what workers do.
+    workers: Instant,
+}
+
+impl Sent {
+    fn new(last_id: i64) -> Self {
+        let now = Instant::now();
+        Self { last_id, stored: now, progress: now, workers: now }
+    }
+
+    /// When the first of what is pending may be sent.
+    fn due(&self, pending: &Changed) -> Option<Instant> {
+        let stored = pending.stored.then_some(self.stored);
+        let progress = (!pending.jobs.is_empty()).then_some(self.progress);
+        let workers = pending.workers.then_some(self.workers);
+        [stored, progress, workers].into_iter().flatten().min()
+    }
+
+    /// Nothing is sent before this time.
+    fn put_off(&mut self, until: Instant) {
+        [self.stored, self.progress, self.workers] = [until; 3];
+    }
 }
 
 /// Sends events until the coordinator stops.
 pub(crate) async fn run(farm: Arc<Farm>, last_id: i64) {
-    let mut sent = Sent { last_id, progress: None, workers: None };
-    while farm.stopping.run_until_cancelled(farm.events.news.notified()).await.is_some() {
-        let mut changed = farm.events.take();
-        match send_news(&farm, &mut sent, &mut changed).await {
-            Ok(()) => {
-                if changed.workers || !changed.jobs.is_empty() {
-                    farm.events.again(changed);
+    let (mut sent, mut pending) = (Sent::new(last_id), Changed::default());
+    loop {
+        let due = sent.due(&pending);
+        tokio::select! {
+            () = farm.stopping.cancelled() => return,
+            () = farm.events.news.notified() => farm.events.move_to(&mut pending),
+            () = tokio::time::sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
+                if let Err(error) = send_news(&farm, &mut sent, &mut pending).await {
+                    tracing::error!(%error, "events could not be read, trying again");
+                    sent.put_off(Instant::now() + FAILURE_PAUSE);
                 }
-                tokio::time::sleep(PAUSE).await;
-            }
-            Err(error) => {
-                tracing::error!(%error, "events could not be read, trying again");
-                farm.events.again(changed);
-                tokio::time::sleep(FAILURE_PAUSE).await;
             }
         }
     }
 }
 
-/// Sends the stored events that have not been sent, and what has changed as far as that is due; the rest is left in `changed`.
-async fn send_news(farm: &Farm, sent: &mut Sent, changed: &mut Changed) -> Result<(), StoreError> {
+/// Sends the stored events that have not been sent, and what else is pending as far as that is due; the rest stays pending.
+async fn send_news(farm: &Farm, sent: &mut Sent, pending: &mut Changed) -> Result<(), StoreError> {
+    let now = Instant::now();
     loop {
         let stored = farm.store.events_after(sent.last_id, BATCH).await?;
         for event in &stored {
@@ -147,35 +166,28 @@ async fn send_news(farm: &Farm, sent: &mut Sent, changed: &mut Changed) -> Resul
             break;
         }
     }
+    (pending.stored, sent.stored) = (false, now + PAUSE);
     if farm.events.line.receiver_count() == 0 {
-        *changed = Changed::default();
+        *pending = Changed::default();
         return Ok(());
     }
-    if !changed.jobs.is_empty() && is_due(&mut sent.progress, PROGRESS_PAUSE) {
-        while let Some(&id) = changed.jobs.first() {
+    if !pending.jobs.is_empty() && sent.progress <= now {
+        while let Some(&id) = pending.jobs.first() {
             if let Some(record) = farm.store.job(id).await? {
                 let job = Box::new(views::job(farm, record).await?);
                 send(farm, Event { id: None, body: EventBody::Progress { job } });
             }
-            changed.jobs.remove(&id);
+            pending.jobs.remove(&id);
         }
+        sent.progress = now + PROGRESS_PAUSE;
     }
-    if changed.workers && is_due(&mut sent.workers, WORKERS_PAUSE) {
+    if pending.workers && sent.workers <= now {
         for worker in views::workers(farm).await? {
             send(farm, Event { id: None, body: EventBody::Worker { worker } });
         }
-        changed.workers = false;
+        (pending.workers, sent.workers) = (false, now + WORKERS_PAUSE);
     }
     Ok(())
-}
-
-/// Whether something that was sent then, if ever, may be sent again: it is now.
-fn is_due(sent: &mut Option<Instant>, pause: Duration) -> bool {
-    let is_due = sent.is_none_or(|sent| sent.elapsed() >= pause);
-    if is_due {
-        *sent = Some(Instant::now());
-    }
-    is_due
 }
 
 fn send(farm: &Farm, event: Event) {
@@ -299,15 +311,15 @@ mod tests {
         let mut events = pin!(listen(Arc::clone(&farm), None, None).await.unwrap());
         assert!(matches!(events.next().await.unwrap().body, EventBody::Snapshot { .. }));
         let job = some_job();
-        let mut sent = Sent { last_id: 0, progress: None, workers: None };
-        let mut changed = Changed { jobs: [job.id].into(), workers: true };
+        let mut sent = Sent::new(0);
+        let mut pending = Changed { stored: true, jobs: [job.id].into(), workers: true };
         farm.store.insert_job(job).await.unwrap();
         alter(directory.path(), "alter table jobs rename to jobs_away");
-        send_news(&farm, &mut sent, &mut changed).await.unwrap_err();
+        send_news(&farm, &mut sent, &mut pending).await.unwrap_err();
         alter(directory.path(), "alter table jobs_away rename to jobs");
-        send_news(&farm, &mut sent, &mut changed).await.unwrap();
+        send_news(&farm, &mut sent, &mut pending).await.unwrap();
         assert!(matches!(events.next().await.unwrap(), Event { id: Some(_), body: EventBody::Job { .. } }));
         assert!(matches!(events.next().await.unwrap(), Event { id: None, body: EventBody::Progress { .. } }));
-        assert!(changed.jobs.is_empty() && !changed.workers);
+        assert!(sent.due(&pending).is_none(), "{pending:?}");
     }
 }
