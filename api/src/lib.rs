@@ -24,6 +24,7 @@ mod preview;
 mod problem;
 mod session;
 mod submission;
+mod printable;
 mod worker;
 
 pub use client::{Client, ClientError, ImageDownload};
@@ -46,6 +47,7 @@ pub use submission::JobSubmission;
 pub use worker::{Quarantine, WorkerRegistration, WorkerState, WorkerView};
 
 /// Path under which every endpoint of this version of the API lies.
+pub use printable::is_printable;
 pub const API_PREFIX: &str = "/api/v1";
 
 /// Media type of an OpenEXR image or partial.

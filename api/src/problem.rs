@@ -36,12 +36,14 @@ pub enum ProblemCode {
     NoImageYet,
     /// The body is not JSON, or not of the expected shape.
     InvalidBody,
-    /// The body is declared as something else than this endpoint reads.
+    /// The body is declared as something else than this endpoint reads, or as encoded.
     UnsupportedMediaType,
     /// The body or the query has a field that nobody knows.
     UnknownField,
     /// A field has a value that it cannot have.
     InvalidField,
+    /// A name has control characters, or others that change how a line is shown.
+    InvalidName,
     /// The scene is not valid.
     InvalidScene,
     /// The reference image cannot be used with this scene.

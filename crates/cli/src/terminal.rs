@@ -1,9 +1,10 @@
 //! What people and scripts see: results on standard output, progress on standard error.
 
+use std::borrow::Cow;
 use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, Instant};
 
-use clerestory_api::ConvergencePoint;
+use clerestory_api::{ClientError, ConvergencePoint, is_printable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
@@ -15,24 +16,66 @@ const BAR_STEPS: u64 = 1000;
 /// Time between lines of progress where there is no terminal to draw a bar on.
 const LINE_PERIOD: Duration = Duration::from_secs(5);
 
+/// A text of others as a part of a line: what would steer the terminal or begin another line is written as an escape.
+pub(crate) fn printable(text: &str) -> Cow<'_, str> {
+    escaped(text, is_printable)
+}
+
+/// A text of several lines in which nothing steers the terminal.
+fn printable_lines(text: &str) -> Cow<'_, str> {
+    escaped(text, |character| matches!(character, '\n' | '\t') || is_printable(character))
+}
+
+fn escaped(text: &str, is_kept: impl Fn(char) -> bool) -> Cow<'_, str> {
+    if text.chars().all(&is_kept) {
+        return Cow::Borrowed(text);
+    }
+    let mut escaped = String::with_capacity(text.len());
+    for character in text.chars() {
+        if is_kept(character) { escaped.push(character) } else { escaped.extend(character.escape_unicode()) }
+    }
+    Cow::Owned(escaped)
+}
+
 /// Writes a line to standard output.
 pub(crate) fn print_line(line: &str) -> Result<(), Failure> {
-    writeln!(io::stdout().lock(), "{line}").map_err(Failure::Output)
+    write_line(&printable_lines(line))
 }
 
 /// Writes a value to standard output as one line of JSON.
 pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    let text = serde_json::to_string(value).expect("what commands print has a form in JSON");
-    print_line(&text)
+    let json = serde_json::to_string(value).expect("what commands print has a form in JSON");
+    write_line(&printable_json(&json))
+}
+
+/// One line of JSON in which nothing steers the terminal. Such characters are in its texts alone, where an escape says the same.
+fn printable_json(json: &str) -> String {
+    let mut text = String::with_capacity(json.len());
+    for character in json.chars() {
+        match is_printable(character) {
+            true => text.push(character),
+            false => text.push_str(&format!("\\u{:04x}", u32::from(character))),
+        }
+    }
+    text
+}
+
+fn write_line(line: &str) -> Result<(), Failure> {
+    writeln!(io::stdout().lock(), "{line}").map_err(Failure::Output)
 }
 
 /// Writes a failure, its causes and what can be done to standard error.
 pub(crate) fn print_failure(failure: &Failure) {
-    let text: Vec<String> = failure.causes().map(ToString::to_string).collect();
+    let text = |cause: &(dyn std::error::Error + 'static)| match cause.downcast_ref::<ClientError>() {
+        // It repeats what a server says.
+        Some(answer) => printable(&answer.to_string()).into_owned(),
+        None => printable_lines(&cause.to_string()).into_owned(),
+    };
+    let text: Vec<String> = failure.causes().map(text).collect();
     // With standard error gone, nobody is left to be told.
     let _ = writeln!(io::stderr().lock(), "error: {}", text.join(": "));
     if let Some(advice) = failure.advice() {
-        let _ = writeln!(io::stderr().lock(), "{advice}");
+        let _ = writeln!(io::stderr().lock(), "{}", printable_lines(&advice));
     }
 }
 
@@ -75,7 +118,7 @@ impl Progress {
 
     /// Shows how far it is.
     pub(crate) fn show(&mut self, advance: &Advance) {
-        let text = advance_text(advance);
+        let text = printable(&advance_text(advance)).into_owned();
         if self.is_drawn {
             self.bar.set_position((advance.fraction * BAR_STEPS as f64) as u64);
             self.bar.set_message(text);
@@ -89,7 +132,7 @@ impl Progress {
     pub(crate) fn note(&self, line: &str) {
         // Progress is a courtesy: a standard error that is gone does not stop the work.
         self.bar.suspend(|| {
-            let _ = writeln!(io::stderr().lock(), "{line}");
+            let _ = writeln!(io::stderr().lock(), "{}", printable_lines(line));
         });
     }
 
@@ -98,7 +141,7 @@ impl Progress {
         if !missing.is_empty() {
             self.note("Light that this image lacks:");
         }
-        missing.iter().for_each(|text| self.note(&format!("  - {text}")));
+        missing.iter().for_each(|text| self.note(&format!("  - {}", printable(text))));
     }
 
     /// Writes a row of the table of rounds, with a header above the first.
@@ -195,6 +238,22 @@ mod tests {
         };
         assert_eq!(advance_text(&advance), "128 of 256 samples a pixel, 1.23 M samples/s, 1 min 01 s left");
         assert_eq!(advance_text(&Advance::default()), "");
+    }
+
+    #[test]
+    fn what_would_steer_a_terminal_is_escaped_and_all_scripts_are_shown() {
+        assert_eq!(
+            printable("rose \u{1b}[31m\r\n\u{9b}2J\u{202e}txt"),
+            "rose \\u{1b}[31m\\u{d}\\u{a}\\u{9b}2J\\u{202e}txt"
+        );
+        assert_eq!(printable_lines("first\n\tsecond\u{7f}"), "first\n\tsecond\\u{7f}");
+        let name = "rose \u{1b}\u{9b}2J\u{202e}txt\u{2028}";
+        let json = printable_json(&serde_json::to_string(name).unwrap());
+        assert_eq!(json, r#""rose \u001b\u009b2J\u202etxt\u2028""#);
+        assert_eq!(serde_json::from_str::<String>(&json).unwrap(), name);
+        for name in ["Rosenfenster, süd", "حافظ", "窓 🪟"] {
+            assert!(matches!(printable(name), Cow::Borrowed(shown) if shown == name));
+        }
     }
 
     #[test]

@@ -37,6 +37,7 @@ pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob
     targets.check(submission.reference.is_some(), None).map_err(of_target)?;
     let text = serde_json::to_vec(&submission.scene).map_err(ApiError::internal)?;
     let description = blocking(move || SceneDescription::parse(&text).map_err(of_scene_error)).await?;
+    ApiError::check_name("scene.name", &description.name)?;
     let grid = grid(&submission, &description)?;
     let named = check_assets(&submission.assets, &scene::asset_names(&description))?;
     check_uploaded(farm, named.values().copied().chain(submission.reference)).await?;
@@ -85,6 +86,7 @@ fn check_numbers(submission: &JobSubmission) -> Result<(), ApiError> {
     if let Some(name) = submission.name.as_ref().filter(|name| name.is_empty() || name.chars().count() > LONGEST_NAME) {
         return Err(ApiError::invalid_field("name", name, format!("1 to {LONGEST_NAME} characters")));
     }
+    ApiError::check_name("name", submission.name.as_deref().unwrap_or_default())?;
     if !(1..=MOST_SAMPLES).contains(&submission.samples_per_pixel) {
         let expected = format!("1 to {MOST_SAMPLES}");
         return Err(ApiError::invalid_field("samples_per_pixel", submission.samples_per_pixel, expected));

@@ -7,7 +7,7 @@ use clerestory_api::{ConvergencePoint, JobId, JobView, StopReason};
 
 use crate::connection::ConnectionArguments;
 use crate::failure::Failure;
-use crate::terminal::{duration_text, print_json, print_line};
+use crate::terminal::{duration_text, print_json, print_line, printable};
 
 /// Options of `clerestory jobs`.
 #[derive(Debug, Args)]
@@ -41,7 +41,8 @@ pub(crate) fn parse_job(text: &str) -> Result<JobId, String> {
 fn row(job: &JobView) -> String {
     let mse = job.latest.as_ref().map_or_else(|| "-".to_owned(), mse_text);
     let (id, done) = (job.id.to_string(), format!("{:.1}%", job.progress * 100.0));
-    line([&id, job.state.name(), &done, &samples_text(job, ""), &mse, &job.integrator, &job.name])
+    let (method, name) = (printable(&job.integrator), printable(&job.name));
+    line([&id, job.state.name(), &done, &samples_text(job, ""), &mse, &method, &name])
 }
 
 fn line([id, state, done, samples, mse, method, name]: [&str; 7]) -> String {

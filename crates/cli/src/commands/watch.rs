@@ -7,7 +7,7 @@ use crate::commands::jobs::{parse_job, reason_text};
 use crate::connection::ConnectionArguments;
 use crate::failure::Failure;
 use crate::follow::follow;
-use crate::terminal::{Progress, print_json, print_line};
+use crate::terminal::{Progress, print_json, print_line, printable};
 
 /// Options of `clerestory watch`.
 #[derive(Debug, Args)]
@@ -39,7 +39,7 @@ pub(crate) fn check_image(job: &JobView) -> Result<(), Failure> {
     match job.state {
         JobState::Failed => {
             let reason = job.failure.as_deref().unwrap_or("the coordinator gives no reason");
-            Err(Failure::Job(format!("job {} failed: {reason}", job.id)))
+            Err(Failure::Job(format!("job {} failed: {}", job.id, printable(reason))))
         }
         JobState::Cancelled if job.samples == 0 => {
             Err(Failure::Job(format!("job {} was cancelled before anything was complete", job.id)))

@@ -249,6 +249,8 @@ pub(super) async fn give_back(
                 .expected(format!("at most {LONGEST_REASON} characters")));
         }
         Some(reason) => {
+            // PostgreSQL holds no NUL.
+            let reason = reason.replace('\0', "\u{fffd}");
             tracing::warn!(%lease, reason, "a worker could not do its work");
             let alive_ms = farm.alive_ms();
             let failure = WorkFailure { lease, token, reason, refused_partials: 0, now_ms, alive_ms };

@@ -10,7 +10,7 @@ use axum::extract::Request;
 use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use clerestory_api::{ContentHash, PROBLEM_MEDIA_TYPE, Problem, ProblemCode};
+use clerestory_api::{ContentHash, PROBLEM_MEDIA_TYPE, Problem, ProblemCode, is_printable};
 use tower_http::csrf::ProtectionError;
 use tracing::Instrument;
 use uuid::Uuid;
@@ -57,6 +57,14 @@ impl ApiError {
             .field(field)
             .value(value)
             .expected(expected)
+    }
+
+    /// Refuses a name with a character that changes how a line is shown.
+    pub(crate) fn check_name(field: &str, name: &str) -> Result<(), Self> {
+        let Some(found) = name.chars().find(|character| !is_printable(*character)) else { return Ok(()) };
+        let detail = format!("the name has the character U+{:04X}, which is not shown", u32::from(found));
+        let expected = "a name without control characters, line breaks and overrides of the direction of text";
+        Err(Self::new(ProblemCode::InvalidName, detail).field(field).value(name).expected(expected))
     }
 
     /// A body of more bytes than this endpoint reads.
@@ -118,6 +126,7 @@ fn status_and_title(code: ProblemCode) -> (StatusCode, &'static str) {
         ProblemCode::UnsupportedMediaType => (StatusCode::UNSUPPORTED_MEDIA_TYPE, "Wrong content type"),
         ProblemCode::UnknownField => (StatusCode::BAD_REQUEST, "Unknown field"),
         ProblemCode::InvalidField => (StatusCode::BAD_REQUEST, "Invalid value"),
+        ProblemCode::InvalidName => (StatusCode::UNPROCESSABLE_ENTITY, "Unusable name"),
         ProblemCode::InvalidScene => (StatusCode::UNPROCESSABLE_ENTITY, "Invalid scene"),
         ProblemCode::InvalidReference => (StatusCode::UNPROCESSABLE_ENTITY, "Unusable reference"),
         ProblemCode::MissingAssets => (StatusCode::CONFLICT, "Assets have to be uploaded first"),

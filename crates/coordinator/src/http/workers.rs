@@ -46,6 +46,7 @@ fn check(registration: &WorkerRegistration) -> Result<(), ApiError> {
         if let Some(text) = text.filter(|text| text.is_empty() || text.chars().count() > LONGEST_TEXT) {
             return Err(ApiError::invalid_field(field, text, format!("1 to {LONGEST_TEXT} characters")));
         }
+        ApiError::check_name(field, text.unwrap_or_default())?;
     }
     if !(1..=MOST_CORES).contains(&registration.cores) {
         return Err(ApiError::invalid_field("cores", registration.cores, format!("1 to {MOST_CORES}")));

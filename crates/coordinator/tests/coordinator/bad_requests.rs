@@ -185,6 +185,13 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     )
     .await;
     let file = json!({"ply": {"file": "floor.ply"}});
+    for name in ["\u{1b}[31mrose", "rose\nDone", "\0", "\u{9b}2J", "\u{7f}", "\u{202e}exr.esor", "rose\u{2028}"] {
+        check(farm, submit(&submission_with("name", json!(name))), 422, "invalid_name", Some("name")).await;
+        let response = submit(&scene_with("/name", json!(name))).send(farm).await;
+        assert_eq!(response.status(), StatusCode::UNPROCESSABLE_ENTITY, "{name:?}");
+        let worker = json!({"name": name, "cores": 1, "build": "b"});
+        check(farm, post("/workers", &worker), 422, "invalid_name", Some("name")).await;
+    }
     check(farm, submit(&scene_with("/meshes/0/source", file.clone())), 400, "invalid_field", Some("assets.floor.ply"))
         .await;
     let mut body = scene_with("/meshes/0/source", file);
