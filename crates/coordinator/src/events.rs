@@ -20,7 +20,7 @@ use crate::views;
 /// Events that a slow listener may fall behind before it gets a snapshot instead: more than one for each worker, since those go out together.
 const BACKLOG: usize = 8192;
 
-/// Stored events that are read at once; also the most that a listener who comes back is sent one by one.
+/// Stored events that are read at once; also the most that a listener that comes back is sent one by one.
 const BATCH: u32 = 500;
 
 /// Shortest time between two looks for stored events: each lease rings for one.
@@ -236,10 +236,8 @@ struct Listener {
 
 impl Listener {
     async fn catch_up(&mut self, last_id: i64) -> Result<(), StoreError> {
-        for event in self.farm.store.events_after(last_id, BATCH).await? {
-            if self.job.is_none_or(|job| job == event.job)
-                && let Some(body) = body_of(&self.farm, &event).await?
-            {
+        for event in self.farm.store.missed_events(self.job, last_id, BATCH).await? {
+            if let Some(body) = body_of(&self.farm, &event).await? {
                 self.queue.push_back(Event { id: Some(event.id), body });
             }
         }
@@ -302,6 +300,43 @@ mod tests {
     fn alter(directory: &Path, statement: &str) {
         let database = rusqlite::Connection::open(directory.join("farm.sqlite")).unwrap();
         database.execute_batch(statement).unwrap();
+    }
+
+    #[tokio::test]
+    async fn a_listener_of_one_job_that_comes_back_misses_nothing_of_it_however_much_happens_to_others() {
+        let directory = tempfile::tempdir().unwrap();
+        let (farm, _bells) = open(Config::new(directory.path())).await.unwrap();
+        let (watched, busy) = (some_job(), some_job());
+        let ids = [watched.id, busy.id];
+        farm.store.insert_job(watched).await.unwrap();
+        farm.store.insert_job(busy).await.unwrap();
+        let [watched, busy] = ids;
+        // Events 1 and 2 are the submissions.
+        let rows = (3..=700).map(|id| {
+            let job = if matches!(id, 3 | 650) { watched } else { busy };
+            format!("insert into events (id, kind, job, created_ms) values ({id}, 'job', '{job}', 0);")
+        });
+        alter(directory.path(), &rows.collect::<String>());
+        alter(directory.path(), "update sequences set value = 700 where name = 'event'");
+        let missed = async |job, last_id| {
+            let mut events = pin!(listen(Arc::clone(&farm), job, Some(last_id)).await.unwrap());
+            let mut ids = Vec::new();
+            loop {
+                let Event { id, body } = events.next().await.unwrap();
+                if matches!(body, EventBody::Snapshot { .. }) {
+                    assert_eq!(id, Some(700));
+                    return ids;
+                }
+                ids.extend(id);
+            }
+        };
+        assert_eq!(missed(Some(watched), 1).await, [3, 650]);
+        assert_eq!(missed(Some(watched), 3).await, [650]);
+        assert_eq!(missed(Some(watched), 650).await, [0; 0]);
+        // What is older than is kept, and what a database that was restored does not have yet.
+        assert_eq!(missed(Some(watched), -5).await, [1, 3, 650]);
+        assert_eq!(missed(Some(watched), i64::MAX).await, [0; 0]);
+        assert_eq!(missed(None, 0).await, (201..=700).collect::<Vec<_>>(), "the newest come where all are too many");
     }
 
     #[tokio::test]

@@ -90,6 +90,33 @@ impl Store {
         rows.iter().map(stored).collect()
     }
 
+    /// The newest `limit` events after `id`, of one job or of all, oldest first.
+    pub(crate) async fn missed_events(
+        &self,
+        job: Option<JobId>,
+        id: i64,
+        limit: u32,
+    ) -> Result<Vec<StoredEvent>, StoreError> {
+        let rows = match job {
+            None => {
+                query("select id, kind, job, frame, round from events where id > $1 order by id desc limit $2")
+                    .bind(id)
+                    .bind(i64::from(limit))
+                    .fetch_all(&self.readers)
+                    .await?
+            }
+            Some(job) => query(
+                "select id, kind, job, frame, round from events where job = $1 and id > $2 order by id desc limit $3",
+            )
+            .bind(job.to_string())
+            .bind(id)
+            .bind(i64::from(limit))
+            .fetch_all(&self.readers)
+            .await?,
+        };
+        rows.iter().rev().map(stored).collect()
+    }
+
     /// Drops events that are too old to be asked for.
     pub(crate) async fn prune_events(&self) -> Result<(), StoreError> {
         self.write(|connection| {

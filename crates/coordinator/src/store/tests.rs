@@ -426,6 +426,22 @@ async fn a_film_is_kept_by_one_coordinator_until_its_term_is_over(farm: Farm) {
     assert_eq!(farm.store.keep(gone, one, 0, 100).await.unwrap(), Keeping::Ours, "a job that is gone is no obstacle");
 }
 
+async fn missed_events_are_the_newest_of_the_job_that_is_asked_for(farm: Farm) {
+    let (watched, other) = (farm.job(1).await, farm.job(1).await);
+    for job in [other, watched] {
+        farm.store.end_job(job, Ending::Cancelled, 1).await.unwrap();
+    }
+    let missed = async |job, id, limit| {
+        let events = farm.store.missed_events(job, id, limit).await.unwrap();
+        events.iter().map(|event| event.id).collect::<Vec<_>>()
+    };
+    assert_eq!(missed(Some(watched), 0, 10).await, [1, 4]);
+    assert_eq!(missed(Some(watched), 1, 10).await, [4]);
+    assert_eq!(missed(Some(other), 0, 1).await, [3]);
+    assert_eq!(missed(None, 1, 2).await, [3, 4]);
+    assert_eq!(missed(Some(JobId::from(Uuid::nil())), 0, 10).await, [0; 0]);
+}
+
 /// One test for each engine.
 macro_rules! on_both {
     ($($name:ident)*) => {
@@ -539,6 +555,7 @@ on_both! {
     a_claim_of_a_worker_that_has_gone_away_takes_nothing
     a_claim_of_a_worker_that_goes_away_during_another_write_takes_nothing
     what_waits_is_written_before_the_store_is_closed
+    missed_events_are_the_newest_of_the_job_that_is_asked_for
     a_farm_keeps_its_identity
     a_database_of_a_newer_build_is_refused_with_both_versions
     a_lost_connection_fails_what_was_under_way_and_nothing_after_it
