@@ -1,7 +1,7 @@
 //! The dashboard's files, embedded in the program.
 
-use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
-use axum::http::{HeaderMap, StatusCode, Uri};
+use axum::http::header::{ALLOW, CACHE_CONTROL, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
+use axum::http::{HeaderMap, Method, StatusCode, Uri};
 use axum::response::{IntoResponse, Response};
 use rust_embed::Embed;
 
@@ -9,13 +9,17 @@ use rust_embed::Embed;
 #[folder = "dashboard/"]
 struct Files;
 
-/// A file of the dashboard; its first page for `/`.
-pub(super) async fn file(uri: Uri, headers: HeaderMap) -> Response {
-    let path = match uri.path().trim_start_matches('/') {
+/// A file of the dashboard; its first page for `/`. What is no file of it does not exist, whatever the method. A query is
+/// not read: pages that are shared carry some.
+pub(super) async fn file(method: Method, uri: Uri, headers: HeaderMap) -> Response {
+    let path = match uri.path().strip_prefix('/').unwrap_or(uri.path()) {
         "" => "index.html",
         path => path,
     };
     let Some(file) = Files::get(path) else { return StatusCode::NOT_FOUND.into_response() };
+    if !matches!(method, Method::GET | Method::HEAD) {
+        return (StatusCode::METHOD_NOT_ALLOWED, [(ALLOW, "GET,HEAD")]).into_response();
+    }
     let tag = format!("\"{}\"", hex::encode(file.metadata.sha256_hash()));
     if headers.get(IF_NONE_MATCH).is_some_and(|known| known.as_bytes() == tag.as_bytes()) {
         return StatusCode::NOT_MODIFIED.into_response();

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use axum::body::{BodyDataStream, Bytes};
 use axum::extract::{FromRequest, FromRequestParts, Query, RawPathParams, Request};
+use axum::http::Uri;
 use axum::http::header::{CONTENT_LENGTH, CONTENT_TYPE, HeaderMap};
 use axum::http::request::Parts;
 use bytes::BytesMut;
@@ -88,10 +89,24 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequestParts<S> for StrictQuery<T>
             Some((path, rest)) if !path.contains(' ') => (path, rest),
             _ => ("", message),
         };
-        let pairs = Query::<Vec<(String, String)>>::from_request_parts(parts, state).await;
-        let value = pairs.ok().and_then(|Query(pairs)| pairs.into_iter().find(|(name, _)| name == path));
-        Err(of_message(path, message, value.map(|(_, value)| value)))
+        let value = |name: &str| query_pairs(&parts.uri).into_iter().find(|(known, _)| known == name);
+        if let Some((name, known)) = message.strip_prefix("unknown field `").and_then(|rest| rest.split_once('`')) {
+            let known = known.split_once("expected ").map_or("no parameters here", |(_, known)| known);
+            return Err(unknown_parameter(name, value(name).map(|(_, value)| value).unwrap_or_default(), known));
+        }
+        Err(of_message(path, message, value(path).map(|(_, value)| value)))
     }
+}
+
+/// The parameters of a query, in its order.
+pub(super) fn query_pairs(uri: &Uri) -> Vec<(String, String)> {
+    Query::<Vec<(String, String)>>::try_from_uri(uri).map(|Query(pairs)| pairs).unwrap_or_default()
+}
+
+/// A parameter that an endpoint does not have, and those that it has.
+pub(super) fn unknown_parameter(name: &str, value: String, known: &str) -> ApiError {
+    let error = ApiError::new(ProblemCode::UnknownField, format!("this endpoint has no parameter `{name}`"));
+    error.field(name).value(value).expected(known)
 }
 
 /// The parameter of the path, read as an identity or a hash.

@@ -2,13 +2,15 @@
 //!
 //! A request passes these layers, from the outside in: [`leftover`] (bodies that nobody has read to their end),
 //! [`problem::explain`] (request id, span, problem documents), panics caught, [`auth::authorise`] (token, or the name of
-//! this machine), requests from other sites' pages refused, limits on bodies. Handlers read with [`extract`], which names
-//! the field that is wrong, and return an [`ApiError`].
+//! this machine), requests from other sites' pages refused, [`encoding`] (encoded bodies), [`queries`] (parameters that no
+//! endpoint has), limits on bodies. Handlers read with [`extract`], which names the field that is wrong, and return an
+//! [`ApiError`].
 
 mod assets;
 mod auth;
 mod connections;
 mod dashboard;
+mod encoding;
 mod events;
 mod extract;
 mod images;
@@ -18,6 +20,7 @@ mod leftover;
 mod lingering;
 mod openapi;
 mod problem;
+mod queries;
 mod strict_object;
 mod workers;
 
@@ -54,11 +57,14 @@ pub(crate) fn router(farm: Arc<Farm>) -> Router {
         .layer(DefaultBodyLimit::max(MAX_SMALL_BODY as usize))
         .merge(Router::from(openapi::partials()).layer(DefaultBodyLimit::max(max_partial)))
         // Assets are counted as they are written.
-        .merge(Router::from(openapi::streams()).layer(DefaultBodyLimit::disable()));
+        .merge(Router::from(openapi::streams()).layer(DefaultBodyLimit::disable()))
+        .route_layer(from_fn(queries::refuse))
+        .merge(Router::from(openapi::with_parameters()))
+        .route_layer(from_fn(encoding::refuse));
     let fixed = |name, value| SetResponseHeaderLayer::if_not_present(name, HeaderValue::from_static(value));
     Router::new()
         .nest(API_PREFIX, api)
-        .fallback_service(get(dashboard::file))
+        .fallback(dashboard::file)
         .layer(CsrfLayer::new())
         .layer(from_fn_with_state(Arc::clone(&farm), auth::authorise))
         // Probes ask by address, and learn nothing.

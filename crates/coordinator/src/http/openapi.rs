@@ -43,7 +43,6 @@ pub(super) fn small() -> OpenApiRouter<Arc<Farm>> {
         .routes(routes!(jobs::convergence))
         .routes(routes!(jobs::live_error))
         .routes(routes!(images::exr))
-        .routes(routes!(images::preview))
         .routes(routes!(events::all))
         .routes(routes!(events::of_job))
         .routes(routes!(workers::list, workers::register))
@@ -52,6 +51,11 @@ pub(super) fn small() -> OpenApiRouter<Arc<Farm>> {
         .routes(routes!(leases::claim))
         .routes(routes!(leases::renew))
         .routes(routes!(leases::give_back))
+}
+
+/// Endpoints that have parameters in their query.
+pub(super) fn with_parameters() -> OpenApiRouter<Arc<Farm>> {
+    OpenApiRouter::new().routes(routes!(images::preview))
 }
 
 /// The endpoint that reads partials.
@@ -66,7 +70,7 @@ pub(super) fn streams() -> OpenApiRouter<Arc<Farm>> {
 
 /// The whole description.
 pub(crate) fn description() -> utoipa::openapi::OpenApi {
-    let endpoints = small().merge(partials()).merge(streams());
+    let endpoints = small().merge(with_parameters()).merge(partials()).merge(streams());
     let (_, mut description) =
         OpenApiRouter::<Arc<Farm>>::with_openapi(Description::openapi()).nest(API_PREFIX, endpoints).split_for_parts();
     let content = ContentBuilder::new().schema(Some(Ref::from_schema_name("Problem"))).build();

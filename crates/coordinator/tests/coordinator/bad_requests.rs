@@ -107,6 +107,47 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     check(farm, call(Method::GET, format!("/jobs/{nobody}")), 404, "unknown_job", Some("job")).await;
     check(farm, call(Method::GET, format!("/jobs/{nobody}/events")), 404, "unknown_job", Some("job")).await;
     check(farm, call(Method::GET, format!("/jobs/{nobody}/live")), 404, "unknown_job", Some("job")).await;
+    for method in [Method::GET, Method::POST, Method::PUT, Method::DELETE, Method::PATCH] {
+        for path in ["", "/", "/nothing", "/jobs/", "//jobs", "/JOBS", "/%6aobs", "/jobs/abc/nothing"] {
+            check(farm, call(method.clone(), path), 404, "unknown_path", Some("path")).await;
+        }
+    }
+
+    // Queries.
+    let job_path = format!("/jobs/{nobody}");
+    for (method, path) in [
+        (Method::GET, "/jobs"),
+        (Method::POST, "/jobs"),
+        (Method::GET, "/events"),
+        (Method::GET, job_path.as_str()),
+        (Method::GET, "/workers"),
+        (Method::POST, "/leases"),
+        (Method::GET, "/openapi.json"),
+        (Method::PUT, &*format!("/assets/{}", hash(b"x"))),
+    ] {
+        let problem =
+            check(farm, call(method, format!("{path}?limit=5&limit=6")), 400, "unknown_field", Some("limit")).await;
+        assert!(problem.detail.contains("`limit`") && problem.expected.unwrap().contains("no parameters"), "{path}");
+    }
+    assert_eq!(call(Method::GET, "/jobs?").send(farm).await.status(), StatusCode::OK, "it has no parameter");
+
+    // Encoded bodies.
+    for (method, path) in [
+        (Method::POST, "/jobs"),
+        (Method::POST, "/workers"),
+        (Method::PUT, &*format!("/assets/{}", hash(b"x"))),
+        (Method::PUT, &*format!("/leases/{nobody}/partial")),
+    ] {
+        for encoding in ["gzip", "br", "deflate", "zstd", "x-unknown", "identity, gzip"] {
+            let encoded = call(method.clone(), path).header("content-encoding", encoding).body("\u{1f}\u{8b}");
+            let problem = check(farm, encoded, 415, "unsupported_media_type", Some("content-encoding")).await;
+            assert!(encoding.ends_with(&problem.value.unwrap()), "{encoding}");
+        }
+    }
+    let encoded = call(Method::POST, "/jobs").header("content-encoding", "gzip").send(farm).await;
+    assert_eq!(encoded.headers()["accept-encoding"], "identity");
+    let plain = submit(&json!({})).header("content-encoding", "Identity");
+    check(farm, plain, 400, "invalid_field", Some("scene")).await;
     check(farm, call(Method::POST, format!("/jobs/{nobody}/cancel")), 404, "unknown_job", Some("job")).await;
 
     // Bodies.
@@ -263,12 +304,45 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     check(farm, image("preview.png?exposure=1e9"), 400, "invalid_field", Some("exposure")).await;
     check(farm, image("preview.png?exposure=NaN"), 400, "invalid_field", Some("exposure")).await;
     check(farm, image("preview.png?curve=pastel"), 400, "invalid_field", Some("curve")).await;
-    check(farm, image("preview.png?gamma=2"), 400, "unknown_field", Some("gamma")).await;
+    let problem = check(farm, image("preview.png?gamma=2"), 400, "unknown_field", Some("gamma")).await;
+    assert_eq!((problem.value.as_deref(), problem.expected.as_deref()), (Some("2"), Some("`exposure` or `curve`")));
+    check(farm, image("preview.png?curve=srgb&curve=filmic"), 400, "invalid_field", Some("curve")).await;
+    check(farm, image("image.exr?frame=2"), 400, "unknown_field", Some("frame")).await;
 
     farm.worker().await.drain().await;
     farm.finished(job.id).await;
     assert!(bits(&farm.image(job.id).await) == expected_bits(4));
 }
+#[tokio::test(flavor = "multi_thread")]
+async fn the_page_has_its_files_and_nothing_else_exists_whatever_the_method() {
+    let farm = TestFarm::start().await;
+    let http = reqwest::Client::builder().no_proxy().build().unwrap();
+    for (method, path, status) in [
+        (Method::GET, "/", 200),
+        (Method::HEAD, "/", 200),
+        (Method::GET, "/app.js?v=1", 200),
+        (Method::POST, "/app.js", 405),
+        (Method::GET, "/app.js/", 404),
+        (Method::GET, "//app.js", 404),
+        (Method::GET, "/nothing", 404),
+        (Method::HEAD, "/nothing", 404),
+        (Method::POST, "/nothing", 404),
+        (Method::DELETE, "/api", 404),
+        (Method::OPTIONS, "/api/v2/jobs", 404),
+        (Method::POST, "/API/V1/jobs", 404),
+        (Method::OPTIONS, "/api/v1/jobs", 405),
+    ] {
+        let response = http.request(method.clone(), format!("{}{path}", farm.address)).send().await.unwrap();
+        assert_eq!(response.status().as_u16(), status, "{method} {path}");
+        assert_eq!(response.headers().contains_key("allow"), status == 405, "{method} {path}");
+        if status >= 400 {
+            assert_eq!(response.headers()["content-type"], "application/problem+json", "{method} {path}");
+        } else {
+            assert!(response.headers()["content-length"] != "0", "{method} {path}");
+        }
+    }
+}
+
 
 /// Sends a request on a connection, and answers the head and the body of the answer.
 async fn exchange(connection: &mut TcpStream, head: &str, body: &[u8]) -> String {

@@ -1,0 +1,34 @@
+//! Bodies are read as they are: an encoded one is refused before it is taken for a damaged one.
+
+use axum::extract::Request;
+use axum::http::HeaderValue;
+use axum::http::header::{ACCEPT_ENCODING, CONTENT_ENCODING, HeaderMap};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use clerestory_api::ProblemCode;
+
+use super::problem::ApiError;
+
+/// The only encoding that is read, which changes nothing.
+const IDENTITY: &str = "identity";
+
+/// The layer.
+pub(super) async fn refuse(request: Request, next: Next) -> Response {
+    let Some(found) = encoding(request.headers()) else { return next.run(request).await };
+    let error = ApiError::new(ProblemCode::UnsupportedMediaType, "this endpoint reads bodies without an encoding")
+        .field("content-encoding")
+        .value(found)
+        .expected(format!("no such header, or `{IDENTITY}`"));
+    let mut response = error.into_response();
+    // It tells a sender what to try instead (RFC 9110, section 15.5.16).
+    response.headers_mut().insert(ACCEPT_ENCODING, HeaderValue::from_static(IDENTITY));
+    response
+}
+
+/// The first encoding that changes a body.
+fn encoding(headers: &HeaderMap) -> Option<String> {
+    let values = headers.get_all(CONTENT_ENCODING).iter().map(|value| String::from_utf8_lossy(value.as_bytes()));
+    let names: Vec<String> =
+        values.flat_map(|value| value.split(',').map(|name| name.trim().to_owned()).collect::<Vec<_>>()).collect();
+    names.into_iter().find(|name| !name.is_empty() && !name.eq_ignore_ascii_case(IDENTITY))
+}

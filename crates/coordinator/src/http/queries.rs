@@ -1,0 +1,15 @@
+//! Queries of endpoints that have no parameters: one that is not read is refused, as a member of a body is.
+
+use axum::extract::Request;
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+
+use super::extract::{query_pairs, unknown_parameter};
+
+/// The layer.
+pub(super) async fn refuse(request: Request, next: Next) -> Response {
+    match query_pairs(request.uri()).into_iter().next() {
+        None => next.run(request).await,
+        Some((name, value)) => unknown_parameter(&name, value, "no parameters here").into_response(),
+    }
+}
