@@ -1,20 +1,24 @@
 //! The typed client: one method for each call that the programs of this repository make.
 
 use std::convert::Infallible;
+use std::fmt;
 use std::time::Duration;
 
 use bytes::Bytes;
 use futures::stream;
-use reqwest::header::{AUTHORIZATION, CONTENT_LENGTH, CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
-use reqwest::{Body, Method, RequestBuilder, Response, StatusCode, Url};
+use hyper_util::client::proxy::matcher::Matcher;
+use reqwest::header::{AUTHORIZATION, CONTENT_LENGTH, CONTENT_TYPE, HeaderMap, HeaderValue};
+use reqwest::redirect::Policy;
+use reqwest::{Body, Method, Proxy, RequestBuilder, Response, StatusCode, Url};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use crate::client_error::ClientError;
 use crate::{
     ACCEPTED_NODES_HEADER, API_PREFIX, CORE_MILLISECONDS_HEADER, ContentHash, ConvergenceSeries, EXR_MEDIA_TYPE,
     EventStream, FENCING_TOKEN_HEADER, JobId, JobScene, JobSubmission, JobView, Lease, LeaseId, LeaseRenewal,
-    LeaseRequest, LeaseReturn, LeaseToken, LiveMeasurement, PROBLEM_MEDIA_TYPE, PartialAnswer, PartialUpload, Preview,
-    PreviewQuery, Problem, WorkerId, WorkerRegistration, WorkerView,
+    LeaseRequest, LeaseReturn, LeaseToken, LiveMeasurement, PartialAnswer, PartialUpload, Preview, PreviewQuery,
+    WorkerId, WorkerRegistration, WorkerView, address, answer,
 };
 
 /// Longest wait for a connection.
@@ -27,103 +31,29 @@ const PATIENCE: Duration = Duration::from_secs(60);
 /// The slowest line on which an upload gets through, bytes a second: the longer the body, the longer the wait for the answer.
 const SLOWEST_LINE: usize = 64 << 10;
 
-/// Longest pause that an answer can ask for: below the time that a lease lasts by default.
-const LONGEST_RETRY_AFTER: Duration = Duration::from_secs(30);
-
-/// Characters of an unexpected answer that are shown.
-const SHOWN_BODY: usize = 100;
+/// Media type of an asset.
+const OCTETS: &str = "application/octet-stream";
 
 /// Bytes of an upload that are handed to the connection at a time.
 const UPLOAD_PIECE: usize = 64 << 10;
 
 /// A connection to a coordinator. Cheap to clone; clones share their connections.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Client {
     http: reqwest::Client,
     /// Without a limit of its own on the wait for an answer, which would run while the body is still on its way.
     uploads: reqwest::Client,
     patience: Duration,
     base: Url,
+    /// The base in messages.
+    address: String,
+    /// The proxy that the environment names for this address, in messages.
+    proxy: Option<String>,
 }
 
-/// Why a call failed.
-#[derive(Debug, thiserror::Error)]
-pub enum ClientError {
-    /// The address cannot be one of a coordinator.
-    #[error(
-        "`{value}` is not the address of a coordinator: expected something like http://127.0.0.1:7171, without a path"
-    )]
-    InvalidAddress {
-        /// The address.
-        value: String,
-    },
-    /// The token has characters that no header can carry.
-    #[error(
-        "the token has characters other than visible ASCII: expected something like the output of `openssl rand -hex 32`"
-    )]
-    InvalidToken,
-    /// The coordinator refused, and said why.
-    #[error("{problem}")]
-    Problem {
-        /// What it said.
-        problem: Box<Problem>,
-        /// How long to wait before the next attempt, if the answer says.
-        retry_after: Option<Duration>,
-    },
-    /// Somebody answered, but not as a coordinator does.
-    #[error("unexpected answer with status {status}: {body}")]
-    UnexpectedAnswer {
-        /// HTTP status.
-        status: u16,
-        /// The beginning of the body.
-        body: String,
-        /// How long to wait before the next attempt, if the answer says.
-        retry_after: Option<Duration>,
-    },
-    /// The coordinator answered with success, and with a body of another form than this build knows.
-    #[error("the answer from {path} cannot be read")]
-    UnreadableAnswer {
-        /// The path that was asked.
-        path: String,
-        /// What could not be read.
-        source: serde_json::Error,
-    },
-    /// The request did not get through.
-    #[error("no answer from the coordinator")]
-    Transport(#[from] reqwest::Error),
-}
-
-impl ClientError {
-    /// Whether the same call may well succeed later: the coordinator is restarting, overloaded or out of reach, or the
-    /// line was too slow.
-    pub fn is_transient(&self) -> bool {
-        match self {
-            Self::Transport(error) => !error.is_builder(),
-            Self::Problem { problem, .. } => is_transient(problem.status),
-            Self::UnexpectedAnswer { status, .. } => is_transient(*status),
-            Self::InvalidAddress { .. } | Self::InvalidToken | Self::UnreadableAnswer { .. } => false,
-        }
-    }
-
-    /// How long to wait before the same call, for a caller who means to wait for `planned`: what the answer asks for
-    /// comes on top, so that callers who all were asked the same do not come back all at once.
-    pub fn pause(&self, planned: Duration) -> Duration {
-        match self {
-            Self::Problem { retry_after, .. } | Self::UnexpectedAnswer { retry_after, .. } => {
-                planned + retry_after.unwrap_or_default().min(LONGEST_RETRY_AFTER)
-            }
-            Self::InvalidAddress { .. } | Self::InvalidToken | Self::UnreadableAnswer { .. } | Self::Transport(_) => {
-                planned
-            }
-        }
-    }
-
-    /// The problem document, if the coordinator sent one.
-    pub fn problem(&self) -> Option<&Problem> {
-        match self {
-            Self::Problem { problem, .. } => Some(problem),
-            _ => None,
-        }
+impl fmt::Debug for Client {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("Client").field("address", &self.address).field("proxy", &self.proxy).finish()
     }
 }
 
@@ -139,37 +69,59 @@ impl ImageDownload {
 }
 
 impl Client {
-    /// A client for the coordinator at `address`, for instance `http://127.0.0.1:7171`. Nothing is sent yet.
+    /// A client for the coordinator at `address`, for instance `http://127.0.0.1:7171`. The address may have a path, and a
+    /// name and a password for a proxy that asks for them. Nothing is sent yet.
     ///
     /// # Errors
     ///
-    /// When the address or the token cannot be used, or the client's TLS cannot be set up.
+    /// When the address, the token or the proxy of the environment cannot be used, or the client's TLS cannot be set up.
     pub fn new(address: &str, token: Option<&str>) -> Result<Self, ClientError> {
-        Self::with_patience(address, token, PATIENCE)
+        Self::with(address, token, PATIENCE, &Matcher::from_env())
     }
 
-    fn with_patience(address: &str, token: Option<&str>, patience: Duration) -> Result<Self, ClientError> {
-        let invalid = || ClientError::InvalidAddress { value: address.to_owned() };
-        let mut base: Url = address.parse().map_err(|_| invalid())?;
-        let is_host_alone = base.path() == "/" && base.query().is_none() && base.fragment().is_none();
-        if !matches!(base.scheme(), "http" | "https") || !is_host_alone {
-            return Err(invalid());
-        }
-        base.set_path("");
+    fn with(
+        address: &str,
+        token: Option<&str>,
+        patience: Duration,
+        environment: &Matcher,
+    ) -> Result<Self, ClientError> {
+        let base = address::parse(address)?;
         let mut headers = HeaderMap::new();
         if let Some(token) = token {
+            if !base.username().is_empty() || base.password().is_some() {
+                return Err(ClientError::TwoCredentials);
+            }
             let mut value = HeaderValue::from_str(&format!("Bearer {token}")).map_err(|_| ClientError::InvalidToken)?;
             value.set_sensitive(true);
             headers.insert(AUTHORIZATION, value);
         }
-        let client = || reqwest::Client::builder().default_headers(headers.clone()).connect_timeout(CONNECT_TIMEOUT);
-        Ok(Self { http: client().read_timeout(patience).build()?, uploads: client().build()?, patience, base })
+        let intercept = address::proxy(&base, environment)?;
+        let proxy = intercept.as_ref().map(address::shown_proxy);
+        let client = || {
+            // A redirect loses the bodies and the methods of calls.
+            let builder = reqwest::Client::builder().redirect(Policy::none()).no_proxy();
+            let builder = builder.default_headers(headers.clone()).connect_timeout(CONNECT_TIMEOUT);
+            let Some((intercept, proxy)) = intercept.as_ref().zip(proxy.as_deref()) else { return Ok(builder) };
+            let proxy = Proxy::all(proxy)?;
+            Ok::<_, ClientError>(builder.proxy(match intercept.basic_auth() {
+                Some(credentials) => proxy.custom_http_auth(credentials.clone()),
+                None => proxy,
+            }))
+        };
+        let (http, uploads) = (client()?.read_timeout(patience).build()?, client()?.build()?);
+        let address = address::without_credentials(base.as_str()).trim_end_matches('/').to_owned();
+        Ok(Self { http, uploads, patience, base, address, proxy })
+    }
+
+    /// The address of the coordinator for messages, without a password.
+    pub fn address(&self) -> &str {
+        &self.address
     }
 
     /// Whether the coordinator is up and its store is usable.
     pub async fn is_ready(&self) -> bool {
-        let Ok(url) = self.base.join("/readyz") else { return false };
-        matches!(self.http.get(url).send().await, Ok(response) if response.status().is_success())
+        let answer = self.http.get(self.at("/readyz")).send().await;
+        answer.is_ok_and(|response| response.status() == StatusCode::NO_CONTENT)
     }
 
     /// Uploads an asset under its content hash, and tells `sent`, as pieces are handed to the connection, how many bytes each
@@ -190,13 +142,13 @@ impl Client {
             .upload(&format!("/assets/{hash}"), length)
             .header(CONTENT_LENGTH, length)
             .body(Body::wrap_stream(stream::iter(pieces)));
-        check(request.send().await?).await?;
-        Ok(())
+        self.send_for_nothing(request).await
     }
 
     /// Downloads an asset.
     pub async fn asset(&self, hash: &ContentHash) -> Result<Bytes, ClientError> {
-        self.download(self.request(Method::GET, &format!("/assets/{hash}"))).await
+        let response = self.send_for(self.request(Method::GET, &format!("/assets/{hash}")), OCTETS).await?;
+        Ok(response.bytes().await?)
     }
 
     /// Submits a job. A problem with code `missing_assets` lists what has to be uploaded first.
@@ -216,7 +168,7 @@ impl Client {
 
     /// Cancels a job; what is complete is kept. Cancelling a finished job changes nothing.
     pub async fn cancel_job(&self, job: JobId) -> Result<JobView, ClientError> {
-        json(self.request(Method::POST, &format!("/jobs/{job}/cancel")).send().await?).await
+        self.send_for_json(self.request(Method::POST, &format!("/jobs/{job}/cancel"))).await
     }
 
     /// What a worker needs to render nodes of a job.
@@ -236,18 +188,22 @@ impl Client {
 
     /// The image as it is now, as OpenEXR, whole.
     pub async fn image(&self, job: JobId) -> Result<Bytes, ClientError> {
-        self.download(self.request(Method::GET, &image_path(job))).await
+        Ok(self.image_answer(job).await?.bytes().await?)
     }
 
     /// The image as it is now, as OpenEXR, in pieces as they come: it may be larger than memory.
     pub async fn image_download(&self, job: JobId) -> Result<ImageDownload, ClientError> {
-        Ok(ImageDownload(check(self.request(Method::GET, &image_path(job)).send().await?).await?))
+        self.image_answer(job).await.map(ImageDownload)
+    }
+
+    async fn image_answer(&self, job: JobId) -> Result<Response, ClientError> {
+        self.send_for(self.request(Method::GET, &format!("/jobs/{job}/image.exr")), EXR_MEDIA_TYPE).await
     }
 
     /// The image as it is now, as PNG.
     pub async fn preview(&self, job: JobId, query: &PreviewQuery) -> Result<Preview, ClientError> {
         let request = self.request(Method::GET, &format!("/jobs/{job}/preview.png")).query(query);
-        let response = check(request.send().await?).await?;
+        let response = self.send_for(request, "image/png").await?;
         let accepted_nodes =
             response.headers().get(ACCEPTED_NODES_HEADER).and_then(|value| value.to_str().ok()?.parse().ok());
         Ok(Preview { accepted_nodes: accepted_nodes.unwrap_or(0), png: response.bytes().await? })
@@ -260,7 +216,7 @@ impl Client {
         if let Some(id) = last_id {
             request = request.header("last-event-id", id);
         }
-        Ok(EventStream::new(check(request.send().await?).await?))
+        Ok(EventStream::new(self.send_for(request, "text/event-stream").await?))
     }
 
     /// Registers a worker.
@@ -270,14 +226,12 @@ impl Client {
 
     /// Says that a worker is alive. A problem with code `unknown_worker` means that it has to register again.
     pub async fn heartbeat(&self, worker: WorkerId) -> Result<(), ClientError> {
-        check(self.request(Method::POST, &format!("/workers/{worker}/heartbeat")).send().await?).await?;
-        Ok(())
+        self.send_for_nothing(self.request(Method::POST, &format!("/workers/{worker}/heartbeat"))).await
     }
 
     /// Gives work again to a worker that was quarantined, and to all of the same name.
     pub async fn release_worker(&self, worker: WorkerId) -> Result<WorkerView, ClientError> {
-        let response = self.request(Method::POST, &format!("/workers/{worker}/release")).send().await?;
-        Ok(check(response).await?.json().await?)
+        self.send_for_json(self.request(Method::POST, &format!("/workers/{worker}/release"))).await
     }
 
     /// All workers.
@@ -287,10 +241,10 @@ impl Client {
 
     /// Asks for work; `None` when there is none for now.
     pub async fn claim_lease(&self, request: &LeaseRequest) -> Result<Option<Lease>, ClientError> {
-        let response = check(self.request(Method::POST, "/leases").json(request).send().await?).await?;
+        let response = self.send(self.request(Method::POST, "/leases").json(request)).await?;
         match response.status() {
             StatusCode::NO_CONTENT => Ok(None),
-            _ => json(response).await.map(Some),
+            _ => answer::json(response, self.proxy.as_deref()).await.map(Some),
         }
     }
 
@@ -307,13 +261,12 @@ impl Client {
             .header(FENCING_TOKEN_HEADER, upload.token)
             .header(CORE_MILLISECONDS_HEADER, upload.core_ms)
             .body(upload.body);
-        json(request.send().await?).await
+        self.send_for_json(request).await
     }
 
     /// Gives the rest of a lease back.
     pub async fn return_lease(&self, lease: LeaseId, body: &LeaseReturn) -> Result<(), ClientError> {
-        check(self.request(Method::POST, &format!("/leases/{lease}/return")).json(body).send().await?).await?;
-        Ok(())
+        self.send_for_nothing(self.request(Method::POST, &format!("/leases/{lease}/return")).json(body)).await
     }
 
     fn request(&self, method: Method, path: &str) -> RequestBuilder {
@@ -326,14 +279,40 @@ impl Client {
         self.uploads.put(self.url(path)).timeout(self.patience + on_its_way)
     }
 
+    /// The address of an endpoint.
     fn url(&self, path: &str) -> Url {
+        self.at(&format!("{API_PREFIX}{path}"))
+    }
+
+    /// The address of what lies under a path of the coordinator.
+    fn at(&self, path: &str) -> Url {
         let mut url = self.base.clone();
-        url.set_path(&format!("{API_PREFIX}{path}"));
+        url.set_path(&format!("{}{path}", self.base.path().trim_end_matches('/')));
         url
     }
 
+    async fn send(&self, request: RequestBuilder) -> Result<Response, ClientError> {
+        let sent = request.send().await;
+        sent.map_err(|source| ClientError::Transport { proxy: self.proxy.clone(), source })
+    }
+
+    /// Sends a request whose answer has a body of this type.
+    async fn send_for(&self, request: RequestBuilder, media_type: &str) -> Result<Response, ClientError> {
+        answer::of_type(self.send(request).await?, media_type, self.proxy.as_deref()).await
+    }
+
+    /// Sends a request whose answer is JSON.
+    async fn send_for_json<T: DeserializeOwned>(&self, request: RequestBuilder) -> Result<T, ClientError> {
+        answer::json(self.send(request).await?, self.proxy.as_deref()).await
+    }
+
+    /// Sends a request whose answer has no body.
+    async fn send_for_nothing(&self, request: RequestBuilder) -> Result<(), ClientError> {
+        answer::empty(self.send(request).await?, self.proxy.as_deref()).await
+    }
+
     async fn get<T: DeserializeOwned>(&self, path: &str) -> Result<T, ClientError> {
-        json(self.request(Method::GET, path).send().await?).await
+        self.send_for_json(self.request(Method::GET, path)).await
     }
 
     async fn send_json<T: DeserializeOwned>(
@@ -342,56 +321,8 @@ impl Client {
         path: &str,
         body: &impl Serialize,
     ) -> Result<T, ClientError> {
-        json(self.request(method, path).json(body).send().await?).await
+        self.send_for_json(self.request(method, path).json(body)).await
     }
-
-    async fn download(&self, request: RequestBuilder) -> Result<Bytes, ClientError> {
-        Ok(check(request.send().await?).await?.bytes().await?)
-    }
-}
-
-fn image_path(job: JobId) -> String {
-    format!("/jobs/{job}/image.exr")
-}
-
-async fn json<T: DeserializeOwned>(response: Response) -> Result<T, ClientError> {
-    let response = check(response).await?;
-    let path = response.url().path().to_owned();
-    let body = response.bytes().await?;
-    serde_json::from_slice(&body).map_err(|source| ClientError::UnreadableAnswer { path, source })
-}
-
-/// Whether a status speaks of the moment and not of the request.
-fn is_transient(status: u16) -> bool {
-    // 408 Request Timeout and 429 Too Many Requests, of the coordinator or of a proxy before it.
-    status >= 500 || matches!(status, 408 | 429)
-}
-
-/// What an answer says of the next attempt, if it says it in seconds; dates depend on two clocks and are not read.
-fn retry_after(headers: &HeaderMap) -> Option<Duration> {
-    headers.get(RETRY_AFTER)?.to_str().ok()?.trim().parse().ok().map(Duration::from_secs)
-}
-
-/// Turns an answer that is not a success into an error.
-async fn check(response: Response) -> Result<Response, ClientError> {
-    let status = response.status();
-    if status.is_success() {
-        return Ok(response);
-    }
-    let is_problem = response
-        .headers()
-        .get(CONTENT_TYPE)
-        .and_then(|value| value.to_str().ok())
-        .is_some_and(|value| value.starts_with(PROBLEM_MEDIA_TYPE));
-    let retry_after = retry_after(response.headers());
-    let body = response.bytes().await?;
-    if is_problem && let Ok(problem) = serde_json::from_slice(&body) {
-        return Err(ClientError::Problem { problem: Box::new(problem), retry_after });
-    }
-    // In one line, even if it is a page.
-    let words: Vec<String> = String::from_utf8_lossy(&body).split_whitespace().map(str::to_owned).collect();
-    let body = words.join(" ").chars().take(SHOWN_BODY).collect();
-    Err(ClientError::UnexpectedAnswer { status: status.as_u16(), body, retry_after })
 }
 
 #[cfg(test)]
@@ -429,7 +360,7 @@ mod tests {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = format!("http://{}", listener.local_addr().unwrap());
         let patience = Duration::from_millis(200);
-        let client = Client::with_patience(&address, None, patience).unwrap();
+        let client = Client::with(&address, None, patience, &Matcher::builder().build()).unwrap();
         let server = tokio::spawn(async move {
             for answer in ["HTTP/1.1 204 No Content\r\n\r\n", ""] {
                 let (mut connection, _) = listener.accept().await.unwrap();
@@ -446,35 +377,45 @@ mod tests {
         server.abort();
     }
 
-    /// What a call makes of this answer.
-    async fn failure(answer: &'static str) -> ClientError {
+    /// What the server was asked and the client made of this answer.
+    async fn exchange(answer: String, client: impl FnOnce(&str) -> Client) -> (String, ClientError) {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-        let client = Client::new(&format!("http://{}", listener.local_addr().unwrap()), None).unwrap();
+        let client = client(&listener.local_addr().unwrap().to_string());
         let server = tokio::spawn(async move {
             let (mut connection, _) = listener.accept().await.unwrap();
-            assert!(connection.read(&mut [0; 4096]).await.unwrap() > 0, "a request");
+            let mut request = Vec::new();
+            while !request.ends_with(b"\r\n\r\n") {
+                assert!(connection.read_buf(&mut request).await.unwrap() > 0, "the whole of a request");
+            }
             connection.write_all(answer.as_bytes()).await.unwrap();
+            String::from_utf8(request).unwrap()
         });
         let failure = client.jobs().await.unwrap_err();
-        server.await.unwrap();
-        failure
+        (server.await.unwrap(), failure)
+    }
+
+    fn answer(status: &str, headers: &[&str], body: &str) -> String {
+        let headers: String = headers.iter().map(|header| format!("{header}\r\n")).collect();
+        format!("HTTP/1.1 {status}\r\n{headers}content-length: {}\r\n\r\n{body}", body.len())
+    }
+
+    /// What a call makes of this answer.
+    async fn failure(answer: String) -> ClientError {
+        exchange(answer, |address| Client::new(&format!("http://{address}"), None).unwrap()).await.1
     }
 
     #[tokio::test]
     async fn a_slow_line_and_a_busy_server_pass_and_a_wrong_request_does_not() {
+        let problem = "{\"type\":\"about:blank\",\"title\":\"slow\",\"status\":408,\"detail\":\"slow\",\"code\":\"body_too_slow\"}";
         for (answer, passes) in [
-            ("HTTP/1.1 408 Request Timeout\r\ncontent-length: 0\r\n\r\n", true),
-            ("HTTP/1.1 429 Too Many Requests\r\ncontent-length: 0\r\n\r\n", true),
-            ("HTTP/1.1 503 Service Unavailable\r\ncontent-length: 0\r\n\r\n", true),
-            ("HTTP/1.1 400 Bad Request\r\ncontent-length: 0\r\n\r\n", false),
-            ("HTTP/1.1 413 Content Too Large\r\ncontent-length: 0\r\n\r\n", false),
-            (
-                "HTTP/1.1 408 Request Timeout\r\ncontent-type: application/problem+json\r\ncontent-length: 89\r\n\r\n\
-                 {\"type\":\"about:blank\",\"title\":\"slow\",\"status\":408,\"detail\":\"slow\",\"code\":\"body_too_slow\"}",
-                true,
-            ),
+            (answer("408 Request Timeout", &[], ""), true),
+            (answer("429 Too Many Requests", &[], ""), true),
+            (answer("503 Service Unavailable", &[], ""), true),
+            (answer("400 Bad Request", &[], ""), false),
+            (answer("413 Content Too Large", &[], ""), false),
+            (answer("408 Request Timeout", &["content-type: application/problem+json"], problem), true),
         ] {
-            let failure = failure(answer).await;
+            let failure = failure(answer.clone()).await;
             assert_eq!(failure.is_transient(), passes, "{answer}");
             assert_eq!(failure.problem().is_some(), answer.contains("problem+json"), "{failure}");
         }
@@ -482,25 +423,92 @@ mod tests {
 
     #[tokio::test]
     async fn an_answer_that_cannot_be_read_does_not_pass_and_says_what_is_wrong_and_one_that_is_cut_off_does() {
-        let unreadable = failure("HTTP/1.1 200 OK\r\ncontent-length: 16\r\n\r\n[{\"id\": \"door\"}]").await;
+        let json = ["content-type: application/json"];
+        let unreadable = failure(answer("200 OK", &json, "[{\"id\": \"door\"}]")).await;
         assert!(!unreadable.is_transient());
         assert!(unreadable.to_string().contains("/api/v1/jobs"), "{unreadable}");
         let reason = std::error::Error::source(&unreadable).unwrap().to_string();
         assert!(reason.contains("UUID"), "{reason}");
-        let cut_off = failure("HTTP/1.1 200 OK\r\ncontent-length: 16\r\n\r\n[{").await;
+        let mut cut_off = answer("200 OK", &json, "[{\"id\": \"door\"}]");
+        cut_off.truncate(cut_off.len() - 3);
+        let cut_off = failure(cut_off).await;
         assert!(cut_off.is_transient(), "{cut_off}");
     }
 
     #[tokio::test]
     async fn the_next_attempt_comes_no_sooner_than_the_answer_asks() {
         let planned = Duration::from_millis(100);
-        for (answer, seconds) in [
-            ("HTTP/1.1 429 Too Many Requests\r\nretry-after: 7\r\ncontent-length: 0\r\n\r\n", 7),
-            ("HTTP/1.1 429 Too Many Requests\r\nretry-after: 99999999999\r\ncontent-length: 0\r\n\r\n", 30),
-            ("HTTP/1.1 429 Too Many Requests\r\nretry-after: soon\r\ncontent-length: 0\r\n\r\n", 0),
-            ("HTTP/1.1 429 Too Many Requests\r\ncontent-length: 0\r\n\r\n", 0),
-        ] {
-            assert_eq!(failure(answer).await.pause(planned), planned + Duration::from_secs(seconds), "{answer}");
+        for (header, seconds) in
+            [("retry-after: 7", 7), ("retry-after: 99999999999", 30), ("retry-after: soon", 0), ("x-other: 7", 0)]
+        {
+            let failure = failure(answer("429 Too Many Requests", &[header], "")).await;
+            assert_eq!(failure.pause(planned), planned + Duration::from_secs(seconds), "{header}");
         }
+    }
+
+    #[tokio::test]
+    async fn what_is_no_coordinator_is_told_from_one_and_described() {
+        let html = "content-type: text/html; charset=utf-8";
+        let page = "<html>\r\n Please\n sign in</html>";
+        let problem = ["content-type: application/problem+json"];
+        for (answer, passes, said) in [
+            (answer("200 OK", &[html], page), true, "status 200, text/html, `<html> Please sign in</html>`"),
+            (answer("204 No Content", &[], ""), true, "status 204"),
+            (answer("502 Bad Gateway", &[html, "server: nginx/1.2"], page), true, "status 502 of nginx/1.2, text/html"),
+            (answer("401 Unauthorized", &["www-authenticate: Basic realm=farm"], page), false, "status 401"),
+            (answer("404 Not Found", &problem, "{\"title\": \"lost\"}"), false, "`{\"title\": \"lost\"}`"),
+            (answer("302 Found", &["location: /login"], ""), true, "redirects to http://127.0.0.1"),
+            (
+                answer("301 Moved", &["location: https://farm.example/api/v1/jobs"], ""),
+                true,
+                "the coordinator may be at https://farm.example",
+            ),
+            (
+                answer("200 OK", &["content-type: application/json", "content-encoding: gzip"], "[]"),
+                true,
+                "application/json, encoded as gzip",
+            ),
+        ] {
+            let failure = failure(answer.clone()).await;
+            let message = failure.to_string();
+            assert!(message.contains("does not come from a Clerestory coordinator"), "{answer}: {message}");
+            assert!(message.contains(said), "{answer}: {message}");
+            assert_eq!(failure.is_transient(), passes, "{answer}");
+            assert_eq!(failure.is_misdirected(), !answer.contains(" 502 "), "{answer}");
+        }
+    }
+
+    #[tokio::test]
+    async fn a_coordinator_under_a_path_is_asked_there_with_the_name_and_password_of_the_address() {
+        let client = |address: &str| Client::new(&format!("http://glazier:lead@{address}/glass/farm/"), None).unwrap();
+        let (request, failure) = exchange(answer("401 Unauthorized", &[], ""), client).await;
+        assert!(request.starts_with("GET /glass/farm/api/v1/jobs HTTP/1.1\r\n"), "{request}");
+        assert!(request.contains("authorization: Basic Z2xhemllcjpsZWFk\r\n"), "{request}");
+        assert!(!failure.to_string().contains("lead"), "{failure}");
+        let client = Client::new("http://glazier:lead@farm.example:80/glass/", None).unwrap();
+        assert_eq!(client.address(), "http://farm.example/glass");
+        assert!(!format!("{client:?}").contains("lead"));
+        let both = Client::new("http://glazier:lead@farm.example", Some("token")).unwrap_err();
+        assert!(both.is_usage() && !both.to_string().contains("lead"), "{both}");
+    }
+
+    #[tokio::test]
+    async fn a_failure_names_the_proxy_of_the_environment_through_which_the_call_went() {
+        let behind = |proxy: &str| {
+            let environment = Matcher::builder().all(format!("http://glazier:lead@{proxy}")).build();
+            Client::with("http://farm.example:7171", None, PATIENCE, &environment).unwrap()
+        };
+        let (request, refused) = exchange(answer("407 Proxy Authentication Required", &[], ""), behind).await;
+        assert!(request.starts_with("GET http://farm.example:7171/api/v1/jobs HTTP/1.1\r\n"), "{request}");
+        assert!(request.contains("proxy-authorization: Basic Z2xhemllcjpsZWFk\r\n"), "{request}");
+        let said = refused.to_string();
+        assert!(said.contains("status 407") && said.contains("through the proxy http://127.0.0.1:"), "{said}");
+        assert!(!said.contains("lead"), "{said}");
+
+        // Nobody listens on a port that was free a moment ago.
+        let free = TcpListener::bind("127.0.0.1:0").await.unwrap().local_addr().unwrap().to_string();
+        let silent = behind(&free).jobs().await.unwrap_err();
+        assert_eq!(silent.silent_proxy(), Some(format!("http://{free}").as_str()));
+        assert!(silent.to_string().contains(&format!("through the proxy http://{free}")), "{silent}");
     }
 }

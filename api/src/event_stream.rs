@@ -6,7 +6,7 @@ use bytes::Bytes;
 use futures::stream::{BoxStream, Stream, StreamExt};
 use std::task::{Context, Poll};
 
-use crate::client::ClientError;
+use crate::client_error::ClientError;
 use crate::{Event, EventBody};
 
 /// Events as they arrive. It ends when the coordinator closes the connection; to go on, open a new stream after the last
@@ -14,11 +14,18 @@ use crate::{Event, EventBody};
 pub struct EventStream {
     bytes: BoxStream<'static, reqwest::Result<Bytes>>,
     parser: Parser,
+    pieces: u64,
 }
 
 impl EventStream {
     pub(crate) fn new(response: reqwest::Response) -> Self {
-        Self { bytes: response.bytes_stream().boxed(), parser: Parser::default() }
+        Self { bytes: response.bytes_stream().boxed(), parser: Parser::default(), pieces: 0 }
+    }
+
+    /// How many pieces of the stream have arrived: events, and the comments that a coordinator sends when there are
+    /// none. A number that stays the same tells of a stream that is held back on its way.
+    pub fn pieces(&self) -> u64 {
+        self.pieces
     }
 }
 
@@ -35,7 +42,10 @@ impl Stream for EventStream {
                 }
             }
             match self.bytes.poll_next_unpin(context) {
-                Poll::Ready(Some(Ok(bytes))) => self.parser.push(&bytes),
+                Poll::Ready(Some(Ok(bytes))) => {
+                    self.pieces += 1;
+                    self.parser.push(&bytes);
+                }
                 Poll::Ready(Some(Err(error))) => return Poll::Ready(Some(Err(error.into()))),
                 Poll::Ready(None) => return Poll::Ready(None),
                 Poll::Pending => return Poll::Pending,

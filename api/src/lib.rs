@@ -10,7 +10,10 @@
 //! - Only data and one stateless client: no clock, no threads, no retries. When to try again is the caller's decision,
 //!   helped by [`ClientError::is_transient`] and [`ClientError::pause`].
 
+mod address;
+mod answer;
 mod client;
+mod client_error;
 mod convergence;
 mod counters;
 mod event;
@@ -21,13 +24,16 @@ mod job;
 mod job_scene;
 mod lease;
 mod preview;
+mod printable;
 mod problem;
 mod session;
 mod submission;
-mod printable;
 mod worker;
 
-pub use client::{Client, ClientError, ImageDownload};
+pub use address::is_loopback;
+pub use answer::UnexpectedAnswer;
+pub use client::{Client, ImageDownload};
+pub use client_error::ClientError;
 pub use convergence::{ConvergencePoint, ConvergenceSeries, LiveMeasurement};
 pub use counters::Counters;
 pub use event::{Event, EventBody};
@@ -41,13 +47,13 @@ pub use lease::{
     NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialUpload,
 };
 pub use preview::{ACCEPTED_NODES_HEADER, Preview, PreviewExposure, PreviewQuery, ToneCurve};
+pub use printable::is_printable;
 pub use problem::{PROBLEM_MEDIA_TYPE, Problem, ProblemCode};
 pub use session::SessionRequest;
 pub use submission::JobSubmission;
 pub use worker::{Quarantine, WorkerRegistration, WorkerState, WorkerView};
 
 /// Path under which every endpoint of this version of the API lies.
-pub use printable::is_printable;
 pub const API_PREFIX: &str = "/api/v1";
 
 /// Media type of an OpenEXR image or partial.

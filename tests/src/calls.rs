@@ -115,7 +115,12 @@ impl Caller {
     pub fn new(farm: &Farm) -> Self {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().expect("a runtime");
         let client = Client::new(farm.address(), None).expect("an address");
-        Self { runtime, http: reqwest::Client::new(), client, address: farm.address().to_owned() }
+        Self {
+            runtime,
+            http: reqwest::Client::builder().no_proxy().build().expect("a client"),
+            client,
+            address: farm.address().to_owned(),
+        }
     }
 
     /// The typed client, for what is not malformed. [`Caller::wait`] waits for its answers.

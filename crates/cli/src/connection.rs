@@ -29,11 +29,10 @@ pub(crate) struct ConnectionArguments {
     pub(crate) token_file: Option<PathBuf>,
 }
 
-/// A client, and the address for messages.
+/// A client, and what messages say of its coordinator.
 #[derive(Clone, Debug)]
 pub(crate) struct Connection {
     pub(crate) client: Client,
-    address: String,
 }
 
 impl ConnectionArguments {
@@ -46,22 +45,22 @@ impl ConnectionArguments {
 impl Connection {
     pub(crate) fn open(address: &str, token: Option<&str>) -> Result<Self, Failure> {
         let client = Client::new(address, token).map_err(Failure::Connection)?;
-        Ok(Self { address: address.trim_end_matches('/').to_owned(), client })
+        Ok(Self { client })
     }
 
     /// Address of the coordinator, for messages.
     pub(crate) fn address(&self) -> &str {
-        &self.address
+        self.client.address()
     }
 
     /// Names the coordinator in the failure of a call.
     pub(crate) fn failure(&self, source: ClientError) -> Failure {
-        Failure::Coordinator { address: self.address.clone(), source }
+        Failure::Coordinator { address: self.address().to_owned(), source }
     }
 
     /// Where a browser shows the job.
     pub(crate) fn job_page(&self, job: JobId) -> String {
-        format!("{}/#/jobs/{job}", self.address)
+        format!("{}/#/jobs/{job}", self.address())
     }
 }
 

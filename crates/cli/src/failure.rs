@@ -20,6 +20,9 @@ pub(crate) const USAGE: u8 = 2;
 /// What the client's TLS says of an answer without TLS.
 const NO_TLS: &str = "InvalidContentType";
 
+/// What the client says of an answer that is no HTTP, as one in TLS is not.
+const NO_HTTP: &str = "invalid HTTP version parsed";
+
 /// A command failed. Printed with its causes.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
@@ -141,9 +144,10 @@ impl Failure {
             Self::Usage(_)
             | Self::Configuration { .. }
             | Self::Overrides { .. }
-            | Self::Connection(ClientError::InvalidAddress { .. } | ClientError::InvalidToken)
-            | Self::Worker(WorkerError::Connection(ClientError::InvalidAddress { .. } | ClientError::InvalidToken))
             | Self::Process { is_usage: true, .. } => ExitCode::from(USAGE),
+            Self::Connection(error) | Self::Worker(WorkerError::Connection(error)) if error.is_usage() => {
+                ExitCode::from(USAGE)
+            }
             // What is no address at all, whatever this machine's are.
             Self::Listen { source, .. } if source.kind() == io::ErrorKind::InvalidInput => ExitCode::from(USAGE),
             _ => ExitCode::FAILURE,
@@ -169,32 +173,62 @@ impl Failure {
 
     /// What the user can do about it, where the causes do not say.
     pub(crate) fn advice(&self) -> Option<String> {
-        if matches!(self, Self::Coordinator { .. }) && self.is_connection_refused() {
+        let call = self.causes().find_map(|cause| cause.downcast_ref::<ClientError>());
+        if let Some(advice) = call.and_then(advice_on_call) {
+            return Some(advice);
+        }
+        let Self::Coordinator { address, .. } = self else { return None };
+        if self.is_connection_refused() {
             return Some(
                 "no coordinator is there: start one with `clerestory farm` or `clerestory coordinator`, or name another \
                  with --coordinator"
                     .to_owned(),
             );
         }
-        if let Self::Coordinator { address, .. } = self
-            && address.starts_with("https://")
-            && self.causes().any(|cause| cause.to_string().contains(NO_TLS))
-        {
+        let says = |text: &str| self.causes().any(|cause| cause.to_string().contains(text));
+        if address.starts_with("https://") && says(NO_TLS) {
             let plain = address.replacen("https", "http", 1);
             return Some(format!("whoever listens there speaks no TLS: is it {plain}?"));
         }
-        let mut calls = self.causes().filter_map(|cause| cause.downcast_ref::<ClientError>());
-        let is_refused = calls.any(|error| match error {
-            ClientError::Problem { problem, .. } => problem.code == ProblemCode::Unauthorized,
-            ClientError::UnexpectedAnswer { status, .. } => *status == 401,
-            _ => false,
-        });
-        is_refused.then(|| {
-            format!(
-                "put the farm's token in the environment variable {TOKEN_VARIABLE}, or in a file named by --token-file"
-            )
-        })
+        if address.starts_with("http://") && says(NO_HTTP) {
+            let secure = address.replacen("http", "https", 1);
+            return Some(format!("whoever listens there speaks no HTTP: is it {secure}?"));
+        }
+        None
     }
+}
+
+/// What the user can do about a call that went wrong on its way, or was refused.
+fn advice_on_call(error: &ClientError) -> Option<String> {
+    let token = || {
+        format!("put the farm's token in the environment variable {TOKEN_VARIABLE}, or in a file named by --token-file")
+    };
+    match error {
+        ClientError::Problem { problem, .. } if problem.code == ProblemCode::Unauthorized => Some(token()),
+        ClientError::UnexpectedAnswer { status: 401, answer, .. } => match &answer.challenge {
+            Some(challenge) if challenge.to_ascii_lowercase().starts_with("basic") => Some(
+                "a proxy in between asks for a name and a password: put them into the address, as in \
+                 http://NAME:PASSWORD@farm.example"
+                    .to_owned(),
+            ),
+            _ => Some(token()),
+        },
+        ClientError::UnexpectedAnswer { status: 407, .. } => Some(
+            "the proxy asks for a name and a password: put them into the variable that names it, as in \
+             http://NAME:PASSWORD@proxy.example:3128"
+                .to_owned(),
+        ),
+        ClientError::UnexpectedAnswer { answer, .. } if answer.proxy.is_some() => Some(without_proxy()),
+        error if error.silent_proxy().is_some() => Some(without_proxy()),
+        _ => None,
+    }
+}
+
+/// How to call without the proxy of the environment.
+fn without_proxy() -> String {
+    "the environment names that proxy (http_proxy, https_proxy or all_proxy): list the coordinator's host in no_proxy to \
+     call it directly"
+        .to_owned()
 }
 
 /// What is at the bottom of an error, without all that it passed through.

@@ -3,10 +3,11 @@
 use std::fmt;
 use std::time::Duration;
 
+use clerestory_api::is_loopback;
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::path::Path;
 use object_store::prefix::PrefixStore;
-use object_store::{BackoffConfig, ClientOptions, RetryConfig};
+use object_store::{BackoffConfig, ClientConfigKey, ClientOptions, RetryConfig};
 use url::Url;
 
 /// How long a call is tried again while the store does not answer. Callers of the coordinator have patience of their own.
@@ -17,6 +18,12 @@ const SILENCE: Duration = Duration::from_secs(30);
 
 /// Longest wait between two tries.
 const LONGEST_BACKOFF: Duration = Duration::from_secs(2);
+
+/// A proxy that no call goes through.
+const UNUSED_PROXY: &str = "http://127.0.0.1:9";
+
+/// Hosts that are called without it: all names and addresses.
+const ALL_HOSTS: &str = "*,0.0.0.0/0,::/0";
 
 /// A bucket, a prefix of all names in it, and what the environment says of its store. No key is ever printed.
 #[derive(Clone, PartialEq, Eq)]
@@ -51,10 +58,25 @@ impl Bucket {
         Ok(Self { name, prefix, options: environment.into_iter().filter_map(option).collect() })
     }
 
+    /// Whether the store listens on an address of this machine alone, and no proxy is named for it.
+    fn is_on_loopback(&self) -> bool {
+        let names_proxy = |key: &AmazonS3ConfigKey| *key == AmazonS3ConfigKey::Client(ClientConfigKey::ProxyUrl);
+        let is_endpoint =
+            |key: &AmazonS3ConfigKey| matches!(key, AmazonS3ConfigKey::Endpoint | AmazonS3ConfigKey::S3Endpoint);
+        let mut endpoints = self.options.iter().filter(|(key, _)| is_endpoint(key));
+        endpoints.any(|(_, url)| url.parse().is_ok_and(|url| is_loopback(&url)))
+            && !self.options.iter().any(|(key, _)| names_proxy(key))
+    }
+
     /// A client of it.
     pub(crate) fn client(&self) -> Result<PrefixStore<AmazonS3>, object_store::Error> {
         // A slow reader of a large scene takes as long as it takes, while bytes come.
-        let patient = ClientOptions::new().with_timeout_disabled().with_read_timeout(SILENCE);
+        let mut patient = ClientOptions::new().with_timeout_disabled().with_read_timeout(SILENCE);
+        if self.is_on_loopback() {
+            // A proxy of the environment cannot reach it. The client takes that one unless it is given another, and this
+            // one is used for no host.
+            patient = patient.with_proxy_url(UNUSED_PROXY).with_proxy_excludes(ALL_HOSTS);
+        }
         let builder = AmazonS3Builder::new().with_client_options(patient);
         let builder = self.options.iter().fold(builder, |builder, (key, value)| builder.with_config(*key, value));
         // Whoever names an endpoint without TLS wants it so.

@@ -9,7 +9,7 @@ use clerestory_render_core::probe::ProbeError;
 /// cannot be built) is not an error of the worker: it goes on.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkerError {
-    /// The coordinator's address or the token cannot be used.
+    /// The coordinator's address or the token cannot be used, or something else answers there.
     #[error("cannot set up the connection to the coordinator")]
     Connection(#[source] ClientError),
     /// The coordinator does not let this worker in.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use clerestory_api::{Client, Lease, LeaseReturn};
+use clerestory_api::{Client, ClientError, Lease, LeaseReturn};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -14,7 +14,7 @@ use tracing::{debug, info, warn};
 use crate::error::with_causes;
 use crate::job_cache::{JobCache, JobPlan};
 use crate::renderer::{LeaseError, RenderedNode, Renderer};
-use crate::retry::until_answered;
+use crate::retry::{repeat_while, until_answered};
 use crate::uploader::{Outbox, Parcel, Receipt, is_lease_over};
 
 /// Size of the sums at which a parcel is full, well below what coordinators take. A larger node travels alone.
@@ -202,7 +202,9 @@ async fn renew_until_over(client: &Client, lease: &Lease) {
     loop {
         let term = Duration::from_millis(u64::try_from(expires_in_ms).unwrap_or(0));
         tokio::time::sleep((term / 3).max(SHORTEST_RENEWAL)).await;
-        match until_answered("renew a lease", || client.renew_lease(lease.id, lease.token)).await {
+        // What a proxy answers says nothing of the lease.
+        let may_pass = |error: &ClientError| error.is_transient() || error.is_misdirected();
+        match repeat_while("renew a lease", may_pass, || client.renew_lease(lease.id, lease.token)).await {
             Ok(renewal) if renewal.outstanding == 0 => {
                 info!(lease = %lease.id, "others have what is left of the lease");
                 return;

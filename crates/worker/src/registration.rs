@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use clerestory_api::{Client, ClientError, ProblemCode, WorkerId, WorkerRegistration};
+use clerestory_api::{Client, ClientError, ProblemCode, WorkerId, WorkerRegistration, WorkerView};
 use tokio::sync::Mutex;
 use tracing::{error, info};
 
 use crate::error::with_causes;
-use crate::retry::until_answered;
+use crate::retry::{repeat_while, until_answered};
 
 /// Time between heartbeats; well below the shortest sensible lease.
 const HEARTBEAT_PERIOD: Duration = Duration::from_secs(5);
@@ -21,9 +21,12 @@ pub(crate) struct Registration {
 }
 
 impl Registration {
-    /// Registers, waiting for the coordinator as long as it takes.
+    /// Registers, waiting for the coordinator as long as it takes. A server that is no coordinator is not waited for: the
+    /// address is probably wrong.
     pub(crate) async fn new(client: Client, introduction: WorkerRegistration) -> Result<Self, ClientError> {
-        let identity = Mutex::new(register(&client, &introduction).await?);
+        let may_pass = |error: &ClientError| error.is_transient() && !error.is_misdirected();
+        let view = repeat_while("register", may_pass, || client.register_worker(&introduction)).await?;
+        let identity = Mutex::new(noted(&view));
         Ok(Self { client, introduction, identity })
     }
 
@@ -64,6 +67,11 @@ pub(crate) fn is_unknown_worker(failure: &ClientError) -> bool {
 
 async fn register(client: &Client, introduction: &WorkerRegistration) -> Result<WorkerId, ClientError> {
     let view = until_answered("register", || client.register_worker(introduction)).await?;
-    info!(worker = %view.id, name = introduction.name, cores = introduction.cores, "registered");
-    Ok(view.id)
+    Ok(noted(&view))
+}
+
+/// The identity of a worker that has registered, which is logged.
+fn noted(view: &WorkerView) -> WorkerId {
+    info!(worker = %view.id, name = view.name, cores = view.cores, "registered");
+    view.id
 }

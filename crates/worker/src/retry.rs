@@ -31,8 +31,20 @@ pub(crate) async fn until_answered<T, Answer>(
 where
     Answer: Future<Output = Result<T, ClientError>>,
 {
+    repeat_while(what, ClientError::is_transient, call).await
+}
+
+/// Repeats `call` until it succeeds or fails with an error that `may_pass` does not hold for.
+pub(crate) async fn repeat_while<T, Answer>(
+    what: &'static str,
+    may_pass: impl FnMut(&ClientError) -> bool,
+    call: impl FnMut() -> Answer,
+) -> Result<T, ClientError>
+where
+    Answer: Future<Output = Result<T, ClientError>>,
+{
     call.retry(pauses())
-        .when(ClientError::is_transient)
+        .when(may_pass)
         .adjust(|error, pause| pause.map(|pause| error.pause(pause)))
         .notify(|error, pause| {
             warn!(what, ?pause, reason = with_causes(error), "the coordinator does not answer, trying again");

@@ -70,7 +70,10 @@ async fn work_until(config: Config, shutdown: Boxed<()>) -> Result<(), WorkerErr
     let Some(registration) = stop.run_until_cancelled(Registration::new(client.clone(), introduction)).await else {
         return Ok(());
     };
-    let registration = registration.map_err(WorkerError::Refused)?;
+    let registration = registration.map_err(|error| match error.is_misdirected() {
+        true => WorkerError::Connection(error),
+        false => WorkerError::Refused(error),
+    })?;
     let worker = Worker { client, registration, renderer, build: config.build, stop: stop.clone() };
     tokio::select! {
         result = worker.work() => result,

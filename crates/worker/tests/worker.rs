@@ -19,7 +19,7 @@ use clerestory_api::{
 };
 use clerestory_render_core::film::{self, DecodeBudget, Expectation, Rendered, Sampling, TileGrid, partial};
 use clerestory_render_core::scene::{SceneBundle, SceneDescription};
-use clerestory_worker::{Config, run};
+use clerestory_worker::{Config, WorkerError, run};
 use serde_json::{Value, json};
 use tokio::net::TcpListener;
 use tokio::sync::{Notify, oneshot};
@@ -98,6 +98,18 @@ impl Farm {
             .route("/api/v1/jobs/{id}/scene", get(scene))
             .layer(DefaultBodyLimit::disable())
             .with_state(self.clone());
+        RunningWorker::at(router).await
+    }
+}
+
+struct RunningWorker {
+    stop: oneshot::Sender<()>,
+    ended: tokio::task::JoinHandle<Result<(), WorkerError>>,
+}
+
+impl RunningWorker {
+    /// Starts a server and a worker.
+    async fn at(router: Router) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let coordinator = format!("http://{}", listener.local_addr().unwrap());
         tokio::spawn(async { axum::serve(listener, router).await });
@@ -112,16 +124,9 @@ impl Farm {
         let ended = tokio::spawn(run(config, async {
             let _ = stopped.await;
         }));
-        RunningWorker { stop, ended }
+        Self { stop, ended }
     }
-}
 
-struct RunningWorker {
-    stop: oneshot::Sender<()>,
-    ended: tokio::task::JoinHandle<Result<(), clerestory_worker::WorkerError>>,
-}
-
-impl RunningWorker {
     async fn stop(self) {
         let _ = self.stop.send(());
         tokio::time::timeout(PATIENCE, self.ended).await.expect("the worker does not end").unwrap().unwrap();
@@ -182,6 +187,10 @@ fn endless() -> Vec<NodeAddress> {
 fn problem(status: u16, code: &str) -> Response {
     let body = json!({"type": "about:blank", "title": code, "status": status, "detail": "by test", "code": code});
     (StatusCode::from_u16(status).unwrap(), [("content-type", PROBLEM_MEDIA_TYPE)], body.to_string()).into_response()
+}
+
+fn login_page() -> Response {
+    ([("content-type", "text/html")], "<html>Please sign in</html>").into_response()
 }
 
 async fn register(State(farm): State<Farm>, Json(registration): Json<WorkerRegistration>) -> Json<WorkerView> {
@@ -311,11 +320,20 @@ async fn a_result_is_kept_until_the_coordinator_can_take_it() {
         StatusCode::REQUEST_TIMEOUT.into_response(),
         problem(408, "body_too_slow"),
         (StatusCode::TOO_MANY_REQUESTS, [("retry-after", "1")]).into_response(),
+        login_page(),
     ]);
     let worker = farm.start().await;
     farm.until(|fake| uploaded(fake, &lease) == lease.nodes).await;
     worker.stop().await;
     assert_eq!(farm.lock().returns, []);
+}
+
+#[tokio::test]
+async fn a_worker_whose_address_is_not_that_of_a_coordinator_ends_and_says_what_answered() {
+    let worker = RunningWorker::at(Router::new().fallback(async || login_page())).await;
+    let ended = tokio::time::timeout(PATIENCE, worker.ended).await.expect("the worker does not end").unwrap();
+    let WorkerError::Connection(answer) = ended.unwrap_err() else { panic!("the coordinator has refused nothing") };
+    assert!(answer.to_string().contains("text/html, `<html>Please sign in"), "{answer}");
 }
 
 #[tokio::test]

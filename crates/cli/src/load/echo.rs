@@ -30,7 +30,7 @@ pub(super) async fn exchanges_per_second(connections: u32, bytes: usize) -> Resu
     let router =
         Router::new().route("/", put(async |body: Bytes| body.len().to_string())).layer(DefaultBodyLimit::disable());
     let _server = AbortOnDropHandle::new(tokio::spawn(axum::serve(listener, router).into_future()));
-    let client = reqwest::Client::new();
+    let client = reqwest::Client::builder().no_proxy().build().map_err(Failure::Echo)?;
     let body = Bytes::from(vec![7; bytes]);
     let connections = connections.min(MOST_CONNECTIONS);
     // Connections are made before the time starts.

@@ -69,9 +69,13 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
         1,
         &["`clerestory farm`", "`clerestory coordinator`", "--coordinator"],
     );
-    for address in ["nonsense", "http://127.0.0.1:1/foo"] {
+    for (address, said) in [
+        ("nonsense", "expected http://nonsense"),
+        ("127.0.0.1:7171", "expected http://127.0.0.1:7171"),
+        ("http://127.0.0.1:1/#/jobs/7", "`#`"),
+    ] {
         for command in ["jobs", "worker"] {
-            folder.fails(&[command, "--coordinator", address], 2, &[address, "expected", "without a path"]);
+            folder.fails(&[command, "--coordinator", address], 2, &[address, said]);
         }
     }
     for command in ["watch", "cancel"] {
@@ -124,6 +128,23 @@ fn who_speaks_tls_to_a_farm_without_is_told_its_address() {
     let farm = folder.coordinator("127.0.0.1:0", None);
     let secure = farm.address().replacen("http", "https", 1);
     folder.fails(&["jobs", "--coordinator", &secure], 1, &["no TLS", &format!("is it {}?", farm.address())]);
+}
+
+#[test]
+fn a_proxy_of_the_environment_is_not_asked_for_this_machine_and_named_where_it_fails() {
+    let folder = Folder::new();
+    let farm = folder.coordinator("127.0.0.1:0", None);
+    // Nobody listens there.
+    let proxy = "http://127.0.0.1:9";
+    let variables = ["http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY", "all_proxy", "ALL_PROXY"];
+    let behind = |words: &[&str]| folder.command(words).envs(variables.map(|name| (name, proxy))).output().unwrap();
+    let output = behind(&["jobs", "--coordinator", farm.address()]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let output = behind(&["jobs", "--coordinator", "http://farm.example:7171"]);
+    let message = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains(&format!("through the proxy {proxy}")) && message.contains("no_proxy"), "{message}");
+    assert!(!message.contains("clerestory farm"), "no coordinator is missing: {message}");
 }
 
 #[test]

@@ -1,7 +1,11 @@
 //! The services and their settings.
 
 use std::collections::BTreeSet;
+use std::net::TcpListener;
 use std::path::Path;
+use std::process::Stdio;
+use std::sync::mpsc;
+use std::time::Duration;
 
 use crate::support::Folder;
 
@@ -34,6 +38,29 @@ fn a_coordinator_prints_its_address_and_ends_with_its_parent() {
     assert_eq!(jobs.trim(), "[]");
     assert!(coordinator.ended_by_its_parent().success());
     assert!(folder.path("data").is_dir());
+}
+
+#[test]
+fn an_object_store_on_this_machine_is_not_called_through_a_proxy() {
+    let folder = Folder::new();
+    let store = TcpListener::bind("127.0.0.1:0").unwrap();
+    let proxy = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = |listener: &TcpListener| format!("http://{}", listener.local_addr().unwrap());
+    let mut command = folder.command(&["coordinator", "--listen", "127.0.0.1:0", "--object-store", "s3://glass"]);
+    command.env("AWS_ENDPOINT_URL", address(&store)).env("AWS_ACCESS_KEY_ID", "k").env("AWS_SECRET_ACCESS_KEY", "s");
+    for variable in ["http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"] {
+        command.env(variable, address(&proxy));
+    }
+    let (told, called) = mpsc::channel();
+    for (name, listener) in [("store", store), ("proxy", proxy)] {
+        let told = told.clone();
+        std::thread::spawn(move || listener.accept().map(|_| told.send(name)));
+    }
+    let mut coordinator = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    let first = called.recv_timeout(Duration::from_secs(30));
+    coordinator.kill().unwrap();
+    coordinator.wait().unwrap();
+    assert_eq!(first, Ok("store"));
 }
 
 /// The settings of ours that a text names.

@@ -40,9 +40,8 @@ impl Call {
     }
 
     async fn send(self, farm: &TestFarm) -> reqwest::Response {
-        let mut request = reqwest::Client::new()
-            .request(self.method, format!("{}/api/v1{}", farm.address, self.path))
-            .body(self.body);
+        let client = reqwest::Client::builder().no_proxy().build().unwrap();
+        let mut request = client.request(self.method, format!("{}/api/v1{}", farm.address, self.path)).body(self.body);
         for (name, value) in self.headers {
             request = request.header(name, value);
         }
@@ -107,6 +106,7 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     check(farm, call(Method::GET, format!("/jobs/{nobody}")), 404, "unknown_job", Some("job")).await;
     check(farm, call(Method::GET, format!("/jobs/{nobody}/events")), 404, "unknown_job", Some("job")).await;
     check(farm, call(Method::GET, format!("/jobs/{nobody}/live")), 404, "unknown_job", Some("job")).await;
+    check(farm, call(Method::POST, format!("/jobs/{nobody}/cancel")), 404, "unknown_job", Some("job")).await;
     for method in [Method::GET, Method::POST, Method::PUT, Method::DELETE, Method::PATCH] {
         for path in ["", "/", "/nothing", "/jobs/", "//jobs", "/JOBS", "/%6aobs", "/jobs/abc/nothing"] {
             check(farm, call(method.clone(), path), 404, "unknown_path", Some("path")).await;
@@ -148,7 +148,6 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     assert_eq!(encoded.headers()["accept-encoding"], "identity");
     let plain = submit(&json!({})).header("content-encoding", "Identity");
     check(farm, plain, 400, "invalid_field", Some("scene")).await;
-    check(farm, call(Method::POST, format!("/jobs/{nobody}/cancel")), 404, "unknown_job", Some("job")).await;
 
     // Bodies.
     check(farm, call(Method::POST, "/jobs").body("{}"), 415, "unsupported_media_type", Some("content-type")).await;
@@ -186,6 +185,13 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     check(farm, submit(&submission_with("tile_size", json!(0))), 400, "invalid_field", Some("tile_size")).await;
     check(farm, submit(&submission_with("tile_size", json!(5000))), 400, "invalid_field", Some("tile_size")).await;
     check(farm, submit(&submission_with("name", json!(""))), 400, "invalid_field", Some("name")).await;
+    for name in ["\u{1b}[31mrose", "rose\nDone", "\0", "\u{9b}2J", "\u{7f}", "\u{202e}exr.esor", "rose\u{2028}"] {
+        check(farm, submit(&submission_with("name", json!(name))), 422, "invalid_name", Some("name")).await;
+        let response = submit(&scene_with("/name", json!(name))).send(farm).await;
+        assert_eq!(response.status(), StatusCode::UNPROCESSABLE_ENTITY, "{name:?}");
+        let worker = json!({"name": name, "cores": 1, "build": "b"});
+        check(farm, post("/workers", &worker), 422, "invalid_name", Some("name")).await;
+    }
     for limit_ms in [0, i64::MAX] {
         let body = submission_with("time_limit_ms", json!(limit_ms));
         check(farm, submit(&body), 400, "invalid_field", Some("time_limit_ms")).await;
@@ -226,13 +232,6 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     )
     .await;
     let file = json!({"ply": {"file": "floor.ply"}});
-    for name in ["\u{1b}[31mrose", "rose\nDone", "\0", "\u{9b}2J", "\u{7f}", "\u{202e}exr.esor", "rose\u{2028}"] {
-        check(farm, submit(&submission_with("name", json!(name))), 422, "invalid_name", Some("name")).await;
-        let response = submit(&scene_with("/name", json!(name))).send(farm).await;
-        assert_eq!(response.status(), StatusCode::UNPROCESSABLE_ENTITY, "{name:?}");
-        let worker = json!({"name": name, "cores": 1, "build": "b"});
-        check(farm, post("/workers", &worker), 422, "invalid_name", Some("name")).await;
-    }
     check(farm, submit(&scene_with("/meshes/0/source", file.clone())), 400, "invalid_field", Some("assets.floor.ply"))
         .await;
     let mut body = scene_with("/meshes/0/source", file);
@@ -313,6 +312,7 @@ async fn every_bad_call_gets_a_clear_problem_and_the_farm_goes_on_working() {
     farm.finished(job.id).await;
     assert!(bits(&farm.image(job.id).await) == expected_bits(4));
 }
+
 #[tokio::test(flavor = "multi_thread")]
 async fn the_page_has_its_files_and_nothing_else_exists_whatever_the_method() {
     let farm = TestFarm::start().await;
@@ -342,7 +342,6 @@ async fn the_page_has_its_files_and_nothing_else_exists_whatever_the_method() {
         }
     }
 }
-
 
 /// Sends a request on a connection, and answers the head and the body of the answer.
 async fn exchange(connection: &mut TcpStream, head: &str, body: &[u8]) -> String {
@@ -470,7 +469,8 @@ async fn nothing_but_the_page_and_the_probes_opens_without_the_token() {
     let client = Client::new(&farm.address, Some(TOKEN)).unwrap();
     assert!(client.jobs().await.unwrap().is_empty());
     for path in ["/", "/app.js", "/healthz", "/readyz"] {
-        let response = reqwest::get(format!("{}{path}", farm.address)).await.unwrap();
+        let http = reqwest::Client::builder().no_proxy().build().unwrap();
+        let response = http.get(format!("{}{path}", farm.address)).send().await.unwrap();
         assert!(response.status().is_success(), "{path}: {}", response.status());
     }
 }
