@@ -8,12 +8,12 @@ use clerestory_api::{
 };
 use futures::StreamExt;
 use futures::stream::FuturesUnordered;
-use tokio::time::MissedTickBehavior;
+use tokio::time::{Instant, MissedTickBehavior};
 
 use crate::commands::jobs::samples_text;
 use crate::connection::Connection;
 use crate::failure::{Failure, root_cause};
-use crate::terminal::{Advance, Progress};
+use crate::terminal::{Advance, Progress, printable};
 
 /// Pause before the event stream is opened again, or a call repeated.
 const RECONNECT_PAUSE: Duration = Duration::from_millis(500);
@@ -27,16 +27,42 @@ const LIVE_PERIOD: Duration = Duration::from_secs(1);
 /// How long it is waited for.
 const LIVE_PATIENCE: Duration = Duration::from_secs(5);
 
+/// How long the silence of an event stream is put up with.
+#[derive(Clone, Copy, Debug)]
+struct Silences {
+    /// Before its first event, which coordinators send at once.
+    first: Duration,
+    /// Later. Coordinators send a comment every few seconds, older ones every 15.
+    later: Duration,
+    /// How often the job is asked for after that.
+    poll: Duration,
+}
+
+const SILENCES: Silences =
+    Silences { first: Duration::from_secs(5), later: Duration::from_secs(20), poll: Duration::from_secs(2) };
+
 /// How often in a row a call may meet a fault of the coordinator, which need not pass as an outage does.
 const MOST_FAULTS: u32 = 10;
 
 /// Shows a job's progress and rounds until it ends; returns it as it ended. A coordinator that goes away is waited for,
-/// and the user is told.
+/// and the user is told. Where something on the way holds events back, the job is asked for instead.
 pub(crate) async fn follow(connection: &Connection, job: JobId, progress: &mut Progress) -> Result<JobView, Failure> {
+    follow_through(connection, job, progress, SILENCES).await
+}
+
+async fn follow_through(
+    connection: &Connection,
+    job: JobId,
+    progress: &mut Progress,
+    silences: Silences,
+) -> Result<JobView, Failure> {
     let mut follower = Follower {
         connection,
         job,
         progress,
+        silences,
+        is_answered: false,
+        is_held_back: false,
         rounds: 0,
         live: None,
         outage: Outage::default(),
@@ -49,7 +75,9 @@ pub(crate) async fn follow(connection: &Connection, job: JobId, progress: &mut P
                 return Ok(view);
             }
             Ok(None) => {}
-            Err(error) if error.is_transient() => follower.outage.note(connection, follower.progress, &error),
+            Err(error) if error.is_transient() && (follower.is_answered || !error.is_misdirected()) => {
+                follower.outage.note(connection, follower.progress, &error);
+            }
             Err(error) => return Err(connection.failure(error)),
         }
         tokio::time::sleep(RECONNECT_PAUSE).await;
@@ -95,8 +123,9 @@ impl Outage {
     /// Says, once in an outage, that the coordinator does not answer.
     fn note(&mut self, connection: &Connection, progress: &Progress, error: &ClientError) {
         if !std::mem::replace(&mut self.is_known, true) {
-            let (address, reason) = (connection.address(), root_cause(error));
-            progress.note(&format!("The coordinator at {address} does not answer, trying again: {reason}"));
+            let (address, reason) = (connection.address(), printable(&root_cause(error).to_string()).into_owned());
+            let way = error.silent_proxy().map(|proxy| format!(" through the proxy {proxy}")).unwrap_or_default();
+            progress.note(&format!("The coordinator at {address} does not answer{way}, trying again: {reason}"));
         }
     }
 
@@ -112,6 +141,11 @@ struct Follower<'a> {
     connection: &'a Connection,
     job: JobId,
     progress: &'a mut Progress,
+    silences: Silences,
+    /// Whether a coordinator has answered so far.
+    is_answered: bool,
+    /// Whether the user has been told that no events arrive.
+    is_held_back: bool,
     /// Rounds shown so far.
     rounds: u32,
     /// The error between rounds, in words.
@@ -147,22 +181,47 @@ impl Workers {
     }
 }
 
+/// How much of an event stream has arrived, and since when it is no more.
+struct Heard {
+    pieces: u64,
+    at: Instant,
+}
+
+impl Heard {
+    fn new(pieces: u64) -> Self {
+        Self { pieces, at: Instant::now() }
+    }
+}
+
 impl Follower<'_> {
     /// Reads one event stream. `None` when it ends before the job does; whether the coordinator is away shows when the
     /// next one is opened.
     async fn until_final(&mut self) -> Result<Option<JobView>, ClientError> {
-        let mut events = self.connection.client.events(Some(self.job), None).await?;
+        let (client, job) = (&self.connection.client, self.job);
+        // A proxy that waits for the end of an answer passes on nothing of one that has none.
+        let Ok(opened) = tokio::time::timeout(self.silences.first, client.events(Some(job), None)).await else {
+            return self.poll_until_final().await;
+        };
+        let mut events = opened?;
         self.catch_up().await?;
-        self.outage.end(self.connection, self.progress);
+        self.hear_answer();
         let patience = tokio::time::sleep(WORKER_PATIENCE);
         tokio::pin!(patience);
         let mut looks = tokio::time::interval(LIVE_PERIOD);
         looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let (client, job) = (&self.connection.client, self.job);
         let mut live = FuturesUnordered::new();
+        let mut heard = Heard::new(events.pieces());
         loop {
+            let silence_ends = heard.at + if heard.pieces == 0 { self.silences.first } else { self.silences.later };
             let event = tokio::select! {
                 event = events.next() => event,
+                () = tokio::time::sleep_until(silence_ends) => {
+                    if events.pieces() == heard.pieces {
+                        return self.poll_until_final().await;
+                    }
+                    heard = Heard::new(events.pieces());
+                    continue;
+                }
                 () = &mut patience, if self.workers == Workers::Absent => {
                     self.miss_workers();
                     continue;
@@ -178,6 +237,7 @@ impl Follower<'_> {
                 }
             };
             let Some(Ok(Event { body, .. })) = event else { return Ok(None) };
+            heard = Heard::new(events.pieces());
             let views = match body {
                 EventBody::Snapshot { jobs, workers } => {
                     self.workers.hear_all(&workers);
@@ -196,18 +256,61 @@ impl Follower<'_> {
                 }
             };
             let Some(view) = views.into_iter().find(|view| view.id == self.job) else { continue };
-            self.progress.show(&Advance {
-                fraction: view.progress,
-                activity: None,
-                samples: Some(self.samples_text(&view)),
-                samples_per_second: view.samples_per_second,
-                remaining: view.remaining_ms.and_then(|left| u64::try_from(left).ok()).map(Duration::from_millis),
-            });
+            self.show(&view);
             if view.state.is_final() {
                 self.catch_up().await?;
                 return Ok(Some(view));
             }
         }
+    }
+
+    /// Asks for the job again and again until it ends.
+    async fn poll_until_final(&mut self) -> Result<Option<JobView>, ClientError> {
+        let (client, job) = (&self.connection.client, self.job);
+        let mut period = tokio::time::interval(self.silences.poll);
+        period.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        loop {
+            period.tick().await;
+            let view = client.job(job).await?;
+            self.hear_answer();
+            if !std::mem::replace(&mut self.is_held_back, true) {
+                let (address, seconds) = (self.connection.address(), self.silences.poll.as_secs());
+                self.progress.note(&format!(
+                    "No events come from {address}, perhaps because a proxy holds them back: asking every {seconds} s instead"
+                ));
+            }
+            if self.workers == Workers::Unknown {
+                self.workers.hear_all(&client.workers().await?);
+            }
+            if self.workers == Workers::Absent {
+                self.miss_workers();
+            }
+            if self.progress.is_drawn() && !view.state.is_final() {
+                self.live = live_error(client, job).await;
+            }
+            self.catch_up().await?;
+            self.show(&view);
+            if view.state.is_final() {
+                return Ok(Some(view));
+            }
+        }
+    }
+
+    /// The coordinator has answered.
+    fn hear_answer(&mut self) {
+        self.is_answered = true;
+        self.outage.end(self.connection, self.progress);
+    }
+
+    fn show(&mut self, view: &JobView) {
+        let advance = Advance {
+            fraction: view.progress,
+            activity: None,
+            samples: Some(self.samples_text(view)),
+            samples_per_second: view.samples_per_second,
+            remaining: view.remaining_ms.and_then(|left| u64::try_from(left).ok()).map(Duration::from_millis),
+        };
+        self.progress.show(&advance);
     }
 
     /// How many samples there are, and how good the image is that they make.
@@ -261,7 +364,113 @@ fn live_text(live: &LiveMeasurement) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+    use std::sync::Arc;
+
+    use axum::Router;
+    use axum::body::{Body, Bytes};
+    use axum::http::{Method, Uri};
+    use axum::response::{IntoResponse, Response};
+    use clerestory_api::{JobState, JobSubmission};
+    use clerestory_coordinator::{Config, run};
+    use futures::stream;
+    use serde_json::json;
+    use tokio::net::TcpListener;
+    use tokio::sync::Notify;
+
     use super::*;
+
+    /// What a proxy passes on of an event stream.
+    #[derive(Clone, Copy, Debug)]
+    enum Passed {
+        Nothing,
+        Head,
+        FirstEvent,
+    }
+
+    /// A proxy in front of a coordinator that holds back all else of an event stream, and tells when a job is asked for.
+    async fn proxy(coordinator: String, passed: Passed, asked: Arc<Notify>) -> String {
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = format!("http://{}", listener.local_addr().unwrap());
+        let carry = async move |method: Method, uri: Uri| -> Response {
+            let is_stream = uri.path().ends_with("/events");
+            if is_stream && matches!(passed, Passed::Nothing) {
+                std::future::pending::<()>().await;
+            }
+            let request = reqwest::Client::new().request(method, format!("{coordinator}{uri}"));
+            let mut answer = request.send().await.unwrap();
+            let head = (answer.status(), [("content-type", answer.headers()["content-type"].clone())]);
+            if !is_stream {
+                if uri.path().split('/').nth_back(1) == Some("jobs") {
+                    asked.notify_one();
+                }
+                return (head.0, head.1, answer.bytes().await.unwrap()).into_response();
+            }
+            let first = match passed {
+                Passed::FirstEvent => answer.chunk().await.unwrap().unwrap(),
+                _ => Bytes::new(),
+            };
+            let body = stream::iter([Ok::<_, std::io::Error>(first)]).chain(stream::pending());
+            (head.0, head.1, Body::from_stream(body)).into_response()
+        };
+        tokio::spawn(axum::serve(listener, Router::new().fallback(carry)).into_future());
+        address
+    }
+
+    fn submission() -> JobSubmission {
+        let scene = json!({
+            "version": 1,
+            "name": "one wall",
+            "film": {"width": 8, "height": 8},
+            "camera": {"perspective": {
+                "position": [0, 0, 3], "look_at": [0, 0, 0], "up": [0, 1, 0], "vertical_field_of_view": 60
+            }},
+            "integrator": {"path": {}},
+            "materials": {"white": {"diffuse": {"reflectance": {"colour": [0.8, 0.8, 0.8]}}}},
+            "meshes": [{"name": "wall", "material": "white", "source": {"inline": {
+                "positions": [[-1, -1, 0], [1, -1, 0], [1, 1, 0]], "triangles": [[0, 1, 2]]
+            }}}],
+            "lights": [{"point": {"name": "lamp", "position": [1, 1, 2], "intensity": [5, 5, 5]}}]
+        });
+        JobSubmission {
+            name: None,
+            scene,
+            assets: BTreeMap::new(),
+            samples_per_pixel: 16,
+            tile_size: 8,
+            priority: 0,
+            reference: None,
+            time_limit_ms: None,
+            target_mse: None,
+            target_estimated_mse: None,
+            adaptive: false,
+        }
+    }
+
+    #[tokio::test]
+    async fn a_job_is_followed_to_its_end_through_a_proxy_that_holds_events_back() {
+        let directory = tempfile::tempdir().unwrap();
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let coordinator = format!("http://{}", listener.local_addr().unwrap());
+        tokio::spawn(run(listener, Config::new(directory.path()), std::future::pending()));
+        let client = Client::new(&coordinator, None).unwrap();
+        let short = Duration::from_millis(100);
+        for passed in [Passed::Nothing, Passed::Head, Passed::FirstEvent] {
+            let job = client.submit_job(&submission()).await.unwrap().id;
+            let asked = Arc::new(Notify::new());
+            let address = proxy(coordinator.clone(), passed, Arc::clone(&asked)).await;
+            let connection = Connection::open(&address, None).unwrap();
+            let mut progress = Progress::new();
+            let silences = Silences { first: short, later: short, poll: short };
+            let followed = follow_through(&connection, job, &mut progress, silences);
+            let end = async {
+                asked.notified().await;
+                client.cancel_job(job).await.unwrap();
+            };
+            let (ended, ()) = tokio::join!(tokio::time::timeout(Duration::from_secs(30), followed), end);
+            assert_eq!(ended.expect("it ends").unwrap().state, JobState::Cancelled, "{passed:?}");
+        }
+    }
 
     #[test]
     fn a_live_error_says_of_how_much_it_is() {

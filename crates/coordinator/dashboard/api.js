@@ -69,7 +69,14 @@ export const coordinatorNow = () => Date.now() + clockOffset;
 let clockOffset = 0;
 
 async function json(method, path) {
-  return (await send(method, path)).json();
+  const response = await send(method, path);
+  const type = response.headers.get('content-type') ?? 'no content type';
+  if (type.startsWith('application/json')) return response.json();
+  throw new ApiError({
+    status: response.status,
+    title: 'Not a coordinator',
+    detail: `the answer does not come from a Clerestory coordinator: status ${response.status}, ${type}; a proxy or a login page may be in between`,
+  });
 }
 
 function send(method, path, { body } = {}) {

@@ -1,8 +1,9 @@
 // The live connection: keeps the page's knowledge of the farm fresh, and says whether it is.
 //
 // A connection begins with one ordinary request, because an EventSource cannot tell a wrong token from a missing
-// coordinator; after it the event stream carries everything. A hidden page lets go of its stream (browsers
-// allow six connections to a host, over all tabs) and only looks in from time to time, for the progress in its title.
+// coordinator; after it the event stream carries everything. Where something on the way holds the stream back, the page
+// asks every few seconds instead. A hidden page lets go of its stream (browsers allow six connections to a host, over all
+// tabs) and only looks in from time to time, for the progress in its title.
 
 import * as api from './api.js';
 
@@ -10,11 +11,15 @@ const EVENT_NAMES = ['snapshot', 'job', 'round', 'progress', 'worker'];
 const FIRST_RETRY_MS = 500;
 const LONGEST_RETRY_MS = 8000;
 const HIDDEN_LOOK_MS = 15000;
+// A coordinator sends the first event at once.
+const FIRST_EVENT_MS = 5000;
+const POLL_MS = 3000;
 
 /** What a connection can be. */
 export const Connection = Object.freeze({
   CONNECTING: 'connecting',
   LIVE: 'live',
+  POLLING: 'polling',
   OFFLINE: 'offline',
   LOCKED: 'locked',
 });
@@ -45,15 +50,7 @@ export class FarmConnection {
   /** Connects now, whatever was before. */
   async connect() {
     this.#drop();
-    const attempt = this.#attempt;
-    try {
-      const [jobs, workers] = await Promise.all([api.jobs(), api.workers()]);
-      if (attempt !== this.#attempt) return;
-      this.#onEvent({ type: 'snapshot', jobs, workers });
-    } catch (error) {
-      if (attempt === this.#attempt) this.#failed(error);
-      return;
-    }
+    if (!(await this.#look())) return;
     if (document.hidden) {
       this.#timer = setTimeout(() => this.connect(), HIDDEN_LOOK_MS);
     } else {
@@ -61,17 +58,50 @@ export class FarmConnection {
     }
   }
 
+  // Asks for everything once, and says whether the answer still matters.
+  async #look() {
+    const attempt = this.#attempt;
+    try {
+      const [jobs, workers] = await Promise.all([api.jobs(), api.workers()]);
+      if (attempt !== this.#attempt) return false;
+      this.#onEvent({ type: 'snapshot', jobs, workers });
+      return true;
+    } catch (error) {
+      if (attempt === this.#attempt) this.#failed(error);
+      return false;
+    }
+  }
+
   #listen() {
     const source = new EventSource(api.EVENTS_ADDRESS);
     this.#source = source;
-    source.onopen = () => {
-      this.#retryMs = FIRST_RETRY_MS;
-      this.#onState(Connection.LIVE);
-    };
+    this.#timer = setTimeout(() => this.#poll(), FIRST_EVENT_MS);
     source.onerror = () => this.#lost();
+    let isFirst = true;
     for (const name of EVENT_NAMES) {
-      source.addEventListener(name, (message) => this.#onEvent(JSON.parse(message.data)));
+      source.addEventListener(name, (message) => {
+        if (isFirst) {
+          isFirst = false;
+          clearTimeout(this.#timer);
+          this.#hold(Connection.LIVE);
+        }
+        this.#onEvent(JSON.parse(message.data));
+      });
     }
+  }
+
+  #poll() {
+    this.#drop();
+    this.#hold(Connection.POLLING);
+    const look = async () => {
+      if (await this.#look()) this.#timer = setTimeout(look, POLL_MS);
+    };
+    look();
+  }
+
+  #hold(state) {
+    this.#retryMs = FIRST_RETRY_MS;
+    this.#onState(state);
   }
 
   #failed(error) {

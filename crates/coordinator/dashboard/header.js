@@ -9,8 +9,13 @@ import { connect } from './store.js';
 const CONNECTION_WORDS = {
   [Connection.CONNECTING]: 'Connecting',
   [Connection.LIVE]: 'Live',
+  [Connection.POLLING]: 'Polling',
   [Connection.OFFLINE]: 'Offline',
   [Connection.LOCKED]: 'Locked',
+};
+
+const CONNECTION_NOTES = {
+  [Connection.POLLING]: 'Something between this page and the coordinator holds its events back, so the page asks every few seconds.',
 };
 
 /** The banner with the farm's status and the state of the connection. */
@@ -22,7 +27,7 @@ export function Header({ farm }) {
         <span>Clerestory</span>
       </a>
       <p class="farm-status">${farmStatus(farm)}</p>
-      <p class="connection" role="status" data-connection=${farm.connection}>
+      <p class="connection" role="status" data-connection=${farm.connection} title=${CONNECTION_NOTES[farm.connection]}>
         <span class="lamp" aria-hidden="true"></span>${CONNECTION_WORDS[farm.connection]}
       </p>
     </header>`;

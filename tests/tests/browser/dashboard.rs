@@ -35,7 +35,21 @@ async fn a_fresh_farm_tells_how_to_submit_a_scene_and_start_a_worker() {
     let foreign = "return performance.getEntriesByType('resource').map(entry => entry.name)
         .filter(name => !name.startsWith(location.origin))";
     assert_eq!(browser.script(foreign).await, Value::Array(Vec::new()), "the page asks nobody but its coordinator");
+
+    // Behind a proxy that holds events back a stream opens, and nothing comes.
+    browser.script(SILENCE_STREAMS).await;
+    browser.shows(".connection", "Polling").await;
+    let job = farm.submit(&scene(), &["--size", SMALL, "--spp", "16"]);
+    browser.shows(&format!(".job-row[data-job='{job}'] .state"), "Queued").await;
 }
+
+/// Lets the page connect anew, to a stream that stays silent.
+const SILENCE_STREAMS: &str = "
+    window.EventSource = class extends EventTarget {
+        constructor() { super(); setTimeout(() => this.onopen?.()); }
+        close() {}
+    };
+    window.dispatchEvent(new Event('online'));";
 
 /// Records a small grey copy of each image that the page shows.
 const RECORD_IMAGES: &str = "

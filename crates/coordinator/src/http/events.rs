@@ -2,13 +2,15 @@
 
 use std::convert::Infallible;
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::extract::State;
-use axum::http::HeaderMap;
+use axum::http::header::CACHE_CONTROL;
+use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
 use clerestory_api::{EventBody, JobId};
 use futures::StreamExt;
-use futures::stream::Stream;
 
 use super::extract::PathParameter;
 use super::jobs::find;
@@ -16,17 +18,17 @@ use super::problem::ApiError;
 use crate::events;
 use crate::farm::Farm;
 
-/// What happens on the farm: first a snapshot, then every change. A listener who comes back with `Last-Event-ID` gets the
-/// stored events that it missed before the snapshot.
+/// Longest silence of a stream: then a comment is sent, so that a listener knows that nothing holds the stream back.
+const SILENCE: Duration = Duration::from_secs(5);
+
+/// What happens on the farm: first a snapshot, then every change. A listener that comes back with `Last-Event-ID` gets the
+/// stored events that it missed before the snapshot, the newest 500 at most.
 #[utoipa::path(
     get, path = "/events", tag = "events",
     params(("last-event-id" = Option<i64>, Header, description = "The last event that was seen.")),
     responses((status = 200, body = EventBody, content_type = "text/event-stream"))
 )]
-pub(super) async fn all(
-    State(farm): State<Arc<Farm>>,
-    headers: HeaderMap,
-) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, ApiError> {
+pub(super) async fn all(State(farm): State<Arc<Farm>>, headers: HeaderMap) -> Result<Response, ApiError> {
     listen(farm, None, last_id(&headers)).await
 }
 
@@ -43,18 +45,20 @@ pub(super) async fn of_job(
     State(farm): State<Arc<Farm>>,
     PathParameter(job): PathParameter<JobId>,
     headers: HeaderMap,
-) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, ApiError> {
+) -> Result<Response, ApiError> {
     find(&farm, job).await?;
     listen(farm, Some(job), last_id(&headers)).await
 }
 
-async fn listen(
-    farm: Arc<Farm>,
-    job: Option<JobId>,
-    last_id: Option<i64>,
-) -> Result<Sse<impl Stream<Item = Result<Event, Infallible>>>, ApiError> {
-    let stream = events::listen(farm, job, last_id).await?.map(|event| Ok(message(&event)));
-    Ok(Sse::new(stream).keep_alive(KeepAlive::default()))
+async fn listen(farm: Arc<Farm>, job: Option<JobId>, last_id: Option<i64>) -> Result<Response, ApiError> {
+    let stream = events::listen(farm, job, last_id).await?.map(|event| message(&event));
+    let mut response =
+        Sse::new(stream.map(Ok::<_, Infallible>)).keep_alive(KeepAlive::new().interval(SILENCE)).into_response();
+    // Proxies are asked to hand events on as they come: nginx by the first, those that compress by the second.
+    let headers = response.headers_mut();
+    headers.insert(HeaderName::from_static("x-accel-buffering"), HeaderValue::from_static("no"));
+    headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-cache, no-transform"));
+    Ok(response)
 }
 
 /// A browser sends back what it was sent; anything else is as good as nothing.

@@ -236,6 +236,19 @@ async fn events_come_in_order_and_the_missed_ones_after_coming_back() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn event_streams_ask_proxies_to_pass_them_on_as_they_come() {
+    let farm = TestFarm::start().await;
+    let job = farm.submit(1).await;
+    let http = reqwest::Client::builder().no_proxy().build().unwrap();
+    for path in ["events".to_owned(), format!("jobs/{}/events", job.id)] {
+        let stream = http.get(format!("{}/api/v1/{path}", farm.address)).send().await.unwrap();
+        assert_eq!(stream.headers()["x-accel-buffering"], "no", "{path}");
+        assert_eq!(stream.headers()["cache-control"], "no-cache, no-transform", "{path}");
+        assert_eq!(stream.headers()["content-type"], "text/event-stream", "{path}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_worker_that_waits_gets_work_as_soon_as_there_is_some() {
     let farm = TestFarm::start().await;
     let worker = farm.worker().await;
