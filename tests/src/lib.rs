@@ -18,6 +18,7 @@
 //! - [`single_connections`]: the light that a method finds between two points, against what is there, which `known_paths` knows;
 //! - [`sheet_connections`]: the same through waves of water, which `conic` knows;
 //! - [`rendering`]: scenes rendered in this process, and [`estimate`]: whether two ways to render one agree;
+//! - [`pixel_digests`]: pixels in short, and tables of what they were;
 //! - [`pane_scene`]: small scenes for tests of laws, [`closed_room`]: a room for tests of all light;
 //! - [`found_paths`]: paths of light as methods are asked about them;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
@@ -52,6 +53,7 @@ pub mod mesh_tracer;
 pub mod methods;
 pub mod pane_mesh;
 pub mod pane_scene;
+pub mod pixel_digests;
 pub mod pool;
 pub mod proxy;
 pub mod random;

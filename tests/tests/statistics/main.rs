@@ -9,6 +9,7 @@ mod laws_invariance;
 mod manifold;
 mod partition;
 mod partition_of_a_room;
+mod pixels;
 mod references;
 mod reflected_caustics;
 mod room;

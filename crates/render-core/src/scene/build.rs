@@ -82,8 +82,8 @@ impl Scene {
         Ok(scene)
     }
 
-    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the seed and the sampling differ, all that takes time to
-    /// build is kept.
+    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the integrator, the seed and the sampling differ, all that takes
+    /// time to build is kept.
     ///
     /// # Errors
     ///
@@ -94,6 +94,7 @@ impl Scene {
             camera: self.description.camera.clone(),
             film: self.description.film,
             lights: self.description.lights.clone(),
+            integrator: self.description.integrator.clone(),
             seed: self.description.seed,
             sampling: self.description.sampling,
             ..description.clone()
@@ -101,14 +102,16 @@ impl Scene {
         if kept != self.description || asset_hashes(bundle) != self.assets {
             return Self::build(bundle);
         }
-        Ok(Self {
+        let scene = Self {
             hash: bundle.scene_hash(),
             camera: Camera::new(&description.camera, description.film),
             lights: description.lights.iter().map(Light::new).collect(),
             sampling: sampling(description)?,
             description: description.clone(),
             ..self
-        })
+        };
+        scene.prepare();
+        Ok(scene)
     }
 
     /// Makes what the integrator looks things up in, so that no sample waits for it.
