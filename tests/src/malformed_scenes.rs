@@ -283,8 +283,8 @@ fn bad_files() -> Vec<BadScene> {
             "a mesh with a face of a vertex that there is not",
             "floor.ply",
             ply("4", "3 0 1 7\n"),
-            "meshes[0].source",
-            &["[0, 1, 7]", "indices below 4"],
+            FLOOR,
+            &["\"3 0 1 7\": face 0 has the vertex 7", "indices below 4"],
         ),
         with(
             "a height map that claims 60001 pixels each way",

@@ -18,6 +18,7 @@
 //! - Transcendental functions come from `libm`, so that every machine computes the same bits.
 
 pub mod counters;
+mod file_format;
 pub mod film;
 pub mod geometry;
 pub mod integrator;

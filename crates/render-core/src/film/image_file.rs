@@ -36,17 +36,19 @@ impl FrameImage {
         Ok(bytes)
     }
 
-    /// Reads the first part that has the channels `R`, `G` and `B`, of a file that may come from anyone. The data
-    /// window is taken as the image. Layers other than the picture, its standard error and its halves are read from
+    /// Reads the first part that has the channels `R`, `G` and `B`, of a file that may come from anyone. Layers other than the picture, its standard error and its halves are read from
     /// images of this program only, since others mean other things by the same names.
     ///
     /// # Errors
     ///
-    /// [`ImageError`] when there is no such part, it exceeds the budget, or its data are damaged or not finite.
+    /// [`ImageError`] when there is no such part, it is not the whole picture, its colours are not Rec. 709, it exceeds the
+    /// budget, or its data are damaged or not finite.
     pub fn decode(bytes: &[u8], budget: DecodeBudget) -> Result<Self, ImageError> {
         let file = OpenExr::open(bytes)?;
         let picture = find_picture(file.parts())?;
         let part = &file.parts()[picture];
+        part.check_windows()?;
+        part.check_primaries()?;
         let [width, height] = size(part)?;
         let metadata: Option<ImageMetadata> = match &part.json {
             None => None,
@@ -125,6 +127,7 @@ mod tests {
     use crate::film::image::tests::image;
     use crate::film::openexr::tests::{TESTS_BESIDE, address_space_bytes, attribute, patch};
     use crate::film::openexr::{OutputPart, Samples};
+    use crate::film::{picture_rows, picture_size};
 
     const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 1 << 20 };
 
@@ -211,7 +214,34 @@ mod tests {
         part.add_triples(RGB, &[[1.0; 3]; 2]);
         let bytes = openexr::write([2, 1], &[part], Compression::DWAA(None)).unwrap();
         let error = FrameImage::decode(&bytes, BUDGET).unwrap_err().to_string();
-        assert_eq!(error, "DWA compression is not supported");
+        assert!(error.starts_with("DWAA compression is not supported: save the image"), "{error}");
+    }
+
+    #[test]
+    fn pictures_that_are_cropped_or_of_other_colours_are_refused() {
+        use exr::meta::attribute::Chromaticities;
+        use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2};
+        let mut cropped = image().encode().unwrap();
+        patch(&mut cropped, "displayWindow", &attribute(&[-1, 0, 9, 9]));
+        let check = |bytes: &[u8], fragment: &str| {
+            let error = FrameImage::decode(bytes, BUDGET).unwrap_err().to_string();
+            assert!(error.contains(fragment), "{error:?} does not say {fragment:?}");
+            assert_eq!(picture_size(std::io::Cursor::new(bytes)).unwrap_err().to_string(), error);
+            // A job that has such a reference already goes on.
+            assert!(picture_rows(std::io::Cursor::new(bytes), 0..1, BUDGET).is_ok());
+        };
+        check(&cropped, "are 7 x 5 from (0, 0) on, its picture (display window) is 11 x 10 from (-1, 0) on");
+
+        let channels = SpecificChannels::rgb(|_: Vec2<usize>| (0.5_f32, 0.5_f32, 0.5_f32));
+        let layer = Layer::new((2, 1), LayerAttributes::named("any"), Encoding::UNCOMPRESSED, channels);
+        let mut picture = Image::from_layer(layer);
+        let white = Vec2(0.3127, 0.329);
+        let wide =
+            Chromaticities { red: Vec2(0.708, 0.292), green: Vec2(0.17, 0.797), blue: Vec2(0.131, 0.046), white };
+        picture.attributes.chromaticities = Some(wide);
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        picture.write().to_buffered(&mut bytes).unwrap();
+        check(&bytes.into_inner(), "(attribute chromaticities) are Rec. 2020; convert it to linear Rec. 709");
     }
 
     /// A file of one part with these float channels of one pixel.

@@ -14,6 +14,7 @@ mod image_writer;
 pub mod metrics;
 pub mod node;
 mod openexr;
+mod openexr_header;
 pub mod partial;
 mod partial_error;
 mod partial_header;
@@ -40,8 +41,8 @@ pub use metrics::{
     mean_squared_standard_error, relative_noise,
 };
 pub use node::{FirstHitLayers, FirstHitSums, MergeError, Node, NodeError, NodeLayers, NonFinite, PassSums};
+pub(crate) use openexr::{ChannelKind, InputPart, OpenExr, Plane};
 pub use openexr::{DecodeBudget, OpenExrError};
-pub(crate) use openexr::{OpenExr, Plane};
 pub use partial::{Expectation, PartialHeader, Rendered};
 pub use partial_error::PartialError;
 pub use picture::{picture_rows, picture_size};

@@ -16,7 +16,7 @@ use exr::block::reader::Reader;
 use exr::block::writer::ChunksWriter;
 use exr::block::{self, BlockIndex, UncompressedBlock};
 use exr::meta::attribute::{
-    AttributeValue, ChannelDescription, Compression, IntegerBounds, LineOrder, SampleType, Text,
+    AttributeValue, ChannelDescription, Chromaticities, Compression, IntegerBounds, LineOrder, SampleType, Text,
 };
 use exr::meta::header::{Header, ImageAttributes, LayerAttributes};
 use exr::meta::{BlockDescription, MetaData};
@@ -25,6 +25,7 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::address::Tile;
+use super::openexr_header;
 
 /// The name of the custom attribute.
 const ATTRIBUTE: &str = "clerestory";
@@ -55,8 +56,25 @@ pub enum OpenExrError {
         allowed: u64,
     },
     /// A feature of OpenEXR that is not read here.
-    #[error("{0} is not supported")]
+    #[error("{0} is not supported: save the image flat, as scan lines with ZIP compression")]
     Unsupported(String),
+    /// The file holds a part of the picture, or more than it.
+    #[error(
+        "its pixels (data window) are {data}, its picture (display window) is {display}: save it with both of one size, \
+         filled up or cut"
+    )]
+    OtherWindow {
+        /// Where pixels are.
+        data: String,
+        /// Where the picture is.
+        display: String,
+    },
+    /// The colours are of other primaries than those of this program.
+    #[error("its colours (attribute chromaticities) are {found}; convert it to linear Rec. 709")]
+    OtherPrimaries {
+        /// The primaries.
+        found: String,
+    },
     /// The file contradicts itself or ends too early.
     #[error("the OpenEXR file is damaged: {0}")]
     Damaged(String),
@@ -71,8 +89,15 @@ pub enum OpenExrError {
 impl From<exr::error::Error> for OpenExrError {
     fn from(error: exr::error::Error) -> Self {
         match error {
-            exr::error::Error::NotSupported(what) => Self::Unsupported(what.into_owned()),
+            exr::error::Error::NotSupported(what) => {
+                let what = what.trim_end_matches(" yet").trim_end_matches(" not supported").trim_end_matches(" are");
+                Self::Unsupported(what.to_owned())
+            }
             exr::error::Error::Io(error) if !is_of_content(error.kind()) => Self::Read(error.kind()),
+            exr::error::Error::Invalid(what) if what == "reference to missing bytes" => {
+                Self::Damaged("it ends too early".to_owned())
+            }
+            exr::error::Error::Invalid(what) => Self::Damaged(what.into_owned()),
             other => Self::Damaged(other.to_string()),
         }
     }
@@ -123,24 +148,76 @@ pub(crate) struct InputPart {
     pub(super) json: Option<String>,
     /// Column and row of its top left pixel in the image.
     pub(super) position: [i32; 2],
+    /// Where the picture is of which it has pixels.
+    display: IntegerBounds,
+    /// The primaries of its colours, where it states them.
+    chromaticities: Option<Chromaticities>,
     /// Pixels across and down.
     pub(crate) size: [u64; 2],
     /// The names of its channels and what they hold, in the order of the file.
-    pub(super) channels: Vec<(String, ChannelKind)>,
+    pub(crate) channels: Vec<(String, ChannelKind)>,
     /// How its blocks are compressed.
     pub(super) compression: Compression,
 }
 
 impl InputPart {
     /// Whether it has a channel of this name.
-    pub(super) fn has(&self, name: &str) -> bool {
+    pub(crate) fn has(&self, name: &str) -> bool {
         self.channels.iter().any(|(found, _)| found == name)
+    }
+
+    /// The names of its channels.
+    pub(crate) fn channel_names(&self) -> impl Iterator<Item = &str> {
+        self.channels.iter().map(|(name, _)| name.as_str())
+    }
+
+    /// Checks that its pixels are the whole picture. Where its windows lie does not matter, since programs count from
+    /// different corners.
+    pub(crate) fn check_windows(&self) -> Result<(), OpenExrError> {
+        let [width, height] = [self.display.size.width() as u64, self.display.size.height() as u64];
+        if self.size == [width, height] {
+            return Ok(());
+        }
+        let window = |[width, height]: [u64; 2], x: i32, y: i32| format!("{width} x {height} from ({x}, {y}) on");
+        Err(OpenExrError::OtherWindow {
+            data: window(self.size, self.position[0], self.position[1]),
+            display: window([width, height], self.display.position.x(), self.display.position.y()),
+        })
+    }
+
+    /// Checks that its colours are those of Rec. 709, which a file that says nothing has.
+    pub(crate) fn check_primaries(&self) -> Result<(), OpenExrError> {
+        let Some(Chromaticities { red, green, blue, white }) = self.chromaticities else { return Ok(()) };
+        let found = [red, green, blue, white].map(|Vec2(x, y)| [x, y]);
+        let are = |known: &[[f32; 2]; 4]| {
+            known.iter().flatten().zip(found.iter().flatten()).all(|(known, found)| (known - found).abs() < 0.002)
+        };
+        let name = PRIMARIES.iter().find(|(_, known)| are(known)).map(|(name, _)| *name);
+        if name == Some(REC_709) {
+            return Ok(());
+        }
+        let [red, green, blue, white] = found.map(|[x, y]| format!("({x:.4}, {y:.4})"));
+        let numbers = format!("red {red}, green {green}, blue {blue}, white {white}");
+        Err(OpenExrError::OtherPrimaries { found: name.map_or(numbers, str::to_owned) })
     }
 }
 
+const REC_709: &str = "Rec. 709";
+
+/// Chromaticities of red, green, blue and white.
+const PRIMARIES: [(&str, [[f32; 2]; 4]); 7] = [
+    (REC_709, [[0.64, 0.33], [0.3, 0.6], [0.15, 0.06], [0.3127, 0.329]]),
+    ("ACEScg", [[0.713, 0.293], [0.165, 0.83], [0.128, 0.044], [0.321_68, 0.337_67]]),
+    ("ACES2065-1", [[0.7347, 0.2653], [0.0, 1.0], [0.0001, -0.077], [0.321_68, 0.337_67]]),
+    ("Rec. 2020", [[0.708, 0.292], [0.17, 0.797], [0.131, 0.046], [0.3127, 0.329]]),
+    ("Display P3", [[0.68, 0.32], [0.265, 0.69], [0.15, 0.06], [0.3127, 0.329]]),
+    ("Adobe RGB", [[0.64, 0.33], [0.21, 0.71], [0.15, 0.06], [0.3127, 0.329]]),
+    ("CIE XYZ", [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [1.0 / 3.0, 1.0 / 3.0]]),
+];
+
 /// What a channel holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ChannelKind {
+pub(crate) enum ChannelKind {
     /// 32-bit floats.
     Float,
     /// 16-bit floats.
@@ -295,9 +372,10 @@ impl<R: Read + Seek> OpenExr<R> {
             Err(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => return Err(io(error)),
             Ok(()) | Err(_) => return Err(OpenExrError::NotOpenExr),
         }
+        openexr_header::check(&mut file)?;
         file.seek(SeekFrom::Start(0)).map_err(io)?;
         let reader = block::read(file, false)?;
-        let parts = reader.headers().iter().map(input_part).collect::<Result<_, _>>()?;
+        let parts = reader.headers().iter().map(input_part).collect();
         Ok(Self { reader, parts })
     }
 
@@ -471,19 +549,9 @@ fn read<T: bytemuck::AnyBitPattern, V>(bytes: &[u8], values: &mut [V], convert: 
     }
 }
 
-fn input_part(header: &Header) -> Result<InputPart, OpenExrError> {
-    if header.deep {
-        return Err(OpenExrError::Unsupported("deep data".to_owned()));
-    }
-    if matches!(header.compression, Compression::DWAA(_) | Compression::DWAB(_)) {
-        // Its decoder allocates whatever a block claims, before any check, and the process ends when that fails.
-        return Err(OpenExrError::Unsupported("DWA compression".to_owned()));
-    }
+fn input_part(header: &Header) -> InputPart {
     let mut channels = Vec::new();
     for channel in &header.channels.list {
-        if channel.sampling != Vec2(1, 1) {
-            return Err(OpenExrError::Unsupported(format!("subsampling of channel {}", channel.name)));
-        }
         let kind = match channel.sample_type {
             SampleType::F32 => ChannelKind::Float,
             SampleType::F16 => ChannelKind::Half,
@@ -495,13 +563,15 @@ fn input_part(header: &Header) -> Result<InputPart, OpenExrError> {
         Some(AttributeValue::Text(text)) => Some(text.to_string()),
         _ => None,
     };
-    Ok(InputPart {
+    InputPart {
         json,
         position: [header.own_attributes.layer_position.x(), header.own_attributes.layer_position.y()],
+        display: header.shared_attributes.display_window,
+        chromaticities: header.shared_attributes.chromaticities,
         size: [header.layer_size.width() as u64, header.layer_size.height() as u64],
         channels,
         compression: header.compression,
-    })
+    }
 }
 
 /// Bytes of the largest block that the header allows, which `exr` may allocate at once.

@@ -14,10 +14,13 @@ use super::openexr::{DecodeBudget, OpenExr};
 ///
 /// # Errors
 ///
-/// [`ImageError`] when there is none, or the file cannot be read.
+/// [`ImageError`] when there is none, it is not whole, its colours are not Rec. 709, or the file cannot be read.
 pub fn picture_size<R: Read + Seek>(file: R) -> Result<[u32; 2], ImageError> {
     let file = OpenExr::read(file)?;
-    image_file::size(&file.parts()[image_file::find_picture(file.parts())?])
+    let part = &file.parts()[image_file::find_picture(file.parts())?];
+    part.check_windows()?;
+    part.check_primaries()?;
+    image_file::size(part)
 }
 
 /// The mean and, where the file has one, the standard error of the picture's pixels in some rows, which it must have.

@@ -360,13 +360,13 @@ mod tests {
         assert!(build(&with_mesh(ply.clone()), &triangle(corners, "3 0 1 2\n")).is_ok());
 
         let source = "meshes[0].source";
-        check_refused(&with_mesh(ply.clone()), &triangle(corners, "3 0 1 3\n"), source, "indices below 3");
         check_refused(&with_mesh(ply.clone()), &triangle(corners, "3 0 1 1\n"), source, "none with an area");
         check_refused(&with_mesh(ply.clone()), &triangle("0 0 0\n1e9 0 0\n0 1 0\n", "3 0 1 2\n"), source, "1000000 m");
         let file = "meshes[0].source.ply.file";
+        check_refused(&with_mesh(ply.clone()), &triangle(corners, "3 0 1 3\n"), file, "indices below 3");
         check_refused(&with_mesh(ply.clone()), &[("m.ply", b"solid".to_vec())], file, "not a readable PLY file");
         check_refused(&with_mesh(ply.clone()), &[], file, "\"m.ply\" is missing");
-        let empty = format!("{header}end_header\n").replace("vertex 3", "vertex 0");
+        let empty = format!("{header}{faces}").replace("vertex 3", "vertex 0").replace("face 1", "face 0");
         check_refused(&with_mesh(ply.clone()), &[("m.ply", empty.into_bytes())], source, "0 triangles");
 
         let mut painted = with_mesh(ply);

@@ -10,12 +10,11 @@ use super::assets::texture_path;
 use super::build::{asset_bytes, check_budget};
 use super::bundle::SceneBundle;
 use super::description::{MaterialDescription, MeshDescription, MeshSource, ReflectanceDescription};
-use super::error::{AssetProblem, SceneError};
+use super::error::SceneError;
 use super::json_path::JsonPath;
 use super::limits::{MAX_COORDINATE, MAX_TEXELS, MAX_TRIANGLES};
 use super::mesh::{Placement, TriangleMesh, is_degenerate};
-use super::obj::decode_obj;
-use super::ply::decode_ply;
+use super::mesh_file::{MeshFile, MeshFormat};
 use super::surface::{Material, MeshSurface, Reflectance, SmoothMesh};
 use super::texture::Texture;
 use crate::optics::Interface;
@@ -51,7 +50,7 @@ pub(super) struct Meshes<'a> {
     bundle: &'a SceneBundle,
     textures: &'a Textures<'a>,
     /// Decoded files, which several meshes may share.
-    files: BTreeMap<(&'static str, &'a str), Arc<TriangleMesh>>,
+    files: BTreeMap<(MeshFormat, &'a str), Arc<TriangleMesh>>,
     /// Positions of all vertices in the scene.
     pub(super) positions: Vec<DVec3>,
     /// All triangles that have an area.
@@ -93,8 +92,7 @@ impl<'a> Meshes<'a> {
     }
 
     fn decode(&mut self, index: usize, description: &'a MeshDescription) -> Result<Arc<TriangleMesh>, SceneError> {
-        type Decode = fn(&[u8]) -> Result<TriangleMesh, AssetProblem>;
-        let (kind, file, decode): (_, _, Decode) = match &description.source {
+        let (format, file) = match &description.source {
             MeshSource::Inline { positions, triangles, texture_coordinates, normals } => {
                 return Ok(Arc::new(TriangleMesh {
                     positions: positions.iter().copied().map(DVec3::from).collect(),
@@ -104,19 +102,23 @@ impl<'a> Meshes<'a> {
                 }));
             }
             MeshSource::Waves(waves) => return Ok(Arc::new(waves.mesh())),
-            MeshSource::Ply { file } => ("ply", file, decode_ply),
-            MeshSource::Obj { file } => ("obj", file, decode_obj),
+            MeshSource::Ply { file } => (MeshFormat::Ply, file),
+            MeshSource::Obj { file } => (MeshFormat::Obj, file),
         };
-        if let Some(mesh) = self.files.get(&(kind, file.as_str())) {
+        if let Some(mesh) = self.files.get(&(format, file.as_str())) {
             return Ok(mesh.clone());
         }
-        let mesh = asset_bytes(self.bundle, file).and_then(decode).map_err(|problem| SceneError::Asset {
-            path: format!("meshes[{index}].source.{kind}.file"),
+        let unusable = |problem| SceneError::Asset {
+            path: format!("meshes[{index}].source.{}.file", format.name()),
             name: file.clone(),
             problem,
-        })?;
-        let mesh = Arc::new(mesh);
-        self.files.insert((kind, file), mesh.clone());
+        };
+        let bytes = asset_bytes(self.bundle, file).map_err(unusable)?;
+        let opened = MeshFile::open(format, bytes).map_err(unusable)?;
+        // Before memory is taken for what is decoded.
+        check_budget(self.triangles.len() + opened.triangles(), MAX_TRIANGLES, "triangles", "meshes")?;
+        let mesh = Arc::new(opened.decode().map_err(unusable)?);
+        self.files.insert((format, file), mesh.clone());
         Ok(mesh)
     }
 

@@ -1,7 +1,7 @@
 //! Height maps: measured profiles from EXR and 16-bit PNG files.
 
 use super::error::AssetProblem;
-use super::picture::{Picture, decode_picture};
+use super::picture::{Picture, PngPicture, decode_picture};
 
 /// Spline coefficients of a face, in metres.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,11 +33,11 @@ impl HeightMap {
         match decode_picture(bytes)? {
             Picture::Exr(picture) => {
                 let Some(values) = picture.channel("Y").or(picture.channel("R")) else {
-                    return Err(AssetProblem::malformed("must have a channel Y or R"));
+                    return Err(picture.other_channels("a channel Y or R"));
                 };
                 Ok(Self { columns: picture.width, rows: picture.height, values: values.to_vec(), divisor: 1.0 })
             }
-            Picture::Png(image) => {
+            Picture::Png(PngPicture { image, .. }) => {
                 let Some(grey) = image.as_luma16() else {
                     let found = image.color();
                     return Err(AssetProblem::malformed(format_args!(

@@ -95,12 +95,93 @@ fn the_scene_that_the_others_are_made_of_is_valid() {
 
 #[test]
 fn text_that_is_not_a_scene_is_refused() {
-    check("", "$", &["not valid JSON", "EOF"]);
+    check("", "$", &["not valid JSON", "an empty file", "docs/scene-format.md"]);
     check("{\"version\": 1,", "$", &["not valid JSON", "line 1 column 14"]);
     check("[1, 2]", "$", &["must be an object"]);
     check(&format!("{} x", valid_scene()), "$", &["trailing characters"]);
     check(&"[".repeat(100_000), "$", &["EOF"]);
     check(&" ".repeat((8 << 20) + 1), "$", &["8388609 bytes", "PLY"]);
+}
+
+#[test]
+fn a_byte_order_mark_is_no_part_of_a_scene() {
+    let scene = valid_scene().to_string();
+    let marked = SceneDescription::parse(format!("\u{feff}{scene}").as_bytes()).unwrap();
+    assert_eq!(marked, SceneDescription::parse(scene.as_bytes()).unwrap());
+}
+
+#[track_caller]
+fn check_bytes(bytes: &[u8], fragments: &[&str]) {
+    let message = SceneDescription::parse(bytes).expect_err("this is no scene").to_string();
+    for fragment in ["$: not valid JSON: "].iter().chain(fragments) {
+        assert!(message.contains(fragment), "no {fragment:?} in: {message}");
+    }
+}
+
+#[test]
+fn files_of_other_formats_are_named_with_what_to_do() {
+    let scene = valid_scene().to_string();
+    let utf_16 = |text: &str| text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<u8>>();
+    let json = "a scene is a JSON file, see docs/scene-format.md";
+    let export = "export its meshes as OBJ or PLY and name them in a scene file";
+    let cases: [(&[u8], &[&str]); 17] = [
+        (b"glTF\x02\0\0\0\x10\0\0\0", &["this looks like a glTF binary (GLB)", json, export]),
+        (b"{\"asset\": {\"version\": \"2.0\"}, \"scenes\": [{\"nodes\": [0]}]}", &["a glTF file", json, export]),
+        (b"{\"asset\": {\"version\": \"2.0\"}, \"scenes\": [", &["a glTF file"]),
+        (b"# Blender\nmtllib a.mtl\nv 0 0 0\n", &["an OBJ mesh", "as the source of a mesh"]),
+        (b"ply\nformat ascii 1.0\n", &["a PLY mesh", "as the source of a mesh"]),
+        (b"solid ball\n", &["an STL mesh", "convert it to OBJ or PLY"]),
+        (b"v/1\x01", &["an OpenEXR picture", "names pictures as textures and height maps"]),
+        (b"\x89PNG\r\n\x1a\n", &["a PNG picture"]),
+        (b"\xff\xd8\xff\xe0", &["a JPEG picture"]),
+        (b"PK\x03\x04", &["a ZIP archive", "unpack it"]),
+        (b"\x1f\x8b\x08", &["a gzip archive", "unpack it"]),
+        (b"BLENDER-v405", &["a Blender file", export]),
+        (b"%PDF-1.7", &["a PDF document", "give the scene file"]),
+        (b"<scene version=\"3.0.0\">", &["a Mitsuba scene", export]),
+        (b"#usda 1.0\n", &["a USD file", export]),
+        (b"LookAt 0 0 0  0 0 1  0 1 0\nWorldBegin\n", &["a pbrt scene", export]),
+        (&utf_16(&format!("\u{feff}{scene}")), &["UTF-16 text", "save it as UTF-8"]),
+    ];
+    for (bytes, fragments) in cases {
+        check_bytes(bytes, fragments);
+    }
+    check_bytes(&utf_16(&scene), &["UTF-16 text"]);
+    // A large file is named as well, not only called too large.
+    check_bytes(&[b"glTF".to_vec(), vec![7; 9 << 20]].concat(), &["a glTF binary"]);
+}
+
+#[test]
+fn text_in_another_encoding_is_named_with_its_place() {
+    let scene =
+        serde_json::to_string_pretty(&with("/name", json!("verre sal\u{e9}")).parse::<Value>().unwrap()).unwrap();
+    let latin_1: Vec<u8> = scene.chars().map(|character| character as u8).collect();
+    check_bytes(&latin_1, &["not UTF-8 at line", "the byte e9", "in Latin-1 \"\u{e9}\"", "save the file as UTF-8"]);
+    check_bytes(b"{\n  \"name\": \"\xc3\xa9t\xe9\"}", &["line 2 column 14"]);
+}
+
+#[test]
+fn what_other_dialects_allow_is_explained() {
+    let cases = [
+        ("{\n  // the floor\n  \"version\": 1}", "line 2 column 3", "JSON has no comments"),
+        ("{\"version\": 1, /* the floor */ \"name\": 2}", "line 1 column", "JSON has no comments"),
+        ("# a scene\n{\"version\": 1}", "line 1 column 1", "JSON has no comments"),
+        ("{\"version\": 1 // one\n}", "line 1 column", "JSON has no comments"),
+        ("{\"version\": 1,\n}", "line 2 column 1", "no comma after the last"),
+        ("{\"a\": [1,2,]}", "line 1 column 12", "no comma after the last"),
+        ("{'version': 1}", "line 1 column 2", "double quotes"),
+        ("{version: 1}", "line 1 column 2", "double quotes"),
+        ("{\"a\": 'b'}", "line 1 column", "double quotes"),
+        ("{\"a\": NaN}", "line 1 column", "must be finite"),
+        ("{\"a\": -Infinity}", "line 1 column", "must be finite"),
+        ("{\"a\": .5}", "line 1 column", "begins with a digit"),
+        ("{\"a\": +5}", "line 1 column", "begins with a digit"),
+        ("{\"a\": True}", "line 1 column", "true, false and null"),
+        ("{\"a\": \"b\nc\"}", "line", "on the line on which it begins"),
+    ];
+    for (text, place, hint) in cases {
+        check_bytes(text.as_bytes(), &[place, hint]);
+    }
 }
 
 #[test]

@@ -20,6 +20,7 @@ pub mod limits;
 #[cfg(test)]
 mod malformed_scenes;
 mod mesh;
+mod mesh_file;
 mod missing_light;
 pub mod nave;
 mod obj;
@@ -28,12 +29,16 @@ mod picture;
 #[cfg(test)]
 mod picture_samples;
 mod ply;
+mod png_colour;
+mod polygon;
 mod profile;
 mod random;
 pub mod schema;
 #[cfg(test)]
 mod shipped_scenes;
 mod surface;
+mod syntax;
+mod text;
 mod texture;
 mod triangles;
 mod validate;

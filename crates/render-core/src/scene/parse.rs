@@ -12,6 +12,8 @@ use super::description::{
 use super::error::SceneError;
 use super::json_path::JsonPath;
 use super::limits::MAX_SCENE_BYTES;
+use super::syntax::{not_utf_8, refuse_other_formats, with_hint};
+use crate::file_format::without_byte_order_mark;
 
 impl SceneDescription {
     /// Reads and validates a scene file.
@@ -20,7 +22,9 @@ impl SceneDescription {
     ///
     /// The first thing that is wrong, with its place, what stands there and what would be right.
     pub fn parse(json: &[u8]) -> Result<Self, SceneError> {
+        let json = without_byte_order_mark(json);
         if json.len() > MAX_SCENE_BYTES {
+            refuse_other_formats(json)?;
             let found = format!("{} bytes", json.len());
             let expected = format!("at most {MAX_SCENE_BYTES} bytes: large meshes belong into PLY files");
             return Err(SceneError::value(&JsonPath::Root, found, expected));
@@ -163,17 +167,28 @@ fn check_syntax_and_version(json: &[u8]) -> Result<(), SceneError> {
     #[derive(Deserialize)]
     struct VersionOnly {
         version: Option<Value>,
+        /// What every glTF file has.
+        asset: Option<Value>,
     }
-    serde_json::from_slice::<IgnoredAny>(json).map_err(|error| SceneError::Syntax { message: error.to_string() })?;
+    let syntax = |message| SceneError::Syntax { message };
+    if let Err(error) = str::from_utf8(json) {
+        refuse_other_formats(json)?;
+        return Err(syntax(not_utf_8(json, error.valid_up_to())));
+    }
+    if let Err(error) = serde_json::from_slice::<IgnoredAny>(json) {
+        refuse_other_formats(json)?;
+        return Err(syntax(with_hint(json, &error)));
+    }
     if !json.trim_ascii_start().starts_with(b"{") {
         return Err(SceneError::value(&JsonPath::Root, "JSON that is no object", "an object: a scene"));
     }
     match serde_json::from_slice(json) {
-        Ok(VersionOnly { version: Some(version) })
+        Ok(VersionOnly { version: Some(version), .. })
             if version.is_number() && version.as_u64() != Some(u64::from(SCENE_FORMAT_VERSION)) =>
         {
             Err(SceneError::UnsupportedVersion { found: version.to_string() })
         }
+        Ok(VersionOnly { version: None, asset: Some(_) }) => refuse_other_formats(json),
         _ => Ok(()),
     }
 }

@@ -9,7 +9,8 @@ use image::{DynamicImage, ImageDecoder, Limits};
 
 use super::error::AssetProblem;
 use super::limits::{MAX_IMAGE_EDGE, MAX_PICTURE_BYTES};
-use crate::film::{DecodeBudget, OpenExr, Plane};
+use crate::file_format::FileFormat;
+use crate::film::{ChannelKind, DecodeBudget, InputPart, OpenExr, OpenExrError, Plane};
 
 /// The channels of EXR files that mean something here: colours, or one value.
 const CHANNELS: [&str; 4] = ["R", "G", "B", "Y"];
@@ -17,9 +18,16 @@ const CHANNELS: [&str; 4] = ["R", "G", "B", "Y"];
 /// A decoded picture; its first row is the top.
 pub(super) enum Picture {
     /// From a PNG file.
-    Png(DynamicImage),
+    Png(PngPicture),
     /// From an EXR file.
     Exr(ExrPicture),
+}
+
+/// The pixels of a PNG file.
+pub(super) struct PngPicture {
+    pub(super) image: DynamicImage,
+    /// Its colour profile.
+    pub(super) profile: Option<Vec<u8>>,
 }
 
 /// Colours or values of the first part of an EXR file.
@@ -29,12 +37,32 @@ pub(super) struct ExrPicture {
     /// Pixels down.
     pub(super) height: usize,
     channels: BTreeMap<String, Vec<f32>>,
+    header: InputPart,
+    /// Parts of the file.
+    parts: usize,
 }
 
 impl ExrPicture {
     /// The values of a channel, row by row; `None` when there is no such channel.
     pub(super) fn channel(&self, name: &str) -> Option<&[f32]> {
         self.channels.get(name).map(Vec::as_slice)
+    }
+
+    /// Whether the file has a channel, of any meaning.
+    pub(super) fn has(&self, name: &str) -> bool {
+        self.header.has(name)
+    }
+
+    /// Checks that colours are linear Rec. 709.
+    pub(super) fn check_primaries(&self) -> Result<(), AssetProblem> {
+        self.header.check_primaries().map_err(malformed_exr)
+    }
+
+    /// That the channels are not those that are needed.
+    pub(super) fn other_channels(&self, expected: &str) -> AssetProblem {
+        let names: Vec<&str> = self.header.channel_names().collect();
+        let part = if self.parts > 1 { " in its first part, which alone is read" } else { "" };
+        AssetProblem::malformed(format_args!("has the channels {}{part}, must have {expected}", names.join(", ")))
     }
 }
 
@@ -43,37 +71,56 @@ pub(super) fn decode_picture(bytes: &[u8]) -> Result<Picture, AssetProblem> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => decode_png(bytes).map(Picture::Png),
         [0x76, 0x2f, 0x31, 0x01, ..] => decode_exr(bytes).map(Picture::Exr),
-        _ => Err(AssetProblem::malformed("is neither a PNG nor an OpenEXR file")),
+        _ => {
+            let instead =
+                FileFormat::of(bytes).map_or_else(String::new, |format| format!(": {}", format.instead_of_picture()));
+            Err(AssetProblem::malformed(format_args!("is neither a PNG nor an OpenEXR file{instead}")))
+        }
     }
 }
 
-fn decode_png(bytes: &[u8]) -> Result<DynamicImage, AssetProblem> {
+fn decode_png(bytes: &[u8]) -> Result<PngPicture, AssetProblem> {
     let malformed = |error| AssetProblem::malformed(format_args!("is not a readable PNG file: {error}"));
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(MAX_PICTURE_BYTES);
-    let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(malformed)?;
+    let mut decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(malformed)?;
     let (width, height) = decoder.dimensions();
     check_size([u64::from(width), u64::from(height)])?;
     if decoder.total_bytes() > MAX_PICTURE_BYTES {
         let [found, limit] = [decoder.total_bytes(), MAX_PICTURE_BYTES].map(|bytes| format!("{bytes} bytes of pixels"));
         return Err(AssetProblem::TooLarge { found, limit });
     }
-    DynamicImage::from_decoder(decoder).map_err(malformed)
+    let profile = decoder.icc_profile().map_err(malformed)?;
+    let image = DynamicImage::from_decoder(decoder).map_err(malformed)?;
+    Ok(PngPicture { image, profile })
+}
+
+fn malformed_exr(error: OpenExrError) -> AssetProblem {
+    AssetProblem::malformed(format_args!("is not a readable OpenEXR file: {error}"))
 }
 
 fn decode_exr(bytes: &[u8]) -> Result<ExrPicture, AssetProblem> {
-    let malformed = |error| AssetProblem::malformed(format_args!("is not a readable OpenEXR file: {error}"));
-    let file = OpenExr::open(bytes).map_err(malformed)?;
-    let [width, height] = file.parts().first().map_or([0, 0], |part| part.size);
-    check_size([width, height])?;
-    let budget = DecodeBudget { pixel_bytes: MAX_PICTURE_BYTES };
-    let parts = file.decode(budget, |part, name| part == 0 && CHANNELS.contains(&name)).map_err(malformed)?;
-    let values = |plane| match plane {
-        Plane::Float(values) => values,
-        Plane::Integer(values) => values.into_iter().map(|value| value as f32).collect(),
+    let file = OpenExr::open(bytes).map_err(malformed_exr)?;
+    let parts = file.parts().len();
+    let Some(header) = file.parts().first().cloned() else {
+        return Err(AssetProblem::malformed("is an OpenEXR file without parts"));
     };
-    let channels = parts.into_iter().take(1).flatten().map(|(name, plane)| (name, values(plane))).collect();
-    Ok(ExrPicture { width: width as usize, height: height as usize, channels })
+    check_size(header.size)?;
+    header.check_windows().map_err(malformed_exr)?;
+    let is_wanted = |name: &str| CHANNELS.contains(&name);
+    if let Some((name, _)) =
+        header.channels.iter().find(|(name, kind)| is_wanted(name) && *kind == ChannelKind::Integer)
+    {
+        return Err(AssetProblem::malformed(format_args!("has whole numbers in channel {name}, must have floats")));
+    }
+    let budget = DecodeBudget { pixel_bytes: MAX_PICTURE_BYTES };
+    let planes = file.decode(budget, |part, name| part == 0 && is_wanted(name)).map_err(malformed_exr)?;
+    let channels = planes.into_iter().take(1).flatten().filter_map(|(name, plane)| match plane {
+        Plane::Float(values) => Some((name, values)),
+        Plane::Integer(_) => None,
+    });
+    let [width, height] = header.size.map(|edge| edge as usize);
+    Ok(ExrPicture { width, height, channels: channels.collect(), header, parts })
 }
 
 fn check_size([width, height]: [u64; 2]) -> Result<(), AssetProblem> {
@@ -88,3 +135,6 @@ fn check_size([width, height]: [u64; 2]) -> Result<(), AssetProblem> {
         limit: format!("{MAX_IMAGE_EDGE} x {MAX_IMAGE_EDGE} pixels"),
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,7 +4,8 @@ use glam::{DVec2, DVec3};
 use image::DynamicImage;
 
 use super::error::AssetProblem;
-use super::picture::{ExrPicture, Picture, decode_picture};
+use super::picture::{ExrPicture, Picture, PngPicture, decode_picture};
+use super::png_colour;
 
 /// A picture in linear Rec.709, repeated over the plane and filtered bilinearly.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +20,10 @@ impl Texture {
     /// Decodes an sRGB PNG or a linear EXR file.
     pub(super) fn decode(bytes: &[u8]) -> Result<Self, AssetProblem> {
         match decode_picture(bytes)? {
-            Picture::Png(image) => from_png(&image),
+            Picture::Png(PngPicture { image, profile }) => {
+                png_colour::check(bytes, profile.as_deref(), !image.color().has_color())?;
+                from_png(&image)
+            }
             Picture::Exr(picture) => from_exr(&picture),
         }
     }
@@ -93,10 +97,16 @@ fn srgb_to_linear(value: f64) -> f32 {
 }
 
 fn from_exr(picture: &ExrPicture) -> Result<Texture, AssetProblem> {
-    let channel = |name: &str| picture.channel(name).or(picture.channel("Y"));
+    let is_colour = ["R", "G", "B"].map(|name| picture.has(name)) != [false; 3];
+    // Y beside these is a part of a colour.
+    let is_grey = !is_colour && !["X", "Z", "RY", "BY"].into_iter().any(|name| picture.has(name));
+    let channel = |name: &str| picture.channel(if is_grey { "Y" } else { name });
     let (Some(red), Some(green), Some(blue)) = (channel("R"), channel("G"), channel("B")) else {
-        return Err(AssetProblem::malformed("must have the channels R, G and B, or Y"));
+        return Err(picture.other_channels("the channels R, G and B, or Y"));
     };
+    if is_colour {
+        picture.check_primaries()?;
+    }
     let texels: Vec<[f32; 3]> =
         red.iter().zip(green).zip(blue).map(|((&red, &green), &blue)| [red, green, blue]).collect();
     let is_reflectance = |value: &f32| (0.0..=1.0).contains(value);

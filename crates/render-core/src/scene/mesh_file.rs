@@ -1,0 +1,68 @@
+//! The mesh files that a scene names. They are opened before they are decoded, so that their size is known before memory
+//! is taken.
+
+use super::error::AssetProblem;
+use super::mesh::TriangleMesh;
+use super::obj::ObjFile;
+use super::ply::PlyFile;
+use crate::file_format::FileFormat;
+
+/// The format that a scene file states.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum MeshFormat {
+    Obj,
+    Ply,
+}
+
+impl MeshFormat {
+    /// Its name in a scene file.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::Obj => "obj",
+            Self::Ply => "ply",
+        }
+    }
+}
+
+/// A file of which no triangle is decoded yet.
+pub(super) enum MeshFile<'a> {
+    Obj(ObjFile<'a>),
+    Ply(PlyFile<'a>),
+}
+
+impl<'a> MeshFile<'a> {
+    /// Opens a file.
+    pub(super) fn open(format: MeshFormat, bytes: &'a [u8]) -> Result<Self, AssetProblem> {
+        match format {
+            MeshFormat::Obj => ObjFile::open(bytes).map(Self::Obj),
+            MeshFormat::Ply => PlyFile::open(bytes).map(Self::Ply),
+        }
+    }
+
+    /// Triangles that it will have, with those that have no area.
+    pub(super) fn triangles(&self) -> usize {
+        match self {
+            Self::Obj(file) => file.triangles(),
+            Self::Ply(file) => file.triangles(),
+        }
+    }
+
+    /// Decodes it.
+    pub(super) fn decode(&self) -> Result<TriangleMesh, AssetProblem> {
+        match self {
+            Self::Obj(file) => file.decode(),
+            Self::Ply(file) => file.decode(),
+        }
+    }
+}
+
+/// Refuses a file that is known to be of another format than the one of this name.
+pub(super) fn refuse_other_formats(bytes: &[u8], expected: &'static str) -> Result<(), AssetProblem> {
+    match FileFormat::of(bytes) {
+        Some(format) if !format.is_mesh(expected) => {
+            let instead = format.instead_of_mesh();
+            Err(AssetProblem::malformed(format_args!("is not a readable {expected} file: {instead}")))
+        }
+        _ => Ok(()),
+    }
+}
