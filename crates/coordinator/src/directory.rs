@@ -1,15 +1,19 @@
-//! Folders that are still there after a loss of power.
+//! Folders that are still there after a loss of power, and files that only their owner may read.
 
 use std::collections::BTreeSet;
-use std::fs::{self, File};
+use std::fs::{DirBuilder, File, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Makes a folder and what is missing above it, and has its name on disk, and the names of those, when it returns.
+/// Makes a folder, which only its owner may use, and what is missing above it, and has its name on disk, and the names of those, when it returns.
 pub(crate) fn create(directory: &Path) -> io::Result<()> {
     let missing: Vec<&Path> = directory.ancestors().take_while(|ancestor| !ancestor.exists()).collect();
-    fs::create_dir_all(directory)?;
+    let mut builder = DirBuilder::new();
+    builder.recursive(true);
+    #[cfg(unix)]
+    std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
+    builder.create(directory)?;
     // One that is there may have been made just before a crash.
     let first = missing.is_empty().then_some(directory);
     for made in first.into_iter().chain(missing) {
@@ -22,6 +26,42 @@ pub(crate) fn create(directory: &Path) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+/// Makes a file that only its owner may use, if there is none. One that all may read, and those beside it whose names end in one of `companions`,
+/// are closed to all others; who has closed a file to some but not to all has chosen so.
+///
+/// A file that is there is not opened: when this process closed it, SQLite would lose the locks that it has on it.
+pub(crate) fn keep_private(file: &Path, companions: &[&str]) -> io::Result<()> {
+    let mut options = OpenOptions::new();
+    options.create_new(true).write(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, 0o600);
+    match options.open(file) {
+        Ok(_) => return Ok(()),
+        Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+        Err(error) => return Err(error),
+    }
+    #[cfg(unix)]
+    for ending in [""].iter().chain(companions) {
+        let mut name = file.as_os_str().to_owned();
+        name.push(ending);
+        close_to_others(Path::new(&name));
+    }
+    Ok(())
+}
+
+/// Takes a file that all may read, if it is there, from all but its owner.
+#[cfg(unix)]
+fn close_to_others(file: &Path) {
+    use std::os::unix::fs::PermissionsExt;
+    let Ok(metadata) = file.metadata() else { return };
+    let mode = metadata.permissions().mode();
+    if mode & 0o007 != 0
+        && let Err(error) = std::fs::set_permissions(file, std::fs::Permissions::from_mode(mode & 0o700))
+    {
+        tracing::warn!(%error, file = %file.display(), "all users of this machine may read the farm's state");
+    }
 }
 
 /// Folders below one, which are made before anything is put into them.
@@ -54,7 +94,33 @@ impl Folders {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn what_all_may_read_is_closed_and_what_was_closed_to_some_stays_as_it_is() {
+        use std::os::unix::fs::PermissionsExt;
+        let above = tempfile::tempdir().unwrap();
+        let mode = |path: &Path| path.metadata().unwrap().permissions().mode() & 0o777;
+        let folder = above.path().join("farm");
+        create(&folder).unwrap();
+        assert_eq!(mode(&folder), 0o700);
+        let names = ["state", "state-wal", "state-shm"].map(|name| folder.join(name));
+        keep_private(&names[0], &["-wal", "-shm"]).unwrap();
+        assert_eq!(mode(&names[0]), 0o600);
+        assert!(!names[1].exists(), "only the file itself is made");
+        for (left, expected) in [(0o644, 0o600), (0o664, 0o600), (0o640, 0o640), (0o600, 0o600)] {
+            for name in &names {
+                fs::write(name, "kept").unwrap();
+                fs::set_permissions(name, fs::Permissions::from_mode(left)).unwrap();
+            }
+            keep_private(&names[0], &["-wal", "-shm"]).unwrap();
+            assert_eq!(names.each_ref().map(|name| mode(name)), [expected; 3], "{left:o}");
+            assert_eq!(fs::read(&names[0]).unwrap(), b"kept");
+        }
+    }
 
     #[test]
     fn folders_below_one_are_made_with_all_between() {

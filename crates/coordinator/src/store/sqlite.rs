@@ -15,6 +15,7 @@ use super::StoreError;
 use super::row::Row;
 use super::source::PREPARED;
 use super::sql::{Answer, Query, Value};
+use crate::directory;
 
 /// How long to wait for the lock of another process, such as a backup.
 const BUSY: Duration = Duration::from_secs(10);
@@ -24,6 +25,7 @@ const SESSION: &str = "pragma journal_mode = wal; pragma synchronous = full; pra
 
 /// Opens a connection to write with; the file is made if there is none.
 pub(super) fn writer(file: &Path) -> Result<Connection, StoreError> {
+    directory::keep_private(file, &["-wal", "-shm"]).map_err(|error| StoreError::Database(error.to_string()))?;
     let connection = open(file, OpenFlags::SQLITE_OPEN_READ_WRITE | OpenFlags::SQLITE_OPEN_CREATE)?;
     connection.execute_batch(SESSION)?;
     Ok(connection)
@@ -38,16 +40,16 @@ fn open(file: &Path, flags: OpenFlags) -> Result<Connection, StoreError> {
 
 /// Runs a statement.
 pub(super) fn run(connection: &Connection, query: &Query) -> Result<Answer, StoreError> {
-    // A parameter is known by its number: `$1` would be a name, whose number follows from where it stands.
-    let statement = query.statement.replace('$', "?");
-    let mut statement = connection.prepare_cached(&statement)?;
-    for (number, value) in (1..).zip(&query.values) {
+    let mut statement = connection.prepare_cached(&query.statement)?;
+    for index in 1..=statement.parameter_count() {
+        // `$2` is a name to SQLite, and its index follows from where it stands first.
+        let value = numbered(statement.parameter_name(index), &query.values);
+        let value = value
+            .ok_or_else(|| StoreError::Database(format!("nothing is bound to a parameter of `{}`", query.statement)))?;
         match value {
-            Value::Integer(value) => statement.raw_bind_parameter(number, value)?,
-            Value::Float(value) => statement.raw_bind_parameter(number, value)?,
-            Value::Text(value) => {
-                statement.raw_bind_parameter(number, value.as_ref().map(|text| text as &dyn ToSql))?
-            }
+            Value::Integer(value) => statement.raw_bind_parameter(index, value)?,
+            Value::Float(value) => statement.raw_bind_parameter(index, value)?,
+            Value::Text(value) => statement.raw_bind_parameter(index, value.as_ref().map(|text| text as &dyn ToSql))?,
         }
     }
     let names: Arc<[String]> = statement.column_names().map(str::to_owned).collect();
@@ -59,6 +61,12 @@ pub(super) fn run(connection: &Connection, query: &Query) -> Result<Answer, Stor
     }
     drop(found);
     Ok(Answer { rows, affected: connection.changes() })
+}
+
+/// The value of the parameter `$1`, `$2` and so on.
+fn numbered<'v>(name: Option<&str>, values: &'v [Value]) -> Option<&'v Value> {
+    let number: usize = name?.strip_prefix('$')?.parse().ok()?;
+    values.get(number.checked_sub(1)?)
 }
 
 fn value(column: ValueRef<'_>) -> Value {
@@ -105,5 +113,24 @@ impl Readers {
         let _ = self.permits.acquire_many(most).await;
         self.permits.close();
         self.idle.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use super::*;
+
+    #[test]
+    fn nobody_else_may_read_the_state() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("farm.sqlite");
+        let connection = writer(&file).unwrap();
+        connection.execute_batch("create table panes (name text)").unwrap();
+        for name in ["farm.sqlite", "farm.sqlite-wal", "farm.sqlite-shm"] {
+            let mode = folder.path().join(name).metadata().unwrap().permissions().mode();
+            assert_eq!(mode & 0o077, 0, "{name}: {mode:o}");
+        }
     }
 }
