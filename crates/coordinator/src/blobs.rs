@@ -24,6 +24,7 @@ use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutPayload, WriteMultip
 use uuid::Uuid;
 
 use crate::bucket::Bucket;
+use crate::causes::in_one_line;
 use crate::directory::{self, Folders};
 use crate::store::Identity;
 
@@ -52,6 +53,12 @@ pub(crate) struct Place {
 
 /// Name of the blob that says whose blobs these are.
 const OWNER: &str = ".clerestory-farm";
+
+/// Name of the blob that is written to see whether blobs can be.
+const TRIED: &str = ".clerestory-tried";
+
+/// Bytes of it: more than a file system keeps beside a file's name.
+const TRIED_BYTES: usize = 8 << 10;
 
 /// A blob store cannot be used by a farm.
 #[derive(Debug, thiserror::Error)]
@@ -83,10 +90,16 @@ pub(crate) enum ClaimError {
     Store(#[from] BlobError),
 }
 
-/// The blob store failed.
+/// The blob store failed. Its own messages have their causes in them, some of them several times.
 #[derive(Debug, thiserror::Error)]
-#[error("the blob store failed")]
-pub(crate) struct BlobError(#[from] object_store::Error);
+#[error("the blob store failed: {}", in_one_line(.0))]
+pub(crate) struct BlobError(object_store::Error);
+
+impl From<object_store::Error> for BlobError {
+    fn from(error: object_store::Error) -> Self {
+        Self(error)
+    }
+}
 
 impl BlobError {
     /// Whether the blob is not there.
@@ -176,6 +189,12 @@ impl Blobs {
             Err(object_store::Error::NotFound { .. }) => Ok(None),
             Err(error) => Err(error.into()),
         }
+    }
+
+    /// Makes sure that the store takes blobs, by a small one.
+    pub(crate) async fn try_to_write(&self) -> Result<(), BlobError> {
+        self.store.put(&Path::from(TRIED), Bytes::from_static(&[0; TRIED_BYTES]).into()).await?;
+        Ok(())
     }
 
     /// Names of all blobs of nodes.

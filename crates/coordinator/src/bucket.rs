@@ -1,5 +1,7 @@
 //! A bucket of an S3-compatible object store, and how to reach it.
 
+mod skew;
+
 use std::fmt;
 use std::time::Duration;
 
@@ -9,6 +11,8 @@ use object_store::path::Path;
 use object_store::prefix::PrefixStore;
 use object_store::{BackoffConfig, ClientConfigKey, ClientOptions, RetryConfig};
 use url::Url;
+
+use self::skew::Explaining;
 
 /// How long a call is tried again while the store does not answer. Callers of the coordinator have patience of their own.
 const RETRY_TIMEOUT: Duration = Duration::from_secs(20);
@@ -77,7 +81,7 @@ impl Bucket {
             // one is used for no host.
             patient = patient.with_proxy_url(UNUSED_PROXY).with_proxy_excludes(ALL_HOSTS);
         }
-        let builder = AmazonS3Builder::new().with_client_options(patient);
+        let builder = AmazonS3Builder::new().with_client_options(patient).with_http_connector(Explaining);
         let builder = self.options.iter().fold(builder, |builder, (key, value)| builder.with_config(*key, value));
         // Whoever names an endpoint without TLS wants it so.
         let endpoints = [AmazonS3ConfigKey::Endpoint, AmazonS3ConfigKey::S3Endpoint];

@@ -91,7 +91,9 @@ pub struct PostgresUrl(Url);
 
 /// A text is no address of a PostgreSQL database.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected the address of a PostgreSQL database, such as postgres://clerestory@127.0.0.1:5432/farm")]
+#[error(
+    "expected the address of a PostgreSQL database with one host, such as postgres://clerestory@127.0.0.1:5432/farm"
+)]
 pub struct InvalidPostgresUrl;
 
 impl FromStr for PostgresUrl {
@@ -100,7 +102,8 @@ impl FromStr for PostgresUrl {
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let url: Url = text.trim().parse().map_err(|_| InvalidPostgresUrl)?;
         let is_postgres = matches!(url.scheme(), "postgres" | "postgresql");
-        (is_postgres && url.path().len() > 1).then_some(Self(url)).ok_or(InvalidPostgresUrl)
+        let is_one_host = url.host_str().is_none_or(|host| !host.contains(','));
+        (is_postgres && is_one_host && url.path().len() > 1).then_some(Self(url)).ok_or(InvalidPostgresUrl)
     }
 }
 
@@ -233,7 +236,15 @@ mod tests {
             "postgres://clerestory:se%2Fcret@db.example:5433/farm?sslmode=prefer&password=x".parse().unwrap();
         assert_eq!(url.to_string(), "postgres://clerestory@db.example:5433/farm");
         assert!(!format!("{url:?}").contains("cret") && url.secret().contains("se%2Fcret"));
-        for wrong in ["", "farm.sqlite", "mysql://u@h/d", "postgres://u@h", "postgres://u@h/"] {
+        for wrong in [
+            "",
+            "farm.sqlite",
+            "mysql://u@h/d",
+            "postgres://u@h",
+            "postgres://u@h/",
+            "postgres://u@h,i/d",
+            "postgres://u@h:1,i:2/d",
+        ] {
             assert_eq!(wrong.parse::<PostgresUrl>(), Err(InvalidPostgresUrl), "{wrong}");
         }
     }

@@ -20,6 +20,7 @@ use crate::live::LiveValues;
 use crate::news::News;
 use crate::previews::Previews;
 use crate::rate::Rates;
+use crate::readiness::Readiness;
 use crate::schedule::SHORTEST_GATHERING_SECONDS;
 use crate::store::{Removed, Store};
 
@@ -99,6 +100,8 @@ pub(crate) struct Farm {
     keeper: mpsc::UnboundedSender<JobId>,
     /// What the other coordinators are to be told.
     told: mpsc::UnboundedSender<News>,
+    /// Whether it can do its work.
+    pub(crate) readiness: Readiness,
     /// Says that the coordinator is stopping.
     pub(crate) stopping: CancellationToken,
 }
@@ -146,6 +149,7 @@ impl Farm {
             listening: Mutex::new(Instant::now()),
             keeper,
             told: tell,
+            readiness: Readiness::default(),
             stopping: CancellationToken::new(),
         };
         (Arc::new(farm), Bells { grown, told })

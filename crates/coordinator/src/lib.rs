@@ -10,7 +10,8 @@
 //! - `acceptance`: partials, decoded with distrust and accepted exactly once;
 //! - `keeper`, `film`, `frame`, `convergence`, `images`, `previews`: rounds, merging, error and images, tile by tile;
 //! - `events`, `views`, `rate`: what watchers see;
-//! - `tidying`: old rows and left-over blobs go.
+//! - `tidying`: old rows and left-over blobs go;
+//! - `readiness`, `tasks`: whether the coordinator can do its work, and what ends it when it cannot any more.
 //!
 //! # Invariants
 //!
@@ -24,6 +25,7 @@ mod adaptive;
 mod background;
 mod blobs;
 mod bucket;
+mod causes;
 mod clock;
 pub mod config;
 mod convergence;
@@ -40,11 +42,13 @@ mod live;
 mod news;
 mod previews;
 mod rate;
+mod readiness;
 mod schedule;
 pub mod server;
 mod stop;
 mod store;
 mod submit;
+mod tasks;
 mod tidying;
 mod views;
 

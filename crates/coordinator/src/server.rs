@@ -13,16 +13,18 @@ use std::time::{Duration, Instant};
 
 use futures::future::BoxFuture;
 use tokio::net::TcpListener;
-use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
+use tokio_util::task::AbortOnDropHandle;
 use uuid::Uuid;
 
 use crate::background::Background;
 use crate::blobs::{BlobError, Blobs, ClaimError};
+use crate::causes::in_one_line;
 use crate::config::{Bucket, Clock, Config, ExposedWithoutToken};
 use crate::farm::{Bells, Farm};
 use crate::news::{self, News};
 use crate::store::{SchemaError, Source, Store, StoreError};
+use crate::tasks::{Ended, Tasks};
 use crate::{directory, events, http, keeper, tidying};
 
 /// Longest time between two looks at deadlines.
@@ -32,7 +34,10 @@ const LONGEST_TICK: Duration = Duration::from_secs(1);
 /// less than others wait for it.
 const LONGEST_GAP: Duration = Duration::from_secs(5);
 
-/// How long requests that are under way may take to finish when the coordinator stops.
+/// How long a coordinator that other machines reach goes on serving when it has said that it is not ready: load balancers ask every few seconds.
+const LEAVING: Duration = Duration::from_secs(6);
+
+/// How long requests that are under way, and then tasks, may take to finish when the coordinator stops.
 const GRACE: Duration = Duration::from_secs(10);
 
 /// The coordinator cannot start, or failed.
@@ -76,10 +81,10 @@ pub enum RunError {
         problem: String,
     },
     /// The database's address cannot be used.
-    #[error("cannot use the address of the database")]
+    #[error("cannot use the address of the database: {problem}")]
     DatabaseAddress {
         /// Why.
-        source: sqlx::Error,
+        problem: String,
     },
     /// The database cannot be used.
     #[error(transparent)]
@@ -87,9 +92,23 @@ pub enum RunError {
     /// The stored state cannot be read.
     #[error("cannot read the stored state: {0}")]
     State(String),
+    /// A task has failed without which it cannot go on.
+    #[error("the coordinator cannot go on without its task `{task}`: {problem}")]
+    Task {
+        /// What the task does.
+        task: &'static str,
+        /// How it ended.
+        problem: String,
+    },
     /// The system refuses a socket or a thread.
     #[error("the system refuses a socket or a thread")]
     System(#[from] io::Error),
+}
+
+impl From<Ended> for RunError {
+    fn from(Ended { task, problem }: Ended) -> Self {
+        Self::Task { task, problem }
+    }
 }
 
 impl From<StoreError> for RunError {
@@ -108,8 +127,8 @@ impl From<BlobError> for RunError {
 ///
 /// # Errors
 ///
-/// [`RunError`] when the coordinator would be open to the network without a token, when its data cannot be used, or when
-/// the system refuses a socket or a thread.
+/// [`RunError`] when the coordinator would be open to the network without a token, when its data cannot be used, when
+/// the system refuses a socket or a thread, or when a task of it fails that it cannot do without.
 pub async fn run(
     listener: TcpListener,
     config: Config,
@@ -132,26 +151,52 @@ async fn serve_until(listener: TcpListener, config: Config, shutdown: BoxFuture<
     config.check_exposure(address)?;
     let lock = lock(&config)?;
     let (farm, bells) = open(config).await?;
-    tracing::info!(%address, directory = %farm.config.data_directory.display(), "coordinator started");
+    let outcome = serve(listener, &farm, bells, shutdown, LEAVING).await;
+    farm.store.close().await;
+    drop(lock);
+    tracing::info!("coordinator stopped");
+    outcome
+}
 
+/// Serves an open farm until `shutdown` resolves, or a task fails that it needs.
+async fn serve(
+    listener: TcpListener,
+    farm: &Arc<Farm>,
+    bells: Bells,
+    shutdown: BoxFuture<'_, ()>,
+    leaving_time: Duration,
+) -> Result<(), RunError> {
+    let address = listener.local_addr()?;
+    tracing::info!(%address, directory = %farm.config.data_directory.display(), "coordinator started");
     let background = Background::start()?;
-    let mut tasks = start(&farm, bells, &background).await?;
-    let server = tokio::spawn(http::serve(listener, http::router(Arc::clone(&farm)), farm.stopping.clone()));
-    shutdown.await;
-    tracing::info!("coordinator stopping");
+    let mut tasks = start(farm, bells, &background).await?;
+    let mut server = AbortOnDropHandle::new(tokio::spawn(http::serve(
+        listener,
+        http::router(Arc::clone(farm)),
+        farm.stopping.clone(),
+    )));
+    let leaving = async {
+        shutdown.await;
+        tracing::info!("coordinator stopping");
+        let is_watched = farm.readiness.withdraw();
+        if is_watched && !address.ip().is_loopback() {
+            tokio::time::sleep(leaving_time).await;
+        }
+    };
+    let outcome = tokio::select! {
+        () = leaving => Ok(()),
+        Some(ended) = tasks.next_ended() => Err(ended.into()),
+        problem = farm.store.writer_failed() => Err(Ended { task: "writing to the database", problem }.into()),
+        ended = &mut server => Err(Ended::of("serving HTTP", ended).into()),
+    };
     farm.stopping.cancel();
-    if tokio::time::timeout(GRACE, server).await.is_err() {
+    if !server.is_finished() && tokio::time::timeout(GRACE, server).await.is_err() {
         tracing::warn!("some requests did not finish in time");
     }
-    while let Some(ended) = tasks.join_next().await {
-        if let Err(error) = ended {
-            tracing::error!(%error, "a task failed");
-        }
+    if tokio::time::timeout(GRACE, tasks.all_ended()).await.is_err() {
+        tracing::warn!("some tasks did not finish in time");
     }
-    farm.store.close().await;
-    drop((background, lock));
-    tracing::info!("coordinator stopped");
-    Ok(())
+    outcome
 }
 
 /// Opens the farm in its directory and puts it in order after whatever has happened to the last coordinator.
@@ -159,9 +204,20 @@ pub(crate) async fn open(config: Config) -> Result<(Arc<Farm>, Bells), RunError>
     let directory = config.data_directory.clone();
     let file = directory.join("farm.sqlite");
     let source = config.database.as_ref().map_or_else(|| Ok(Source::file(&file)), Source::postgres);
-    let source = source.map_err(|source| RunError::DatabaseAddress { source })?;
+    let source = source.map_err(|error| RunError::DatabaseAddress { problem: in_one_line(&error) })?;
     let database = source.name().to_owned();
     let store = Store::open(source).await?;
+    match open_with(config, store.clone(), database).await {
+        Ok(opened) => Ok(opened),
+        Err(error) => {
+            store.close().await;
+            Err(error)
+        }
+    }
+}
+
+/// Opens the farm whose database is open.
+async fn open_with(config: Config, store: Store, database: String) -> Result<(Arc<Farm>, Bells), RunError> {
     follow_clock(&config.clock, &store).await?;
     let known = store.node_blobs().await?;
     let blobs = blobs(&config, &store, &known, database).await?;
@@ -217,7 +273,7 @@ async fn claimed(blobs: &Blobs, store: &Store, known: &BTreeSet<String>) -> Resu
 }
 
 /// Starts the tasks of a farm.
-async fn start(farm: &Arc<Farm>, bells: Bells, background: &Background) -> Result<JoinSet<()>, StoreError> {
+async fn start(farm: &Arc<Farm>, bells: Bells, background: &Background) -> Result<Tasks, StoreError> {
     for job in farm.store.unsettled_jobs().await? {
         // A round may have been complete when the last coordinator stopped.
         farm.look_at_film(job);
@@ -225,18 +281,15 @@ async fn start(farm: &Arc<Farm>, bells: Bells, background: &Background) -> Resul
     // Those who come back to a coordinator that has stopped for a while come all at once.
     farm.has_active_leases(farm.store.active_leases().await?);
     let last_event = farm.store.last_event_id().await?;
-    let mut tasks = JoinSet::new();
-    let keeper = background.spawn(keeper::run(Arc::clone(farm), bells.grown));
-    tasks.spawn(async {
-        if let Err(error) = keeper.await {
-            tracing::error!(%error, "the keeper of the film failed");
-        }
-    });
-    tasks.spawn(news::send(Arc::clone(farm), bells.told));
-    tasks.spawn(news::hear(Arc::clone(farm)));
-    tasks.spawn(events::run(Arc::clone(farm), last_event));
-    tasks.spawn(watch_deadlines(Arc::clone(farm)));
-    tasks.spawn(tidying::run(Arc::clone(farm)));
+    let mut tasks = Tasks::default();
+    tasks.add("recording rounds", background.spawn(keeper::run(Arc::clone(farm), bells.grown)));
+    tasks.spawn("telling other coordinators", news::send(Arc::clone(farm), bells.told));
+    if farm.store.is_shared() {
+        tasks.spawn("hearing other coordinators", news::hear(Arc::clone(farm)));
+    }
+    tasks.spawn("sending events", events::run(Arc::clone(farm), last_event));
+    tasks.spawn("watching deadlines", watch_deadlines(Arc::clone(farm)));
+    tasks.spawn("removing what is not needed", tidying::run(Arc::clone(farm)));
     Ok(tasks)
 }
 
@@ -331,4 +384,84 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
         farm.look_at_film(job);
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::error::Error;
+
+    use clerestory_test_servers::postgres;
+    use tokio::sync::oneshot;
+
+    use super::*;
+
+    /// A farm in a folder of its own.
+    async fn opened() -> (tempfile::TempDir, Arc<Farm>, Bells) {
+        let directory = tempfile::tempdir().unwrap();
+        let (farm, bells) = open(Config::new(directory.path())).await.unwrap();
+        (directory, farm, bells)
+    }
+
+    #[tokio::test]
+    async fn a_coordinator_whose_writer_panics_ends_with_an_error() {
+        let (_directory, farm, bells) = opened().await;
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let planted = async {
+            let write = farm.store.write::<(), StoreError, _>(|_| panic!("a planted fault"));
+            assert!(write.await.is_err(), "nothing is acknowledged");
+        };
+        let (served, ()) =
+            tokio::join!(serve(listener, &farm, bells, Box::pin(std::future::pending()), Duration::ZERO), planted);
+        let words = served.unwrap_err().to_string();
+        assert!(words.contains("writing to the database") && words.contains("a planted fault"), "{words}");
+        assert!(farm.store.write::<(), StoreError, _>(|_| Box::pin(async { Ok(()) })).await.is_err());
+        farm.store.close().await;
+    }
+
+    #[tokio::test]
+    async fn a_coordinator_that_is_asked_whether_it_is_ready_serves_on_when_it_has_said_no() {
+        let (_directory, farm, bells) = opened().await;
+        // Other machines reach it here.
+        let listener = TcpListener::bind("0.0.0.0:0").await.unwrap();
+        let address = format!("http://127.0.0.1:{}", listener.local_addr().unwrap().port());
+        let (stop, stopped) = oneshot::channel();
+        let serving = Arc::clone(&farm);
+        let server = tokio::spawn(async move {
+            let shutdown = async { stopped.await.unwrap_or_default() };
+            serve(listener, &serving, bells, Box::pin(shutdown), Duration::from_secs(3600)).await
+        });
+        let status = async |path: &str| reqwest::get(format!("{address}{path}")).await.unwrap().status().as_u16();
+        assert_eq!(status("/readyz").await, 204);
+        stop.send(()).unwrap();
+        while status("/readyz").await != 503 {}
+        assert_eq!(status("/healthz").await, 204);
+        assert!(!server.is_finished());
+        server.abort();
+    }
+
+    #[tokio::test]
+    async fn a_failed_start_says_each_cause_once() {
+        let foreign = tempfile::tempdir().unwrap();
+        std::fs::write(foreign.path().join("farm.sqlite"), "no database at all, but long enough to look like one")
+            .unwrap();
+        let elsewhere = tempfile::tempdir().unwrap();
+        let closed = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+        let at =
+            |database: String| Config { database: Some(database.parse().unwrap()), ..Config::new(elsewhere.path()) };
+        let no_certificate = format!("{}?sslmode=verify-full&sslrootcert=/none", postgres().new_database());
+        for (config, expected) in [
+            (Config::new(foreign.path()), "not a database"),
+            (at(format!("postgres://glazier@{closed}/farm")), "refused"),
+            (at(postgres().new_database_in("LATIN1")), "LATIN1"),
+            (at(no_certificate), "TLS"),
+            (at("postgres://glazier@127.0.0.1/farm?sslmode=sometimes".to_owned()), "sometimes"),
+        ] {
+            let error = open(config).await.map(drop).unwrap_err();
+            let causes = std::iter::successors(Some(&error as &dyn Error), |&error| error.source());
+            let causes: Vec<String> = causes.map(ToString::to_string).collect();
+            let all = causes.join(": ");
+            assert!(all.contains(expected), "{all}");
+            assert!(causes.windows(2).all(|pair| !pair[0].contains(&pair[1])), "{causes:?}");
+        }
+    }
 }

@@ -142,8 +142,18 @@ impl Postgres {
     ///
     /// When the server does not make it.
     pub fn new_database(&self) -> String {
+        self.new_database_in("UTF8")
+    }
+
+    /// The same, of texts in some encoding.
+    ///
+    /// # Panics
+    ///
+    /// When the server does not make it.
+    pub fn new_database_in(&self, encoding: &str) -> String {
         let name = format!("farm_{}", self.databases.fetch_add(1, Ordering::Relaxed));
-        run(self.client("createdb").arg(&name)).expect("the server makes a database");
+        let options = ["--template=template0", "--encoding", encoding, &name];
+        run(self.client("createdb").args(options)).expect("the server makes a database");
         format!("postgres://postgres@127.0.0.1:{}/{name}", self.port)
     }
 

@@ -94,6 +94,14 @@ async fn blobs_of_nodes_are_listed_and_removed(blobs: Blobs) {
     assert!(read(&blobs, &kept).await.unwrap_err().is_missing(), "one that is gone already is no obstacle");
 }
 
+async fn a_store_that_takes_blobs_says_so_as_often_as_it_is_asked(blobs: Blobs) {
+    for _ in 0..2 {
+        blobs.try_to_write().await.unwrap();
+    }
+    assert!(blobs.node_blobs().await.unwrap().is_empty(), "what it writes is no node");
+    blobs.claim(a_farm(), &BTreeSet::new()).await.unwrap();
+}
+
 async fn a_store_belongs_to_the_first_farm_that_claims_it(blobs: Blobs) {
     let [ours, theirs] = [(); 2].map(|()| a_farm());
     let nothing = BTreeSet::new();
@@ -145,6 +153,7 @@ in_both!(
     an_asset_of_many_pieces_comes_back_whole,
     nodes_that_are_stored_together_are_read_one_by_one,
     blobs_of_nodes_are_listed_and_removed,
+    a_store_that_takes_blobs_says_so_as_often_as_it_is_asked,
     a_store_belongs_to_the_first_farm_that_claims_it,
     nodes_without_a_mark_are_only_taken_by_a_farm_that_knows_some,
     a_farm_has_one_store,
@@ -170,4 +179,36 @@ async fn a_wrong_key_is_an_error() {
     });
     let blobs = Blobs::in_bucket(&Bucket::new(&url, wrong).unwrap()).unwrap();
     assert!(matches!(blobs.claim(a_farm(), &BTreeSet::new()).await, Err(ClaimError::Store(_))));
+}
+
+/// A server that refuses everything, at this time.
+async fn a_store_that_refuses_at(date: &'static str) -> u16 {
+    use tokio::io::{AsyncReadExt, AsyncWriteExt};
+    let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let port = listener.local_addr().unwrap().port();
+    tokio::spawn(async move {
+        while let Ok((mut caller, _)) = listener.accept().await {
+            tokio::spawn(async move {
+                let _ = caller.read(&mut [0; 16 << 10]).await;
+                let answer =
+                    format!("HTTP/1.1 403 Forbidden\r\ndate: {date}\r\ncontent-length: 0\r\nconnection: close\r\n\r\n");
+                let _ = caller.write_all(answer.as_bytes()).await;
+            });
+        }
+    });
+    port
+}
+
+#[tokio::test]
+async fn a_store_with_another_time_is_named_with_both_times() {
+    let date = "Wed, 01 Jan 2020 12:00:00 GMT";
+    let environment = s3().environment_through(a_store_that_refuses_at(date).await);
+    let blobs = Blobs::in_bucket(&Bucket::new("s3://glass", environment).unwrap()).unwrap();
+    for error in [
+        blobs.claim(a_farm(), &BTreeSet::new()).await.unwrap_err().to_string(),
+        blobs.try_to_write().await.unwrap_err().to_string(),
+    ] {
+        assert!(error.contains(date) && error.contains("set the clock of this machine"), "{error}");
+        assert_eq!(error.matches("its clock shows").count(), 1, "a cause is said once: {error}");
+    }
 }

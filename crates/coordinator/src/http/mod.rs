@@ -32,12 +32,13 @@ use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::get;
 use axum::{Json, Router};
-use clerestory_api::API_PREFIX;
+use clerestory_api::{API_PREFIX, ProblemCode};
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::csrf::CsrfLayer;
 use tower_http::set_header::SetResponseHeaderLayer;
 
 use crate::farm::Farm;
+use crate::readiness;
 
 pub(crate) use connections::serve;
 pub(crate) use problem::ApiError;
@@ -67,7 +68,7 @@ pub(crate) fn router(farm: Arc<Farm>) -> Router {
         .fallback(dashboard::file)
         .layer(CsrfLayer::new())
         .layer(from_fn_with_state(Arc::clone(&farm), auth::authorise))
-        // Probes ask by address, and learn nothing.
+        // Probes ask by address, and learn of the coordinator alone.
         .route("/healthz", get(async || StatusCode::NO_CONTENT))
         .route("/readyz", get(ready))
         .layer(CatchPanicLayer::new())
@@ -79,8 +80,9 @@ pub(crate) fn router(farm: Arc<Farm>) -> Router {
         .with_state(farm)
 }
 
-/// Whether the store can be used.
-async fn ready(State(farm): State<Arc<Farm>>) -> StatusCode {
-    let is_ready = !farm.stopping.is_cancelled() && farm.store.is_usable().await;
-    if is_ready { StatusCode::NO_CONTENT } else { StatusCode::SERVICE_UNAVAILABLE }
+/// Whether what callers bring could be stored now, or what is wrong.
+async fn ready(State(farm): State<Arc<Farm>>) -> Result<StatusCode, ApiError> {
+    let ready = readiness::check(&farm).await;
+    ready.map_err(|problem| ApiError::new(ProblemCode::Unavailable, problem.to_string()))?;
+    Ok(StatusCode::NO_CONTENT)
 }

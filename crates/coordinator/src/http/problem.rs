@@ -147,6 +147,10 @@ impl From<StoreError> for ApiError {
     fn from(error: StoreError) -> Self {
         match error {
             StoreError::Closed => Self::new(ProblemCode::Unavailable, "the coordinator is stopping; try again"),
+            error @ StoreError::ReadOnly(_) => Self {
+                cause: Some(Arc::new(error)),
+                ..Self::new(ProblemCode::Unavailable, "the database takes no writes now; try again")
+            },
             error => Self::internal(error),
         }
     }

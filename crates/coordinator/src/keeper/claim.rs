@@ -30,10 +30,12 @@ impl Claim {
     /// Renews a claim that ends at some time.
     pub(super) fn renewed(farm: &Arc<Farm>, job: JobId, until_ms: i64) -> Self {
         let lost = farm.stopping.child_token();
-        let (farm, is_lost) = (Arc::clone(farm), lost.clone());
+        let farm = Arc::clone(farm);
+        // However renewing ends, also when it panics.
+        let is_lost = lost.clone().drop_guard();
         let renewing = AbortOnDropHandle::new(tokio::spawn(async move {
             renew(&farm, job, until_ms).await;
-            is_lost.cancel();
+            drop(is_lost);
         }));
         Self { lost, _renewing: renewing }
     }

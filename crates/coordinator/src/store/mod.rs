@@ -11,6 +11,7 @@ mod adaptive;
 mod assets;
 mod checks;
 mod claim;
+mod damage;
 mod events;
 mod gathered;
 mod grant;
@@ -23,6 +24,7 @@ mod patience;
 mod postgres;
 mod redo;
 mod renewals;
+mod requirements;
 mod rounds;
 mod row;
 mod schema;
@@ -61,6 +63,8 @@ use sql::query;
 pub(crate) use workers::WorkerError;
 use writer::{Turn, Writer};
 
+use crate::causes::in_one_line;
+
 /// A handle on the database. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Store {
@@ -94,6 +98,9 @@ pub(crate) enum StoreError {
         /// Its value.
         value: String,
     },
+    /// It takes no writes now.
+    #[error("the database takes no writes: {0}")]
+    ReadOnly(&'static str),
     /// The writer has stopped.
     #[error("the database is closed")]
     Closed,
@@ -101,13 +108,16 @@ pub(crate) enum StoreError {
 
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
-        Self::Database(error.to_string())
+        if damage::is_read_only(&error) {
+            return Self::ReadOnly("a session of it is read-only, as after a failover; the next one is new");
+        }
+        Self::Database(in_one_line(&error))
     }
 }
 
 impl From<rusqlite::Error> for StoreError {
     fn from(error: rusqlite::Error) -> Self {
-        Self::Database(error.to_string())
+        Self::Database(in_one_line(&error))
     }
 }
 
@@ -115,16 +125,13 @@ impl Store {
     /// Opens the database and brings its schema up to date. A SQLite file may not be in use by another coordinator.
     pub(crate) async fn open(source: Source) -> Result<Self, SchemaError> {
         let connection = schema::open(&source).await?;
-        let failed =
-            |error: std::io::Error| SchemaError::Open { database: source.name().to_owned(), source: error.into() };
-        let writer = Writer::start(source.clone(), connection).map_err(failed)?;
-        Ok(Self {
-            readers: source.readers(),
-            writer,
-            source,
-            signs_of_life: Gathered::default(),
-            renewals: Gathered::default(),
-        })
+        let failed = |error: Box<dyn std::error::Error + Send + Sync>| SchemaError::Open {
+            database: source.name().to_owned(),
+            source: error,
+        };
+        let readers = source.readers().map_err(|error| failed(error.into()))?;
+        let writer = Writer::start(source.clone(), connection).map_err(|error| failed(error.into()))?;
+        Ok(Self { readers, writer, source, signs_of_life: Gathered::default(), renewals: Gathered::default() })
     }
 
     /// Whether other coordinators may be using it.
@@ -198,9 +205,23 @@ impl Store {
         self.readers.close().await;
     }
 
-    /// Whether the database answers.
-    pub(crate) async fn is_usable(&self) -> bool {
-        query("select 1").execute(&self.readers).await.is_ok()
+    /// Makes sure that the database takes writes, by one. It waits for no other.
+    pub(crate) async fn try_to_write(&self) -> Result<(), StoreError> {
+        let write = self.write_in(Turn::First, |connection| {
+            Box::pin(async move {
+                // A value that changes: SQLite writes nothing where all is as it was.
+                let tried = "insert into sequences (name, value) values ('tried_write', 1) \
+                             on conflict (name) do update set value = sequences.value + 1";
+                query(tried).execute(connection).await.map(drop)
+            })
+        });
+        write.await
+    }
+
+    /// Why the thread that writes has failed, when it has: nothing can be written any more. It never comes while that thread lives, or when it was
+    /// closed.
+    pub(crate) async fn writer_failed(&self) -> String {
+        self.writer.failed().await
     }
 }
 

@@ -10,8 +10,10 @@ use super::StoreError;
 /// How long a database is waited for, by what it is asked.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Patience {
-    /// Until it is reached, and until an idle connection says that it is still there.
+    /// Until it is reached.
     pub(crate) connection: Duration,
+    /// Until an idle connection says that it is still there, before another is made.
+    pub(crate) idle: Duration,
     /// Until a writer has its turn.
     pub(crate) turn: Duration,
     /// For the statements of a transaction and its commit together.
@@ -28,6 +30,7 @@ impl Default for Patience {
     fn default() -> Self {
         Self {
             connection: Duration::from_secs(10),
+            idle: Duration::from_secs(2),
             turn: Duration::from_secs(60),
             transaction: Duration::from_secs(60),
             doubt: Duration::from_secs(3),

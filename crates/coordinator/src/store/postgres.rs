@@ -1,15 +1,17 @@
 //! A PostgreSQL database.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use futures::StreamExt;
-use sqlx::postgres::{PgConnectOptions, PgListener, PgRow, Postgres};
+use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions, PgRow, Postgres};
 use sqlx::{
     AssertSqlSafe, Column, ConnectOptions, Connection as _, Either, Executor, PgConnection, PgPool, Row as _, TypeInfo,
 };
+use tokio::sync::watch;
 
 use super::StoreError;
+use super::damage::Damage;
 use super::patience::{Patience, in_time};
 use super::row::Row;
 use super::sql::{Answer, Query, Value, query};
@@ -31,8 +33,11 @@ const SESSION: &str = "set synchronous_commit = on; set idle_in_transaction_sess
 /// compile the query first.
 pub(super) const LOOKUPS: &str = "set enable_seqscan = off; set jit = off";
 
+/// What a server says that takes no writes for anybody.
+const STANDBY: &str = "its server is a standby; the address has to lead to the primary";
+
 /// Runs a statement.
-pub(super) async fn run<'c, E>(executor: E, query: Query) -> Result<Answer, StoreError>
+async fn run<'c, E>(executor: E, query: Query) -> Result<Answer, sqlx::Error>
 where
     E: Executor<'c, Database = Postgres>,
 {
@@ -60,7 +65,7 @@ where
     Ok(answer)
 }
 
-fn values(row: &PgRow) -> Result<Vec<Value>, StoreError> {
+fn values(row: &PgRow) -> Result<Vec<Value>, sqlx::Error> {
     let value = |(number, column): (usize, &sqlx::postgres::PgColumn)| {
         Ok(match column.type_info().name() {
             "INT8" => Value::Integer(row.try_get(number)?),
@@ -79,33 +84,55 @@ fn values(row: &PgRow) -> Result<Vec<Value>, StoreError> {
 pub(crate) struct Session {
     connection: PgConnection,
     watch: Watch,
+    damage: Damage,
+}
+
+/// Notes what an error says of the session on which it comes.
+async fn noting<T>(damage: &mut Damage, answer: impl Future<Output = Result<T, sqlx::Error>>) -> Result<T, StoreError> {
+    answer.await.map_err(|error| {
+        *damage = Damage::of(&error).max(*damage);
+        error.into()
+    })
 }
 
 impl Session {
-    /// A new connection.
+    /// A new connection, which has to take writes.
     pub(super) async fn begin(options: Box<PgConnectOptions>, patience: Patience) -> Result<Self, StoreError> {
         let mut connection = options.connect().await?;
         for statements in [SESSION, LOOKUPS] {
             sqlx::raw_sql(statements).execute(&mut connection).await?;
         }
-        let answer = run(&mut connection, query("select pg_backend_pid() as process")).await?;
+        let about = "select pg_backend_pid() as process, pg_is_in_recovery() as is_standby, \
+                     current_setting('transaction_read_only') = 'on' as is_read_only";
+        let answer = run(&mut connection, query(about)).await?;
         let row = answer.rows.first();
         let row = row.ok_or_else(|| StoreError::Database("it does not say who serves a connection".to_owned()))?;
+        if row.integer("is_standby")? != 0 {
+            return Err(StoreError::ReadOnly(STANDBY));
+        }
+        if row.integer("is_read_only")? != 0 {
+            return Err(StoreError::ReadOnly("its sessions are read-only (default_transaction_read_only)"));
+        }
         let process = row.integer("process")?;
-        Ok(Self { connection, watch: Watch { options, process, patience, is_lost: false } })
+        Ok(Self { connection, watch: Watch { options, process, patience, is_lost: false }, damage: Damage::None })
     }
 
     /// Runs statements without parameters, of which nothing is wanted.
     pub(super) async fn batch(&mut self, statements: &'static str) -> Result<(), StoreError> {
-        let Self { connection, watch } = self;
-        let run = async { Ok(sqlx::raw_sql(statements).execute(connection).await.map(drop)?) };
-        watch.unless_lost(run).await
+        let Self { connection, watch, damage } = self;
+        let run = async { sqlx::raw_sql(statements).execute(connection).await.map(drop) };
+        watch.unless_lost(noting(damage, run)).await
     }
 
     /// Runs a statement.
     pub(super) async fn run(&mut self, query: Query) -> Result<Answer, StoreError> {
-        let Self { connection, watch } = self;
-        watch.unless_lost(run(connection, query)).await
+        let Self { connection, watch, damage } = self;
+        watch.unless_lost(noting(damage, run(connection, query))).await
+    }
+
+    /// What has been heard of it that says whether it may be used again.
+    pub(super) fn damage(&self) -> Damage {
+        if self.watch.is_lost { Damage::Server } else { self.damage }
     }
 
     /// Says goodbye.
@@ -161,30 +188,89 @@ impl Watch {
     }
 }
 
-/// Runs a statement on a connection of the pool, which is closed when the database does not answer in time: the pool itself would wait for it.
+/// Connections to read with. Those that were made before `renewed` are not used again.
+pub(super) fn pool(
+    options: PgConnectOptions,
+    most: u32,
+    patience: Patience,
+    renewed: watch::Receiver<Instant>,
+) -> PgPool {
+    let pool = PgPoolOptions::new().max_connections(most).acquire_timeout(patience.connection);
+    let pool = pool.after_connect(|connection, _| {
+        Box::pin(async move {
+            sqlx::raw_sql(LOOKUPS).execute(&mut *connection).await?;
+            // It may be behind what has been written, and for as long as it likes.
+            let asked = sqlx::query_scalar("select pg_is_in_recovery()").fetch_one(connection);
+            if asked.await? { Err(sqlx::Error::Protocol(STANDBY.to_owned())) } else { Ok(()) }
+        })
+    });
+    // Its own test waits for an answer as long as a whole acquisition may take.
+    let pool = pool.test_before_acquire(false).before_acquire(move |connection, metadata| {
+        let is_old = metadata.age > renewed.borrow().elapsed();
+        Box::pin(async move { Ok(!is_old && is_there(connection, patience.idle).await) })
+    });
+    pool.connect_lazy_with(options)
+}
+
+/// Whether an idle connection is still there. A firewall that has cut it says nothing.
+async fn is_there(connection: &mut PgConnection, patience: Duration) -> bool {
+    matches!(tokio::time::timeout(patience, connection.ping()).await, Ok(Ok(())))
+}
+
+/// Runs a statement on a connection of the pool, which is closed when the database does not answer in time: the pool itself would wait for it. So is one
+/// on which an error came that the statement has not caused.
 pub(super) async fn read(pool: &PgPool, query: Query, patience: Duration) -> Result<Answer, StoreError> {
     let mut connection = pool.acquire().await?;
+    let slow = || StoreError::Database(format!("no answer in {} s", patience.as_secs()));
     let answer = tokio::time::timeout(patience, run(&mut *connection, query)).await;
-    answer.unwrap_or_else(|_| {
+    let damage =
+        answer.as_ref().map_or(Damage::Session, |answer| answer.as_ref().err().map_or(Damage::None, Damage::of));
+    if damage > Damage::None {
         drop(connection.detach());
-        Err(StoreError::Database(format!("no answer in {} s", patience.as_secs())))
-    })
+    }
+    Ok(answer.map_err(|_| slow())??)
 }
 
 /// Hears what is sent to all coordinators of a database.
 #[derive(Debug)]
 pub(crate) struct Listener {
-    pub(super) connection: PgListener,
-    pub(super) patience: Patience,
+    connection: PgListener,
+    patience: Patience,
+    renewed: watch::Receiver<Instant>,
 }
 
 impl Listener {
+    /// Hears what is sent from now on, until the connection is lost or others were made anew.
+    pub(super) async fn connect(
+        url: &str,
+        patience: Patience,
+        mut renewed: watch::Receiver<Instant>,
+    ) -> Result<Self, StoreError> {
+        renewed.mark_unchanged();
+        let connect = async {
+            let mut connection = PgListener::connect(url).await?;
+            connection.eager_reconnect(false);
+            connection.listen(CHANNEL).await?;
+            Ok(connection)
+        };
+        Ok(Self { connection: in_time(patience.connection, connect).await?, patience, renewed })
+    }
+
     /// The next text. An error when the connection was lost, with whatever was sent since; also when it was lost without a word.
     pub(crate) async fn next(&mut self) -> Result<String, StoreError> {
+        let lost = || StoreError::Database("the connection was lost".to_owned());
         loop {
-            match tokio::time::timeout(self.patience.silence, self.connection.try_recv()).await {
+            let heard = tokio::time::timeout(self.patience.silence, self.connection.try_recv());
+            let heard = tokio::select! {
+                // What has come is not lost.
+                biased;
+                heard = heard => heard,
+                // Its server may be one that another has replaced.
+                Ok(()) = self.renewed.changed() => return Err(lost()),
+            };
+            match heard {
                 Ok(Ok(Some(notification))) => return Ok(notification.payload().to_owned()),
-                Ok(Ok(None)) => return Err(StoreError::Database("the connection was lost".to_owned())),
+                Ok(Ok(None)) => return Err(lost()),
                 Ok(Err(error)) => return Err(error.into()),
                 Err(_) => self.ask().await?,
             }

@@ -1,6 +1,7 @@
 //! Opening the database and bringing its schema up to date.
 
 use super::StoreError;
+use super::requirements::{self, Found};
 use super::source::{Connection, Source};
 use super::sql::query;
 
@@ -14,6 +15,14 @@ pub enum SchemaError {
         database: String,
         /// Why.
         source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// It is not one that a farm can have.
+    #[error("cannot use the database `{database}`: {problem}")]
+    Unsuitable {
+        /// What people call the database.
+        database: String,
+        /// What is wrong, and what would be right.
+        problem: String,
     },
     /// A newer build has written it.
     #[error(
@@ -62,31 +71,57 @@ pub(super) const MIGRATIONS: [(i64, &str, &str); 19] = [
 ];
 
 /// Where applied migrations are noted, as the first builds made it; the hash is empty since.
-pub(super) const APPLIED: &str = "create table if not exists _sqlx_migrations (version bigint primary key, description text not null, \
+pub(super) const APPLIED: &str = "create table _sqlx_migrations (version bigint primary key, description text not null, \
     installed_on timestamp not null default current_timestamp, success boolean not null, checksum text not null, \
     execution_time bigint not null)";
 
 /// Opens the connection to write with and brings the schema up to date.
 pub(super) async fn open(source: &Source) -> Result<Connection, SchemaError> {
-    let database = || source.name().to_owned();
-    let opened = |error: StoreError| SchemaError::Open { database: database(), source: error.into() };
-    let failed = |error: StoreError| SchemaError::Migrate { database: database(), source: error.into() };
+    let opened = |error: StoreError| SchemaError::Open { database: source.name().to_owned(), source: error.into() };
     let mut connection = source.writer().await.map_err(opened)?;
+    match bring_up_to_date(&mut connection, source.name()).await {
+        Ok(()) => Ok(connection),
+        Err(error) => {
+            // What it has begun is undone with it, and the error says more than one of closing it would.
+            let _ = connection.close().await;
+            Err(error)
+        }
+    }
+}
+
+async fn bring_up_to_date(connection: &mut Connection, database: &str) -> Result<(), SchemaError> {
+    let database = || database.to_owned();
+    let failed = |error: StoreError| SchemaError::Migrate { database: database(), source: error.into() };
+    let unsuitable = |problem| SchemaError::Unsuitable { database: database(), problem };
     // Coordinators that start together take turns, and what is half done is undone.
     connection.begin().await.map_err(failed)?;
-    query(APPLIED).execute(&mut connection).await.map_err(failed)?;
-    let newest = query("select coalesce(max(version), 0) as version from _sqlx_migrations").fetch_one(&mut connection);
-    let found = newest.await.and_then(|row| row.integer("version")).map_err(failed)?;
+    let looked = requirements::look(connection).await;
+    let found = looked.map_err(|error| SchemaError::Open { database: database(), source: error.into() })?;
+    let found: Found = found.map_err(unsuitable)?;
+    let version = if found.has_migrations {
+        let newest =
+            query("select coalesce(max(version), 0) as version from _sqlx_migrations").fetch_one(&mut *connection);
+        newest.await.and_then(|row| row.integer("version")).map_err(failed)?
+    } else {
+        0
+    };
     let known = MIGRATIONS.iter().map(|(version, ..)| *version).max().unwrap_or(0);
-    if found > known {
-        return Err(SchemaError::Newer { database: database(), found, known });
+    if version > known {
+        return Err(SchemaError::Newer { database: database(), found: version, known });
     }
-    for (version, name, statements) in MIGRATIONS.into_iter().filter(|(version, ..)| *version > found) {
+    if version < known
+        && let Some(problem) = found.problem_of_change()
+    {
+        return Err(unsuitable(problem));
+    }
+    if !found.has_migrations {
+        query(APPLIED).execute(&mut *connection).await.map_err(failed)?;
+    }
+    for (version, name, statements) in MIGRATIONS.into_iter().filter(|(of_it, ..)| *of_it > version) {
         connection.batch(statements).await.map_err(failed)?;
         let applied = "insert into _sqlx_migrations (version, description, success, checksum, execution_time) \
                        values ($1, $2, true, '', 0)";
-        query(applied).bind(version).bind(name).execute(&mut connection).await.map_err(failed)?;
+        query(applied).bind(version).bind(name).execute(&mut *connection).await.map_err(failed)?;
     }
-    query("commit").execute(&mut connection).await.map_err(failed)?;
-    Ok(connection)
+    query("commit").execute(connection).await.map(drop).map_err(failed)
 }

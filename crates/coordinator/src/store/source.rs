@@ -5,11 +5,13 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use sqlx::PgPool;
-use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
+use sqlx::postgres::PgConnectOptions;
+use tokio::sync::watch;
 
+use super::damage::Damage;
 use super::patience::{Patience, in_time};
 use super::postgres::{self, Listener, Session};
 use super::sql::{Answer, Engine, Query, Runner, query};
@@ -33,7 +35,17 @@ pub(crate) struct Source {
 #[derive(Clone)]
 enum Place {
     File(PathBuf),
-    Server { url: PostgresUrl, options: Box<PgConnectOptions> },
+    Server {
+        url: PostgresUrl,
+        /// Since when connections are what they seem to be. What was connected before may be to a server that another has replaced.
+        renewed: watch::Sender<Instant>,
+    },
+}
+
+/// How a server is reached. It is found out for each connection: the password may lie in a file, and may be another by now.
+fn options(url: &PostgresUrl) -> Result<PgConnectOptions, sqlx::Error> {
+    let options: PgConnectOptions = url.secret().parse()?;
+    Ok(options.statement_cache_capacity(PREPARED))
 }
 
 impl fmt::Debug for Source {
@@ -79,6 +91,14 @@ impl Connection {
         .await
     }
 
+    /// What has been heard of it that says whether it may be used again.
+    pub(super) fn damage(&self) -> Damage {
+        match self {
+            Self::Sqlite(_) => Damage::None,
+            Self::Postgres(session) => session.damage(),
+        }
+    }
+
     /// Says goodbye.
     pub(super) async fn close(self) -> Result<(), StoreError> {
         match self {
@@ -102,8 +122,13 @@ impl Runner for &mut Connection {
 pub(super) enum Readers {
     /// Of a SQLite file.
     Sqlite(sqlite::Readers),
-    /// Of PostgreSQL, with the time that a read may take.
-    Postgres(PgPool, Duration),
+    /// Of PostgreSQL.
+    Postgres {
+        pool: PgPool,
+        url: PostgresUrl,
+        /// The time that a read may take.
+        patience: Duration,
+    },
 }
 
 impl Readers {
@@ -111,7 +136,7 @@ impl Readers {
     pub(super) async fn close(&self) {
         match self {
             Self::Sqlite(readers) => readers.close(READERS).await,
-            Self::Postgres(pool, _) => pool.close().await,
+            Self::Postgres { pool, .. } => pool.close().await,
         }
     }
 }
@@ -120,7 +145,13 @@ impl Runner for &Readers {
     async fn run(self, query: Query) -> Result<Answer, StoreError> {
         match self {
             Readers::Sqlite(readers) => readers.run(query).await,
-            Readers::Postgres(pool, patience) => postgres::read(pool, query, *patience).await,
+            Readers::Postgres { pool, url, patience } => {
+                let answer = postgres::read(pool, query, *patience).await;
+                if answer.is_err() {
+                    pool.set_connect_options(options(url)?);
+                }
+                answer
+            }
         }
     }
 }
@@ -133,9 +164,8 @@ impl Source {
 
     /// A PostgreSQL database.
     pub(crate) fn postgres(url: &PostgresUrl) -> Result<Self, sqlx::Error> {
-        let options: PgConnectOptions = url.secret().parse()?;
-        let options = options.statement_cache_capacity(PREPARED);
-        let place = Place::Server { url: url.clone(), options: Box::new(options) };
+        options(url)?;
+        let place = Place::Server { url: url.clone(), renewed: watch::Sender::new(Instant::now()) };
         Ok(Self { place, name: url.to_string(), patience: Patience::default() })
     }
 
@@ -164,37 +194,36 @@ impl Source {
     pub(super) async fn writer(&self) -> Result<Connection, StoreError> {
         match &self.place {
             Place::File(file) => Ok(Connection::Sqlite(sqlite::writer(file)?)),
-            Place::Server { options, .. } => {
-                let session = Session::begin(options.clone(), self.patience);
+            Place::Server { url, .. } => {
+                let session = Session::begin(Box::new(options(url)?), self.patience);
                 Ok(Connection::Postgres(in_time(self.patience.connection, session).await?))
             }
         }
     }
 
     /// Connections to read with.
-    pub(super) fn readers(&self) -> Readers {
-        match &self.place {
+    pub(super) fn readers(&self) -> Result<Readers, StoreError> {
+        Ok(match &self.place {
             Place::File(file) => Readers::Sqlite(sqlite::Readers::new(file.clone(), READERS as usize)),
-            Place::Server { options, .. } => {
-                let pool = PgPoolOptions::new().max_connections(READERS).acquire_timeout(self.patience.connection);
-                let pool = pool.after_connect(|connection, _| {
-                    Box::pin(async move { sqlx::raw_sql(postgres::LOOKUPS).execute(connection).await.map(drop) })
-                });
-                Readers::Postgres(pool.connect_lazy_with(PgConnectOptions::clone(options)), self.patience.read)
-            }
+            Place::Server { url, renewed } => Readers::Postgres {
+                pool: postgres::pool(options(url)?, READERS, self.patience, renewed.subscribe()),
+                url: url.clone(),
+                patience: self.patience.read,
+            },
+        })
+    }
+
+    /// Takes note of what has been heard on a connection. Where the server is to blame, all others to it are made anew before they are used.
+    pub(super) fn has_damage(&self, damage: Damage) {
+        if let (Place::Server { renewed, .. }, Damage::Server) = (&self.place, damage) {
+            renewed.send_replace(Instant::now());
         }
     }
 
     /// Hears what is sent to all coordinators of the database from now on; `None` where there is one coordinator.
     pub(super) async fn listener(&self) -> Result<Option<Listener>, StoreError> {
-        let Place::Server { url, .. } = &self.place else { return Ok(None) };
-        let connect = async {
-            let mut listener = PgListener::connect(url.secret()).await?;
-            listener.listen(postgres::CHANNEL).await?;
-            Ok(listener)
-        };
-        let connection = in_time(self.patience.connection, connect).await?;
-        Ok(Some(Listener { connection, patience: self.patience }))
+        let Place::Server { url, renewed } = &self.place else { return Ok(None) };
+        Listener::connect(url.secret(), self.patience, renewed.subscribe()).await.map(Some)
     }
 
     /// What the clock of the server shows, milliseconds since the Unix epoch; `None` where there is none.

@@ -17,10 +17,12 @@ use crate::blobs::Place;
 mod adaptive;
 mod checks;
 mod claims;
+mod comes_back;
 pub(crate) mod farm;
 mod lookups;
 mod migrations;
 mod model;
+mod refused;
 mod several;
 mod silence;
 mod stragglers;
@@ -63,6 +65,7 @@ use claims::{
     who_has_other_bits_could_try_a_job_of_which_nothing_has_come,
 };
 use farm::{Farm, TTL_MS, delivered, merge, place};
+use refused::a_database_of_another_program_is_refused_and_left_as_it_is;
 use stragglers::{
     a_node_is_not_leased_again_without_end, a_single_node_is_taken_over_by_its_passes,
     nodes_wait_for_others_no_longer_than_their_lease_should_take, stragglers_do_not_hold_up_the_end,
@@ -442,6 +445,33 @@ async fn missed_events_are_the_newest_of_the_job_that_is_asked_for(farm: Farm) {
     assert_eq!(missed(Some(JobId::from(Uuid::nil())), 0, 10).await, [0; 0]);
 }
 
+/// Changes a setting of a PostgreSQL database for its sessions to come, and ends all that there are.
+pub(crate) async fn alter_database(address: &str, change: &str) {
+    let (server, name) = address.rsplit_once('/').unwrap();
+    let administrator = Source::postgres(&format!("{server}/postgres").parse().unwrap()).unwrap().readers().unwrap();
+    for statement in [
+        format!("alter database {name} {change}"),
+        format!("select pg_terminate_backend(pid) from pg_stat_activity where datname = '{name}'"),
+    ] {
+        query(statement).execute(&administrator).await.unwrap();
+    }
+    administrator.close().await;
+}
+
+/// Only what stands where a parameter may stand is one, and each is known by its number.
+async fn a_dollar_in_a_text_is_no_parameter(farm: Farm) {
+    let select = || {
+        query(
+            "select '$1 and $2' as words, cast($2 as text) as second, cast($1 as text) as first, cast($2 as text) as again",
+        )
+    };
+    let row = select().bind("one").bind("two").fetch_one(&farm.store.readers).await.unwrap();
+    let texts = ["words", "first", "second", "again"].map(|column| row.text(column).unwrap());
+    assert_eq!(texts, ["$1 and $2", "one", "two", "two"]);
+    let missing = select().bind("one").fetch_one(&farm.store.readers).await;
+    assert!(missing.is_err(), "nothing is bound to the second: {missing:?}");
+}
+
 /// One test for each engine.
 macro_rules! on_both {
     ($($name:ident)*) => {
@@ -466,6 +496,8 @@ macro_rules! on_both {
 }
 
 on_both! {
+    a_dollar_in_a_text_is_no_parameter
+    a_database_of_another_program_is_refused_and_left_as_it_is
     a_film_is_kept_by_one_coordinator_until_its_term_is_over
     concurrent_claimants_never_get_the_same_node
     leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same

@@ -17,18 +17,22 @@
 //! is waits for one of them in each transaction before its own answer.
 //!
 //! When the connection is lost, or nothing is heard over it for long, the writes of that transaction fail, whether or not it was committed at
-//! the last moment: whoever repeats one is told what is there. The next transaction gets a new connection.
+//! the last moment: whoever repeats one is told what is there. The next transaction gets a new connection. So it does after an error that says
+//! something of the connection rather than of what was written ([`Damage`]), such as that it is read-only.
 
 use std::collections::VecDeque;
 use std::iter;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
 use futures::future::BoxFuture;
-use tokio::sync::{mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot, watch};
 
 use super::StoreError;
+use super::damage::Damage;
 use super::patience::in_time;
 use super::source::{Connection, Source};
+use crate::tasks::panic_message;
 
 /// Most writes in one transaction.
 const GROUP: usize = 64;
@@ -62,6 +66,8 @@ pub(super) struct Writer {
     claims: mpsc::Sender<Box<dyn Write>>,
     writes: mpsc::Sender<Message>,
     patient: mpsc::Sender<Box<dyn Write>>,
+    /// Why the thread has panicked, if it has.
+    failure: watch::Receiver<Option<String>>,
 }
 
 enum Message {
@@ -96,9 +102,26 @@ impl Writer {
         let (patient, patient_queue) = mpsc::channel(QUEUE);
         let queues = Queues { first: first_queue, claims: claim_queue, writes: queue, patient: patient_queue };
         let runtime = tokio::runtime::Handle::current();
-        let serve = move || runtime.block_on(serve(source, Some(connection), queues));
+        let (failed, failure) = watch::channel(None);
+        let serve = move || {
+            let served = AssertUnwindSafe(|| runtime.block_on(serve(source, Some(connection), queues)));
+            if let Err(panic) = catch_unwind(served) {
+                failed.send_replace(Some(panic_message(&*panic)));
+            }
+        };
         std::thread::Builder::new().name("store-writer".to_owned()).spawn(serve)?;
-        Ok(Self { first, claims, writes, patient })
+        Ok(Self { first, claims, writes, patient, failure })
+    }
+
+    /// With what the thread has panicked, as soon as it has.
+    pub(super) async fn failed(&self) -> String {
+        let mut failure = self.failure.clone();
+        let message = failure.wait_for(Option::is_some).await.map(|message| message.clone());
+        match message {
+            Ok(message) => message.unwrap_or_default(),
+            // It has ended, as it was told to.
+            Err(_) => std::future::pending().await,
+        }
     }
 
     /// Runs `write` when it is its turn and answers when that is committed. An error rolls this write back.
@@ -311,9 +334,20 @@ async fn commit(
         Ok(()) => Ok(()),
         Err(_) => in_time(source.patience().connection, connection.batch("rollback")).await,
     };
-    match is_over {
-        Ok(()) => *held = Some(connection),
-        Err(error) => tracing::error!(%error, "the connection to the database is given up"),
+    match (is_over, connection.damage()) {
+        (Ok(()), Damage::None) => *held = Some(connection),
+        (Ok(()), damage) => {
+            tracing::warn!(
+                "the connection to the database is given up after an error; the next transaction gets a new one"
+            );
+            source.has_damage(damage);
+            // Nobody waits for its goodbye.
+            tokio::spawn(in_time(source.patience().connection, connection.close()));
+        }
+        (Err(error), damage) => {
+            tracing::error!(%error, "the connection to the database is given up");
+            source.has_damage(damage);
+        }
     }
     outcome
 }
@@ -323,7 +357,10 @@ async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, 
     if let Some(mut connection) = held {
         match in_time(source.patience().turn, connection.begin()).await {
             Ok(()) => return Ok(connection),
-            Err(error) => tracing::warn!(%error, "the connection to the database is lost"),
+            Err(error) => {
+                tracing::warn!(%error, "the connection to the database is lost");
+                source.has_damage(connection.damage());
+            }
         }
     }
     let mut connection = source.writer().await?;
