@@ -1,6 +1,8 @@
 //! What a user gets wrong: the message names it, and the exit code tells whose fault it is.
 
 use std::fs;
+use std::io::{Read, Write};
+use std::net::TcpListener;
 
 use crate::support::Folder;
 
@@ -128,6 +130,26 @@ fn who_speaks_tls_to_a_farm_without_is_told_its_address() {
     let farm = folder.coordinator("127.0.0.1:0", None);
     let secure = farm.address().replacen("http", "https", 1);
     folder.fails(&["jobs", "--coordinator", &secure], 1, &["no TLS", &format!("is it {}?", farm.address())]);
+}
+
+#[test]
+fn who_speaks_http_to_a_server_with_tls_is_told_its_address() {
+    let folder = Folder::new();
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    let server = std::thread::spawn(move || {
+        let (mut connection, _) = listener.accept().unwrap();
+        assert!(connection.read(&mut [0; 4096]).unwrap() > 0, "a request");
+        // An alert of TLS: the message was not expected.
+        connection.write_all(&[0x15, 3, 3, 0, 2, 2, 10]).unwrap();
+    });
+    let coordinator = format!("http://{address}");
+    folder.fails(
+        &["jobs", "--coordinator", &coordinator],
+        1,
+        &["speaks no HTTP", &format!("is it https://{address}?")],
+    );
+    server.join().unwrap();
 }
 
 #[test]

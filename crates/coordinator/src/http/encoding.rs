@@ -27,8 +27,9 @@ pub(super) async fn refuse(request: Request, next: Next) -> Response {
 
 /// The first encoding that changes a body.
 fn encoding(headers: &HeaderMap) -> Option<String> {
-    let values = headers.get_all(CONTENT_ENCODING).iter().map(|value| String::from_utf8_lossy(value.as_bytes()));
-    let names: Vec<String> =
-        values.flat_map(|value| value.split(',').map(|name| name.trim().to_owned()).collect::<Vec<_>>()).collect();
-    names.into_iter().find(|name| !name.is_empty() && !name.eq_ignore_ascii_case(IDENTITY))
+    headers.get_all(CONTENT_ENCODING).iter().find_map(|value| {
+        let value = String::from_utf8_lossy(value.as_bytes());
+        let mut names = value.split(',').map(str::trim);
+        names.find(|name| !name.is_empty() && !name.eq_ignore_ascii_case(IDENTITY)).map(str::to_owned)
+    })
 }

@@ -236,7 +236,7 @@ fn of_message(path: &str, message: &str, value: Option<String>) -> ApiError {
         _ => format!("{path}.{name}"),
     };
     if let Some(name) = quoted("unknown field ") {
-        return ApiError::new(ProblemCode::UnknownField, format!("nobody knows a field `{name}`"))
+        return ApiError::new(ProblemCode::UnknownField, format!("there is no field `{name}`"))
             .field(member(name))
             .expected(if expected.is_empty() { "no such field" } else { expected });
     }
