@@ -10,7 +10,7 @@ use bytes::Bytes;
 use clerestory_coordinator::smallest_tile;
 use clerestory_render_core::film::{Exposure, PreviewSettings, TileGrid, ToneCurve, encode_png};
 use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription, SceneDescription};
-use clerestory_render_core::scene::{Scene, SceneBundle, SceneError};
+use clerestory_render_core::scene::{Obstacles, Scene, SceneBundle, SceneError};
 use rayon::ThreadPool;
 use serde::Serialize;
 use tokio::sync::{oneshot, watch};
@@ -68,6 +68,7 @@ pub(super) struct Shown {
 /// What the thread that renders and those that serve share.
 pub(super) struct Engine {
     original: SceneBundle,
+    obstacles: Obstacles,
     most_samples: u32,
     /// The look that is wanted, with its number, and how what is being rendered is stopped.
     wanted: Mutex<Wanted>,
@@ -99,6 +100,7 @@ impl Engine {
         let wanted = Wanted { number: 1, look, bundle: original.clone(), control: Arc::default(), is_over: false };
         let engine = Arc::new(Self {
             original,
+            obstacles: scene.obstacles(),
             most_samples,
             wanted: Mutex::new(wanted),
             changed: watch::channel(1).0,
@@ -128,6 +130,7 @@ impl Engine {
     /// Shows something else; returns its number.
     pub(super) fn show(&self, look: Look) -> Result<u64, SceneError> {
         let bundle = look.applied(&self.original)?;
+        self.obstacles.check(bundle.description())?;
         let mut wanted = self.wanted();
         wanted.control.cancelled.store(true, Ordering::Relaxed);
         *wanted = Wanted { number: wanted.number + 1, look, bundle, control: Arc::default(), ..*wanted };

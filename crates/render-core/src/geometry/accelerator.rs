@@ -10,6 +10,7 @@
 //! in which the hierarchy is walked.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::DVec3;
 use thiserror::Error;
@@ -85,7 +86,7 @@ pub struct Hit {
 /// The triangles and panes of a scene, and the hierarchy over both.
 #[derive(Clone, Debug)]
 pub struct Accelerator {
-    panes: Vec<Pane>,
+    panes: Arc<[Pane]>,
     /// For each pane, whether a triangle reaches into its box.
     pierced: Vec<bool>,
     /// Corners of all triangles by number.
@@ -173,12 +174,17 @@ impl Accelerator {
         primitives.extend((next..corners.len() as u32).map(triangle));
         primitives.extend((0..).zip(&panes).map(|(index, pane)| (Primitive::Pane { index }, pane.world_bounds())));
         let pierced = panes.iter().map(|pane| corners.iter().any(|triangle| reaches_into(triangle, pane))).collect();
-        Ok(Self { panes, pierced, everything: Sorted::over(primitives)?, sheets, corners })
+        Ok(Self { panes: panes.into(), pierced, everything: Sorted::over(primitives)?, sheets, corners })
     }
 
     /// The panes, by number.
     pub fn panes(&self) -> &[Pane] {
         &self.panes
+    }
+
+    /// The panes, for keeping.
+    pub fn shared_panes(&self) -> Arc<[Pane]> {
+        self.panes.clone()
     }
 
     /// The corners of a triangle.

@@ -1,5 +1,7 @@
 //! Lights.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 
 use crate::geometry::Frame;
@@ -101,6 +103,66 @@ impl Light {
             }
         };
         Self { name: description.name().to_owned(), kind }
+    }
+}
+
+/// Where a light is.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Body {
+    /// In a ball; a point has radius 0.
+    Ball {
+        /// Its centre, metres.
+        centre: DVec3,
+        /// Its radius, metres.
+        radius: f64,
+    },
+    /// In a flat convex polygon with these corners, metres.
+    Polygon(Vec<DVec3>),
+}
+
+/// Corners of the polygon that stands for a disk: it lies in it, and lacks 0.04 percent of its radius.
+const DISK_CORNERS: u32 = 128;
+
+impl Light {
+    /// Where it is; `None` for the sun, which is nowhere.
+    pub(crate) fn body(&self) -> Option<Body> {
+        let on = |frame: &Frame, x: f64, y: f64| frame.point_to_world(DVec3::new(x, y, 0.0));
+        match &self.kind {
+            LightKind::Point { position, .. } => Some(Body::Ball { centre: *position, radius: 0.0 }),
+            LightKind::Sphere { centre, radius, .. } => Some(Body::Ball { centre: *centre, radius: *radius }),
+            LightKind::Rectangle { frame, half_size: [x, y], .. } => {
+                Some(Body::Polygon(vec![on(frame, -x, -y), on(frame, *x, -y), on(frame, *x, *y), on(frame, -x, *y)]))
+            }
+            LightKind::Disk { frame, radius, .. } => {
+                let corner = |step: u32| {
+                    let (sin, cos) = libm::sincos(2.0 * PI * f64::from(step) / f64::from(DISK_CORNERS));
+                    on(frame, radius * cos, radius * sin)
+                };
+                Some(Body::Polygon((0..DISK_CORNERS).map(corner).collect()))
+            }
+            LightKind::Sun { .. } => None,
+        }
+    }
+
+    /// The largest solid angle at which it may be seen from a box, up to 2 pi; `None` for a point light, which has none.
+    pub(crate) fn largest_solid_angle(&self, [min, max]: [DVec3; 2]) -> Option<f64> {
+        let whole = 2.0 * PI;
+        let distance = |centre: DVec3| centre.distance(centre.clamp(min, max));
+        // From no nearer than this, the area can be seen at no larger angle than if it were all there, seen head on.
+        let of_area = |area: f64, nearest: f64| if nearest > 0.0 { area / (nearest * nearest) } else { whole };
+        let solid_angle = match &self.kind {
+            LightKind::Point { .. } => return None,
+            LightKind::Sphere { centre, radius, .. } => {
+                let sine = radius / distance(*centre);
+                if sine < 1.0 { whole * (1.0 - (1.0 - sine * sine).sqrt()) } else { whole }
+            }
+            LightKind::Rectangle { frame, half_size: [x, y], .. } => {
+                of_area(4.0 * x * y, distance(frame.origin) - (x * x + y * y).sqrt())
+            }
+            LightKind::Disk { frame, radius, .. } => of_area(PI * radius * radius, distance(frame.origin) - radius),
+            LightKind::Sun { cos_radius, .. } => whole * (1.0 - cos_radius),
+        };
+        Some(solid_angle.min(whole))
     }
 }
 

@@ -14,6 +14,7 @@ use super::error::{AssetProblem, SceneError};
 use super::hash::{ContentHash, SceneHash};
 use super::json_path::JsonPath;
 use super::surface::MeshSurface;
+use super::validate_places::{Obstacles, check_panes};
 use crate::film::Sampling;
 use crate::geometry::{Accelerator, Pane};
 use crate::integrator::PathFilter;
@@ -46,7 +47,7 @@ impl Scene {
     ///
     /// # Errors
     ///
-    /// When an asset makes no sense, or the faces of a pane touch.
+    /// When an asset makes no sense, the faces of a pane touch, or something stands in glass that may not.
     pub fn build(bundle: &SceneBundle) -> Result<Self, SceneError> {
         let description = bundle.description();
         let textures = decode_textures(bundle)?;
@@ -61,6 +62,8 @@ impl Scene {
         let smooth: Vec<_> = surfaces.iter().filter(|mesh| mesh.is_smooth()).map(MeshSurface::triangle_range).collect();
         let accelerator = Accelerator::build(&positions, &triangles, &smooth, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
+        check_panes(description, &accelerator, &surfaces)?;
+        Obstacles::new(accelerator.shared_panes()).check(description)?;
         let scene = Self {
             hash: bundle.scene_hash(),
             camera: Camera::new(&description.camera, description.film),
@@ -83,7 +86,7 @@ impl Scene {
     }
 
     /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the integrator, the seed and the sampling differ, all that takes
-    /// time to build is kept.
+    /// time to build is kept. Whether the camera and the lights may stand where they do then, [`Obstacles::check`] tells.
     ///
     /// # Errors
     ///
@@ -168,6 +171,11 @@ impl Scene {
     /// The panes, in the order of the scene file.
     pub fn panes(&self) -> &[Pane] {
         self.accelerator.panes()
+    }
+
+    /// What the camera and the lights must keep out of.
+    pub fn obstacles(&self) -> Obstacles {
+        Obstacles::new(self.accelerator.shared_panes())
     }
 
     /// The tree over the panes.

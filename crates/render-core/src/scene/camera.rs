@@ -57,6 +57,18 @@ impl Camera {
     }
 }
 
+impl Camera {
+    /// The corners of where its rays start: one point, or a rectangle.
+    pub(super) fn aperture(&self) -> Vec<DVec3> {
+        match self.projection {
+            Projection::Perspective => vec![self.frame.origin],
+            Projection::Orthographic => [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]
+                .map(|[x, y]| self.ray(self.half_size * DVec2::new(x, y)).origin)
+                .to_vec(),
+        }
+    }
+}
+
 fn frame(position: Triple, look_at: Triple, up: Triple) -> Frame {
     let position = DVec3::from(position);
     let forward = (DVec3::from(look_at) - position).normalize();

@@ -1,0 +1,431 @@
+//! What would lose light without a word where it stands: panes that touch each other, and smooth meshes, lights and cameras in
+//! the glass of a pane. A sphere light shines outwards, so that no camera may be in one either.
+//!
+//! Opaque meshes may stand in glass, as leading and masonry do: where they do, they are black.
+
+use std::fmt;
+use std::sync::Arc;
+
+use glam::DVec3;
+
+use super::description::{CameraDescription, LightDescription, SceneDescription};
+use super::error::SceneError;
+use super::json_path::JsonPath;
+use super::validate::{Check, Quoted};
+use super::{Camera, MeshSurface};
+use crate::geometry::contact::{Shape, contact, overlap, way_out};
+use crate::geometry::{Accelerator, Pane};
+use crate::optics::Light;
+use crate::optics::light::Body;
+
+/// Parts of panes that are looked at in all: a second's work. What is not settled by then is let through.
+const MOST_PARTS: u32 = 1 << 21;
+
+/// So much of a distance may be rounding, micrometres.
+const ROUNDING_MICROMETRES: f64 = 1e-3;
+
+/// Triangles whose boxes are compared with that of a pane for the price of one part.
+const TRIANGLES_FOR_A_PART: u32 = 64;
+
+/// Bodies that must be apart, with a bound on the work of all comparisons.
+struct Places<'a> {
+    description: &'a SceneDescription,
+    panes: &'a [Pane],
+    budget: u32,
+}
+
+/// Checks that panes stand apart from one another and from smooth meshes.
+pub(super) fn check_panes(description: &SceneDescription, accelerator: &Accelerator, meshes: &[MeshSurface]) -> Check {
+    let mut places = Places { description, panes: accelerator.panes(), budget: MOST_PARTS };
+    places.check_panes()?;
+    places.check_meshes(accelerator, meshes)
+}
+
+/// What cameras and lights must keep out of.
+#[derive(Clone, Debug)]
+pub struct Obstacles {
+    panes: Arc<[Pane]>,
+}
+
+impl Obstacles {
+    /// The glass of these panes.
+    pub(super) fn new(panes: Arc<[Pane]>) -> Self {
+        Self { panes }
+    }
+
+    /// Checks that the lights and the camera of a valid description stand outside of glass, and the camera outside of lights.
+    ///
+    /// # Errors
+    ///
+    /// What stands where, and a way out.
+    pub fn check(&self, description: &SceneDescription) -> Result<(), SceneError> {
+        let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
+        let mut places = Places { description, panes: &self.panes, budget: MOST_PARTS };
+        places.check_lights(&lights)?;
+        places.check_camera(&Camera::new(&description.camera, description.film), &lights)
+    }
+}
+
+impl Places<'_> {
+    /// Panes are compared with those beside them along the axis on which they are spread most.
+    fn check_panes(&mut self) -> Check {
+        let boxes: Vec<[DVec3; 2]> = self.panes.iter().map(Pane::world_bounds).collect();
+        let spread = boxes.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[min, max], b| {
+            let middle = 0.5 * (b[0] + b[1]);
+            [min.min(middle), max.max(middle)]
+        });
+        let axis = (spread[1] - spread[0]).max_position();
+        let mut order: Vec<usize> = (0..boxes.len()).collect();
+        order.sort_by(|a, b| boxes[*a][0][axis].total_cmp(&boxes[*b][0][axis]));
+        for (place, &first) in order.iter().enumerate() {
+            let beside = order[place + 1..].iter().take_while(|other| boxes[**other][0][axis] <= boxes[first][1][axis]);
+            for &second in beside.filter(|other| overlap(&boxes[first], &boxes[**other])) {
+                self.check_pair(first.min(second), first.max(second))?;
+            }
+        }
+        Ok(())
+    }
+
+    fn check_pair(&mut self, first: usize, second: usize) -> Check {
+        let [one, other] = [first, second].map(|index| &self.panes[index]);
+        let Some(at) = contact(one, &Shape::Pane(other), &mut self.budget) else { return Ok(()) };
+        let root = JsonPath::Root;
+        let panes = root.member("panes");
+        let path = panes.element(second);
+        let centre = self.description.panes[second].centre;
+        let found = format!(
+            "{centre:?}, where the glass of pane {} touches or overlaps that of pane {} (panes[{first}]) at {}",
+            Quoted(&other.name),
+            Quoted(&one.name),
+            Metres(at)
+        );
+        let expected = format!(
+            "apart from it, such as {} (light between panes that touch would be lost)",
+            self.way(first, &Shape::Pane(other))
+        );
+        Err(SceneError::value(&path.member("centre"), found, expected))
+    }
+
+    fn check_meshes(&mut self, accelerator: &Accelerator, meshes: &[MeshSurface]) -> Check {
+        for (pane_index, pane) in self.panes.iter().enumerate() {
+            let around = pane.world_bounds();
+            for (mesh_index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_smooth()) {
+                self.budget = self.budget.saturating_sub(mesh.triangles() / TRIANGLES_FOR_A_PART);
+                for triangle in mesh.triangle_range() {
+                    let shape = Shape::Polygon(accelerator.corners(triangle));
+                    if !overlap(&around, &shape.bounds()) {
+                        continue;
+                    }
+                    let Some(at) = contact(pane, &shape, &mut self.budget) else { continue };
+                    let root = JsonPath::Root;
+                    let meshes = root.member("meshes");
+                    let found = format!(
+                        "mesh {} in or against the glass of pane {} (panes[{pane_index}]) at {}",
+                        Quoted(mesh.name()),
+                        Quoted(&pane.name),
+                        Metres(at)
+                    );
+                    let expected = "apart from it: a dielectric or mirror that stands in glass would be black";
+                    return Err(SceneError::value(&meshes.element(mesh_index).member("source"), found, expected));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn check_lights(&mut self, lights: &[Light]) -> Check {
+        for (index, light) in lights.iter().enumerate() {
+            let Some(body) = light.body() else { continue };
+            let Some((pane, at)) = self.pane_around(&shape_of(&body)) else { continue };
+            let description = &self.description.lights[index];
+            let root = JsonPath::Root;
+            let (lights, place) = (root.member("lights"), place_of(description));
+            let (element, kind) = (lights.element(index), description.kind());
+            let found = format!("light {} in or against {}", Quoted(&light.name), self.glass(pane, at));
+            let expected = format!(
+                "outside of glass, such as {} (its light would be lost there)",
+                self.way(pane, &shape_of(&body))
+            );
+            return Err(SceneError::value(&element.member(kind).member(place), found, expected));
+        }
+        Ok(())
+    }
+
+    fn check_camera(&mut self, camera: &Camera, lights: &[Light]) -> Check {
+        let aperture = camera.aperture();
+        let shape = match aperture[..] {
+            [centre] => Shape::Ball { centre, radius: 0.0 },
+            _ => Shape::Polygon(&aperture),
+        };
+        let root = JsonPath::Root;
+        let camera = root.member("camera");
+        let (kind, subject) = match self.description.camera {
+            CameraDescription::Perspective { .. } => ("perspective", "a camera"),
+            CameraDescription::Orthographic { .. } => ("orthographic", "a camera whose rays start"),
+        };
+        let camera = camera.member(kind);
+        if let Some((pane, at)) = self.pane_around(&shape) {
+            let found = format!("{subject} inside {}", self.glass(pane, at));
+            let expected = format!("outside of glass, such as {} (all would be black there)", self.way(pane, &shape));
+            return Err(SceneError::value(&camera.member("position"), found, expected));
+        }
+        for (index, light) in lights.iter().enumerate() {
+            let Some(Body::Ball { centre, radius }) = light.body() else { continue };
+            if radius == 0.0 || distance_to(centre, &aperture) > radius {
+                continue;
+            }
+            let found = format!("{subject} inside of the sphere light {} (lights[{index}])", Quoted(&light.name));
+            let expected = format!(
+                "more than its radius of {radius} m from its centre: a sphere shines outwards, and is black from within; two suns of \
+                 angular_radius 90 in opposite directions are light from all around"
+            );
+            return Err(SceneError::value(&camera.member("position"), found, expected));
+        }
+        Ok(())
+    }
+
+    /// The first pane in whose glass a shape stands, and where.
+    fn pane_around(&mut self, shape: &Shape<'_>) -> Option<(usize, DVec3)> {
+        let panes = self.panes;
+        let mut panes = panes.iter().enumerate();
+        panes.find_map(|(index, pane)| contact(pane, shape, &mut self.budget).map(|at| (index, at)))
+    }
+
+    fn glass(&self, pane: usize, at: DVec3) -> String {
+        format!("the glass of pane {} (panes[{pane}]) at {}", Quoted(&self.panes[pane].name), Metres(at))
+    }
+
+    /// In words, a way that takes a shape out of a pane.
+    fn way(&self, pane: usize, shape: &Shape<'_>) -> String {
+        let (direction, distance) = way_out(&self.panes[pane], shape);
+        // A micrometre more than it takes, in whole micrometres.
+        let micrometres = (distance * 1e6 - ROUNDING_MICROMETRES).ceil().max(0.0) + 1.0;
+        let [x, y, z] = direction.to_array().map(|part| (part * 1e4).round() / 1e4 + 0.0);
+        format!("{} m further along [{x}, {y}, {z}]", micrometres / 1e6)
+    }
+}
+
+fn shape_of(body: &Body) -> Shape<'_> {
+    match body {
+        Body::Ball { centre, radius } => Shape::Ball { centre: *centre, radius: *radius },
+        Body::Polygon(corners) => Shape::Polygon(corners),
+    }
+}
+
+/// Distance from a point to a point or to a rectangle.
+fn distance_to(point: DVec3, corners: &[DVec3]) -> f64 {
+    let [origin, x, _, y] = corners else {
+        return corners.first().map_or(f64::INFINITY, |corner| corner.distance(point));
+    };
+    let along = |side: DVec3| ((point - *origin).dot(side) / side.length_squared()).clamp(0.0, 1.0) * side;
+    (*origin + along(*x - *origin) + along(*y - *origin)).distance(point)
+}
+
+/// The member that says where a light is.
+fn place_of(light: &LightDescription) -> &'static str {
+    if matches!(light, LightDescription::Point { .. }) { "position" } else { "centre" }
+}
+
+/// A place, to the micrometre.
+struct Metres(DVec3);
+
+impl fmt::Display for Metres {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [x, y, z] = self.0.to_array().map(|part| (part * 1e6).round() / 1e6 + 0.0);
+        write!(formatter, "[{x}, {y}, {z}]")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use serde_json::{Value, json};
+
+    use super::super::malformed_scenes::valid_scene;
+    use super::super::{Scene, SceneBundle};
+    use super::*;
+
+    fn build(scene: &Value) -> Result<Scene, SceneError> {
+        let description = SceneDescription::parse(scene.to_string().as_bytes())?;
+        Scene::build(&SceneBundle::from_parts(description, BTreeMap::new())?)
+    }
+
+    /// The valid scene with flat panes, changed.
+    fn changed(change: impl FnOnce(&mut Value)) -> Result<Scene, SceneError> {
+        let mut scene = valid_scene();
+        for pane in scene["panes"].as_array_mut().unwrap() {
+            pane["front"] = json!("flat");
+            pane["back"] = json!("flat");
+        }
+        change(&mut scene);
+        build(&scene)
+    }
+
+    #[track_caller]
+    fn check_refused(path: &str, fragments: &[&str], change: impl FnOnce(&mut Value)) {
+        let error = changed(change).expect_err("something stands where it may not");
+        assert_eq!(error.path(), path, "{error}");
+        for fragment in fragments {
+            assert!(error.to_string().contains(fragment), "no {fragment:?} in: {error}");
+        }
+    }
+
+    #[track_caller]
+    fn check_allowed(change: impl FnOnce(&mut Value)) {
+        if let Err(error) = changed(change) {
+            panic!("{error}");
+        }
+    }
+
+    #[test]
+    fn panes_that_touch_are_refused_with_both_names_the_place_and_a_way_out() {
+        let behind = |z: f64| move |scene: &mut Value| scene["panes"][1]["centre"] = json!([0.1, 0, z]);
+        let names = ["pane \"right\" touches or overlaps that of pane \"left\" (panes[0]) at", ", 1.002]"];
+        check_refused(
+            "panes[1].centre",
+            &[&names[..], &["0.000001 m further along [0, 0, 1]"]].concat(),
+            behind(1.002),
+        );
+        check_refused("panes[1].centre", &["0.001001 m further along [0, 0, 1]"], behind(1.001));
+        check_allowed(behind(1.002_001));
+        // The outline of neighbours, also where it has been rounded.
+        let beside = |x: f64| move |scene: &mut Value| scene["panes"][1]["centre"] = json!([x, 0, 1]);
+        check_allowed(beside(0.3));
+        check_allowed(beside(0.299_999));
+        check_refused("panes[1].centre", &["0.010001 m further along [1, 0, 0]"], beside(0.29));
+    }
+
+    #[test]
+    fn thousands_of_panes_in_a_window_are_no_hindrance() {
+        let mut scene = valid_scene();
+        let pane = |i: u32| {
+            let centre = [f64::from(i % 64) * 0.1, f64::from(i / 64) * 0.1, 1.0];
+            json!({
+                "name": i.to_string(), "centre": centre, "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+                "width": 0.1, "height": 0.1, "thickness": 0.002
+            })
+        };
+        scene["panes"] = (0..4096).map(pane).collect();
+        assert_eq!(build(&scene).unwrap().panes().len(), 4096);
+        scene["panes"][4000]["centre"][2] = json!(1.001);
+        scene["panes"][4000]["centre"][0] = json!(3.25);
+        assert!(build(&scene).unwrap_err().to_string().contains("\"4000\""));
+    }
+
+    #[test]
+    fn a_camera_in_glass_is_refused() {
+        let at = |z: f64| move |scene: &mut Value| scene["camera"]["perspective"]["position"] = json!([0.1, 0, z]);
+        let place = "camera.perspective.position";
+        check_refused(
+            place,
+            &["inside the glass of pane \"left\" (panes[0]) at [0.1, 0, 1.001]", "outside"],
+            at(1.001),
+        );
+        check_refused(place, &["\"left\"", "0.000001 m further along [0, 0, -1]"], at(1.0));
+        check_allowed(at(0.999_999));
+        let parallel = |z: f64| {
+            move |scene: &mut Value| {
+                scene["camera"] = json!({"orthographic": {
+                    "position": [-0.2, 0, z], "look_at": [-0.2, 0, 9], "up": [0, 1, 0], "height": 0.2
+                }});
+            }
+        };
+        check_refused(
+            "camera.orthographic.position",
+            &["whose rays start inside the glass of pane \"left\""],
+            parallel(1.001),
+        );
+        check_allowed(parallel(0.99));
+    }
+
+    #[test]
+    fn lights_in_glass_are_refused_wherever_they_reach_into_it() {
+        let only = |light: Value| move |scene: &mut Value| scene["lights"] = json!([light]);
+        let point = |z: f64| only(json!({"point": {"name": "lamp", "position": [0, 0, z], "intensity": [1, 1, 1]}}));
+        let names = ["light \"lamp\" in or against the glass of pane \"left\"", "0.000501 m further along [0, 0, 1]"];
+        check_refused("lights[0].point.position", &names, point(1.0015));
+        check_allowed(point(1.003));
+        let sphere = |z: f64, radius: f64| {
+            only(json!({"sphere": {"name": "globe", "centre": [0, 0, z], "radius": radius, "radiance": [1, 1, 1]}}))
+        };
+        check_refused("lights[0].sphere.centre", &["globe"], sphere(1.1, 0.099));
+        check_refused("lights[0].sphere.centre", &["globe"], sphere(1.1, 1.0));
+        check_allowed(sphere(1.1, 0.098));
+        let rectangle = |z: f64| {
+            only(json!({"rectangle": {
+                "name": "panel", "centre": [0.7, 0, z], "edge_u": [0.2, 0, 0], "edge_v": [0, 0.2, 0], "radiance": [1, 1, 1]
+            }}))
+        };
+        check_refused("lights[0].rectangle.centre", &["\"right\" (panes[1])"], rectangle(1.002));
+        check_allowed(rectangle(1.003));
+        let disk = |z: f64| {
+            only(json!({"disk": {
+                "name": "aperture", "centre": [0, 0, z], "normal": [1, 0, 0], "radius": 0.1, "radiance": [1, 1, 1]
+            }}))
+        };
+        check_refused("lights[0].disk.centre", &["aperture"], disk(1.1));
+        check_allowed(disk(1.2));
+    }
+
+    #[test]
+    fn smooth_meshes_in_glass_are_refused_and_opaque_ones_are_not() {
+        let wall = |material: Value, z: f64, up: [f64; 3]| {
+            move |scene: &mut Value| {
+                scene["materials"]["m"] = material;
+                scene["meshes"][0]["material"] = json!("m");
+                let [x, y, rise] = up;
+                scene["meshes"][0]["source"]["inline"]["positions"] =
+                    json!([[-1, -y, z], [1, -y, z], [1.0 + x, y, z + rise], [-1.0 + x, y, z + rise]]);
+            }
+        };
+        let (across, standing) = ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        let stone = || json!({"diffuse": {"reflectance": {"colour": [1, 1, 1]}}});
+        for smooth in [json!({"mirror": {}}), json!({"dielectric": {}})] {
+            for (z, up) in [(1.001, across), (1.0, across), (1.002, across), (0.5, standing)] {
+                check_refused("meshes[0].source", &["mesh \"floor\"", "glass of pane"], wall(smooth.clone(), z, up));
+            }
+            // Against the edge of a came's width, and with its own edge on the glass, as water in a tank has it.
+            check_allowed(wall(smooth.clone(), 1.002_001, across));
+            check_allowed(wall(smooth, 1.002, standing));
+        }
+        check_allowed(wall(stone(), 1.001, across));
+        check_allowed(wall(stone(), 0.5, standing));
+    }
+
+    #[test]
+    fn a_camera_in_a_sphere_light_is_refused() {
+        let globe = |radius: f64| {
+            move |scene: &mut Value| {
+                scene["panes"] = json!([]);
+                let light = json!({"name": "globe", "centre": [0, 0, 0], "radius": radius, "radiance": [1, 1, 1]});
+                scene["lights"] = json!([{"sphere": light}]);
+            }
+        };
+        let place = "camera.perspective.position";
+        check_refused(place, &["inside of the sphere light \"globe\" (lights[0])", "black from within"], globe(2.0));
+        check_refused(place, &["its radius of 100 m"], globe(100.0));
+        check_allowed(globe(1.999));
+        let parallel = |radius: f64| {
+            move |scene: &mut Value| {
+                globe(radius)(scene);
+                scene["camera"] = json!({"orthographic": {
+                    "position": [0, 2, -1], "look_at": [0, 2, 0], "up": [0, 1, 0], "height": 2
+                }});
+            }
+        };
+        // Rays start from 1 m to 3 m above the centre, 1 m before it.
+        check_refused("camera.orthographic.position", &["whose rays start inside of the sphere"], parallel(1.42));
+        check_allowed(parallel(1.41));
+    }
+
+    #[test]
+    fn where_a_camera_may_go_in_a_built_scene_is_known_beforehand() {
+        let scene = changed(|_| {}).unwrap();
+        let mut description = scene.description().clone();
+        assert!(scene.obstacles().check(&description).is_ok());
+        let CameraDescription::Perspective { position, .. } = &mut description.camera else { panic!("no pinhole") };
+        *position = [0.0, 0.0, 1.001];
+        assert_eq!(scene.obstacles().check(&description).unwrap_err().path(), "camera.perspective.position");
+    }
+}
