@@ -100,7 +100,7 @@ impl FoundPath {
                 Some((pane, face)) => scene.accelerator().closest_hit_inside(pane, &ray, Some(face), counters),
                 None => scene.accelerator().closest_hit(&ray, f64::INFINITY, leaving, counters),
             }?;
-            if inside.is_none() && scene.blocked_by_light(&ray, hit.distance, leaving, None) {
+            if inside.is_none() && scene.blocked_by_light(&ray, hit.distance, None) {
                 return None;
             }
             let Surface::Pane { index, hit: pane_hit } = hit.surface else { return None };

@@ -46,6 +46,4 @@ pub enum Leaving {
         /// The face on which the ray starts.
         face: Face,
     },
-    /// A light with a surface, by index.
-    Light(u32),
 }

@@ -17,7 +17,7 @@ use crate::{
         dielectric::{absorption, reflect, refract},
         light_sampling::LightHit,
     },
-    scene::{Scene, description::MOST_SPECULAR_VERTICES},
+    scene::{Scene, description::MOST_SPECULAR_VERTICES, visibility::SAME_PLACE},
     specular::{Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, side::unit_normal},
 };
 
@@ -86,6 +86,7 @@ struct Walk {
     throughput: DVec3,
     stretch: Stretch,
     filter: Option<FilterState>,
+    /// Vertices so far, at most as many as the scene allows between camera and light.
     depth: u32,
 }
 
@@ -174,15 +175,15 @@ impl<'a> PathTracer<'a> {
         sample.normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
     }
 
-    /// The nearest light on the ray before `distance`. Suns are behind everything.
+    /// The nearest light on the ray before `distance`. Suns are behind everything; a light that lies on a surface covers it on the side to
+    /// which it shines.
     fn nearest_light(&self, walk: &Walk, distance: f64) -> Option<(u32, LightHit)> {
         let mut nearest: Option<(u32, LightHit)> = None;
         for (index, light) in (0u32..).zip(self.scene.lights()) {
-            if walk.leaving == Leaving::Light(index) {
-                continue;
-            }
             let Some(hit) = light.intersect(&walk.ray) else { continue };
-            if hit.distance < nearest.as_ref().map_or(distance, |(_, hit)| hit.distance) {
+            let covered = if hit.radiance == DVec3::ZERO { -SAME_PLACE } else { SAME_PLACE };
+            let end = distance * (1.0 + covered);
+            if hit.distance < nearest.as_ref().map_or(end, |(_, hit)| hit.distance) {
                 nearest = Some((index, hit));
             }
         }
@@ -248,15 +249,13 @@ impl<'a> PathTracer<'a> {
             return false;
         }
         let carried = walk.throughput * bsdf;
-        if walk.depth <= self.max_depth {
-            if self.accepts(walk.filter, &[PathEvent::Light]) {
-                sample.radiance += carried * self.direct_light(&point, stream, counters);
-            }
-            for chain in &self.chains {
-                let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
-                if fits && self.accepts(walk.filter, &chain.with_light) {
-                    sample.radiance += carried * self.specular_light(&point, &chain.events, stream, counters);
-                }
+        if self.accepts(walk.filter, &[PathEvent::Light]) {
+            sample.radiance += carried * self.direct_light(&point, stream, counters);
+        }
+        for chain in &self.chains {
+            let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
+            if fits && self.accepts(walk.filter, &chain.with_light) {
+                sample.radiance += carried * self.specular_light(&point, &chain.events, stream, counters);
             }
         }
         let random = stream.next_2d();
@@ -409,3 +408,6 @@ impl<'a> PathTracer<'a> {
         true
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -10,8 +10,12 @@ use crate::{
     specular::ShadingPoint,
 };
 
+/// Things on one ray whose distances differ by less than this part are in the same place.
+pub(crate) const SAME_PLACE: f64 = 1e-9;
+
 impl Scene {
-    /// Whether anything blocks the ray before `max_distance`, apart from the pane and the light that are named.
+    /// Whether anything blocks the ray before `max_distance`, apart from the pane and the light that are named. A light that lies on a
+    /// surface is in front of it.
     pub fn blocked(
         &self,
         ray: &Ray,
@@ -21,15 +25,15 @@ impl Scene {
         target_light: Option<u32>,
         counters: &mut Counters,
     ) -> bool {
-        self.blocked_by_light(ray, max_distance, leaving, target_light)
-            || self.accelerator().occluded(ray, max_distance, leaving, ignored_pane, counters)
+        let clear = if target_light.is_some() { max_distance * (1.0 - SAME_PLACE) } else { max_distance };
+        self.blocked_by_light(ray, max_distance, target_light)
+            || self.accelerator().occluded(ray, clear, leaving, ignored_pane, counters)
     }
 
     /// Whether a light stands on the ray before `max_distance`, apart from the one that is named.
-    pub fn blocked_by_light(&self, ray: &Ray, max_distance: f64, leaving: Leaving, target_light: Option<u32>) -> bool {
+    pub fn blocked_by_light(&self, ray: &Ray, max_distance: f64, target_light: Option<u32>) -> bool {
         (0u32..).zip(self.lights()).any(|(index, light)| {
             Some(index) != target_light
-                && leaving != Leaving::Light(index)
                 && light.intersect(ray).is_some_and(|hit| hit.distance < max_distance && hit.distance.is_finite())
         })
     }

@@ -41,7 +41,7 @@ impl Caster {
         match first.surface {
             Leaving::Pane { index, .. } => Some(Self::Pane(index)),
             Leaving::Triangle(triangle) => Some(Self::Mesh(scene.mesh_of(triangle))),
-            Leaving::Nothing | Leaving::Light(_) => None,
+            Leaving::Nothing => None,
         }
     }
 
@@ -79,7 +79,7 @@ impl Caster {
         match first.surface {
             Leaving::Pane { index, face } => Self::Pane(index) == self && coverage::is_near(scene, point, index, face),
             Leaving::Triangle(triangle) => Self::Mesh(scene.mesh_of(triangle)) == self,
-            Leaving::Nothing | Leaving::Light(_) => false,
+            Leaving::Nothing => false,
         }
     }
 }

@@ -257,9 +257,9 @@ impl SolvedChain {
     fn is_blocked(&self, scene: &Scene, point: &ShadingPoint, light: u32, counters: &mut Counters) -> bool {
         let mut from = (point.position, point.leaving, None);
         for (vertex, length) in self.chain.vertices.iter().zip(&self.segments.lengths) {
-            let (position, leaving, inside) = from;
+            let (position, _, inside) = from;
             let ray = Ray::new(position, (vertex.at.position - position) / *length);
-            if inside.is_none() && scene.blocked_by_light(&ray, *length, leaving, None) {
+            if inside.is_none() && scene.blocked_by_light(&ray, *length, None) {
                 return true;
             }
             from = (vertex.at.position, vertex.surface, vertex.inside);

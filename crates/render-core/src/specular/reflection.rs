@@ -222,7 +222,7 @@ impl<'a> ReflectionSearch<'a> {
             return None;
         }
         let incident = Ray::new(point.position, direction);
-        if scene.blocked_by_light(&incident, lengths[0], point.leaving, None) {
+        if scene.blocked_by_light(&incident, lengths[0], None) {
             return None;
         }
         let hit = scene.accelerator().closest_hit(&incident, f64::INFINITY, point.leaving, counters)?;
