@@ -88,6 +88,9 @@ pub struct JobView {
     pub scene_hash: String,
     /// What light the chosen integrator cannot bring, in words; empty when nothing is missing.
     pub missing_light: Vec<String>,
+    /// What light of small lights the chosen integrator leaves to chance, in words: it comes rarely, as single bright samples.
+    #[serde(default)]
+    pub left_to_chance: Vec<String>,
     /// Number of frames.
     pub frames: u32,
     /// Pixels across.

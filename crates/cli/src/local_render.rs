@@ -287,6 +287,7 @@ pub(crate) fn image(
         build: BUILD.to_owned(),
         worker_builds: Vec::new(),
         missing_light: description.missing_light(),
+        left_to_chance: scene.left_to_chance(),
         counters,
         elapsed_seconds: elapsed.map(|elapsed| elapsed.as_secs_f64()),
     };

@@ -136,12 +136,18 @@ impl Progress {
         });
     }
 
-    /// Says what light the image lacks.
-    pub(crate) fn missing_light(&self, missing: &[String]) {
-        if !missing.is_empty() {
-            self.note("Light that this image lacks:");
+    /// Says what light the image lacks, and what comes by chance.
+    pub(crate) fn missing_light(&self, missing: &[String], left_to_chance: &[String]) {
+        self.list("Light that this image lacks:", missing);
+        self.list("Light that is left to chance, and comes as rare bright samples:", left_to_chance);
+    }
+
+    /// Writes lines under a heading; nothing where there are none.
+    fn list(&self, heading: &str, lines: &[String]) {
+        if !lines.is_empty() {
+            self.note(heading);
         }
-        missing.iter().for_each(|text| self.note(&format!("  - {}", printable(text))));
+        lines.iter().for_each(|line| self.note(&format!("  - {}", printable(line))));
     }
 
     /// Writes a row of the table of rounds, with a header above the first.

@@ -88,11 +88,18 @@ function Actions({ job, view, isReachable }) {
 }
 
 function MissingLight({ job }) {
-  if (job.missing_light.length === 0) return null;
   return html`
-    <section class="card missing" aria-labelledby="missing-heading">
-      <h2 id="missing-heading">Light that this image lacks</h2>
-      <ul>${job.missing_light.map((text) => html`<li>${text}</li>`)}</ul>
+    <${LightList} id="missing-heading" heading="Light that this image lacks" texts=${job.missing_light} />
+    <${LightList} id="chance-heading" heading="Light left to chance, which comes as rare bright samples"
+      texts=${job.left_to_chance} />`;
+}
+
+function LightList({ id, heading, texts }) {
+  if (texts.length === 0) return null;
+  return html`
+    <section class="card missing" aria-labelledby=${id}>
+      <h2 id=${id}>${heading}</h2>
+      <ul>${texts.map((text) => html`<li>${text}</li>`)}</ul>
     </section>`;
 }
 

@@ -297,6 +297,7 @@ pub(crate) async fn metadata(farm: &Farm, job: &JobRecord, frame: u32) -> Result
         build: farm.config.build.clone(),
         worker_builds: Vec::new(),
         missing_light: job.missing_light.clone(),
+        left_to_chance: job.left_to_chance.clone(),
         counters: Default::default(),
         elapsed_seconds: elapsed_ms.map(|elapsed_ms| elapsed_ms as f64 / 1000.0),
     })

@@ -69,6 +69,7 @@ pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob
         scene_hash: scene.hash().to_string(),
         integrator: description.integrator.name().to_owned(),
         missing_light: description.missing_light(),
+        left_to_chance: scene.left_to_chance(),
         grid,
         samples_per_pass: sampling.samples_per_pass,
         samples_per_block: sampling.samples_per_block,

@@ -46,6 +46,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         integrator: job.integrator,
         scene_hash: job.scene_hash,
         missing_light: job.missing_light,
+        left_to_chance: job.left_to_chance,
         frames: job.frames,
         samples_per_pass: job.samples_per_pass,
         passes: job.passes,

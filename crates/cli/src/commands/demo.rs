@@ -111,7 +111,7 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
     let rendering = async {
         let job = submit(&connection, &bundle, order).await?;
         progress.note(&format!("The job's page:  {}", connection.job_page(job.id)));
-        progress.missing_light(&job.missing_light);
+        progress.missing_light(&job.missing_light, &job.left_to_chance);
         let job = follow(&connection, job.id, &mut progress).await?;
         check_image(&job)?;
         let series = until_answered(&connection, &progress, || connection.client.convergence(job.id)).await?;

@@ -245,7 +245,7 @@ impl Order {
             let (name, omitted) = (mesh.name(), mesh.omitted_triangles());
             progress.note(&format!("Triangles without an area that are left out of the mesh {name:?}: {omitted}"));
         }
-        progress.missing_light(&self.scene.description().missing_light());
+        progress.missing_light(&self.scene.description().missing_light(), &self.scene.left_to_chance());
     }
 
     fn image(&self, sums: &[TileSum], counters: Counters, elapsed: Option<Duration>) -> Result<FrameImage, ImageError> {

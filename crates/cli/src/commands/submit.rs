@@ -92,7 +92,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     let mut job = submit(&connection, &bundle, order).await?;
     let mut progress = Progress::new();
     progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
-    progress.missing_light(&job.missing_light);
+    progress.missing_light(&job.missing_light, &job.left_to_chance);
     if arguments.wait {
         job = follow(&connection, job.id, &mut progress).await?;
         check_image(&job)?;

@@ -31,6 +31,8 @@ pub(crate) struct NewJob {
     pub(crate) integrator: String,
     /// What light the integrator cannot bring.
     pub(crate) missing_light: Vec<String>,
+    /// What light of small lights the integrator leaves to chance.
+    pub(crate) left_to_chance: Vec<String>,
     /// Size of the image and its tiles.
     pub(crate) grid: TileGrid,
     /// Samples per pixel in a pass.
@@ -74,6 +76,8 @@ pub(crate) struct JobRecord {
     pub(crate) integrator: String,
     /// What light the integrator cannot bring.
     pub(crate) missing_light: Vec<String>,
+    /// What light of small lights the integrator leaves to chance.
+    pub(crate) left_to_chance: Vec<String>,
     /// Number of frames.
     pub(crate) frames: u32,
     /// Size of the image and its tiles.
@@ -217,7 +221,7 @@ impl Ending {
 }
 
 /// What [`record`] reads.
-pub(super) const COLUMNS: &str = "id, name, state, stopped_by, failure, priority, scene_hash, integrator, missing_light, frames, width, \
+pub(super) const COLUMNS: &str = "id, name, state, stopped_by, failure, priority, scene_hash, integrator, missing_light, left_to_chance, frames, width, \
      height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
      target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
      redone_nodes, samples, core_ms, counters";
@@ -234,6 +238,7 @@ pub(super) fn record(row: &Row) -> Result<JobRecord, StoreError> {
         scene_hash: row.text("scene_hash")?,
         integrator: row.text("integrator")?,
         missing_light: row.json("missing_light")?,
+        left_to_chance: row.json("left_to_chance")?,
         frames: row.number("frames")?,
         grid: TileGrid {
             width: row.number("width")?,
@@ -383,12 +388,12 @@ impl Store {
 }
 
 async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreError> {
-    let missing_light = serde_json::Value::from(job.missing_light.clone()).to_string();
+    let json = |texts: &[String]| serde_json::Value::from(texts.to_vec()).to_string();
     query(
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
-         target_estimated_mse, adaptive, created_ms) \
-         values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19)",
+         target_estimated_mse, adaptive, created_ms, left_to_chance) \
+         values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, $20)",
     )
     .bind(job.id.to_string())
     .bind(&job.name)
@@ -396,7 +401,7 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(&job.scene)
     .bind(&job.scene_hash)
     .bind(&job.integrator)
-    .bind(missing_light)
+    .bind(json(&job.missing_light))
     .bind(i64::from(job.grid.width))
     .bind(i64::from(job.grid.height))
     .bind(i64::from(job.grid.tile_size))
@@ -409,6 +414,7 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(job.targets.estimated_mse)
     .bind(i64::from(job.adaptive))
     .bind(job.created_ms)
+    .bind(json(&job.left_to_chance))
     .execute(&mut *connection)
     .await?;
     for (path, hash) in &job.assets {

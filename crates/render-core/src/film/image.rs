@@ -36,6 +36,9 @@ pub struct ImageMetadata {
     pub worker_builds: Vec<String>,
     /// Light that the image lacks, in words.
     pub missing_light: Vec<String>,
+    /// Light that comes by chance and rarely, in words.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left_to_chance: Vec<String>,
     /// What was done.
     pub counters: Counters,
     /// Time that it took, seconds.
@@ -297,6 +300,7 @@ pub(super) mod tests {
             build: "test".to_owned(),
             worker_builds: vec!["old".to_owned(), "test".to_owned()],
             missing_light: vec!["light \u{201c}key\u{201d}: reflections inside the pane".to_owned()],
+            left_to_chance: vec!["light of the small light \"sun\" that a pane reflects".to_owned()],
             counters: Counters { rays: 12, ..Counters::default() },
             elapsed_seconds: Some(0.1),
         }

@@ -4,6 +4,8 @@
 //! the camera to the light. An expression is a regular expression over these letters with `.`, `*`, `+`, `?`, `|`,
 //! `( )` and `[ ]`; spaces are ignored. `D TT L` is light that comes through one pane to a surface that the camera sees.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use regex_automata::{
     Anchored,
     dfa::{Automaton, StartKind, dense},
@@ -71,6 +73,9 @@ impl From<SpecularEvent> for PathEvent {
 }
 
 impl PathEvent {
+    /// What may happen before the path meets the light.
+    const BEFORE_LIGHT: [Self; 3] = [Self::Diffuse, Self::Reflection, Self::Transmission];
+
     fn letter(self) -> u8 {
         match self {
             Self::Diffuse => b'D',
@@ -122,6 +127,62 @@ impl PathFilter {
         self.automaton.is_dead_state(state.0)
     }
 
+    /// Whether a path matches both expressions: one that ends at its only light.
+    pub fn shares_a_path(&self, other: &Self) -> bool {
+        let mut seen = BTreeSet::from([(self.start, other.start)]);
+        let mut open = vec![(self.start, other.start)];
+        while let Some((own, others)) = open.pop() {
+            if self.accepts(FilterState(own), &[PathEvent::Light])
+                && other.accepts(FilterState(others), &[PathEvent::Light])
+            {
+                return true;
+            }
+            for event in PathEvent::BEFORE_LIGHT {
+                let next = [(self, own), (other, others)].map(|(filter, state)| filter.step(FilterState(state), event));
+                let is_alive = !self.is_dead(next[0]) && !other.is_dead(next[1]);
+                if is_alive && seen.insert((next[0].0, next[1].0)) {
+                    open.push((next[0].0, next[1].0));
+                }
+            }
+        }
+        false
+    }
+
+    /// The most vertices before the light that a path which matches may have: `None` when there is no limit, 0 also when no path matches.
+    pub fn most_vertices(&self) -> Option<usize> {
+        // In the order of their last visit, states come before those that lead to them, unless they lie on a circle.
+        let mut most: BTreeMap<StateID, Option<usize>> = BTreeMap::new();
+        let mut ways = vec![(self.start, 0)];
+        let mut open = BTreeSet::from([self.start]);
+        let mut circles = Vec::new();
+        while let Some(&mut (state, ref mut tried)) = ways.last_mut() {
+            if let Some(event) = PathEvent::BEFORE_LIGHT.get(*tried) {
+                *tried += 1;
+                let next = self.step(FilterState(state), *event);
+                if open.contains(&next.0) {
+                    circles.push(next.0);
+                } else if !self.is_dead(next) && !most.contains_key(&next.0) {
+                    open.insert(next.0);
+                    ways.push((next.0, 0));
+                }
+            } else {
+                let behind = PathEvent::BEFORE_LIGHT
+                    .iter()
+                    .filter_map(|event| most.get(&self.step(FilterState(state), *event).0).copied().flatten());
+                let here = self.accepts(FilterState(state), &[PathEvent::Light]).then_some(0);
+                most.insert(state, behind.map(|vertices| vertices + 1).chain(here).max());
+                open.remove(&state);
+                ways.pop();
+            }
+        }
+        let leads_to_light = |state: &StateID| most.get(state).is_some_and(Option::is_some);
+        // From a circle that leads to a light, paths of any length do.
+        if circles.iter().any(leads_to_light) {
+            return None;
+        }
+        Some(most.get(&self.start).copied().flatten().unwrap_or(0))
+    }
+
     /// Whether the path read so far, followed by `events`, matches.
     pub fn accepts(&self, state: FilterState, events: &[PathEvent]) -> bool {
         let end = events.iter().fold(state, |state, &event| self.step(state, event));
@@ -167,6 +228,34 @@ mod tests {
         assert!(!filter.is_dead(diffuse));
         assert!(filter.is_dead(filter.step(diffuse, PathEvent::Reflection)));
         assert!(filter.is_dead(filter.step(filter.start(), PathEvent::Transmission)));
+    }
+
+    #[test]
+    fn paths_of_a_bounded_expression_are_as_long_as_its_longest_word() {
+        let most = |expression: &str| PathFilter::parse(expression).unwrap().most_vertices();
+        assert_eq!(most("D TT L"), Some(3));
+        assert_eq!(most("D? (TT|R)? D L"), Some(4));
+        assert_eq!(most("L"), Some(0));
+        assert_eq!(most("D* TT L"), None);
+        assert_eq!(most("(TT)+ L"), None);
+        assert_eq!(most(".*"), None);
+        // No path: one ends at the first light.
+        assert_eq!(most("D* T"), Some(0));
+        assert_eq!(most("L D+ L"), Some(0));
+    }
+
+    #[test]
+    fn expressions_share_a_path_or_none() {
+        let share = |one: &str, other: &str| {
+            let [one, other] = [one, other].map(|expression| PathFilter::parse(expression).unwrap());
+            assert_eq!(one.shares_a_path(&other), other.shares_a_path(&one));
+            one.shares_a_path(&other)
+        };
+        assert!(share("D TT L", ".*D[RT]+L"));
+        assert!(share("D* L", "[DRT]*DL"));
+        assert!(!share("D TT L", ".*D[RT]*R[RT]*L"));
+        assert!(!share("D* L", ".*D[RT]+L"));
+        assert!(!share("D+ T", "D+ T"), "without a light");
     }
 
     #[test]

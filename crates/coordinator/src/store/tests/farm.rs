@@ -163,6 +163,7 @@ pub(crate) fn some_job() -> NewJob {
         scene_hash: "h".to_owned(),
         integrator: "path".to_owned(),
         missing_light: Vec::new(),
+        left_to_chance: Vec::new(),
         grid: TileGrid { width: 70, height: 40, tile_size: 16 },
         samples_per_pass: 4,
         samples_per_block: 64,
