@@ -171,6 +171,11 @@ impl Client {
         self.send_for_json(self.request(Method::POST, &format!("/jobs/{job}/cancel"))).await
     }
 
+    /// Gives leases again of a job that is held. A job that is not held stays as it is.
+    pub async fn release_job(&self, job: JobId) -> Result<JobView, ClientError> {
+        self.send_for_json(self.request(Method::POST, &format!("/jobs/{job}/release"))).await
+    }
+
     /// What a worker needs to render nodes of a job.
     pub async fn job_scene(&self, job: JobId) -> Result<JobScene, ClientError> {
         self.get(&format!("/jobs/{job}/scene")).await
@@ -234,7 +239,12 @@ impl Client {
         self.send_for_json(self.request(Method::POST, &format!("/workers/{worker}/release"))).await
     }
 
-    /// All workers.
+    /// Says that a worker ends: what it has under lease goes back to the queue, and lists leave it out.
+    pub async fn end_worker(&self, worker: WorkerId) -> Result<(), ClientError> {
+        self.send_for_nothing(self.request(Method::DELETE, &format!("/workers/{worker}"))).await
+    }
+
+    /// All workers, without those that have ended.
     pub async fn workers(&self) -> Result<Vec<WorkerView>, ClientError> {
         self.get("/workers").await
     }

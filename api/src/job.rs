@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::{ContentHash, ConvergencePoint, Counters, JobId};
+use crate::{ContentHash, ConvergencePoint, Counters, JobId, NodeAddress, WorkerId};
 
 /// Where a job stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
@@ -65,6 +65,39 @@ impl StopReason {
     }
 }
 
+/// A worker, and the name by which people know its machine.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct NamedWorker {
+    /// Its identity.
+    pub id: WorkerId,
+    /// Its name.
+    pub name: String,
+}
+
+/// The node that ended a job, since no machine could render it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct FailedNode {
+    /// The node.
+    pub node: NodeAddress,
+    /// One worker of each machine that failed on it, the last one last.
+    pub workers: Vec<NamedWorker>,
+    /// What was wrong the last time.
+    pub message: String,
+}
+
+/// Why a job is held: it gets no leases until somebody releases it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct JobHold {
+    /// Since when.
+    pub since_ms: i64,
+    /// Why, in words.
+    pub reason: String,
+    /// The node with which workers died.
+    pub node: NodeAddress,
+    /// The workers, the last one last.
+    pub workers: Vec<NamedWorker>,
+}
+
 /// A job as it is now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct JobView {
@@ -80,6 +113,12 @@ pub struct JobView {
     /// Why it failed; absent unless it did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
+    /// The node that it failed on, and the workers; absent unless a node ended it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub failed_node: Option<FailedNode>,
+    /// Why it is held; absent unless it is. A held job is `queued` or `running`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hold: Option<JobHold>,
     /// Its priority.
     pub priority: i32,
     /// Name of the integrator.

@@ -30,6 +30,8 @@ pub enum WorkerState {
     Idle,
     /// It has not been heard of for longer than a lease lasts.
     Silent,
+    /// It has said that it ends. Lists leave it out.
+    Ended,
     /// It gets no work, since what it rendered was found to be wrong.
     Quarantined,
 }

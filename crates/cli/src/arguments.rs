@@ -9,12 +9,11 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use tracing_subscriber::EnvFilter;
 
 use crate::commands::bench::BenchArguments;
-use crate::commands::cancel::CancelArguments;
 use crate::commands::compare::CompareArguments;
 use crate::commands::coordinator::CoordinatorArguments;
 use crate::commands::demo::DemoArguments;
 use crate::commands::farm::FarmArguments;
-use crate::commands::jobs::JobsArguments;
+use crate::commands::jobs::{JobsArguments, OneJob};
 use crate::commands::render::RenderArguments;
 use crate::commands::scene::SceneArguments;
 use crate::commands::submit::SubmitArguments;
@@ -66,7 +65,9 @@ pub(crate) enum Command {
     /// Watch a job until it ends.
     Watch(WatchArguments),
     /// Cancel a job; what is complete is kept.
-    Cancel(CancelArguments),
+    Cancel(OneJob),
+    /// Get a job going again that is held because workers died with it.
+    Release(OneJob),
     /// Measure how far an image is from a reference.
     Compare(CompareArguments),
     /// Measure again what papers show, or how much a coordinator takes.

@@ -67,6 +67,7 @@ async fn follow_through(
         live: None,
         outage: Outage::default(),
         workers: Workers::Unknown,
+        is_held: false,
     };
     loop {
         match follower.until_final().await {
@@ -152,6 +153,8 @@ struct Follower<'a> {
     live: Option<String>,
     outage: Outage,
     workers: Workers,
+    /// Whether the user has been told that the job is held.
+    is_held: bool,
 }
 
 /// Whether somebody is there who could render.
@@ -303,6 +306,7 @@ impl Follower<'_> {
     }
 
     fn show(&mut self, view: &JobView) {
+        self.note_hold(view);
         let advance = Advance {
             fraction: view.progress,
             activity: None,
@@ -319,6 +323,20 @@ impl Follower<'_> {
         match self.live.as_ref().filter(|_| !view.state.is_final()) {
             Some(live) => format!("{samples}, {live}"),
             None => samples,
+        }
+    }
+
+    /// Says, once each, that the job is held and that it goes on.
+    fn note_hold(&mut self, view: &JobView) {
+        match (&view.hold, std::mem::replace(&mut self.is_held, view.hold.is_some())) {
+            (Some(hold), false) => {
+                let (reason, id, address) = (printable(&hold.reason), view.id, self.connection.address());
+                self.progress.note(&format!(
+                    "The job is held: {reason}. Get it going again with `clerestory release {id} --coordinator {address}`"
+                ));
+            }
+            (None, true) if !view.state.is_final() => self.progress.note("The job is released and goes on"),
+            _ => {}
         }
     }
 

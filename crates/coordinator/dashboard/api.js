@@ -47,6 +47,9 @@ export const live = (job) => json('GET', `/jobs/${encodeURIComponent(job)}/live`
 /** Cancels a job; what is complete is kept. */
 export const cancelJob = (job) => json('POST', `/jobs/${encodeURIComponent(job)}/cancel`);
 
+/** Gives leases again of a job that is held. */
+export const releaseJob = (job) => json('POST', `/jobs/${encodeURIComponent(job)}/release`);
+
 /** Opens a session: the answer sets a cookie that stands for the token. */
 export const openSession = (token) => send('POST', '/session', { body: { token } });
 

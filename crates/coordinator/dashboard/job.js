@@ -8,7 +8,9 @@ import { CancelDialog } from './cancel.js';
 import { counted, duration, moment, percent, rate } from './format.js';
 import { AUTO, FIT, Frame } from './frame.js';
 import { JobProgress, JobState, timeLeft } from './jobs.js';
+import { ProblemText } from './problem.js';
 import { limits, reason, samplesInPixel } from './stop.js';
+import { releaseJob } from './store.js';
 
 /** The view of the job `id`. */
 export function JobView({ id, farm }) {
@@ -27,10 +29,11 @@ export function JobView({ id, farm }) {
       <nav aria-label="Up"><a href="#/">All jobs</a></nav>
       <div class="job-head">
         <h1 id="job-heading">${job.name}</h1>
-        <${JobState} state=${job.state} />
+        <${JobState} job=${job} />
       </div>
       <${JobProgress} job=${job} label="Progress" />
       <${Announcement} job=${job} />
+      ${job.hold && html`<${Hold} job=${job} isReachable=${isReachable} />`}
       ${job.failure && html`
         <div class="notice warning" role="alert"><p><strong>The job was given up:</strong> ${job.failure}</p></div>`}
       ${job.state === 'queued' && farm.workers.size === 0 && html`
@@ -45,6 +48,24 @@ export function JobView({ id, farm }) {
       </div>
       <${Convergence} job=${job} entry=${farm.convergence.get(id)} isReachable=${isReachable} />
     </article>`;
+}
+
+/** Why a job gets no leases, and the way on. */
+function Hold({ job, isReachable }) {
+  const [problem, setProblem] = useState(null);
+  async function release() {
+    try {
+      await releaseJob(job.id);
+    } catch (error) {
+      setProblem(error.problem ?? { title: error.message });
+    }
+  }
+  return html`
+    <div class="notice warning hold" role="alert">
+      <p><strong>The job is held and gets no leases:</strong> ${job.hold.reason}.</p>
+      ${problem && html`<${ProblemText} problem=${problem} />`}
+      <button type="button" disabled=${!isReachable} onClick=${release}>Let it go on</button>
+    </div>`;
 }
 
 function Facts({ job }) {
@@ -105,6 +126,6 @@ function LightList({ id, heading, texts }) {
 
 // Screen readers hear every tenth of the way, and how it ended.
 function Announcement({ job }) {
-  const text = job.state === 'running' ? `Rendering, ${percent(Math.floor(job.progress * 10) / 10)} done` : `Job ${job.state}`;
+  const text = job.hold ? 'Job held' : job.state === 'running' ? `Rendering, ${percent(Math.floor(job.progress * 10) / 10)} done` : `Job ${job.state}`;
   return html`<p class="visually-hidden" role="status">${text}</p>`;
 }

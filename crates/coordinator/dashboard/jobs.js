@@ -8,13 +8,17 @@ import { useCoordinatorTime } from './time.js';
 const STATE_WORDS = {
   queued: 'Queued',
   running: 'Running',
+  held: 'Held',
   done: 'Done',
   cancelled: 'Cancelled',
   failed: 'Failed',
 };
 
-/** The state of a job as a coloured word. */
-export const JobState = ({ state }) => html`<span class="state" data-state=${state}>${STATE_WORDS[state] ?? state}</span>`;
+/** The state of a job as a coloured word. A held one gets no leases, whatever state it is in. */
+export function JobState({ job }) {
+  const state = job.hold ? 'held' : job.state;
+  return html`<span class="state" data-state=${state}>${STATE_WORDS[state] ?? state}</span>`;
+}
 
 /** How far a job is. */
 export const JobProgress = ({ job, label = `Progress of ${job.name}` }) => html`
@@ -45,7 +49,7 @@ function JobRow({ job, now }) {
           ${job.width} × ${job.height} · ${job.integrator} · ${limits(job) || `${counted(job.passes * job.samples_per_pass, 'sample')} a pixel`}
         </p>
       </div>
-      <${JobState} state=${job.state} />
+      <${JobState} job=${job} />
       <${JobProgress} job=${job} />
       <dl class="facts">
         <div><dt>rate</dt><dd>${job.state === 'running' ? rate(job.samples_per_second) : '–'}</dd></div>
@@ -53,6 +57,7 @@ function JobRow({ job, now }) {
         <div><dt>MSE</dt><dd>${errorValue(job.latest?.mse)}</dd></div>
         <div><dt>submitted</dt><dd title=${moment(job.created_ms)}>${ago(now - job.created_ms)}</dd></div>
       </dl>
+      ${job.hold && html`<p class="failure">Held: ${job.hold.reason}</p>`}
       ${job.failure && html`<p class="failure">${job.failure}</p>`}
     </li>`;
 }

@@ -38,6 +38,11 @@ export async function cancelJob(id) {
   apply({ type: 'job', job: await api.cancelJob(id) });
 }
 
+/** Gives leases again of a job that is held. */
+export async function releaseJob(id) {
+  apply({ type: 'job', job: await api.releaseJob(id) });
+}
+
 /** Fetches the convergence of a job; rounds that follow are added as they are announced. */
 export async function loadConvergence(id) {
   let entry;
@@ -69,7 +74,7 @@ function apply(event) {
       update({ heardMs, jobs: new Map(state.jobs).set(event.job.id, event.job) });
       break;
     case 'worker':
-      update({ heardMs, workers: new Map(state.workers).set(event.worker.id, event.worker) });
+      update({ heardMs, workers: withWorker(state.workers, event.worker) });
       break;
     case 'round':
       addRound(event.job, event.point);
@@ -85,6 +90,13 @@ function addRound(job, point) {
   const others = entry.series.points.filter((known) => known.frame !== point.frame || known.round !== point.round);
   const points = [...others, point].sort((a, b) => a.frame - b.frame || a.round - b.round);
   update({ convergence: new Map(state.convergence).set(job, { series: { ...entry.series, points } }) });
+}
+
+// A worker that has ended leaves the table, as it leaves the coordinator's list.
+function withWorker(known, worker) {
+  const workers = new Map(known).set(worker.id, worker);
+  if (worker.state === 'ended') workers.delete(worker.id);
+  return workers;
 }
 
 const byId = (items) => new Map(items.map((item) => [item.id, item]));

@@ -182,7 +182,7 @@ async fn send_news(farm: &Farm, sent: &mut Sent, pending: &mut Changed) -> Resul
         sent.progress = now + PROGRESS_PAUSE;
     }
     if pending.workers && sent.workers <= now {
-        for worker in views::workers(farm).await? {
+        for worker in views::workers_and_ended(farm).await? {
             send(farm, Event { id: None, body: EventBody::Worker { worker } });
         }
         (pending.workers, sent.workers) = (false, now + WORKERS_PAUSE);

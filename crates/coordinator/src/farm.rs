@@ -216,6 +216,12 @@ impl Farm {
         self.config.clock.now_ms().saturating_sub(milliseconds(LONGEST_SILENCE))
     }
 
+    /// Since when this coordinator has listened without a gap, milliseconds since 1970.
+    pub(crate) fn listening_ms(&self) -> i64 {
+        let listening = *self.listening.lock().unwrap_or_else(PoisonError::into_inner);
+        self.config.clock.now_ms().saturating_sub(milliseconds(listening.elapsed()))
+    }
+
     /// Notes how many leases are active.
     pub(crate) fn has_active_leases(&self, count: u32) {
         self.active_leases.store(count, Ordering::Relaxed);

@@ -23,7 +23,7 @@ use crate::causes::in_one_line;
 use crate::config::{Bucket, Clock, Config, ExposedWithoutToken};
 use crate::farm::{Bells, Farm};
 use crate::news::{self, News};
-use crate::store::{SchemaError, Source, Store, StoreError};
+use crate::store::{SchemaError, Source, Store, StoreError, Watch};
 use crate::tasks::{Ended, Tasks};
 use crate::{directory, events, http, keeper, tidying};
 
@@ -33,6 +33,9 @@ const LONGEST_TICK: Duration = Duration::from_secs(1);
 /// How long nothing may be heard without counting as such: who said that it was there just before, and says so again just after, was silent for
 /// less than others wait for it.
 const LONGEST_GAP: Duration = Duration::from_secs(5);
+
+/// Leases whose end is logged at one look, each with its worker: a power cut ends thousands.
+const MOST_EXPIRED_LOGGED: usize = 16;
 
 /// How long a coordinator that other machines reach goes on serving when it has said that it is not ready: load balancers ask every few seconds.
 const LEAVING: Duration = Duration::from_secs(6);
@@ -342,6 +345,38 @@ async fn follow_clock(clock: &Clock, store: &Store) -> Result<(), StoreError> {
     Ok(())
 }
 
+/// Takes back leases that have run out, and holds jobs whose workers die.
+async fn expire_leases(farm: &Farm, now_ms: i64) -> Result<(), StoreError> {
+    let watch = Watch { now_ms, listening_ms: farm.listening_ms(), alive_ms: farm.alive_ms() };
+    let expiry = farm.store.expire_leases(watch).await?;
+    for expired in expiry.leases.iter().take(MOST_EXPIRED_LOGGED) {
+        tracing::warn!(
+            lease = %expired.lease, job = %expired.job, job_name = expired.job_name, worker = %expired.worker,
+            worker_name = expired.worker_name, nodes = expired.nodes,
+            "a lease ran out; its nodes are in the queue again"
+        );
+    }
+    if let Some(more) = expiry.leases.len().checked_sub(MOST_EXPIRED_LOGGED).filter(|more| *more > 0) {
+        tracing::warn!(more, "further leases ran out");
+    }
+    if !expiry.leases.is_empty() {
+        farm.tell(News::Work);
+    }
+    for (job, hold) in expiry.held {
+        tracing::error!(%job, reason = hold.reason, "the job is held until somebody releases it");
+        farm.tell(News::Job(job));
+    }
+    for job in expiry.unchecked {
+        tracing::error!(%job, "workers died again and again with a node that they were to check; it is not checked");
+        farm.tell(News::Wave(job));
+    }
+    for job in farm.store.release_jobs_of_returned_workers(now_ms).await? {
+        tracing::info!(%job, "a worker that was thought dead is back; the job goes on");
+        farm.tell(News::Job(job));
+    }
+    Ok(())
+}
+
 /// One look at all deadlines.
 pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
     follow_clock(&farm.config.clock, &farm.store).await?;
@@ -350,10 +385,10 @@ pub(crate) async fn look_at_deadlines(farm: &Farm) -> Result<(), StoreError> {
         tracing::info!(%job, "time limit reached");
         farm.tell(News::Job(job));
     }
-    let expired = farm.store.expire_leases(now_ms).await?;
-    if expired > 0 {
-        tracing::warn!(expired, "leases ran out; their nodes are in the queue again");
-        farm.tell(News::Work);
+    expire_leases(farm, now_ms).await?;
+    // Workers that nobody could hear are not lost.
+    if farm.alive_ms() > i64::MIN && farm.store.end_lost_workers(farm.silent_before_ms(), now_ms).await? {
+        farm.tell(News::Workers);
     }
     for given_up in farm.store.give_up_checks(farm.alive_ms()).await? {
         match given_up.workers.as_slice() {

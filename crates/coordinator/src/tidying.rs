@@ -42,7 +42,9 @@ pub(crate) async fn run(farm: Arc<Farm>) {
 
 async fn tidy(farm: &Farm) -> Result<(), StoreError> {
     farm.store.prune_events().await?;
-    farm.store.prune_leases(farm.config.clock.now_ms()).await
+    let now_ms = farm.config.clock.now_ms();
+    farm.store.prune_leases(now_ms).await?;
+    farm.store.prune_workers(now_ms).await
 }
 
 async fn sweep(farm: &Farm, suspects: &mut Suspects) -> Result<(), RunError> {

@@ -6,8 +6,8 @@ use clerestory_render_core::counters::Counters;
 use crate::farm::Farm;
 use crate::store::{JobRecord, StoreError, WorkerError};
 
-/// Workers that have been silent for longer are not shown any more.
-const SHOWN_MS: i64 = 24 * 3600 * 1000;
+/// For how long listeners are told of workers that have ended.
+const ENDING_SHOWN_MS: i64 = 60 * 1000;
 
 /// A job as it is now.
 pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreError> {
@@ -42,6 +42,8 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         state: job.state,
         stopped_by: job.stopped_by,
         failure: job.failure,
+        failed_node: job.failed_node,
+        hold: job.hold,
         priority: job.priority,
         integrator: job.integrator,
         scene_hash: job.scene_hash,
@@ -120,10 +122,15 @@ pub(crate) async fn jobs(farm: &Farm) -> Result<Vec<JobView>, StoreError> {
     Ok(views)
 }
 
-/// All workers that were heard of within a day, in order of registration.
+/// All workers that have not ended, in order of registration.
 pub(crate) async fn workers(farm: &Farm) -> Result<Vec<WorkerView>, StoreError> {
-    let since_ms = farm.config.clock.now_ms() - SHOWN_MS;
-    farm.store.workers(since_ms, farm.silent_before_ms()).await
+    farm.store.workers(i64::MAX, farm.silent_before_ms()).await
+}
+
+/// The same, and those that have ended a moment ago.
+pub(crate) async fn workers_and_ended(farm: &Farm) -> Result<Vec<WorkerView>, StoreError> {
+    let ended_since_ms = farm.config.clock.now_ms() - ENDING_SHOWN_MS;
+    farm.store.workers(ended_since_ms, farm.silent_before_ms()).await
 }
 
 /// One worker.

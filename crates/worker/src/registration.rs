@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use clerestory_api::{Client, ClientError, ProblemCode, WorkerId, WorkerRegistration, WorkerView};
 use tokio::sync::Mutex;
-use tracing::{error, info};
+use tracing::{debug, error, info};
 
 use crate::error::with_causes;
 use crate::retry::{repeat_while, until_answered};
@@ -42,6 +42,15 @@ impl Registration {
             *identity = register(&self.client, &self.introduction).await?;
         }
         Ok(())
+    }
+
+    /// Says that the worker ends, so that nobody waits for it. Nothing depends on an answer.
+    pub(crate) async fn end(&self) {
+        // Held, so that a heartbeat which comes too late does not register the worker again.
+        let identity = self.identity.lock().await;
+        if let Err(failure) = self.client.end_worker(*identity).await {
+            debug!(reason = with_causes(&failure), "the coordinator was not told that the worker ends");
+        }
     }
 
     /// Sends heartbeats for as long as it is polled.

@@ -30,7 +30,7 @@ const IDLE_PAUSE: Duration = Duration::from_millis(100);
 const SHUTDOWN_GRACE: Duration = Duration::from_secs(5);
 
 /// Works for a coordinator until `shutdown` completes; then uploads the complete nodes that it has, gives the rest of its
-/// lease back, and returns within a few seconds.
+/// lease back, says that it ends, and returns within a few seconds.
 ///
 /// A coordinator that is away is waited for, without end.
 ///
@@ -124,6 +124,7 @@ impl Worker {
         }
         while settling.join_next().await.is_some() {}
         info!("handed over everything, ending");
+        self.registration.end().await;
         Ok(())
     }
 

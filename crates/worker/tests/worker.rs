@@ -11,7 +11,7 @@ use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post, put};
+use axum::routing::{delete, get, post, put};
 use axum::{Json, Router};
 use clerestory_api::{
     FENCING_TOKEN_HEADER, JobId, JobScene, Lease, LeaseId, LeaseRenewal, LeaseReturn, NodeAddress, NodeAnswer,
@@ -46,6 +46,8 @@ struct Fake {
     leases: BTreeMap<LeaseId, Lease>,
     outstanding: BTreeMap<LeaseId, u32>,
     registrations: Vec<WorkerRegistration>,
+    /// Workers that have said that they end, each with what had been given back before.
+    ended: Vec<(String, usize)>,
 }
 
 enum Claim {
@@ -90,6 +92,7 @@ impl Farm {
     async fn start(&self) -> RunningWorker {
         let router = Router::new()
             .route("/api/v1/workers", post(register))
+            .route("/api/v1/workers/{id}", delete(end))
             .route("/api/v1/workers/{id}/heartbeat", post(|| async { StatusCode::NO_CONTENT }))
             .route("/api/v1/leases", post(claim))
             .route("/api/v1/leases/{id}/renew", post(renew))
@@ -289,6 +292,13 @@ async fn give_back(State(farm): State<Farm>, Path(id): Path<String>, Json(body):
     StatusCode::NO_CONTENT
 }
 
+async fn end(State(farm): State<Farm>, Path(id): Path<String>) -> StatusCode {
+    let mut fake = farm.lock();
+    let returns = fake.returns.len();
+    fake.ended.push((id, returns));
+    StatusCode::NO_CONTENT
+}
+
 fn uploaded(fake: &Fake, lease: &Lease) -> Vec<NodeAddress> {
     let mut nodes: Vec<_> =
         fake.uploads.iter().filter(|upload| upload.lease == lease.id).flat_map(|upload| upload.nodes.clone()).collect();
@@ -404,6 +414,8 @@ async fn told_to_stop_it_uploads_what_is_complete_and_returns_the_rest() {
     let begun = &lease.nodes[..=done.len()];
     assert!(done.iter().all(|node| begun.contains(node)), "a complete node was not uploaded: {done:?}");
     assert_eq!(fake.returns, [(lease.id, LeaseReturn { token: 1, failure: None })]);
+    // It says that it ends once all is given back.
+    assert_eq!(fake.ended, [(fake.known[0].to_string(), 1)]);
 }
 
 #[tokio::test]

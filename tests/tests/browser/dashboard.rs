@@ -6,6 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
+use clerestory_api::{Client, LeaseRequest, WorkerRegistration};
 use clerestory_tests::browser::Browser;
 use clerestory_tests::farm::Farm;
 use serde_json::Value;
@@ -235,6 +236,41 @@ async fn a_job_is_cancelled_after_a_question_and_keeps_what_is_complete() {
     assert_eq!(image.bytes().await.unwrap()[..4], [0x76, 0x2f, 0x31, 0x01], "the magic number of OpenEXR");
     browser.click("nav a", "All jobs").await;
     browser.shows(".workers .state", "Idle").await;
+    assert_eq!(browser.complaints().await, [""; 0]);
+}
+
+#[tokio::test]
+async fn a_held_job_says_why_and_goes_on_when_it_is_released() {
+    let mut farm = Farm::start(None, &["--lease-seconds", "1"]);
+    let client = Client::new(farm.address(), None).unwrap();
+    let job = farm.submit(&scene(), &["--size", "16x16", "--spp", "16"]);
+    let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
+    browser.shows("article.job .state", "Queued").await;
+    for name in ["nave", "aisle", "apse"] {
+        let registration =
+            WorkerRegistration { name: name.to_owned(), cores: 1, build: "by hand".to_owned(), probe_digest: None };
+        let worker = client.register_worker(&registration).await.unwrap().id;
+        // It waits for the lease of the one before to run out, and is not heard of again.
+        let request =
+            LeaseRequest { worker, max_nodes: Some(1), wanted_ms: Some(60_000), wait_ms: 20_000, built: Vec::new() };
+        client.claim_lease(&request).await.unwrap().unwrap();
+    }
+    browser.shows("article.job .state", "Held").await;
+    browser.shows(".hold", "`nave`, `aisle` and `apse`").await;
+    browser.click(".hold button", "Let it go on").await;
+    browser.shows("article.job .state", "Running").await;
+    farm.start_worker("crypt");
+    browser.shows("article.job .state", "Done").await;
+    browser.click("nav a", "All jobs").await;
+    let is_shown = |name: &str, shown: bool| {
+        format!(
+            "const names = [...document.querySelectorAll('.workers tbody th')].map(name => name.textContent.trim());
+            return names.length > 0 && names.includes('{name}') === {shown} || null"
+        )
+    };
+    browser.script_gives(&is_shown("crypt", true)).await;
+    farm.ask_worker_to_stop(0);
+    browser.script_gives(&is_shown("crypt", false)).await;
     assert_eq!(browser.complaints().await, [""; 0]);
 }
 

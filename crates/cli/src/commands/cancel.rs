@@ -1,27 +1,10 @@
 //! `clerestory cancel`: stop a job; what is complete is kept.
 
-use clap::Args;
-use clerestory_api::JobId;
-
-use crate::commands::jobs::parse_job;
-use crate::connection::ConnectionArguments;
+use crate::commands::jobs::OneJob;
 use crate::failure::Failure;
 use crate::terminal::{print_json, print_line};
 
-/// Options of `clerestory cancel`.
-#[derive(Debug, Args)]
-pub(crate) struct CancelArguments {
-    /// The job.
-    #[arg(value_parser = parse_job)]
-    job: JobId,
-    #[command(flatten)]
-    connection: ConnectionArguments,
-    /// Write the job as JSON.
-    #[arg(long)]
-    json: bool,
-}
-
-pub(crate) async fn run(arguments: CancelArguments) -> Result<(), Failure> {
+pub(crate) async fn run(arguments: OneJob) -> Result<(), Failure> {
     let connection = arguments.connection.open()?;
     // Asked before, because the answer to the second cancelling is that to the first.
     let before = connection.client.job(arguments.job).await.map_err(|error| connection.failure(error))?;

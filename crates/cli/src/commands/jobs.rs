@@ -23,6 +23,19 @@ pub(crate) struct JobsArguments {
     json: bool,
 }
 
+/// Options of commands that do something with a job.
+#[derive(Debug, Args)]
+pub(crate) struct OneJob {
+    /// The job.
+    #[arg(value_parser = parse_job)]
+    pub(crate) job: JobId,
+    #[command(flatten)]
+    pub(crate) connection: ConnectionArguments,
+    /// Write the job as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 pub(crate) async fn run(arguments: JobsArguments) -> Result<(), Failure> {
     let connection = arguments.connection.open()?;
     let jobs = connection.client.jobs().await.map_err(|error| connection.failure(error))?;
@@ -30,7 +43,23 @@ pub(crate) async fn run(arguments: JobsArguments) -> Result<(), Failure> {
         return print_json(&jobs);
     }
     print_line(&line(["JOB", "STATE", "DONE", "SAMPLES A PIXEL", "MSE (~ESTIMATE)", "METHOD", "NAME"]))?;
-    jobs.iter().try_for_each(|job| print_line(&row(job)))
+    for job in &jobs {
+        print_line(&row(job))?;
+        if let Some(trouble) = trouble(job) {
+            print_line(&format!("  {}", printable(trouble)))?;
+        }
+    }
+    Ok(())
+}
+
+/// Why a job is held or has failed.
+fn trouble(job: &JobView) -> Option<&str> {
+    job.hold.as_ref().map(|hold| hold.reason.as_str()).or(job.failure.as_deref())
+}
+
+/// The state of a job in a word: a held one gets no leases, whatever state it is in.
+fn state_text(job: &JobView) -> &'static str {
+    if job.hold.is_some() { "held" } else { job.state.name() }
 }
 
 /// Reads the identity of a job.
@@ -42,7 +71,7 @@ fn row(job: &JobView) -> String {
     let mse = job.latest.as_ref().map_or_else(|| "-".to_owned(), mse_text);
     let (id, done) = (job.id.to_string(), format!("{:.1}%", job.progress * 100.0));
     let (method, name) = (printable(&job.integrator), printable(&job.name));
-    line([&id, job.state.name(), &done, &samples_text(job, ""), &mse, &method, &name])
+    line([&id, state_text(job), &done, &samples_text(job, ""), &mse, &method, &name])
 }
 
 fn line([id, state, done, samples, mse, method, name]: [&str; 7]) -> String {
@@ -115,6 +144,27 @@ pub(crate) fn reason_text(reason: StopReason) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_job_that_is_held_or_has_failed_says_why() {
+        let job = |state: &str, more: &str| -> JobView {
+            let counters = r#"{"height_evaluations":0,"solver_calls":0,"converged":0,"unique_solutions":0,"trials":0,"truncated":0,"rays":0,"samples":0}"#;
+            let text = format!(
+                r#"{{"id":"01890a5d-ac96-774b-bcce-b302099a8057","name":"window","state":"{state}","priority":0,"integrator":"path",
+                "scene_hash":"","missing_light":[],"frames":1,"width":8,"height":8,"tile_size":8,"tiles":1,"samples_per_pass":16,"passes":1,
+                "complete_passes":0,"rounds":0,"progress":0.0,"samples":0,"core_ms":0,"created_ms":0,"counters":{counters}{more}}}"#
+            );
+            serde_json::from_str(&text).unwrap()
+        };
+        let running = job("running", "");
+        assert_eq!((state_text(&running), trouble(&running)), ("running", None));
+        let node = r#"{"frame":0,"tile":0,"level":0,"index":0}"#;
+        let held =
+            job("running", &format!(r#","hold":{{"since_ms":0,"reason":"workers died","node":{node},"workers":[]}}"#));
+        assert_eq!((state_text(&held), trouble(&held)), ("held", Some("workers died")));
+        let failed = job("failed", r#","failure":"it failed on `nave`""#);
+        assert_eq!((state_text(&failed), trouble(&failed)), ("failed", Some("it failed on `nave`")));
+    }
 
     #[test]
     fn an_estimated_error_is_told_from_a_measured_one() {

@@ -7,6 +7,7 @@ pub(crate) mod coordinator;
 pub(crate) mod demo;
 pub(crate) mod farm;
 pub(crate) mod jobs;
+pub(crate) mod release;
 pub(crate) mod render;
 pub(crate) mod scene;
 pub(crate) mod submit;
@@ -28,6 +29,7 @@ pub(crate) async fn run(command: Command) -> Result<(), Failure> {
         Command::Jobs(arguments) => jobs::run(arguments).await,
         Command::Watch(arguments) => watch::run(arguments).await,
         Command::Cancel(arguments) => cancel::run(arguments).await,
+        Command::Release(arguments) => release::run(arguments).await,
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Bench(arguments) => bench::run(arguments).await,
         Command::Scene(arguments) => scene::run(&arguments),

@@ -1,4 +1,4 @@
-//! Jobs: submitted, listed, shown, cancelled.
+//! Jobs: submitted, listed, shown, cancelled, released.
 
 use std::sync::Arc;
 
@@ -71,6 +71,28 @@ pub(super) async fn cancel(
         Ok::<_, StoreError>(())
     });
     cancelled.await.map_err(ApiError::internal)??;
+    Ok(Json(views::job(&farm, find(&farm, job).await?).await?))
+}
+
+/// Gives leases again of a job that is held. A job that is not held stays as it is.
+#[utoipa::path(
+    post, path = "/jobs/{job}/release", tag = "jobs", params(("job" = JobId, Path)),
+    responses((status = 200, body = JobView))
+)]
+pub(super) async fn release(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(job): PathParameter<JobId>,
+) -> Result<Json<JobView>, ApiError> {
+    find(&farm, job).await?;
+    let told = Arc::clone(&farm);
+    let released = to_its_end(async move {
+        if told.store.release_job(job, told.config.clock.now_ms()).await? {
+            tracing::info!(%job, "job released");
+            told.tell(News::Job(job));
+        }
+        Ok::<_, StoreError>(())
+    });
+    released.await.map_err(ApiError::internal)??;
     Ok(Json(views::job(&farm, find(&farm, job).await?).await?))
 }
 

@@ -102,6 +102,7 @@ fn terms(farm: &Farm, request: &LeaseRequest) -> ClaimTerms {
         target_ms: request.wanted_ms.map_or_else(|| milliseconds(farm.config.lease_target), i64::from),
         gather_ms: milliseconds(farm.gathering_time()),
         ttl_ms: milliseconds(farm.config.lease_ttl),
+        alive_ms: farm.alive_ms(),
         now_ms: farm.config.clock.now_ms(),
     }
 }

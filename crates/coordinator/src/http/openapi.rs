@@ -39,6 +39,7 @@ pub(super) fn small() -> OpenApiRouter<Arc<Farm>> {
         .routes(routes!(jobs::list, jobs::submit))
         .routes(routes!(jobs::show))
         .routes(routes!(jobs::cancel))
+        .routes(routes!(jobs::release))
         .routes(routes!(jobs::scene))
         .routes(routes!(jobs::convergence))
         .routes(routes!(jobs::live_error))
@@ -47,6 +48,7 @@ pub(super) fn small() -> OpenApiRouter<Arc<Farm>> {
         .routes(routes!(events::of_job))
         .routes(routes!(workers::list, workers::register))
         .routes(routes!(workers::heartbeat))
+        .routes(routes!(workers::end))
         .routes(routes!(workers::release))
         .routes(routes!(leases::claim))
         .routes(routes!(leases::renew))
@@ -76,7 +78,7 @@ pub(crate) fn description() -> utoipa::openapi::OpenApi {
     let content = ContentBuilder::new().schema(Some(Ref::from_schema_name("Problem"))).build();
     let problem = ResponseBuilder::new().description("A problem.").content(PROBLEM_MEDIA_TYPE, content).build();
     for item in description.paths.paths.values_mut() {
-        let operations = [&mut item.get, &mut item.put, &mut item.post, &mut item.head];
+        let operations = [&mut item.get, &mut item.put, &mut item.post, &mut item.delete, &mut item.head];
         for operation in operations.into_iter().flatten() {
             operation.responses.responses.insert("default".to_owned(), RefOr::T(problem.clone()));
         }

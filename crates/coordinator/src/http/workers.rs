@@ -1,4 +1,4 @@
-//! Workers: registered, heard of, listed.
+//! Workers: registered, heard of, listed, ended.
 
 use std::sync::Arc;
 
@@ -68,6 +68,26 @@ pub(super) async fn heartbeat(
     Ok(StatusCode::NO_CONTENT)
 }
 
+/// Says that a worker ends: what it has under lease goes back to the queue, and lists leave it out. A worker that has ended stays so.
+#[utoipa::path(
+    delete, path = "/workers/{worker}", tag = "workers", params(("worker" = WorkerId, Path)),
+    responses((status = 204, description = "It has ended."))
+)]
+pub(super) async fn end(
+    State(farm): State<Arc<Farm>>,
+    PathParameter(worker): PathParameter<WorkerId>,
+) -> Result<StatusCode, ApiError> {
+    let ended = to_its_end(async move {
+        if farm.store.end_worker(worker, farm.config.clock.now_ms()).await? {
+            tracing::info!(%worker, "worker ended");
+            farm.tell(News::Work);
+        }
+        Ok::<_, WorkerError>(())
+    });
+    ended.await.map_err(ApiError::internal)??;
+    Ok(StatusCode::NO_CONTENT)
+}
+
 /// Gives work again to a worker that was quarantined, and to all of the same name.
 #[utoipa::path(
     post, path = "/workers/{worker}/release", tag = "workers", params(("worker" = WorkerId, Path)),
@@ -88,7 +108,8 @@ pub(super) async fn release(
     Ok(Json(views::worker(&farm, worker).await?))
 }
 
-/// All workers that were heard of within a day, in order of registration.
+/// All workers that have not ended, in order of registration. A silent one ends after a day, or when
+/// another of its name has registered since.
 #[utoipa::path(get, path = "/workers", tag = "workers", responses((status = 200, body = Vec<WorkerView>)))]
 pub(super) async fn list(State(farm): State<Arc<Farm>>) -> Result<Json<Vec<WorkerView>>, ApiError> {
     Ok(Json(views::workers(&farm).await?))

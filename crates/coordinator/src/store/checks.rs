@@ -83,7 +83,7 @@ pub(super) fn is_new_to(name: &str) -> String {
 /// an expression of SQL.
 fn is_waited_for(alive_ms: &str) -> String {
     format!(
-        "workers.seen_ms >= {alive_ms} and workers.quarantine is null \
+        "workers.seen_ms >= {alive_ms} and workers.ended_ms is null and workers.quarantine is null \
          and workers.failures_in_a_row < {MOST_FAILURES_IN_A_ROW} and {HAS_BITS}"
     )
 }
@@ -271,7 +271,8 @@ fn judge(opinions: &[(WorkerId, String)]) -> Judgement {
     }
 }
 
-async fn end(connection: &mut Connection, check: &str) -> Result<(), StoreError> {
+/// Ends a check without a word.
+pub(super) async fn end(connection: &mut Connection, check: &str) -> Result<(), StoreError> {
     query("delete from checks where id = $1").bind(check).execute(connection).await?;
     Ok(())
 }

@@ -9,6 +9,8 @@
 //!
 //! Nodes that are to be [checked](super::checks) come first, since a round waits for them.
 //!
+//! A job that is [held](super::expiry) gets no leases. A node with which workers died is leased alone.
+//!
 //! A worker for whom nothing is free [takes over](super::take_over) what another has held for too long.
 
 use std::collections::BTreeSet;
@@ -17,6 +19,7 @@ use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 
 use super::checks::{self, HeldSince};
+use super::expiry::{self, Suspects};
 use super::grant::{Grant, Leased, Offer, grant};
 use super::jobs::{self, JobRecord};
 use super::leases::{self, address};
@@ -56,6 +59,8 @@ pub(crate) struct ClaimTerms {
     pub(crate) gather_ms: i64,
     /// How long the lease lasts.
     pub(crate) ttl_ms: i64,
+    /// A worker that was last heard of before this is not there.
+    pub(crate) alive_ms: i64,
     /// Now.
     pub(crate) now_ms: i64,
 }
@@ -90,6 +95,8 @@ pub(super) struct OpenJob {
     has_held_checks: bool,
     /// Whether another worker has had a lease of it for [too long](Pace::patience_seconds) without an accepted node.
     has_overdue: bool,
+    /// Whether there are nodes in its queue with which workers [died](super::expiry).
+    has_suspects: bool,
     /// How fast the worker renders it; before its first partial, how fast others do for each of their cores.
     samples_per_second: Option<f64>,
 }
@@ -192,9 +199,10 @@ async fn open_jobs(
          (select core_us from rates where worker = $1 and job = jobs.id) as own_core_us, \
          (select 1 from leases where job = jobs.id and state = 'active' and worker <> $1 and due_ms <= $5 \
          order by due_ms limit 1) is not null as has_overdue, \
+         (select 1 from pending where job = jobs.id and died_on is not null limit 1) is not null as has_suspects, \
          ({can_check} and lease is null limit 1) is not null as has_checks, \
          ({can_check} and lease is not null limit 1) is not null as has_held_checks \
-         from jobs where state in ('queued', 'running') order by priority desc, created_ms, id limit $2 offset $3"
+         from jobs where state in ('queued', 'running') and hold is null order by priority desc, created_ms, id limit $2 offset $3"
     ))
     .bind(terms.worker.to_string())
     .bind(JOBS_AT_ONCE as i64)
@@ -217,6 +225,7 @@ async fn open_jobs(
             has_checks: has("has_checks")?,
             has_held_checks: has("has_held_checks")?,
             has_overdue: has("has_overdue")?,
+            has_suspects: has("has_suspects")?,
             samples_per_second,
             job,
         })
@@ -264,7 +273,7 @@ async fn free_work(
         }
     }
     let pace = pace(connection, open, terms).await?;
-    let nodes = choose(connection, open, &pace, terms).await?;
+    let nodes = choose(connection, open, &pace, claimant, terms).await?;
     lease(connection, open, (nodes, Leased::Work, 0), &pace, claimant, terms).await
 }
 
@@ -387,30 +396,39 @@ pub(super) const HAS_BITS: &str =
 /// Free nodes of a job for this worker, the first a part of one where it is too large; none when all work is leased or done.
 async fn choose(
     connection: &mut Connection,
-    OpenJob { job, .. }: &OpenJob,
+    OpenJob { job, has_suspects, .. }: &OpenJob,
     pace: &Pace,
+    claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<Vec<NodeAddress>, StoreError> {
     let (most, wanted) = (terms.most_nodes(), most_samples(job, pace, terms));
-    let mut nodes = free_nodes(connection, job, most, terms).await?;
+    let suspects = match has_suspects {
+        true => Some(expiry::suspects(connection, job, claimant, terms).await?),
+        false => None,
+    };
+    let mut nodes = free_nodes(connection, job, most, suspects.as_ref(), terms).await?;
     let samples: u64 = nodes.iter().map(|node| job.node_samples(node)).sum();
     let is_enough = !nodes.is_empty() && samples as f64 >= wanted;
     let free = nodes.len() as u32;
     if free < most && !is_enough && stock(connection, job, free, last_round(job, terms), pace).await? {
-        nodes = free_nodes(connection, job, most, terms).await?;
+        nodes = free_nodes(connection, job, most, suspects.as_ref(), terms).await?;
     }
     let mut nodes = first_of(nodes, job, pace, terms);
+    if let Some(suspects) = &suspects {
+        suspects.set_apart(&mut nodes);
+    }
     if let Some(first) = nodes.first_mut() {
         *first = split_off(connection, job, *first, wanted, Side::First).await?;
     }
     Ok(nodes)
 }
 
-/// The first nodes of a job's queue that nobody has, and no more than `most`.
+/// The first nodes of a job's queue that nobody has and that are not withheld, and no more than `most`.
 async fn free_nodes(
     connection: &mut Connection,
     job: &JobRecord,
     most: u32,
+    suspects: Option<&Suspects>,
     terms: &ClaimTerms,
 ) -> Result<Vec<NodeAddress>, StoreError> {
     let rows = query(
@@ -419,10 +437,15 @@ async fn free_nodes(
     )
     .bind(job.id.to_string())
     .bind(last_round(job, terms))
-    .bind(i64::from(most))
+    .bind(i64::from(most) + suspects.map_or(0, |suspects| i64::from(suspects.withheld())))
     .fetch_all(connection)
     .await?;
-    rows.iter().map(address).collect()
+    let mut nodes = rows.iter().map(address).collect::<Result<Vec<_>, _>>()?;
+    if let Some(suspects) = suspects {
+        suspects.withhold(&mut nodes);
+        nodes.truncate(most as usize);
+    }
+    Ok(nodes)
 }
 
 /// Samples that a lease should hold at most.

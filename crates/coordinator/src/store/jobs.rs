@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_api::{ContentHash, JobId, JobState, StopReason};
+use clerestory_api::{ContentHash, FailedNode, JobHold, JobId, JobState, StopReason};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{Adaptation, NodeAddress, PassRange, TileGrid};
 
@@ -68,6 +68,10 @@ pub(crate) struct JobRecord {
     pub(crate) stopped_by: Option<StopReason>,
     /// Why it failed.
     pub(crate) failure: Option<String>,
+    /// The node that it failed on.
+    pub(crate) failed_node: Option<FailedNode>,
+    /// Why it gets no leases.
+    pub(crate) hold: Option<JobHold>,
     /// Its priority.
     pub(crate) priority: i32,
     /// Hash of the canonical scene.
@@ -221,7 +225,7 @@ impl Ending {
 }
 
 /// What [`record`] reads.
-pub(super) const COLUMNS: &str = "id, name, state, stopped_by, failure, priority, scene_hash, integrator, missing_light, left_to_chance, frames, width, \
+pub(super) const COLUMNS: &str = "id, name, state, stopped_by, failure, failed_node, hold, priority, scene_hash, integrator, missing_light, left_to_chance, frames, width, \
      height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
      target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
      redone_nodes, samples, core_ms, counters";
@@ -234,6 +238,8 @@ pub(super) fn record(row: &Row) -> Result<JobRecord, StoreError> {
         state: row.word("state")?,
         stopped_by: row.optional_word("stopped_by")?,
         failure: row.optional_text("failure")?,
+        failed_node: row.optional_json("failed_node")?,
+        hold: row.optional_json("hold")?,
         priority: row.number("priority")?,
         scene_hash: row.text("scene_hash")?,
         integrator: row.text("integrator")?,
@@ -286,7 +292,7 @@ pub(super) async fn end(
     now_ms: i64,
 ) -> Result<bool, StoreError> {
     let ended = query(
-        "update jobs set state = $2, stopped_by = $3, failure = $4, finished_ms = $5 \
+        "update jobs set state = $2, stopped_by = $3, failure = $4, finished_ms = $5, hold = null \
          where id = $1 and state in ('queued', 'running')",
     )
     .bind(job.to_string())

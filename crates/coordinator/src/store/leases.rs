@@ -1,4 +1,5 @@
-//! Leases: given back, or run out. [Claims](super::claim) make them, [renewals](super::renewals) keep them.
+//! Leases: valid, given back, extended. [Claims](super::claim) make them, [renewals](super::renewals) keep them, and they [run out](super::expiry) or
+//! [fail](super::failures).
 //!
 //! A fencing token rises with every lease; whoever comes back with an older one is told so and changes nothing.
 
@@ -8,19 +9,10 @@ use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_render_core::film::NodeAddress;
 use serde::{Deserialize, Serialize};
 
-use super::claim::HAS_BITS;
-use super::jobs::{self, Ending, JobRecord};
+use super::jobs::{self, JobRecord};
 use super::row::{Row, to_json};
 use super::sql::{Kind, looked_up, query};
 use super::{Connection, Store, StoreError, checks, workers};
-
-/// How much counts that a node failed, each time under another lease: what one machine alone cannot do, others may, and its failures in a row count
-/// little while one is there to try it.
-const FAILURE: i64 = 10;
-const FAILURE_AGAIN: i64 = 1;
-
-/// A node that failed so much fails its job: some worker would have brought it.
-const MOST_FAILURES: i64 = 5 * FAILURE;
 
 /// How long the answer to a late call can still say what became of its lease.
 const LEASES_KEPT_MS: i64 = 7 * 24 * 3600 * 1000;
@@ -117,23 +109,6 @@ pub(super) fn check(
     }
 }
 
-/// The work of a lease could not be used, or the worker could not do it.
-#[derive(Clone, Debug)]
-pub(crate) struct WorkFailure {
-    /// The lease.
-    pub(crate) lease: LeaseId,
-    /// Its fencing token.
-    pub(crate) token: u64,
-    /// Why, for people.
-    pub(crate) reason: String,
-    /// 1 when a partial was refused, 0 when the worker gave up by itself.
-    pub(crate) refused_partials: u32,
-    /// Now.
-    pub(crate) now_ms: i64,
-    /// Who was not heard of since is not there.
-    pub(crate) alive_ms: i64,
-}
-
 const LEASE: &str = "select leases.id as lease_id, token, job, worker, build, state as lease_state, deadline_ms, nodes \
      from leases join workers on workers.id = worker where leases.id = $1";
 
@@ -157,7 +132,7 @@ pub(super) fn nodes_of(row: &Row) -> Result<BTreeSet<NodeAddress>, StoreError> {
 }
 
 /// The lease, if work may be brought under it now.
-async fn valid(
+pub(super) async fn valid(
     connection: &mut Connection,
     lease: LeaseId,
     token: u64,
@@ -252,40 +227,10 @@ impl Store {
         .await
     }
 
-    /// Takes a lease back because its work failed, and notes it on the nodes and the worker. Answers the job if it has
-    /// now failed for good.
-    pub(crate) async fn fail_lease(&self, failure: WorkFailure) -> Result<Option<JobId>, LeaseError> {
-        self.write(move |connection| Box::pin(async move { fail(connection, &failure).await })).await
-    }
-
     /// How many leases are active.
     pub(crate) async fn active_leases(&self) -> Result<u32, StoreError> {
         let counted = query("select count(*) as active from leases where state = 'active'");
         counted.fetch_one(&self.readers).await?.number("active")
-    }
-
-    /// Takes back all leases that have run out, and answers how many.
-    pub(crate) async fn expire_leases(&self, now_ms: i64) -> Result<u64, StoreError> {
-        self.write(move |connection| {
-            Box::pin(async move {
-                let expired = query(
-                    "update leases set state = 'expired' where state = 'active' and deadline_ms <= $1 returning id, job",
-                )
-                .bind(now_ms)
-                .fetch_all(&mut *connection)
-                .await?;
-                let mut jobs = BTreeSet::new();
-                for row in &expired {
-                    free(connection, row.parsed("id")?).await?;
-                    jobs.insert(row.parsed("job")?);
-                }
-                for job in jobs {
-                    open_to_all_bits(connection, job).await?;
-                }
-                Ok(expired.len() as u64)
-            })
-        })
-        .await
     }
 
     /// Lets every active lease last until `deadline_ms`, unless a worker was heard after `heard_ms`: when no coordinator was
@@ -338,7 +283,7 @@ impl Store {
 }
 
 /// Lets go of what a lease has: of work, and of checks.
-async fn free(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+pub(super) async fn free(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
     query("update pending set lease = null where lease = $1").bind(lease.to_string()).execute(&mut *connection).await?;
     checks::let_go(connection, lease).await
 }
@@ -350,7 +295,7 @@ pub(super) async fn release(connection: &mut Connection, lease: LeaseId) -> Resu
 }
 
 /// Closes a lease: nothing more can be brought under it.
-async fn close(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+pub(super) async fn close(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
     let closed = query("update leases set state = 'returned' where id = $1 returning job").bind(lease.to_string());
     match closed.fetch_optional(&mut *connection).await? {
         Some(row) => open_to_all_bits(connection, row.parsed("job")?).await,
@@ -360,7 +305,7 @@ async fn close(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreE
 
 /// Lets a job of which a lease has ended be rendered with whatever bits, if nothing of it has been accepted or is leased: whoever had the lease may never
 /// come back, and nobody else compute the same.
-async fn open_to_all_bits(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
+pub(super) async fn open_to_all_bits(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
     let opened = query(
         "update jobs set probe_digest = null where id = $1 and probe_digest is not null and shared_samples is null \
          and (select 1 from nodes where job = jobs.id limit 1) is null \
@@ -374,48 +319,4 @@ async fn open_to_all_bits(connection: &mut Connection, job: JobId) -> Result<(),
             .await?;
     }
     Ok(())
-}
-
-async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Option<JobId>, LeaseError> {
-    let lease = valid(connection, failure.lease, failure.token, failure.now_ms).await?;
-    query(
-        "update workers set refused_partials = refused_partials + $2, failures_in_a_row = failures_in_a_row + 1, \
-         failed_ms = $3, seen_ms = $3 where id = $1",
-    )
-    .bind(lease.worker.to_string())
-    .bind(i64::from(failure.refused_partials))
-    .bind(failure.now_ms)
-    .execute(&mut *connection)
-    .await?;
-    let is_active = lease.state == LeaseState::Active;
-    if is_active {
-        // Those with other bits could try it too, once the job is open to them.
-        close(connection, failure.lease).await?;
-    }
-    let failed = query(format!(
-        "update pending set failures = failures + case when failed_by = failing.name and exists (select 1 from workers \
-         where workers.name <> failing.name and workers.seen_ms >= $3 and workers.quarantine is null and {HAS_BITS}) \
-         then $5 else $4 end, failed_by = failing.name \
-         from jobs, (select name from workers where id = $2) as failing where lease = $1 and jobs.id = job \
-         returning failures, frame, tile, level, idx"
-    ))
-    .bind(failure.lease.to_string())
-    .bind(lease.worker.to_string())
-    .bind(failure.alive_ms)
-    .bind(FAILURE)
-    .bind(FAILURE_AGAIN)
-    .fetch_all(&mut *connection)
-    .await?;
-    if is_active {
-        free(connection, failure.lease).await?;
-    }
-    for row in &failed {
-        if row.integer("failures")? >= MOST_FAILURES {
-            let node = address(row)?;
-            let why = format!("node ({node}) failed again and again, at last: {}", failure.reason);
-            jobs::end(connection, lease.job, &Ending::Failed(why), failure.now_ms).await?;
-            return Ok(Some(lease.job));
-        }
-    }
-    Ok(None)
 }

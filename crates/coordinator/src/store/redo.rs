@@ -154,7 +154,7 @@ async fn begin_again(
     }
     query(
         "update jobs set cursor_round = 0, cursor_frame = 0, cursor_tile = 0, rounds = 0, complete_passes = 0, samples = 0, \
-         shared_samples = null, probe_digest = null, redone_nodes = redone_nodes + $2, \
+         shared_samples = null, probe_digest = null, hold = null, redone_nodes = redone_nodes + $2, \
          accepted_nodes = accepted_nodes + 1 where id = $1",
     )
     .bind(job.id.to_string())

@@ -30,12 +30,15 @@ async fn note(connection: &mut Connection, signs: Vec<SignOfLife>) -> Outcomes<(
     let Some(now_ms) = signs.iter().map(|sign| sign.now_ms).max() else { return Ok(Vec::new()) };
     let workers: BTreeSet<[String; 1]> = signs.iter().map(|sign| [sign.worker.to_string()]).collect();
     let statement = format!(
-        "update workers set seen_ms = $1 where {} and quarantine is null returning id",
+        "update workers set seen_ms = $1 where {} and quarantine is null returning id, ended_ms",
         looked_up(connection.engine(), "workers", 2, &[Kind::Text], "id = c0")
     );
     let mut noted = BTreeSet::new();
     for row in query(statement).bind(now_ms).bind(to_json(&workers)?).fetch_all(&mut *connection).await? {
-        noted.insert(row.parsed::<WorkerId>("id")?);
+        // One that was thought lost registers again; it was heard of all the same.
+        if row.optional_integer("ended_ms")?.is_none() {
+            noted.insert(row.parsed::<WorkerId>("id")?);
+        }
     }
     let mut notes = Vec::with_capacity(signs.len());
     for SignOfLife { worker, .. } in signs {

@@ -16,7 +16,7 @@ use super::jobs::JobRecord;
 use super::parts::{Side, split_off};
 use super::row::{Row, is_of_nodes, nodes_json, to_json};
 use super::sql::{Engine, Kind, array_of, query, rows_of};
-use super::{Connection, StoreError};
+use super::{Connection, StoreError, expiry};
 use crate::schedule::{Pace, SHORTEST_GATHERING_SECONDS};
 
 /// How often a node is leased while another lease has it, unless that is overdue: whatever the first taker meets with, another may take it once more.
@@ -154,6 +154,10 @@ pub(super) async fn take_over(
     }
     if let Some(last) = taken.first_mut() {
         *last = split_off(connection, job, *last, longest, Side::Last).await?;
+    }
+    if is_alone && let Some(node) = taken.first() {
+        // Its worker may have died with it, and no expiry of its lease would tell.
+        expiry::note_loss(connection, job.id, node, lease.id).await?;
     }
     taken.reverse();
     let statement =

@@ -18,6 +18,7 @@ mod adaptive;
 mod checks;
 mod claims;
 mod comes_back;
+mod deaths;
 pub(crate) mod farm;
 mod lookups;
 mod migrations;
@@ -27,6 +28,7 @@ mod several;
 mod silence;
 mod stragglers;
 mod targets;
+mod workers;
 mod writes;
 
 use adaptive::{
@@ -51,18 +53,27 @@ use checks::{
     workers_of_one_name_are_one_machine, workers_of_one_name_take_checks_over_from_each_other_and_answer_once,
 };
 use claims::{
-    a_job_of_which_nothing_has_come_is_open_to_other_bits, a_machine_that_fails_alone_fails_the_job_late_if_at_all,
+    a_job_of_which_nothing_has_come_is_open_to_other_bits,
+    a_node_that_fails_on_three_machines_fails_the_job_and_names_them,
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason,
     a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job,
-    a_worker_that_dies_again_and_again_does_not_fail_the_job, a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time,
-    an_unknown_worker_gets_no_work_and_is_told, concurrent_claimants_never_get_the_same_node,
-    failures_count_where_nobody_else_could_try, jobs_are_served_by_priority_and_then_by_age,
-    leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same, machines_that_fail_in_turn_fail_the_job,
+    a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time, an_unknown_worker_gets_no_work_and_is_told,
+    concurrent_claimants_never_get_the_same_node, failures_count_where_nobody_else_could_try,
+    jobs_are_served_by_priority_and_then_by_age,
+    leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same,
+    leases_that_nobody_could_renew_hold_and_fail_no_job, machines_that_fail_in_turn_fail_the_job,
     nodes_that_were_cut_before_are_cut_again_for_a_slower_worker,
+    one_machine_alone_fails_no_job_that_another_could_render,
     returned_work_is_free_at_once_and_returning_twice_is_harmless, the_speed_of_a_worker_is_that_of_its_last_work,
     times_of_short_nodes_add_up_and_give_a_speed,
     what_was_taken_over_is_not_accepted_when_the_job_is_open_to_other_bits,
     who_has_other_bits_could_try_a_job_of_which_nothing_has_come,
+};
+use deaths::{
+    a_check_that_workers_die_with_again_and_again_is_given_up, a_job_that_kills_the_only_worker_five_times_is_held,
+    a_job_that_kills_the_workers_of_three_machines_is_held_until_it_is_released,
+    a_lease_that_has_brought_a_node_is_no_death, a_node_with_which_one_machine_died_goes_to_another_that_is_there,
+    a_worker_that_comes_back_has_not_died, a_worker_that_dies_with_a_node_that_another_took_over_counts_too,
 };
 use farm::{Farm, TTL_MS, delivered, merge, place};
 use refused::a_database_of_another_program_is_refused_and_left_as_it_is;
@@ -81,6 +92,11 @@ use targets::{
     a_target_that_is_reached_after_the_end_changes_nothing,
     errors_and_targets_that_were_absent_at_first_are_stored_later, the_time_of_earlier_rounds_counts_in_later_ones,
 };
+use workers::{
+    a_silent_worker_is_listed_for_a_day_or_until_its_machine_is_back,
+    a_worker_that_ends_gives_all_back_and_leaves_the_list,
+    workers_that_nothing_refers_to_are_forgotten_and_quarantined_ones_stay,
+};
 use writes::{
     a_claim_of_a_worker_that_goes_away_during_another_write_takes_nothing,
     a_claim_of_a_worker_that_has_gone_away_takes_nothing, a_failed_write_takes_nothing_else_with_it,
@@ -94,8 +110,8 @@ async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing
     let job = farm.job(1).await;
     let (first, second) = (farm.worker().await, farm.worker().await);
     let lost = farm.claim(first, 3, 0).await.unwrap();
-    assert_eq!(farm.store.expire_leases(TTL_MS - 1).await.unwrap(), 0);
-    assert_eq!(farm.store.expire_leases(TTL_MS).await.unwrap(), 1);
+    assert_eq!(farm.expire(TTL_MS - 1).await, 0);
+    assert_eq!(farm.expire(TTL_MS).await, 1);
     let again = farm.claim(second, 3, TTL_MS).await.unwrap();
     assert_eq!(again.nodes, lost.nodes);
     assert!(again.lease.token > lost.lease.token);
@@ -120,7 +136,7 @@ async fn a_renewed_lease_lives_on(farm: Farm) {
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 1, 0).await.unwrap();
     farm.store.renew(grant.lease.id, grant.lease.token, 900, 900 + TTL_MS).await.unwrap();
-    assert_eq!(farm.store.expire_leases(TTL_MS).await.unwrap(), 0);
+    assert_eq!(farm.expire(TTL_MS).await, 0);
     assert!(farm.deliver(&grant, &grant.nodes, 1500).await.is_ok());
 }
 
@@ -165,7 +181,7 @@ async fn renewals_that_come_together_are_answered_one_by_one(farm: Farm) {
     }
     let views = farm.store.workers(0, 0).await.unwrap();
     assert_eq!(views.iter().map(|view| view.seen_ms).collect::<Vec<_>>(), [later; 2]);
-    assert_eq!(farm.store.expire_leases(later + TTL_MS - 1).await.unwrap(), 1);
+    assert_eq!(farm.expire(later + TTL_MS - 1).await, 1);
     assert!(farm.deliver(&active, &active.nodes, later + TTL_MS - 1).await.is_ok());
 }
 
@@ -362,7 +378,7 @@ async fn a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_i
     let lost = farm.claim(worker, 3, 10_000).await.unwrap();
     farm.deliver(&lost, &lost.nodes[..1], 10_100).await.unwrap();
     assert!(farm.store.end_jobs_out_of_time(20_000).await.unwrap().is_empty(), "there is no image yet");
-    farm.store.expire_leases(20_000).await.unwrap();
+    farm.expire(20_000).await;
     let rest = farm.claim(worker, 256, 20_000).await.unwrap();
     let tiles = farm.store.job(job).await.unwrap().unwrap().grid.len();
     assert_eq!(rest.nodes.len() as u32, tiles - 1);
@@ -551,10 +567,21 @@ on_both! {
     returned_work_is_free_at_once_and_returning_twice_is_harmless
     a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason
-    a_machine_that_fails_alone_fails_the_job_late_if_at_all
+    a_node_that_fails_on_three_machines_fails_the_job_and_names_them
+    one_machine_alone_fails_no_job_that_another_could_render
     machines_that_fail_in_turn_fail_the_job
     failures_count_where_nobody_else_could_try
-    a_worker_that_dies_again_and_again_does_not_fail_the_job
+    leases_that_nobody_could_renew_hold_and_fail_no_job
+    a_job_that_kills_the_workers_of_three_machines_is_held_until_it_is_released
+    a_job_that_kills_the_only_worker_five_times_is_held
+    a_node_with_which_one_machine_died_goes_to_another_that_is_there
+    a_worker_that_comes_back_has_not_died
+    a_lease_that_has_brought_a_node_is_no_death
+    a_worker_that_dies_with_a_node_that_another_took_over_counts_too
+    a_check_that_workers_die_with_again_and_again_is_given_up
+    a_worker_that_ends_gives_all_back_and_leaves_the_list
+    a_silent_worker_is_listed_for_a_day_or_until_its_machine_is_back
+    workers_that_nothing_refers_to_are_forgotten_and_quarantined_ones_stay
     nothing_is_lost_when_the_store_is_reopened
     rounds_complete_in_order_and_the_last_ends_the_job
     times_beyond_all_numbers_leave_the_farm_usable

@@ -9,15 +9,18 @@ use clerestory_api::{JobId, Quarantine, WorkerId, WorkerRegistration, WorkerStat
 
 use super::row::{Row, to_json};
 use super::sql::{Kind, looked_up, query};
-use super::{Connection, Store, StoreError};
+use super::{Connection, Store, StoreError, leases};
 
 /// Longest rest after failures in a row.
 const LONGEST_REST_MS: i64 = 60_000;
 
+/// How long a silent worker is listed. One that nothing refers to is forgotten after as long.
+const SILENT_KEPT_MS: i64 = 24 * 3600 * 1000;
+
 /// A call of a worker failed.
 #[derive(Clone, Debug, thiserror::Error)]
 pub(crate) enum WorkerError {
-    /// It never registered here.
+    /// It never registered here, or has ended.
     #[error("there is no worker {0}")]
     Unknown(WorkerId),
     /// What it renders is wrong.
@@ -61,7 +64,7 @@ pub(super) struct Claimant {
 /// Marks a worker as heard of. One that is quarantined is told so.
 pub(super) async fn touch(connection: &mut Connection, worker: WorkerId, now_ms: i64) -> Result<Claimant, WorkerError> {
     let row = query(
-        "update workers set seen_ms = $2 where id = $1 \
+        "update workers set seen_ms = $2 where id = $1 and ended_ms is null \
          returning name, cores, build, probe_digest, failures_in_a_row, failed_ms, quarantine",
     )
     .bind(worker.to_string())
@@ -165,11 +168,85 @@ impl Store {
         .await
     }
 
-    /// All workers heard of since `since_ms`, in order of registration. A worker is silent when it was last heard of
-    /// before `silent_before_ms`.
-    pub(crate) async fn workers(&self, since_ms: i64, silent_before_ms: i64) -> Result<Vec<WorkerView>, StoreError> {
-        let views = query(format!("{VIEW} where seen_ms >= $1 order by registered_ms, id"));
-        let rows = views.bind(since_ms).fetch_all(&self.readers).await?;
+    /// Notes that a worker ends, and takes back what it has under lease. Answers whether it had not ended. A call that arrives later does not revive it.
+    pub(crate) async fn end_worker(&self, worker: WorkerId, now_ms: i64) -> Result<bool, WorkerError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                let ended = query("update workers set ended_ms = $2 where id = $1 and ended_ms is null")
+                    .bind(worker.to_string())
+                    .bind(now_ms)
+                    .execute(&mut *connection)
+                    .await?;
+                if ended == 0 {
+                    let known = query("select 1 from workers where id = $1").bind(worker.to_string());
+                    let is_known = known.fetch_optional(connection).await?.is_some();
+                    return if is_known { Ok(false) } else { Err(WorkerError::Unknown(worker)) };
+                }
+                let held = query("select id from leases where worker = $1 and state = 'active'")
+                    .bind(worker.to_string())
+                    .fetch_all(&mut *connection)
+                    .await?;
+                for lease in held {
+                    leases::release(connection, lease.parsed("id")?).await?;
+                }
+                Ok(true)
+            })
+        })
+        .await
+    }
+
+    /// Ends the workers that are lost: those that have been silent for a day, and those that were silent before `silent_before_ms` and of whose name
+    /// another has registered since, as when a machine has been started again. Answers whether there were any.
+    pub(crate) async fn end_lost_workers(&self, silent_before_ms: i64, now_ms: i64) -> Result<bool, StoreError> {
+        let lost = "ended_ms is null and quarantine is null and (seen_ms < $2 or seen_ms < $1 and exists \
+             (select 1 from workers as successors where successors.name = workers.name and successors.registered_ms > workers.seen_ms))";
+        let found = query(format!("select 1 from workers where {lost} limit 1"));
+        let found = found.bind(silent_before_ms).bind(now_ms - SILENT_KEPT_MS);
+        if found.fetch_optional(&self.readers).await?.is_none() {
+            return Ok(false);
+        }
+        self.write(move |connection| {
+            Box::pin(async move {
+                let ended = query(format!("update workers set ended_ms = $3 where {lost}"));
+                let ended = ended.bind(silent_before_ms).bind(now_ms - SILENT_KEPT_MS).bind(now_ms);
+                Ok(ended.execute(connection).await? > 0)
+            })
+        })
+        .await
+    }
+
+    /// Forgets workers that have not been heard of for a day and that no lease, check or quarantine refers to.
+    pub(crate) async fn prune_workers(&self, now_ms: i64) -> Result<(), StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                let forgotten = "seen_ms < $1 and quarantine is null \
+                     and not exists (select 1 from leases where worker = workers.id) \
+                     and not exists (select 1 from opinions where worker = workers.id)";
+                for statement in [
+                    format!("delete from rates where worker in (select id from workers where {forgotten})"),
+                    format!("delete from workers where {forgotten}"),
+                ] {
+                    query(statement).bind(now_ms - SILENT_KEPT_MS).execute(&mut *connection).await?;
+                }
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// All workers but those that ended before `ended_since_ms`, in order of registration. Of each quarantined name, the newest is always there. A worker is
+    /// silent when it was last heard of before `silent_before_ms`.
+    pub(crate) async fn workers(
+        &self,
+        ended_since_ms: i64,
+        silent_before_ms: i64,
+    ) -> Result<Vec<WorkerView>, StoreError> {
+        let views = query(format!(
+            "{VIEW} where ended_ms is null or ended_ms >= $1 or quarantine is not null and not exists \
+             (select 1 from workers as newer where newer.name = w.name and newer.registered_ms > w.registered_ms) \
+             order by registered_ms, id"
+        ));
+        let rows = views.bind(ended_since_ms).fetch_all(&self.readers).await?;
         let pinned = self.pinned_jobs().await?;
         rows.iter().map(|row| worker_view(row, silent_before_ms, &pinned)).collect()
     }
@@ -201,6 +278,7 @@ fn worker_view(row: &Row, silent_before_ms: i64, pinned: &[(JobId, String)]) -> 
     let quarantine: Option<Quarantine> = row.optional_json("quarantine")?;
     let state = match leased_nodes {
         _ if quarantine.is_some() => WorkerState::Quarantined,
+        _ if row.optional_integer("ended_ms")?.is_some() => WorkerState::Ended,
         _ if seen_ms < silent_before_ms => WorkerState::Silent,
         0 => WorkerState::Idle,
         _ => WorkerState::Rendering,

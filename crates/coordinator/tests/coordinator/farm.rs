@@ -312,7 +312,7 @@ async fn a_lease_that_runs_out_is_given_to_somebody_else() {
     let lease = lost.claim().await.unwrap();
     let request = LeaseRequest { wait_ms: 20_000, ..next.request() };
     let again = next.client.claim_lease(&request).await.unwrap().unwrap();
-    assert_eq!(again.nodes, lease.nodes);
+    assert_eq!(again.nodes, lease.nodes[..1], "the one that its worker may have died with comes alone");
     let late = lost.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap_err();
     assert_eq!(late.problem().unwrap().code, ProblemCode::LeaseExpired);
 }

@@ -9,3 +9,4 @@ mod frames;
 mod live;
 mod support;
 mod targets;
+mod trouble;

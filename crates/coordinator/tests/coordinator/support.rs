@@ -106,6 +106,11 @@ impl TestFarm {
 
     /// Waits until the job is in a final state.
     pub(crate) async fn finished(&self, job: JobId) -> JobView {
+        self.until(job, |job| job.state.is_final()).await
+    }
+
+    /// Waits until the job is as wanted.
+    pub(crate) async fn until(&self, job: JobId, is_wanted: impl Fn(&JobView) -> bool) -> JobView {
         let mut events = self.client.events(Some(job), None).await.unwrap();
         while let Some(event) = events.next().await {
             let view = match event.unwrap().body {
@@ -113,11 +118,11 @@ impl TestFarm {
                 EventBody::Job { job } | EventBody::Progress { job } => *job,
                 _ => continue,
             };
-            if view.state.is_final() {
+            if is_wanted(&view) {
                 return view;
             }
         }
-        panic!("the event stream ended before the job did");
+        panic!("the event stream ended before the job was as wanted");
     }
 
     pub(crate) async fn image(&self, job: JobId) -> FrameImage {

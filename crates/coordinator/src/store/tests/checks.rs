@@ -405,7 +405,7 @@ pub(super) async fn checks_of_a_worker_that_is_gone_go_to_another(farm: Farm) {
     let all = farm.claim(first, 100, 3000).await.unwrap();
     bring(&farm, &all, "right", 3000).await;
     let lost = farm.claim(second, 100, 3000).await.unwrap();
-    farm.store.expire_leases(3000 + TTL_MS).await.unwrap();
+    farm.expire(3000 + TTL_MS).await;
     assert_eq!(farm.claim(third, 100, 3000 + TTL_MS).await.unwrap().nodes, lost.nodes);
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use clerestory_api::{JobId, JobState, WorkerId};
+use clerestory_api::{JobId, JobState, NamedWorker, WorkerId};
 use clerestory_render_core::film::{NodeAddress, TileGrid};
 use uuid::Uuid;
 
@@ -168,14 +168,15 @@ pub(super) async fn returned_work_is_free_at_once_and_returning_twice_is_harmles
     assert!(matches!(farm.deliver(&grant, &grant.nodes, 0).await, Err(LeaseError::Returned)));
 }
 
-pub(super) async fn a_worker_that_dies_again_and_again_does_not_fail_the_job(farm: Farm) {
+pub(super) async fn leases_that_nobody_could_renew_hold_and_fail_no_job(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
     for attempt in 0..20 {
-        assert!(farm.claim(worker, 1, attempt * TTL_MS).await.is_some());
-        farm.store.expire_leases((attempt + 1) * TTL_MS).await.unwrap();
+        assert!(farm.claim(worker, 2, attempt * TTL_MS).await.is_some_and(|grant| grant.nodes.len() == 2));
+        farm.expire((attempt + 1) * TTL_MS).await;
     }
-    assert_eq!(farm.state(job).await, JobState::Running);
+    let record = farm.record(job).await;
+    assert_eq!((record.state, record.hold), (JobState::Running, None));
 }
 
 /// Lets a worker claim a node and fail with it.
@@ -202,18 +203,49 @@ pub(super) async fn a_node_that_nobody_can_bring_fails_its_job_with_the_reason(f
     }
     let record = farm.store.job(job).await.unwrap().unwrap();
     assert_eq!(record.state, JobState::Failed);
-    assert!(record.failure.unwrap().contains("not a number"));
+    let (failure, failed) = (record.failure.unwrap(), record.failed_node.unwrap());
+    let node = "frame 0, tile 0, level 0, index 0";
+    let expected = format!(
+        "node ({node}) failed 5 times on `w`, and no other machine was there that could render it; the last failure: not a number"
+    );
+    assert_eq!(failure, expected);
+    assert_eq!((failed.node.tile, failed.message.as_str()), (0, "not a number"));
+    assert_eq!(failed.workers, [NamedWorker { id: worker, name: "w".to_owned() }]);
 }
 
-pub(super) async fn a_machine_that_fails_alone_fails_the_job_late_if_at_all(farm: Farm) {
+pub(super) async fn one_machine_alone_fails_no_job_that_another_could_render(farm: Farm) {
     let job = farm.job(1).await;
     let failing = farm.worker_named("failing").await.unwrap();
-    farm.worker_named("other").await.unwrap();
-    for attempt in 0..=40 {
-        assert_eq!(farm.state(job).await, if attempt == 0 { JobState::Queued } else { JobState::Running });
+    let other = farm.worker_named("other").await.unwrap();
+    for attempt in 0..20 {
         fail(&farm, failing, attempt * 60_000, 0).await;
     }
-    assert_eq!(farm.state(job).await, JobState::Failed, "nobody brings it");
+    assert_eq!(farm.state(job).await, JobState::Running);
+    farm.store.end_worker(other, 1_200_000).await.unwrap();
+    fail(&farm, failing, 1_200_000, 0).await;
+    assert_eq!(farm.state(job).await, JobState::Failed, "nobody else is there");
+}
+
+pub(super) async fn a_node_that_fails_on_three_machines_fails_the_job_and_names_them(farm: Farm) {
+    let job = farm.job(1).await;
+    let mut workers = Vec::new();
+    for name in ["one", "two", "three", "four"] {
+        workers.push(farm.worker_named(name).await.unwrap());
+    }
+    for (attempt, place) in [(0, 0), (1, 1), (2, 0), (3, 1), (4, 0)] {
+        fail(&farm, workers[place], attempt * 60_000, 0).await;
+        assert_eq!(farm.state(job).await, JobState::Running);
+    }
+    fail(&farm, workers[2], 0, 0).await;
+    let record = farm.record(job).await;
+    assert_eq!(record.state, JobState::Failed);
+    let failure = record.failure.unwrap();
+    assert!(
+        failure.contains("failed on 3 machines, `two`, `one` and `three`; the last failure: not a number"),
+        "{failure}"
+    );
+    let failed: Vec<WorkerId> = record.failed_node.unwrap().workers.into_iter().map(|worker| worker.id).collect();
+    assert_eq!(failed, [workers[1], workers[0], workers[2]]);
 }
 
 pub(super) async fn machines_that_fail_in_turn_fail_the_job(farm: Farm) {
@@ -320,7 +352,7 @@ pub(super) async fn a_job_of_which_nothing_has_come_is_open_to_other_bits(farm: 
     farm.store.return_lease(also.id, also.token, 0).await.unwrap();
     assert!(farm.claim(other, 1, 0).await.is_some());
     assert!(farm.claim(one, 1, 0).await.is_none());
-    assert_eq!(farm.store.expire_leases(TTL_MS).await.unwrap(), 1);
+    assert_eq!(farm.expire(TTL_MS).await, 1);
     let grant = farm.claim(one, 2, TTL_MS).await.unwrap();
     farm.deliver(&grant, &grant.nodes[..1], TTL_MS).await.unwrap();
     farm.store.return_lease(grant.lease.id, grant.lease.token, TTL_MS).await.unwrap();

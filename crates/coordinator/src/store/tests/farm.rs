@@ -13,7 +13,8 @@ use crate::blobs::Place;
 use crate::stop::Targets;
 use crate::store::accept::Acceptance;
 use crate::store::{
-    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Grant, LeaseError, Merge, NewJob, Source, Store, WorkerError,
+    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Grant, LeaseError, Merge, NewJob, Source, Store, Watch,
+    WorkerError,
 };
 
 pub(super) const TTL_MS: i64 = 1000;
@@ -50,6 +51,7 @@ pub(super) fn terms(worker: WorkerId, now_ms: i64) -> ClaimTerms {
         target_ms: 1000,
         gather_ms: 1000,
         ttl_ms: TTL_MS,
+        alive_ms: i64::MIN,
         now_ms,
     }
 }
@@ -137,6 +139,12 @@ impl Farm {
     ) -> Result<Acceptance, LeaseError> {
         let (lease, token) = (grant.lease.id, grant.lease.token);
         self.store.accept(Delivery { lease, token, nodes, core_ms: 100, now_ms, alive_ms: now_ms - TTL_MS }).await
+    }
+
+    /// Takes back the leases that have run out, as a coordinator does that has just begun to listen: none counts as the death of its worker.
+    pub(super) async fn expire(&self, now_ms: i64) -> u64 {
+        let watch = Watch { now_ms, listening_ms: i64::MAX, alive_ms: i64::MIN };
+        self.store.expire_leases(watch).await.unwrap().leases.len() as u64
     }
 
     pub(super) async fn addresses(&self, job: JobId) -> Vec<NodeAddress> {

@@ -65,7 +65,7 @@ async fn a_job_goes_on_that_the_first_build_has_begun(source: Source) {
     assert_eq!(node.address, NodeAddress { frame: 0, tile: 0, level: 0, index: 0 });
     assert_eq!((node.place.blob.as_str(), node.place.offset, node.place.length), ("first", 0, None));
     assert_eq!(node.work, Work::default(), "nobody counted");
-    assert_eq!(farm.store.expire_leases(2000).await.unwrap(), 1);
+    assert_eq!(farm.expire(2000).await, 1);
     let worker = farm.worker_named("another").await.unwrap();
     let mut tokens = Vec::new();
     while let Some(grant) = farm.claim(worker, 1, 2000).await {

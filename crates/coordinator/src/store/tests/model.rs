@@ -85,15 +85,15 @@ struct Pending {
     /// The lease that it was given out with last, if that is not over.
     lease: Option<LeaseId>,
     failures: u32,
-    /// The worker under which it failed last.
-    failed_by: Option<usize>,
+    /// Which workers have failed on it.
+    failed_on: [bool; WORKERS],
     repeats: u32,
 }
 
 impl Pending {
     /// One that nobody has had.
     fn new(round: u32) -> Self {
-        Self { round, lease: None, failures: 0, failed_by: None, repeats: 0 }
+        Self { round, lease: None, failures: 0, failed_on: [false; WORKERS], repeats: 0 }
     }
 }
 
@@ -254,18 +254,25 @@ impl Model {
     /// What waits to be rendered, as the store has it.
     async fn stored(&self, farm: &Farm) -> BTreeMap<NodeAddress, Pending> {
         let rows = query(
-            "select frame, tile, level, idx, round, failures, failed_by, repeats, lease from pending where job = $1",
+            "select frame, tile, level, idx, round, failures, failed_on, repeats, lease from pending where job = $1",
         )
         .bind(self.job.to_string())
         .fetch_all(&farm.store.readers)
         .await
         .unwrap();
-        let named = |wanted: &str| (0..WORKERS).find(|worker| name(*worker) == wanted).unwrap();
+        let failed_on = |row: &Row| {
+            let failed: Option<Vec<(WorkerId, String)>> = row.optional_json("failed_on").unwrap();
+            let named = failed.unwrap_or_default().into_iter();
+            let mut failed_on = [false; WORKERS];
+            named
+                .for_each(|(_, failed)| failed_on[(0..WORKERS).find(|worker| name(*worker) == failed).unwrap()] = true);
+            failed_on
+        };
         let pending = |row: &Row| Pending {
             round: row.number("round").unwrap(),
             lease: row.optional_parsed("lease").unwrap(),
             failures: row.number("failures").unwrap(),
-            failed_by: row.optional_text("failed_by").unwrap().map(|name| named(&name)),
+            failed_on: failed_on(row),
             repeats: row.number("repeats").unwrap(),
         };
         rows.iter().map(|row| (address(row).unwrap(), pending(row))).collect()

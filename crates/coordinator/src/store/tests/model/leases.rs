@@ -13,8 +13,9 @@ use super::{Farm, Held, LEASE_MS, Model, Pending, REASON, passes, round_of};
 use crate::store::leases::LeaseState;
 use crate::store::{ClaimTerms, Delivery, WorkFailure};
 
-/// A node that failed so often fails its job.
-const MOST_FAILURES: u32 = 50;
+/// A node on which so many workers have failed fails its job, and where no other is there, one that has failed so often.
+const ENOUGH_WORKERS: usize = 3;
+const ENOUGH_FAILURES: u32 = 5;
 
 impl Model {
     pub(super) async fn renew(&mut self, farm: &Farm, lease: usize) {
@@ -47,7 +48,7 @@ impl Model {
     pub(super) async fn expire(&mut self, farm: &Farm) {
         let is_due = |held: &Held| held.state == LeaseState::Active && held.deadline_ms <= self.now_ms;
         let due: Vec<usize> = (0..self.leases.len()).filter(|lease| is_due(&self.leases[*lease])).collect();
-        assert_eq!(farm.store.expire_leases(self.now_ms).await.unwrap(), due.len() as u64);
+        assert_eq!(farm.expire(self.now_ms).await, due.len() as u64);
         for lease in due {
             self.end(lease, LeaseState::Expired);
             self.seen.note(Event::Expired);
@@ -66,17 +67,17 @@ impl Model {
         let worker = &mut self.workers[failing];
         worker.failures_in_a_row += 1;
         worker.failed_ms = self.now_ms;
-        let mut most = 0;
+        let mut has_failed = false;
         for pending in self.pending.values_mut().filter(|pending| pending.lease == Some(id)) {
-            pending.failures += if alone || pending.failed_by != Some(failing) { 10 } else { 1 };
-            pending.failed_by = Some(failing);
-            most = pending.failures.max(most);
+            pending.failures += 1;
+            pending.failed_on[failing] = true;
+            let workers = pending.failed_on.iter().filter(|failed| **failed).count();
+            has_failed |= workers >= ENOUGH_WORKERS || alone && pending.failures >= ENOUGH_FAILURES;
         }
         if self.leases[lease].state == LeaseState::Active {
             self.end(lease, LeaseState::Returned);
             self.seen.note(Event::Failed);
         }
-        let has_failed = most >= MOST_FAILURES;
         assert_eq!(failed_job, has_failed.then_some(self.job));
         if has_failed {
             self.end_job(JobState::Failed);

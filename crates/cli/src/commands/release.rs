@@ -1,0 +1,17 @@
+//! `clerestory release`: get a held job going again.
+
+use crate::commands::jobs::OneJob;
+use crate::failure::Failure;
+use crate::terminal::{print_json, print_line};
+
+pub(crate) async fn run(arguments: OneJob) -> Result<(), Failure> {
+    let connection = arguments.connection.open()?;
+    // The answer does not tell whether the job was held.
+    let before = connection.client.job(arguments.job).await.map_err(|error| connection.failure(error))?;
+    let job = connection.client.release_job(arguments.job).await.map_err(|error| connection.failure(error))?;
+    if arguments.json {
+        return print_json(&job);
+    }
+    let verb = if before.hold.is_some() { "is released and" } else { "was not held; it is" };
+    print_line(&format!("{} {verb} {}", job.id, job.state.name()))
+}

@@ -1,0 +1,78 @@
+//! Machines that tried a node in vain, and when that is enough. Workers of one name are one machine.
+
+use std::collections::BTreeSet;
+
+use clerestory_api::{JobId, NamedWorker, WorkerId};
+
+use super::claim::HAS_BITS;
+use super::row::to_json;
+use super::sql::{Kind, query, rows_of};
+use super::{Connection, StoreError};
+
+/// Machines that have to try a node in vain before it is given up.
+const ENOUGH_MACHINES: usize = 3;
+
+/// Attempts in vain after which a node is given up where fewer machines could render it.
+pub(super) const ENOUGH_ATTEMPTS: u32 = 5;
+
+/// Why a node is given up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum GivenUp {
+    /// Enough machines have tried.
+    ByMachines,
+    /// There were enough attempts, and no other machine is there.
+    ByAttempts,
+}
+
+/// Whether a node is given up that workers of these names have tried so often. A machine is there if one of its workers was heard of since `alive_ms`.
+pub(super) async fn given_up(
+    connection: &mut Connection,
+    job: JobId,
+    names: &BTreeSet<&str>,
+    attempts: u32,
+    alive_ms: i64,
+) -> Result<Option<GivenUp>, StoreError> {
+    if names.len() >= ENOUGH_MACHINES {
+        return Ok(Some(GivenUp::ByMachines));
+    }
+    let is_enough = attempts >= ENOUGH_ATTEMPTS && !others_could_try(connection, job, names, alive_ms).await?;
+    Ok(is_enough.then_some(GivenUp::ByAttempts))
+}
+
+/// Whether a machine that has none of these names could render nodes of a job, and was heard of since `alive_ms`.
+pub(super) async fn others_could_try(
+    connection: &mut Connection,
+    job: JobId,
+    names: &BTreeSet<&str>,
+    alive_ms: i64,
+) -> Result<bool, StoreError> {
+    let listed: Vec<[&str; 1]> = names.iter().map(|name| [*name]).collect();
+    let others = query(format!(
+        "select 1 from workers join jobs on jobs.id = $1 where workers.seen_ms >= $2 and workers.ended_ms is null \
+         and workers.quarantine is null and {HAS_BITS} \
+         and workers.name not in (select c0 from {} as listed_names) limit 1",
+        rows_of(connection.engine(), 3, &[Kind::Text])
+    ));
+    let others = others.bind(job.to_string()).bind(alive_ms).bind(to_json(&listed)?);
+    Ok(others.fetch_optional(connection).await?.is_some())
+}
+
+/// One worker of each machine, in the order of their last attempts.
+pub(super) fn machines(attempts: impl IntoIterator<Item = (WorkerId, String)>) -> Vec<NamedWorker> {
+    let mut machines: Vec<NamedWorker> = Vec::new();
+    for (id, name) in attempts {
+        machines.retain(|machine| machine.name != name);
+        machines.push(NamedWorker { id, name });
+    }
+    machines
+}
+
+/// Their names, in words.
+pub(super) fn names_in_words(machines: &[NamedWorker]) -> String {
+    let names: Vec<String> = machines.iter().map(|machine| format!("`{}`", machine.name)).collect();
+    match names.split_last() {
+        None => String::new(),
+        Some((last, [])) => last.clone(),
+        Some((last, others)) => format!("{} and {last}", others.join(", ")),
+    }
+}
