@@ -58,7 +58,7 @@ pub struct ConvergencePoint {
     /// `mse` less the mean squared standard error of the reference.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corrected_mse: Option<f64>,
-    /// Relative mean squared error.
+    /// Relative mean squared error. It weighs dark pixels most, so it can rise from one round to the next when a bright sample arrives.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rel_mse: Option<f64>,
     /// Peak signal-to-noise ratio, dB.

@@ -152,8 +152,12 @@ pub struct JobView {
     /// that is more, but no more than the fraction of the first pass while that is not complete; 1 when it is done. With a
     /// target, its samples are those at which the error of the last round, falling as their inverse, would be there.
     pub progress: f64,
-    /// Camera samples accepted so far, over all pixels.
+    /// Camera samples accepted so far, over all pixels; those of an adaptive job's pilot are among them.
     pub samples: u64,
+    /// Camera samples after which all of it is rendered, over all pixels, counted like `samples`. Of an adaptive job these are the most that it can
+    /// have, until its passes are shared out.
+    #[serde(default)]
+    pub total_samples: u64,
     /// Camera samples accepted each second, lately; absent while unknown or idle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub samples_per_second: Option<f64>,
@@ -162,7 +166,8 @@ pub struct JobView {
     pub remaining_ms: Option<i64>,
     /// Time spent rendering what was accepted, summed over cores.
     pub core_ms: i64,
-    /// Accepted nodes that were rendered again, because a worker that may have rendered them was found to be wrong.
+    /// Accepted nodes that were rendered again, because a worker that may have rendered them was found to be wrong, or because their stored bytes
+    /// were lost or damaged.
     #[serde(default)]
     pub redone_nodes: u64,
     /// What was counted while rendering what was accepted.

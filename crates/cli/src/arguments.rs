@@ -76,7 +76,7 @@ pub(crate) enum Command {
     Scene(SceneArguments),
     /// Look at a scene in the browser: move the camera and the sun, and watch the picture become clear.
     View(ViewArguments),
-    /// Start a farm on this machine, render an old window on it, and show the error falling.
+    /// Start a farm on this machine, render sunlight through four old panes on it, and show the error falling.
     Demo(DemoArguments),
 }
 

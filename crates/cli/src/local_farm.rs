@@ -1,18 +1,25 @@
-//! A farm on this machine: a coordinator and workers, each a process of its own.
+//! A farm on this machine: a coordinator and workers, each a process of its own. Each is started again when it ends by itself.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use tokio::task::JoinSet;
+use tokio::task::{JoinHandle, JoinSet};
+use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use tracing::{info, warn};
 
 use crate::child::{Child, Environment};
 use crate::failure::Failure;
 
-/// Pause before a worker that ended by itself is started again.
+/// Pause before a process that ended by itself is started again.
 const RESTART_PAUSE: Duration = Duration::from_secs(1);
+
+/// A coordinator that serves for this long has recovered from whatever ended the one before it.
+const RECOVERY_TIME: Duration = Duration::from_secs(30);
+
+/// Restarts in a row without recovery after which the farm is given up.
+const MOST_RESTARTS: u32 = 5;
 
 /// What to start.
 #[derive(Clone, Debug)]
@@ -35,8 +42,9 @@ pub(crate) struct FarmPlan {
 
 /// A running farm.
 pub(crate) struct LocalFarm {
-    coordinator: Child,
     address: String,
+    coordinator: JoinHandle<Option<Failure>>,
+    stop_coordinator: CancellationToken,
     workers: JoinSet<()>,
     stop_workers: CancellationToken,
 }
@@ -44,12 +52,14 @@ pub(crate) struct LocalFarm {
 impl LocalFarm {
     /// Starts the coordinator, and once it listens, the workers.
     pub(crate) async fn start(plan: &FarmPlan) -> Result<Self, Failure> {
-        let mut arguments = words(&["coordinator", "--listen", &plan.listen, "--data"]);
-        arguments.push(plan.data.clone().into());
-        arguments.extend(token_option(plan));
-        let log = log_file(plan, "coordinator");
-        let mut coordinator = Child::spawn("the coordinator", &arguments, log, plan.environment)?;
-        let address = coordinator.first_line().await?;
+        let (coordinator, address) = start_coordinator(plan, &plan.listen).await?;
+        let stop_coordinator = CancellationToken::new();
+        let coordinator = tokio::spawn(supervise_coordinator(
+            coordinator,
+            plan.clone(),
+            with_port_of(&plan.listen, &address),
+            stop_coordinator.clone(),
+        ));
 
         let stop_workers = CancellationToken::new();
         let mut workers = JoinSet::new();
@@ -60,7 +70,7 @@ impl LocalFarm {
             arguments.extend(token_option(plan));
             workers.spawn(supervise(name, arguments, plan.clone(), stop_workers.clone()));
         }
-        Ok(Self { coordinator, address, workers, stop_workers })
+        Ok(Self { address, coordinator, stop_coordinator, workers, stop_workers })
     }
 
     /// Address of the coordinator and its page.
@@ -68,16 +78,86 @@ impl LocalFarm {
         &self.address
     }
 
-    /// Waits until the farm cannot go on because its coordinator ended by itself.
+    /// Waits until the farm cannot go on because its coordinator ends again and again.
     pub(crate) async fn broken(&mut self) -> Failure {
-        self.coordinator.ended().await
+        match (&mut self.coordinator).await {
+            Ok(Some(failure)) => failure,
+            // It is told to stop by `stop` alone, which takes the farm.
+            Ok(None) => std::future::pending().await,
+            Err(error) => Failure::Job(format!("what watches the coordinator failed: {error}")),
+        }
     }
 
     /// Ends the workers, which hand over what they have, and then the coordinator.
     pub(crate) async fn stop(mut self) {
         self.stop_workers.cancel();
         while self.workers.join_next().await.is_some() {}
-        self.coordinator.stop().await;
+        self.stop_coordinator.cancel();
+        if !self.coordinator.is_finished()
+            && let Err(error) = self.coordinator.await
+        {
+            warn!(%error, "what watches the coordinator failed");
+        }
+    }
+}
+
+/// Starts a coordinator and waits until it serves; returns the address that it prints.
+async fn start_coordinator(plan: &FarmPlan, listen: &str) -> Result<(Child, String), Failure> {
+    let mut arguments = words(&["coordinator", "--listen", listen, "--data"]);
+    arguments.push(plan.data.clone().into());
+    arguments.extend(token_option(plan));
+    let mut coordinator = Child::spawn("the coordinator", &arguments, log_file(plan, "coordinator"), plan.environment)?;
+    let address = coordinator.first_line().await?;
+    Ok((coordinator, address))
+}
+
+/// Keeps the coordinator running until told to stop. Returns the last failure when it ends again and again without recovering.
+async fn supervise_coordinator(
+    first: Child,
+    plan: FarmPlan,
+    listen: String,
+    stop: CancellationToken,
+) -> Option<Failure> {
+    let mut running = Some(first);
+    let mut restarts = 0;
+    loop {
+        let since = Instant::now();
+        let failure = match running.take() {
+            Some(mut coordinator) => match stop.run_until_cancelled(coordinator.ended()).await {
+                Some(failure) => {
+                    if since.elapsed() >= RECOVERY_TIME {
+                        restarts = 0;
+                    }
+                    failure
+                }
+                None => {
+                    coordinator.stop().await;
+                    return None;
+                }
+            },
+            None => match stop.run_until_cancelled(start_coordinator(&plan, &listen)).await? {
+                Ok((coordinator, _)) => {
+                    info!("the coordinator serves again");
+                    running = Some(coordinator);
+                    continue;
+                }
+                Err(failure) => failure,
+            },
+        };
+        if restarts == MOST_RESTARTS {
+            return Some(failure);
+        }
+        restarts += 1;
+        warn!(%failure, "starting it again");
+        stop.run_until_cancelled(tokio::time::sleep(RESTART_PAUSE * restarts)).await?;
+    }
+}
+
+/// The address to listen on again: a free port that was asked for by 0 is by now the one that everybody knows.
+fn with_port_of(listen: &str, address: &str) -> String {
+    match (listen.rsplit_once(':'), address.rsplit_once(':')) {
+        (Some((host, "0")), Some((_, port))) => format!("{host}:{port}"),
+        _ => listen.to_owned(),
     }
 }
 
@@ -109,4 +189,17 @@ fn token_option(plan: &FarmPlan) -> Vec<OsString> {
 /// The log of a process.
 fn log_file(plan: &FarmPlan, name: &str) -> Option<PathBuf> {
     plan.logs.as_ref().map(|folder| folder.join(format!("{name}.log")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_coordinator_listens_again_where_it_did() {
+        let again = |listen| with_port_of(listen, "http://127.0.0.1:40123");
+        assert_eq!(again("127.0.0.1:0"), "127.0.0.1:40123");
+        assert_eq!(again("[::]:0"), "[::]:40123");
+        assert_eq!(again("0.0.0.0:7171"), "0.0.0.0:7171");
+    }
 }

@@ -16,6 +16,10 @@ const BAR_STEPS: u64 = 1000;
 /// Time between lines of progress where there is no terminal to draw a bar on.
 const LINE_PERIOD: Duration = Duration::from_secs(5);
 
+/// Said once, when relMSE rises from one round to the next.
+const REL_MSE_RISES: &str =
+    "  (relMSE weighs dark pixels most: it rises when a bright sample arrives, and falls again with more samples)";
+
 /// A text of others as a part of a line: what would steer the terminal or begin another line is written as an escape.
 pub(crate) fn printable(text: &str) -> Cow<'_, str> {
     escaped(text, is_printable)
@@ -100,6 +104,8 @@ pub(crate) struct Progress {
     is_drawn: bool,
     last_line: Option<Instant>,
     has_header: bool,
+    last_rel_mse: Option<f64>,
+    has_explained_rise: bool,
 }
 
 impl Progress {
@@ -108,7 +114,7 @@ impl Progress {
         let style =
             ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}").expect("the template is well formed");
         let bar = ProgressBar::with_draw_target(Some(BAR_STEPS), bar_target()).with_style(style);
-        Self { bar, is_drawn, last_line: None, has_header: false }
+        Self { bar, is_drawn, last_line: None, has_header: false, last_rel_mse: None, has_explained_rise: false }
     }
 
     /// Whether it is drawn for somebody who looks at it.
@@ -156,6 +162,11 @@ impl Progress {
             self.note("  round     spp       time          MSE    corrected       relMSE       PSNR     FLIP");
         }
         self.note(&round_text(point));
+        let rises = self.last_rel_mse.zip(point.rel_mse).is_some_and(|(last, now)| now > last);
+        if rises && !std::mem::replace(&mut self.has_explained_rise, true) {
+            self.note(REL_MSE_RISES);
+        }
+        self.last_rel_mse = point.rel_mse;
     }
 
     /// Takes the bar away.

@@ -69,7 +69,7 @@ function emptyText(job, isReachable) {
 
 function explanation(hasReference) {
   return hasReference
-    ? 'Error against the reference at each complete round; “corrected” takes off the reference’s own noise. The thin line falls as 1/N, as unbiased sampling does.'
+    ? 'Error against the reference at each complete round; “corrected” takes off the reference’s own noise. relMSE weighs dark pixels most, so it can rise when a bright sample arrives. The thin line falls as 1/N, as unbiased sampling does.'
     : 'The job has no reference, so this is the error that the image’s own block means tell, from two blocks on (512 samples a pixel, unless the scene says otherwise). Submit with --reference IMAGE.exr to measure it against ground truth. The thin line falls as 1/N, as unbiased sampling does.';
 }
 

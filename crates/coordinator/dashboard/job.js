@@ -9,7 +9,7 @@ import { counted, duration, moment, percent, rate } from './format.js';
 import { AUTO, FIT, Frame } from './frame.js';
 import { JobProgress, JobState, timeLeft } from './jobs.js';
 import { ProblemText } from './problem.js';
-import { limits, reason, samplesInPixel } from './stop.js';
+import { limits, reason, samplesInPixel, totalInPixel } from './stop.js';
 import { releaseJob } from './store.js';
 
 /** The view of the job `id`. */
@@ -71,12 +71,12 @@ function Hold({ job, isReachable }) {
 function Facts({ job }) {
   const facts = [
     [job.finished_ms ? 'took' : 'time left', timeLeft(job)],
-    ['samples a pixel', html`<span class="samples">${mean(samplesInPixel(job))} ${limits(job) || `of ${job.passes * job.samples_per_pass}`}</span>`],
+    ['samples a pixel', html`<span class="samples">${mean(samplesInPixel(job))} ${limits(job) || `of ${mean(totalInPixel(job))}`}</span>`],
     ...(job.adaptive ? [['passes', html`<span class="sharing">shared out by noise</span>`]] : []),
     ...(job.stopped_by ? [['ended by', html`<span class="reason">${reason(job)}</span>`]] : []),
     ['rate', job.state === 'running' ? rate(job.samples_per_second) : '–'],
     ['core time', duration(job.core_ms)],
-    ...(job.redone_nodes > 0 ? [['rendered again', `${counted(job.redone_nodes, 'node')} of a worker that was wrong`]] : []),
+    ...(job.redone_nodes > 0 ? [['rendered again', `${counted(job.redone_nodes, 'node')} that were wrong, lost or damaged`]] : []),
     ['rounds', job.rounds],
     ['size', `${job.width} × ${job.height}, ${counted(job.tiles, 'tile')}`],
     ['integrator', job.integrator],

@@ -19,6 +19,11 @@ export const limits = (job) =>
     .filter(Boolean)
     .join(' or ');
 
+/** Samples in a pixel when all of a job is rendered; of an adaptive job, the mean with the pilot, as in `samplesInPixel`. */
+export const totalInPixel = (job) => job.total_samples / pixels(job);
+
+const pixels = (job) => job.width * job.height * job.frames;
+
 /** What ended a job. */
 export const reason = (job) => REASONS[job.stopped_by] ?? job.stopped_by;
 
@@ -26,5 +31,5 @@ export const reason = (job) => REASONS[job.stopped_by] ?? job.stopped_by;
  * that round, or else the mean with the pilot. */
 export function samplesInPixel(job) {
   const isCutOff = job.stopped_by === 'mse' || job.stopped_by === 'estimated_mse';
-  return isCutOff ? job.complete_passes * job.samples_per_pass : job.samples / (job.width * job.height * job.frames);
+  return isCutOff ? job.complete_passes * job.samples_per_pass : job.samples / pixels(job);
 }

@@ -117,7 +117,7 @@ async fn store(
     core_ms: u64,
     rendered: Vec<Rendered>,
 ) -> Result<PartialAnswer, ApiError> {
-    let (id, checked_fraction) = (job.id, farm.config.checked_fraction);
+    let (id, check_key, checked_fraction) = (job.id, farm.check_key, farm.config.checked_fraction);
     let encode = move || {
         let encoded: Vec<Vec<u8>> = rendered.iter().map(|rendered| film::store::encode(&rendered.node)).collect();
         let digests: Vec<String> = encoded.iter().map(|bytes| blake3::hash(bytes).to_hex().to_string()).collect();
@@ -133,7 +133,7 @@ async fn store(
             place,
             counters: *counters,
             digest,
-            is_chosen: is_chosen(id, &address, checked_fraction),
+            is_chosen: is_chosen(&check_key, id, &address, checked_fraction),
         }
     };
     let nodes = rendered.iter().zip(&places).zip(digests).map(delivered).collect();

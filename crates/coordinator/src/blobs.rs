@@ -51,6 +51,9 @@ pub(crate) struct Place {
     pub(crate) length: Option<u64>,
 }
 
+/// Folder of the blobs of nodes.
+const NODES: &str = "nodes";
+
 /// Name of the blob that says whose blobs these are.
 const OWNER: &str = ".clerestory-farm";
 
@@ -199,8 +202,26 @@ impl Blobs {
 
     /// Names of all blobs of nodes.
     pub(crate) async fn node_blobs(&self) -> Result<BTreeSet<String>, BlobError> {
-        let found = self.store.list(Some(&Path::from("nodes")));
+        self.blobs_under(NODES.to_owned()).await
+    }
+
+    /// Names of all blobs of a job's nodes.
+    pub(crate) async fn node_blobs_of(&self, job: JobId) -> Result<BTreeSet<String>, BlobError> {
+        self.blobs_under(format!("{NODES}/{job}")).await
+    }
+
+    async fn blobs_under(&self, folder: String) -> Result<BTreeSet<String>, BlobError> {
+        let found = self.store.list(Some(&Path::from(folder)));
         Ok(found.map_ok(|blob| blob.location.to_string()).try_collect().await?)
+    }
+
+    /// Whether an asset is there.
+    pub(crate) async fn has_asset(&self, hash: ContentHash) -> Result<bool, BlobError> {
+        match self.store.head(&asset_path(hash)).await {
+            Ok(_) => Ok(true),
+            Err(object_store::Error::NotFound { .. }) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
     }
 
     /// Stores the bytes of an asset as they come, if they have the promised hash and are not too many. Answers their
@@ -288,7 +309,7 @@ impl Blobs {
 
     /// Stores nodes in one blob with a new name. Answers where each lies when the bytes are safe on disk.
     pub(crate) async fn put_nodes(&self, job: JobId, nodes: Vec<Vec<u8>>) -> Result<Vec<Place>, BlobError> {
-        let blob = format!("nodes/{job}/{}", Uuid::now_v7());
+        let blob = format!("{NODES}/{job}/{}", Uuid::now_v7());
         let mut end = 0;
         let place = |node: &Vec<u8>| {
             let (offset, length) = (end, node.len() as u64);
@@ -314,6 +335,11 @@ impl Blobs {
                 Ok(vec![bytes; places.len()])
             }
         }
+    }
+
+    /// Bytes of a blob of nodes.
+    pub(crate) async fn node_blob_bytes(&self, blob: &str) -> Result<u64, BlobError> {
+        Ok(self.store.head(&Path::from(blob)).await?.size)
     }
 
     /// Removes blobs of nodes. One that cannot be removed is left for the next sweep. Answers how many are gone.

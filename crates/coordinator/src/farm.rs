@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use clerestory_api::JobId;
+use clerestory_api::{ContentHash, JobId};
 use tokio::sync::{Notify, Semaphore, mpsc};
 use tokio::task::JoinError;
 use tokio_util::sync::CancellationToken;
@@ -15,6 +15,7 @@ use crate::blobs::Blobs;
 use crate::config::Config;
 use crate::events::Events;
 use crate::film::FilmReader;
+use crate::http::ApiError;
 use crate::idle::Idle;
 use crate::live::LiveValues;
 use crate::news::News;
@@ -22,7 +23,7 @@ use crate::previews::Previews;
 use crate::rate::Rates;
 use crate::readiness::Readiness;
 use crate::schedule::SHORTEST_GATHERING_SECONDS;
-use crate::store::{Removed, Store};
+use crate::store::{CheckKey, Removed, Store};
 
 /// Bytes of partials that are received at the same time, but for one that goes on beyond them.
 pub(crate) const RECEIVED_BYTES: u64 = 32 << 20;
@@ -58,6 +59,8 @@ pub(crate) struct Farm {
     pub(crate) config: Config,
     /// Which of the farm's coordinators this is.
     pub(crate) coordinator: Uuid,
+    /// What decides which nodes are checked.
+    pub(crate) check_key: CheckKey,
     /// The database.
     pub(crate) store: Store,
     /// Assets and nodes.
@@ -117,7 +120,13 @@ pub(crate) struct Bells {
 
 impl Farm {
     /// A farm on an open store.
-    pub(crate) fn new(config: Config, coordinator: Uuid, store: Store, blobs: Blobs) -> (Arc<Self>, Bells) {
+    pub(crate) fn new(
+        config: Config,
+        coordinator: Uuid,
+        check_key: CheckKey,
+        store: Store,
+        blobs: Blobs,
+    ) -> (Arc<Self>, Bells) {
         let (keeper, grown) = mpsc::unbounded_channel();
         let (tell, told) = mpsc::unbounded_channel();
         let film = FilmReader::new(blobs.clone(), config.node_cache_bytes);
@@ -128,6 +137,7 @@ impl Farm {
         let farm = Self {
             config,
             coordinator,
+            check_key,
             store,
             blobs,
             film,
@@ -199,6 +209,11 @@ impl Farm {
     pub(crate) async fn let_go(&self, removed: Removed) {
         self.film.forget(&removed.places);
         self.blobs.remove(removed.blobs).await;
+    }
+
+    /// Whether an asset has been uploaded and is still there: a blob store that was restored may lack what the database knows.
+    pub(crate) async fn has_asset(&self, hash: ContentHash) -> Result<bool, ApiError> {
+        Ok(self.store.has_asset(hash).await? && self.blobs.has_asset(hash).await?)
     }
 
     /// A worker that was last heard of before this is silent, milliseconds since 1970.

@@ -16,7 +16,7 @@ use futures::stream::{self, StreamExt, TryStreamExt};
 
 use crate::blobs::{BlobError, Blobs, Place};
 use crate::farm::Farm;
-use crate::store::{JobRecord, NodeRow, StoreError};
+use crate::store::{JobRecord, NodeRow, StoreError, StoredNode};
 
 /// Blobs read at the same time.
 const READS: usize = 8;
@@ -27,14 +27,19 @@ pub(crate) enum FilmError {
     /// No node has been accepted.
     #[error("there is no node yet")]
     Empty,
-    /// A stored node has lost bits, or is not the one that its row names.
+    /// Nodes were lost or damaged, and are rendered again.
+    #[error(
+        "stored nodes of this image are lost; they are rendered again, and the image is there when the job is done"
+    )]
+    RenderedAgain,
+    /// A stored node has lost bits or is cut off, or is not the one that its row names.
     #[error("the stored node {node} in {blob} cannot be used")]
     Damaged {
         /// The node.
         node: NodeAddress,
         /// Name of its blob.
         blob: String,
-        /// What is wrong, unless it is another node altogether.
+        /// What is wrong, unless it is cut off or another node altogether.
         source: Option<film::StoreError>,
     },
     /// A stored node is not there.
@@ -86,9 +91,19 @@ pub(crate) enum FilmError {
 }
 
 impl FilmError {
-    /// Whether the film itself is wrong, as far as what was read belongs together.
+    /// Whether the rows do not make a film, as far as what was read belongs together.
     pub(crate) fn is_damage(&self) -> bool {
-        matches!(self, Self::Damaged { .. } | Self::Inconsistent(_) | Self::Incomplete(_))
+        matches!(self, Self::Inconsistent(_) | Self::Incomplete(_))
+    }
+
+    /// The node that is lost or damaged.
+    pub(crate) fn unreadable_node(&self) -> Option<StoredNode> {
+        match self {
+            Self::Damaged { node, blob, .. } | Self::Lost { node, blob, .. } => {
+                Some(StoredNode { address: *node, blob: blob.clone() })
+            }
+            _ => None,
+        }
     }
 }
 
@@ -96,7 +111,7 @@ impl FilmError {
 /// Then the rows are to be read again: they name its parent now.
 pub(crate) async fn unless_merged(farm: &Farm, job: JobId, failure: FilmError) -> Result<(), FilmError> {
     match &failure {
-        FilmError::Lost { node, blob, .. } if !farm.store.is_at(job, node, blob).await? => Ok(()),
+        FilmError::Lost { node, blob, .. } if farm.store.node_at(job, node, blob).await?.is_none() => Ok(()),
         _ => Err(failure),
     }
 }
@@ -157,6 +172,14 @@ impl FilmReader {
         }
     }
 
+    /// Names the first of some nodes that a blob is too short for, if it is.
+    async fn cut_off(&self, blob: &str, rows: &[(usize, &NodeRow)]) -> Option<FilmError> {
+        let bytes = self.blobs.node_blob_bytes(blob).await.ok()?;
+        let is_beyond = |place: &Place| place.offset.saturating_add(place.length.unwrap_or(0)) > bytes;
+        let (_, row) = rows.iter().find(|(_, row)| is_beyond(&row.place))?;
+        Some(FilmError::Damaged { node: row.address, blob: blob.to_owned(), source: None })
+    }
+
     /// Reads numbered nodes that lie in one blob.
     async fn read(&self, blob: &str, rows: Vec<(usize, &NodeRow)>) -> Result<Vec<(usize, Arc<Node>)>, FilmError> {
         let places: Vec<&Place> = rows.iter().map(|(_, row)| &row.place).collect();
@@ -164,8 +187,11 @@ impl FilmReader {
             Some((_, row)) => FilmError::Lost { node: row.address, blob: blob.to_owned(), source },
             None => source.into(),
         };
-        let bytes = self.blobs.nodes(blob, &places).await;
-        let bytes = bytes.map_err(|error| if error.is_missing() { lost(error) } else { error.into() })?;
+        let bytes = match self.blobs.nodes(blob, &places).await {
+            Ok(bytes) => bytes,
+            Err(error) if error.is_missing() => return Err(lost(error)),
+            Err(error) => return Err(self.cut_off(blob, &rows).await.unwrap_or(error.into())),
+        };
         let addresses: Vec<NodeAddress> = rows.iter().map(|(_, row)| row.address).collect();
         let name = blob.to_owned();
         let decoded = tokio::task::spawn_blocking(move || {

@@ -14,7 +14,6 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clerestory_api::{ConvergencePoint, JobId, JobState};
-use clerestory_render_core::film::NodeAddress;
 use tokio::sync::{Semaphore, mpsc};
 use tokio::task::JoinSet;
 
@@ -25,6 +24,7 @@ use crate::convergence::{self, Reference};
 use crate::farm::Farm;
 use crate::film::FilmError;
 use crate::news::News;
+use crate::repair::repair;
 use crate::store::{CompleteWave, Ending, JobRecord, Keeping, StoreError};
 
 /// Jobs whose rounds are recorded at the same time.
@@ -218,8 +218,12 @@ async fn look(farm: &Arc<Farm>, turns: &Semaphore, job: JobId, mut kept: Kept) -
         if error.is_damage() {
             // Another coordinator that keeps the film as well may have gone on in between, or nodes may have been taken out.
             is_damaged = is_settled(farm, job, &mut kept, stand).await.unwrap_or(false);
-        } else if let FilmError::Lost { node, blob, .. } = &error {
-            is_damaged = is_lost(farm, job, *node, blob).await;
+        } else {
+            match repair(farm, job, &error).await {
+                Ok(true) => continue,
+                Ok(false) => {}
+                Err(error) => tracing::error!(%job, %error, "a film that cannot be read could not be repaired"),
+            }
         }
         if is_damaged && !is_suspected {
             is_suspected = true;
@@ -240,7 +244,7 @@ async fn is_settled(farm: &Farm, job: JobId, kept: &mut Kept, stand: Option<Stan
     Ok(kept.hold(farm, job).await?.is_some() && farm.store.job(job).await?.as_ref().map(Stand::of) == stand)
 }
 
-/// Ends a job whose stored film is damaged, which can never be finished. `false` when that could not be done now.
+/// Ends a job whose rows make no film, which can never be finished. `false` when that could not be done now.
 async fn has_failed(farm: &Farm, job: JobId, error: &FilmError) -> bool {
     let ending = Ending::Failed(format!("the stored film is damaged: {error}"));
     match farm.store.end_job(job, ending, farm.config.clock.now_ms()).await {
@@ -269,6 +273,14 @@ async fn advance(
     let (mut waited, mut claim) = (None, None::<Claim>);
     while !farm.stopping.is_cancelled() {
         let Some(record) = farm.store.job(job).await? else { return Ok(true) };
+        if record.reopened_ms.is_some() {
+            if farm.store.close_reopened(job, farm.config.clock.now_ms()).await? {
+                tracing::info!(%job, "job done again: the lost nodes are there");
+                farm.tell(News::Job(job));
+                merge(farm, &record, record.rounds).await?;
+            }
+            return Ok(false);
+        }
         // A job that was cancelled or ran out of time may have completed a round just before; no round of a failed one is recorded.
         let wave = match record.state {
             JobState::Failed => None,
@@ -361,15 +373,4 @@ async fn record_round(
         farm.let_go(recorded.discarded).await;
     }
     Ok(is_new)
-}
-
-/// Whether a node that was not found is gone for good: its row is still there, so that nobody has merged it meanwhile, and so is the
-/// mark of the blob store, so that it is the farm's store which does not have it.
-async fn is_lost(farm: &Farm, job: JobId, node: NodeAddress, blob: &str) -> bool {
-    let is_named = farm.store.is_at(job, &node, blob);
-    let is_ours = async {
-        let identity = farm.store.identity().await?;
-        Ok::<_, FilmError>(farm.blobs.is_of(identity.farm).await?)
-    };
-    matches!((is_named.await, is_ours.await), (Ok(true), Ok(true)))
 }

@@ -43,6 +43,7 @@ mod news;
 mod previews;
 mod rate;
 mod readiness;
+mod repair;
 mod schedule;
 pub mod server;
 mod stop;

@@ -235,7 +235,8 @@ async fn open_with(config: Config, store: Store, database: String) -> Result<(Ar
     store.extend_leases(now_ms.saturating_add(ttl_ms), heard_ms).await?;
     // A SQLite file has one coordinator, which is the same after a restart.
     let coordinator = if store.is_shared() { Uuid::now_v7() } else { Uuid::nil() };
-    Ok(Farm::new(config, coordinator, store, blobs))
+    let check_key = store.check_key().await?;
+    Ok(Farm::new(config, coordinator, check_key, store, blobs))
 }
 
 /// Opens the blobs of a farm.

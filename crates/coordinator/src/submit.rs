@@ -137,7 +137,7 @@ fn check_assets(
 async fn check_uploaded(farm: &Farm, hashes: impl Iterator<Item = ContentHash>) -> Result<(), ApiError> {
     let mut missing = Vec::new();
     for hash in hashes.collect::<BTreeSet<_>>() {
-        if !farm.store.has_asset(hash).await? {
+        if !farm.has_asset(hash).await? {
             missing.push(hash);
         }
     }

@@ -12,6 +12,7 @@ use tokio::time::MissedTickBehavior;
 
 use crate::blobs::Blobs;
 use crate::farm::Farm;
+use crate::repair;
 use crate::server::RunError;
 use crate::store::{Store, StoreError};
 
@@ -35,6 +36,11 @@ pub(crate) async fn run(farm: Arc<Farm>) {
             && let Err(error) = sweep(&farm, &mut suspects).await
         {
             tracing::error!(%error, "nodes that nobody needs could not be removed");
+        }
+        if ticks.is_multiple_of(SWEEPING)
+            && let Err(error) = repair::replace_all_missing(&farm).await
+        {
+            tracing::error!(%error, "lost nodes could not be looked for");
         }
         ticks = ticks.wrapping_add(1);
     }

@@ -19,20 +19,21 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
     let is_running = !job.state.is_final();
     let started_ms = job.started_ms.filter(|_| is_running);
     let samples_per_second = started_ms.and_then(|started_ms| farm.rates.rate(job.id, started_ms, now_ms));
-    let total_samples = expected_samples(&job, latest.as_ref());
+    let expected_samples = expected_samples(&job, latest.as_ref());
     let is_end_known = job.targets.is_end_known(job.samples_per_block, latest.as_ref());
     let remaining_ms = samples_per_second.and_then(|rate| {
         let by_rate = |samples: u64| (samples.saturating_sub(job.samples) as f64 / rate * 1000.0) as i64;
-        let by_limit = started_ms.zip(job.time_limit_ms).map(|(started_ms, limit_ms)| {
+        let by_limit = started_ms.zip(limit_ms(&job)).map(|(started_ms, limit_ms)| {
             // The first pass is rendered in any case.
             let first_pass_ms = if job.rounds == 0 { by_rate(first_pass_samples(&job)) } else { 0 };
             started_ms.saturating_add(limit_ms).saturating_sub(now_ms).max(first_pass_ms)
         });
-        let by_samples = is_end_known.then(|| by_rate(total_samples));
+        let by_samples = is_end_known.then(|| by_rate(expected_samples));
         by_limit.into_iter().chain(by_samples).min()
     });
     Ok(JobView {
-        progress: progress(&job, total_samples, now_ms),
+        progress: progress(&job, expected_samples, now_ms),
+        total_samples: job.total_samples(),
         tiles: job.grid.len(),
         width: job.grid.width,
         height: job.grid.height,
@@ -40,7 +41,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         id: job.id,
         name: job.name,
         state: job.state,
-        stopped_by: job.stopped_by,
+        stopped_by: job.stopped_by.filter(|_| job.state == JobState::Done),
         failure: job.failure,
         failed_node: job.failed_node,
         hold: job.hold,
@@ -85,14 +86,19 @@ fn expected_samples(job: &JobRecord, latest: Option<&ConvergencePoint>) -> u64 {
     (job.total_samples() as f64 * fraction) as u64
 }
 
+/// The time limit that may end a job: one that was opened again has passed it.
+fn limit_ms(job: &JobRecord) -> Option<i64> {
+    job.time_limit_ms.filter(|_| job.reopened_ms.is_none())
+}
+
 /// How far a job is: a time limit may end it long before its last sample, but not before its first pass is complete.
-fn progress(job: &JobRecord, total_samples: u64, now_ms: i64) -> f64 {
+fn progress(job: &JobRecord, expected_samples: u64, now_ms: i64) -> f64 {
     if job.state == JobState::Done {
         return 1.0;
     }
-    let by_samples = job.samples as f64 / total_samples.max(1) as f64;
+    let by_samples = job.samples as f64 / expected_samples.max(1) as f64;
     let elapsed_ms = job.started_ms.map(|started_ms| job.finished_ms.unwrap_or(now_ms).saturating_sub(started_ms));
-    let by_time = elapsed_ms.zip(job.time_limit_ms).map(|(elapsed_ms, limit_ms)| elapsed_ms as f64 / limit_ms as f64);
+    let by_time = elapsed_ms.zip(limit_ms(job)).map(|(elapsed_ms, limit_ms)| elapsed_ms as f64 / limit_ms as f64);
     let first_pass = if job.rounds == 0 { job.samples as f64 / first_pass_samples(job).max(1) as f64 } else { 1.0 };
     by_time.map_or(by_samples, |by_time| by_time.min(first_pass).max(by_samples)).min(1.0)
 }

@@ -1,6 +1,7 @@
-//! `clerestory demo`: a farm on this machine renders an old window, and its error falls before your eyes.
+//! `clerestory demo`: a farm on this machine renders sunlight through four old panes, and its error falls before your eyes.
 
 use std::fs;
+use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -20,21 +21,24 @@ use crate::follow::{follow, until_answered};
 use crate::image_file;
 use crate::local_farm::{FarmPlan, LocalFarm};
 use crate::render_limits::RenderLimits;
-use crate::scene_overrides::SceneOverrides;
+use crate::scene_overrides::{SceneOverrides, Size};
 use crate::shutdown::{self, Parent};
 use crate::terminal::{Progress, counted, duration_text, print_json, print_line};
 
 /// The scene that is rendered, from the root of the repository.
-const SCENE: &str = "scenes/references/cathedral-point.json";
+const SCENE: &str = "scenes/room.json";
 
-/// Its reference, computed independently.
-const REFERENCE: &str = "scenes/references/cathedral-point-reference.exr";
+/// Its reference: the same room with another seed and many more samples.
+const REFERENCE: &str = "scenes/room/demo-reference.exr";
+
+/// Size of its image, unless the options say otherwise.
+const SIZE: [u32; 2] = [640, 480];
 
 /// Worker processes.
 const WORKERS: usize = 2;
 
 /// Longest time to render, so that the demo ends soon on small machines too.
-const TIME_LIMIT: Duration = Duration::from_secs(150);
+const TIME_LIMIT: Duration = Duration::from_secs(90);
 
 /// Samples per pixel at which it ends on faster ones.
 const SAMPLES_PER_PIXEL: u32 = 256;
@@ -58,14 +62,21 @@ pub(crate) struct DemoArguments {
     /// Where the images and logs go.
     #[arg(long, value_name = "FOLDER", default_value = "demo-output")]
     output: PathBuf,
+    /// End when the job has ended, instead of keeping the page open until Ctrl-C. The same where standard output is no terminal.
+    #[arg(long)]
+    exit: bool,
     /// Write the job as JSON.
     #[arg(long)]
     json: bool,
 }
 
-pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
+pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     let mut progress = Progress::new();
     let scene = arguments.scene.clone().map_or_else(|| shipped(SCENE), Ok)?;
+    if arguments.scene.is_none() {
+        let [width, height] = SIZE;
+        arguments.overrides.size.get_or_insert(Size { width, height });
+    }
     let mut limits = arguments.limits;
     if limits.spp.is_none() && limits.time.is_none() {
         limits.spp = Some(SAMPLES_PER_PIXEL);
@@ -117,21 +128,31 @@ pub(crate) async fn run(arguments: DemoArguments) -> Result<(), Failure> {
         let series = until_answered(&connection, &progress, || connection.client.convergence(job.id)).await?;
         let files = [arguments.output.join("demo.exr"), arguments.output.join("demo.png")];
         download(&connection, &job, Some(&files[0]), Some(&files[1]), &progress).await?;
-        Ok((job, series.points, files))
+        if arguments.json { print_json(&job) } else { report(&job, &series.points, &files) }?;
+        Ok(job)
     };
-    let result = tokio::select! {
+    let mut result = tokio::select! {
         result = rendering => result,
         failure = farm.broken() => Err(failure),
         () = stop.cancelled() => Err(Failure::Job("interrupted".to_owned())),
     };
+    if let Ok(job) = &result
+        && !arguments.exit
+        && io::stdout().is_terminal()
+    {
+        progress.note(&format!("The page stays open until Ctrl-C: {}", connection.job_page(job.id)));
+        tokio::select! {
+            failure = farm.broken() => result = Err(failure),
+            () = stop.cancelled() => {}
+        }
+    }
     farm.stop().await;
-    let (job, points, files) = result?;
+    let job = result?;
     progress.note(&format!(
-        "The page ended with the demo; for one that stays run `clerestory farm`, and beside it `clerestory submit {}{}`",
+        "For a farm that stays run `clerestory farm`, and beside it `clerestory submit {}{}`",
         scene.display(),
         reference.map(|file| format!(" --reference {}", file.display())).unwrap_or_default()
     ));
-    if arguments.json { print_json(&job) } else { report(&job, &points, &files) }?;
     check_done(&job)
 }
 

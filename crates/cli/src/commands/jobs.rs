@@ -98,7 +98,7 @@ pub(crate) fn samples_text(job: &JobView, unit: &str) -> String {
         _ => job.samples as f64 / pixels.max(1) as f64,
     };
     let ends = Ends {
-        samples: u64::from(job.passes) * u64::from(job.samples_per_pass),
+        samples: job.total_samples as f64 / pixels.max(1) as f64,
         mse: job.target_mse,
         estimated_mse: job.target_estimated_mse,
         time: job.time_limit_ms.and_then(|limit| u64::try_from(limit).ok()).map(Duration::from_millis),
@@ -109,7 +109,7 @@ pub(crate) fn samples_text(job: &JobView, unit: &str) -> String {
 /// What ends a job, whichever comes first.
 #[derive(Clone, Copy, Debug, Default)]
 struct Ends {
-    samples: u64,
+    samples: f64,
     mse: Option<f64>,
     estimated_mse: Option<f64>,
     time: Option<Duration>,
@@ -117,7 +117,7 @@ struct Ends {
 
 impl Ends {
     fn words(&self, samples: f64, unit: &str) -> String {
-        let digits = if samples.fract() == 0.0 { 0 } else { 1 };
+        let number = |samples: f64| if samples.fract() == 0.0 { format!("{samples}") } else { format!("{samples:.1}") };
         let ends = [
             self.mse.map(|target| format!("to MSE {target:e}")),
             self.estimated_mse.map(|target| format!("to MSE ~{target:e}")),
@@ -125,9 +125,9 @@ impl Ends {
         ];
         let ends: Vec<String> = ends.into_iter().flatten().collect();
         if ends.is_empty() {
-            return format!("{samples:.digits$} of {}{unit}", self.samples);
+            return format!("{} of {}{unit}", number(samples), number(self.samples));
         }
-        format!("{samples:.digits$}{unit} {}", ends.join(" or "))
+        format!("{}{unit} {}", number(samples), ends.join(" or "))
     }
 }
 
@@ -178,12 +178,14 @@ mod tests {
 
     #[test]
     fn samples_have_their_unit_before_a_limit_and_behind_the_total() {
-        let total = Ends { samples: 256, ..Ends::default() };
+        let total = Ends { samples: 256.0, ..Ends::default() };
         let limited = Ends { time: Some(Duration::from_secs(150)), ..total };
         let unit = " samples a pixel";
         assert_eq!(limited.words(76.5, unit), "76.5 samples a pixel within 2 min 30 s");
         assert_eq!(total.words(128.0, unit), "128 of 256 samples a pixel");
         assert_eq!(total.words(128.0, ""), "128 of 256");
+        let shared_out = Ends { samples: 612.25, ..Ends::default() };
+        assert_eq!(shared_out.words(88.5, ""), "88.5 of 612.2");
         let targets = Ends { mse: Some(1e-3), estimated_mse: Some(2.5e-4), ..limited };
         assert_eq!(targets.words(16.0, ""), "16 to MSE 1e-3 or to MSE ~2.5e-4 or within 2 min 30 s");
     }

@@ -117,11 +117,9 @@ fn a_demo_deletes_nothing_of_others_and_hears_no_settings_of_other_farms() {
     let output = command.envs(settings).output().unwrap();
     let messages = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{messages}");
-    assert!(messages.contains("128x128"), "the reference has another size: {messages}");
-    assert!(
-        messages.contains("The page ended with the demo") && messages.contains("`clerestory submit "),
-        "{messages}"
-    );
+    assert!(messages.contains("640x480"), "the reference has another size: {messages}");
+    assert!(messages.contains("`clerestory farm`") && messages.contains("`clerestory submit "), "{messages}");
+    assert!(!messages.contains("stays open"), "standard output is no terminal, so it ends: {messages}");
     let mut left: Vec<_> = fs::read_dir(folder.path("demo-output"))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())

@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 use std::net::TcpListener;
 use std::path::Path;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 use std::sync::mpsc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use crate::support::Folder;
+use crate::support::{Folder, Service};
 
 #[test]
 fn the_printed_configuration_does_not_hold_the_token() {
@@ -89,4 +89,35 @@ fn what_starts_services_names_settings_that_they_have() {
         assert!(named.len() > 3, "{named:?}");
         assert!(named.is_subset(&known), "{service} does not know {:?}", &named - &known);
     }
+}
+
+#[test]
+fn a_farm_starts_its_coordinator_again_where_it_was_and_goes_on_with_the_job() {
+    let folder = Folder::new();
+    let farm = folder.farm();
+    let submit = ["submit", "scene.json", "--spp", "100000", "--coordinator", farm.address()];
+    let job = folder.succeeds(&submit).trim().to_owned();
+    let killed = coordinator_of(&farm);
+    assert!(Command::new("kill").args(["-9", &killed.to_string()]).status().unwrap().success());
+    let deadline = Instant::now() + Duration::from_secs(60);
+    let cancel = ["cancel", &job, "--coordinator", farm.address()];
+    while !folder.run(&cancel).status.success() {
+        assert!(Instant::now() < deadline, "the coordinator was not started again");
+    }
+    assert_ne!(coordinator_of(&farm), killed);
+    let jobs = folder.succeeds(&["jobs", "--coordinator", farm.address()]);
+    assert!(jobs.contains(&job) && jobs.contains("cancelled"), "{jobs}");
+}
+
+/// The number of the process that is a farm's coordinator.
+fn coordinator_of(farm: &Service) -> u32 {
+    let threads = std::fs::read_dir(format!("/proc/{}/task", farm.id())).unwrap();
+    let children = threads.map(|thread| std::fs::read_to_string(thread.unwrap().path().join("children")).unwrap());
+    let children: Vec<String> = children.collect();
+    let numbers = children.iter().flat_map(|numbers| numbers.split_whitespace());
+    let is_coordinator = |number: &&str| {
+        let words = std::fs::read(format!("/proc/{number}/cmdline")).unwrap_or_default();
+        words.split(|byte| *byte == 0).nth(1) == Some(b"coordinator")
+    };
+    numbers.filter(is_coordinator).map(|number| number.parse().unwrap()).next().unwrap()
 }

@@ -112,6 +112,11 @@ impl Service {
         &self.address
     }
 
+    /// Number of its process.
+    pub(crate) fn id(&self) -> u32 {
+        self.process.id()
+    }
+
     /// Lets go of its standard input, and waits until it has ended.
     pub(crate) fn ended_by_its_parent(mut self) -> ExitStatus {
         drop(self.process.stdin.take());

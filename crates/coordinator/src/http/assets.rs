@@ -31,7 +31,7 @@ pub(super) async fn put(
     headers: HeaderMap,
     body: Body,
 ) -> Result<StatusCode, ApiError> {
-    if farm.store.has_asset(hash).await? {
+    if farm.has_asset(hash).await? {
         return Ok(StatusCode::NO_CONTENT);
     }
     let limit = farm.config.max_asset_bytes;
@@ -90,10 +90,12 @@ pub(super) async fn get(
 }
 
 async fn require(farm: &Farm, hash: ContentHash) -> Result<(), ApiError> {
-    if farm.store.has_asset(hash).await? {
+    if farm.has_asset(hash).await? {
         return Ok(());
     }
-    let detail = format!("no asset with the hash {hash} has been uploaded");
+    let detail = format!(
+        "no asset with the hash {hash} is here: it has not been uploaded, or it is lost; upload it, or submit its scene again"
+    );
     Err(ApiError::new(ProblemCode::UnknownAsset, detail).field("hash").value(hash))
 }
 

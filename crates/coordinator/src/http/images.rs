@@ -22,6 +22,7 @@ use crate::farm::Farm;
 use crate::film::FilmError;
 use crate::images::{self, ImageFile};
 use crate::previews;
+use crate::repair::repair;
 
 /// Largest exposure, up or down.
 const MOST_STOPS: f64 = 32.0;
@@ -42,9 +43,20 @@ pub(super) async fn exr(
     PathParameter(job): PathParameter<JobId>,
 ) -> Result<Response, ApiError> {
     let job = find(&farm, job).await?;
-    let choice = images::layers(&farm, &job).await?;
+    if job.reopened_ms.is_some() {
+        return Err(lacks_nodes());
+    }
+    let choice = match images::layers(&farm, &job).await {
+        Err(error) if repair(&farm, job.id, &error).await? => return Err(lacks_nodes()),
+        choice => choice?,
+    };
     let first = Bytes::from(images::first_bytes(&job, choice)?);
-    let mut making: Making = Box::pin(async move { images::make(&farm, &job, choice).await });
+    let mut making: Making = Box::pin(async move {
+        match images::make(&farm, &job, choice).await {
+            Err(error) if repair(&farm, job.id, &error).await? => Err(FilmError::RenderedAgain),
+            made => made,
+        }
+    });
     let Ok(made) = tokio::time::timeout(SILENCE, &mut making).await else {
         return Ok(answer(EXR_MEDIA_TYPE, Body::from_stream(slow(making, first, SILENCE))));
     };
@@ -53,6 +65,11 @@ pub(super) async fn exr(
     let mut response = answer(EXR_MEDIA_TYPE, Body::from_stream(pieces(made, 0)));
     response.headers_mut().insert(CONTENT_LENGTH, length.into());
     Ok(response)
+}
+
+/// Of an image that was complete and is not now: nobody should take what is left for the image of a job that is done.
+fn lacks_nodes() -> ApiError {
+    FilmError::RenderedAgain.into()
 }
 
 /// A file that is being made.
@@ -117,7 +134,13 @@ pub(super) async fn preview(
         ToneCurve::Filmic => film::ToneCurve::Filmic,
     };
     let job = find(&farm, job).await?;
-    let preview = previews::current(&farm, job, PreviewSettings { exposure, curve }).await?;
+    let (id, settings) = (job.id, PreviewSettings { exposure, curve });
+    let preview = match previews::current(&farm, job, settings).await {
+        Err(error) if repair(&farm, id, &error).await? => {
+            previews::current(&farm, find(&farm, id).await?, settings).await?
+        }
+        preview => preview?,
+    };
     let mut response = answer("image/png", Body::from(preview.png));
     response.headers_mut().insert(ACCEPTED_NODES_HEADER, preview.accepted_nodes.into());
     Ok(response)

@@ -11,6 +11,7 @@ use super::extract::{PathParameter, StrictJson};
 use super::problem::ApiError;
 use crate::farm::{Farm, to_its_end};
 use crate::news::News;
+use crate::repair::repair;
 use crate::store::{Ending, JobRecord, StoreError};
 use crate::{live, submit, views};
 
@@ -136,7 +137,11 @@ pub(super) async fn live_error(
     State(farm): State<Arc<Farm>>,
     PathParameter(job): PathParameter<JobId>,
 ) -> Result<Json<LiveMeasurement>, ApiError> {
-    Ok(Json(live::current(&farm, find(&farm, job).await?).await?))
+    let measured = match live::current(&farm, find(&farm, job).await?).await {
+        Err(error) if repair(&farm, job, &error).await? => live::current(&farm, find(&farm, job).await?).await,
+        measured => measured,
+    };
+    Ok(Json(measured?))
 }
 
 /// The job, or the problem that there is none.

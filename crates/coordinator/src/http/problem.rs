@@ -198,6 +198,7 @@ impl From<FilmError> for ApiError {
     fn from(error: FilmError) -> Self {
         match error {
             FilmError::Empty => Self::new(ProblemCode::NoImageYet, "no node of this job has been accepted yet"),
+            error @ FilmError::RenderedAgain => Self::new(ProblemCode::Unavailable, error.to_string()),
             FilmError::Store(error) => error.into(),
             error => Self::internal(error),
         }

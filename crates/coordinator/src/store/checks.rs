@@ -1,6 +1,7 @@
 //! Checks: a small part of all nodes is rendered by a second worker too, and both must have the same bits.
 //!
-//! Which nodes those are follows from their addresses, so that a node that is rendered again is checked again. When two workers disagree, a
+//! Which nodes those are follows from their addresses and a [key](CheckKey) of the farm, so that a node that is rendered again is checked again, and no
+//! worker can tell which will be. When two workers disagree, a
 //! third decides: the odd one is quarantined, and [what it has rendered](super::redo) is rendered again. A round is not complete while nodes
 //! of it are to be checked. A check that nobody is left to do is given up: nobody who computes the bits that the job was begun with, and does not fail
 //! again and again.
@@ -20,7 +21,7 @@ use super::nodes::Removed;
 use super::row::{is_of_nodes, nodes_json, to_json};
 use super::sql::query;
 use super::workers::OF_THE_SAME_NAME;
-use super::{Connection, Store, StoreError, redo};
+use super::{CheckKey, Connection, Store, StoreError, redo};
 
 /// Opinions with which a check ends, whatever they say.
 const MOST_OPINIONS: usize = 3;
@@ -29,9 +30,9 @@ const MOST_OPINIONS: usize = 3;
 const MOST_FAILURES_IN_A_ROW: u32 = 5;
 
 /// Whether a node is rendered by a second worker too, if `fraction` of all nodes are.
-pub(crate) fn is_chosen(job: JobId, node: &NodeAddress, fraction: f64) -> bool {
+pub(crate) fn is_chosen(key: &CheckKey, job: JobId, node: &NodeAddress, fraction: f64) -> bool {
     let NodeAddress { frame, tile, level, index } = *node;
-    let hash = blake3::hash(format!("check {job} {frame} {tile} {level} {index}").as_bytes());
+    let hash = blake3::keyed_hash(&key.0, format!("check {job} {frame} {tile} {level} {index}").as_bytes());
     let [a, b, c, d, ..] = *hash.as_bytes();
     f64::from(u32::from_le_bytes([a, b, c, d])) < fraction * (f64::from(u32::MAX) + 1.0)
 }
@@ -436,13 +437,19 @@ mod tests {
     #[test]
     fn a_hundredth_of_all_nodes_is_chosen() {
         let job = JobId::from(Uuid::nil());
-        let chosen = |fraction: f64| {
+        let keys = [1, 2].map(|byte| CheckKey([byte; 32]));
+        let chosen_by = |key: &CheckKey, fraction: f64| {
             let nodes = (0..100_000).map(|tile| NodeAddress { frame: 0, tile, level: 0, index: 3 });
-            nodes.filter(|node| is_chosen(job, node, fraction)).count()
+            nodes.filter(|node| is_chosen(key, job, node, fraction)).collect::<Vec<_>>()
         };
+        let chosen = |fraction: f64| chosen_by(&keys[0], fraction).len();
         // Of 100 000 draws, 1000 and at most five standard errors of 31.5.
         assert!((843..=1157).contains(&chosen(0.01)), "{}", chosen(0.01));
         assert_eq!((chosen(0.0), chosen(1.0)), (0, 100_000));
+        let others = chosen_by(&keys[1], 0.01);
+        let by_both = chosen_by(&keys[0], 0.01).iter().filter(|node| others.contains(node)).count();
+        // 10 by chance.
+        assert!(by_both < 30, "{by_both} nodes are chosen by both of two keys");
     }
 
     #[test]

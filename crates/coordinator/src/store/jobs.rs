@@ -110,6 +110,8 @@ pub(crate) struct JobRecord {
     pub(crate) started_ms: Option<i64>,
     /// When it reached its final state.
     pub(crate) finished_ms: Option<i64>,
+    /// When it had been done before it was [opened again](super::lost), which it is until its lost nodes are there.
+    pub(crate) reopened_ms: Option<i64>,
     /// Where the next pending rows are cut from: round, frame, tile.
     pub(super) cursor: [u32; 3],
     /// Recorded rounds.
@@ -183,6 +185,8 @@ impl JobRecord {
     /// Whether its time limit has passed.
     pub(crate) fn is_past_limit(&self, now_ms: i64) -> bool {
         match (self.started_ms, self.time_limit_ms) {
+            // Its time was up before, and what it lacks is rendered however long that takes.
+            _ if self.reopened_ms.is_some() => false,
             (Some(started_ms), Some(limit_ms)) => now_ms >= started_ms.saturating_add(limit_ms),
             _ => false,
         }
@@ -227,7 +231,7 @@ impl Ending {
 /// What [`record`] reads.
 pub(super) const COLUMNS: &str = "id, name, state, stopped_by, failure, failed_node, hold, priority, scene_hash, integrator, missing_light, left_to_chance, frames, width, \
      height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
-     target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
+     target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
      redone_nodes, samples, core_ms, counters";
 
 /// The job of a row.
@@ -266,6 +270,7 @@ pub(super) fn record(row: &Row) -> Result<JobRecord, StoreError> {
         created_ms: row.integer("created_ms")?,
         started_ms: row.optional_integer("started_ms")?,
         finished_ms: row.optional_integer("finished_ms")?,
+        reopened_ms: row.optional_integer("reopened_ms")?,
         cursor: [row.number("cursor_round")?, row.number("cursor_frame")?, row.number("cursor_tile")?],
         rounds: row.number("rounds")?,
         complete_passes: row.number("complete_passes")?,
@@ -292,7 +297,7 @@ pub(super) async fn end(
     now_ms: i64,
 ) -> Result<bool, StoreError> {
     let ended = query(
-        "update jobs set state = $2, stopped_by = $3, failure = $4, finished_ms = $5, hold = null \
+        "update jobs set state = $2, stopped_by = $3, failure = $4, finished_ms = $5, hold = null, reopened_ms = null \
          where id = $1 and state in ('queued', 'running')",
     )
     .bind(job.to_string())

@@ -21,6 +21,7 @@ mod grant;
 mod jobs;
 mod keepers;
 mod leases;
+mod lost;
 mod nodes;
 mod parts;
 mod patience;
@@ -56,7 +57,7 @@ pub(crate) use grant::Grant;
 pub(crate) use jobs::{Ending, JobRecord, NewJob};
 pub(crate) use keepers::Keeping;
 pub(crate) use leases::{LeaseError, LeaseRecord};
-pub(crate) use nodes::{Merge, NodeRow, Removed, Work};
+pub(crate) use nodes::{Merge, NodeRow, Removed, StoredNode, Work};
 pub(crate) use postgres::Listener;
 use renewals::Renewal;
 pub(crate) use rounds::CompleteWave;
@@ -87,6 +88,16 @@ pub(crate) struct Identity {
     pub(crate) farm: Uuid,
     /// Whether a blob store has been marked as its own.
     pub(crate) has_blobs: bool,
+}
+
+/// What decides, for all coordinators of a farm, which nodes are [checked](is_chosen). Only they know it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) struct CheckKey(pub(crate) [u8; 32]);
+
+impl std::fmt::Debug for CheckKey {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str("CheckKey")
+    }
 }
 
 /// The database failed.
@@ -164,6 +175,11 @@ impl Store {
         self.write(|connection| Box::pin(async move { identity(connection).await })).await
     }
 
+    /// What decides which nodes are checked. It is made up when it is asked for first.
+    pub(crate) async fn check_key(&self) -> Result<CheckKey, StoreError> {
+        self.write(|connection| Box::pin(async move { check_key(connection).await })).await
+    }
+
     /// Claims a blob store for the farm while no other coordinator can, and notes that the farm has one. What is wrong with the
     /// claim is answered as it is.
     pub(crate) async fn claim_blobs<E, F>(&self, claim: F) -> Result<Result<(), E>, StoreError>
@@ -228,6 +244,22 @@ impl Store {
     pub(crate) async fn writer_failed(&self) -> String {
         self.writer.failed().await
     }
+}
+
+async fn check_key(connection: &mut Connection) -> Result<CheckKey, StoreError> {
+    identity(connection).await?;
+    let mut fresh = [0; 32];
+    getrandom::fill(&mut fresh).map_err(|error| StoreError::Database(error.to_string()))?;
+    query("update farm set check_key = $1 where check_key is null")
+        .bind(hex::encode(fresh))
+        .execute(&mut *connection)
+        .await?;
+    let key = query("select check_key from farm").fetch_one(connection).await?.text("check_key")?;
+    let mut bytes = [0; 32];
+    let decoded = hex::decode_to_slice(&key, &mut bytes);
+    decoded
+        .map(|()| CheckKey(bytes))
+        .map_err(|_| StoreError::Corrupt { column: "check_key", value: "a text".to_owned() })
 }
 
 async fn identity(connection: &mut Connection) -> Result<Identity, StoreError> {

@@ -26,6 +26,15 @@ pub(crate) struct NodeRow {
     pub(crate) work: Work,
 }
 
+/// A node and the blob in which it lies.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct StoredNode {
+    /// The node.
+    pub(crate) address: NodeAddress,
+    /// Name of its blob.
+    pub(crate) blob: String,
+}
+
 /// The work that nodes took. Sums are the same whatever their order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Work {
@@ -82,6 +91,32 @@ fn place(row: &Row) -> Result<Place, StoreError> {
 
 fn node_row(row: &Row) -> Result<NodeRow, StoreError> {
     Ok(NodeRow { address: address(row)?, place: place(row)?, work: work(row)? })
+}
+
+fn stored_node(row: &Row) -> Result<StoredNode, StoreError> {
+    Ok(StoredNode { address: address(row)?, blob: row.text("blob")? })
+}
+
+/// Those of some nodes that are still where they were.
+pub(super) async fn still_stored(
+    connection: &mut Connection,
+    job: JobId,
+    nodes: &BTreeSet<StoredNode>,
+) -> Result<BTreeSet<NodeAddress>, StoreError> {
+    let statement = format!(
+        "select frame, tile, level, idx, blob from nodes where {}",
+        is_of_nodes(connection.engine(), "nodes", 1, 2)
+    );
+    let addresses = nodes_json(nodes.iter().map(|node| &node.address))?;
+    let rows = query(statement).bind(job.to_string()).bind(addresses).fetch_all(connection).await?;
+    let mut still = BTreeSet::new();
+    for row in &rows {
+        let found = stored_node(row)?;
+        if nodes.contains(&found) {
+            still.insert(found.address);
+        }
+    }
+    Ok(still)
 }
 
 /// What [`node_row`] reads.
@@ -154,11 +189,17 @@ impl Store {
         Ok(complete)
     }
 
-    /// Whether a node is still where it was.
-    pub(crate) async fn is_at(&self, job: JobId, node: &NodeAddress, blob: &str) -> Result<bool, StoreError> {
-        let row = query(
-            "select 1 from nodes where job = $1 and frame = $2 and tile = $3 and level = $4 and idx = $5 and blob = $6",
-        )
+    /// A node, if it is still where it was.
+    pub(crate) async fn node_at(
+        &self,
+        job: JobId,
+        node: &NodeAddress,
+        blob: &str,
+    ) -> Result<Option<NodeRow>, StoreError> {
+        let row = query(format!(
+            "select {COLUMNS} from nodes \
+             where job = $1 and frame = $2 and tile = $3 and level = $4 and idx = $5 and blob = $6"
+        ))
         .bind(job.to_string())
         .bind(i64::from(node.frame))
         .bind(i64::from(node.tile))
@@ -167,7 +208,28 @@ impl Store {
         .bind(blob)
         .fetch_optional(&self.readers)
         .await?;
-        Ok(row.is_some())
+        row.as_ref().map(node_row).transpose()
+    }
+
+    /// All accepted nodes of a job and the blobs in which they lie.
+    pub(crate) async fn stored_nodes(&self, job: JobId) -> Result<Vec<StoredNode>, StoreError> {
+        let rows = query("select frame, tile, level, idx, blob from nodes where job = $1")
+            .bind(job.to_string())
+            .fetch_all(&self.readers)
+            .await?;
+        rows.iter().map(stored_node).collect()
+    }
+
+    /// The jobs that have nodes in some blobs.
+    pub(crate) async fn jobs_with_nodes_in(&self, blobs: &BTreeSet<String>) -> Result<BTreeSet<JobId>, StoreError> {
+        let rows = query("select distinct job, blob from nodes").fetch_all(&self.readers).await?;
+        let mut jobs = BTreeSet::new();
+        for row in &rows {
+            if blobs.contains(&row.text("blob")?) {
+                jobs.insert(row.parsed("job")?);
+            }
+        }
+        Ok(jobs)
     }
 
     /// Names of all blobs that hold accepted nodes.

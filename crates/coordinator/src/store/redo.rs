@@ -76,7 +76,7 @@ pub(super) async fn redo(connection: &mut Connection, worker: WorkerId, now_ms: 
 }
 
 /// Puts the passes of nodes back into the queue, cut at the ends of rounds.
-async fn requeue(
+pub(super) async fn requeue(
     connection: &mut Connection,
     job: &JobRecord,
     taken: &[NodeAddress],
@@ -104,6 +104,15 @@ async fn requeue(
         .execute(&mut *connection)
         .await?;
     }
+    count_taken(connection, job, taken).await
+}
+
+/// Notes on a job that nodes have been taken out of its film.
+pub(super) async fn count_taken(
+    connection: &mut Connection,
+    job: &JobRecord,
+    taken: &[NodeAddress],
+) -> Result<(), StoreError> {
     let samples: u64 = taken.iter().map(|node| job.node_samples(node)).sum();
     // The film has changed: so does the number by which its images are told apart.
     query(
@@ -138,7 +147,7 @@ fn rounds_of(
 }
 
 /// Takes a job back to where it was before any work was given out, and answers all that has been taken out of its film, with what was before.
-async fn begin_again(
+pub(super) async fn begin_again(
     connection: &mut Connection,
     job: &JobRecord,
     mut removed: Removed,

@@ -25,6 +25,9 @@ pub(super) async fn stock(
     last_round: i64,
     pace: &Pace,
 ) -> Result<bool, StoreError> {
+    if job.reopened_ms.is_some() {
+        return Ok(false);
+    }
     let [mut round, mut frame, mut tile] = job.cursor;
     let mut pending = Vec::new();
     while free < STOCK && i64::from(round) <= last_round {

@@ -7,6 +7,7 @@ mod bad_requests;
 mod farm;
 mod frames;
 mod live;
+mod lost;
 mod support;
 mod targets;
 mod trouble;

@@ -50,7 +50,7 @@ impl TestFarm {
         Self::serve(directory, config).await
     }
 
-    async fn serve(directory: TempDir, config: Config) -> Self {
+    pub(crate) async fn serve(directory: TempDir, config: Config) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = format!("http://{}", listener.local_addr().unwrap());
         let (stop, stopped) = oneshot::channel::<()>();

@@ -1,0 +1,146 @@
+//! Stored bytes that are lost or damaged: what was rendered once can be rendered again.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use bytes::Bytes;
+use clerestory_api::{ClientError, JobId, JobState, JobView, ProblemCode};
+use clerestory_coordinator::Config;
+
+use crate::support::*;
+
+/// Passes of the jobs here; rounds end at 1, 2, 4 and 8.
+const PASSES: u32 = 8;
+
+/// What happens to a file.
+type Harm = fn(&Path);
+
+/// Keeps nothing in memory, so that every read is one of the disk, and cuts work finely.
+fn forgetful(config: &mut Config) {
+    config.node_cache_bytes = 0;
+    config.lease_nodes = Some(1);
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap().path());
+    entries.flat_map(|path| if path.is_dir() { files(&path) } else { vec![path] }).collect()
+}
+
+fn node_files(farm: &TestFarm) -> Vec<PathBuf> {
+    files(&farm.directory.path().join("blobs/nodes"))
+}
+
+/// Renders whatever is asked for until a job is as it should be.
+async fn render_until(farm: &TestFarm, job: JobId, is_right: impl Fn(&JobView) -> bool) -> JobView {
+    let worker = farm.worker().await;
+    let deadline = Instant::now() + Duration::from_secs(60);
+    loop {
+        let view = farm.client.job(job).await.unwrap();
+        if is_right(&view) {
+            return view;
+        }
+        assert!(Instant::now() < deadline, "{view:?}");
+        match worker.claim().await {
+            None => tokio::time::sleep(Duration::from_millis(5)).await,
+            Some(lease) => {
+                // A job of which nothing is left begins again, and takes its leases back.
+                let answer = worker.upload(&lease, noise_partial(&lease, &addresses(&lease))).await;
+                let problem = answer.as_ref().err().map(|error| error.problem().unwrap().code);
+                assert!(matches!(problem, None | Some(ProblemCode::LeaseReturned)), "{answer:?}");
+            }
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_whose_nodes_are_lost_or_damaged_renders_them_again_and_has_the_same_bits() {
+    let harms: [(&str, Harm); 3] = [
+        ("lost", |file| fs::remove_file(file).unwrap()),
+        ("cut off", |file| {
+            let length = fs::metadata(file).unwrap().len();
+            fs::File::options().write(true).open(file).unwrap().set_len(length / 2).unwrap();
+        }),
+        ("changed", |file| {
+            let mut bytes = fs::read(file).unwrap();
+            let middle = bytes.len() / 2;
+            bytes[middle] ^= 4;
+            fs::write(file, bytes).unwrap();
+        }),
+    ];
+    for (harm, harmed) in harms {
+        let farm = TestFarm::start_with(forgetful).await;
+        let job = farm.submit(PASSES).await;
+        render_until(&farm, job.id, |view| view.rounds == 2).await;
+        let harmed_files = node_files(&farm);
+        assert!(!harmed_files.is_empty());
+        // Some may be merged away meanwhile.
+        harmed_files.iter().filter(|file| file.exists()).for_each(|file| harmed(file));
+        let done = render_until(&farm, job.id, |view| view.state.is_final()).await;
+        assert_eq!(done.state, JobState::Done, "{harm}: {:?}", done.failure);
+        assert!(done.redone_nodes > 0, "{harm}");
+        assert!(bits(&farm.image(job.id).await) == expected_bits(PASSES), "{harm}");
+        farm.stop().await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_that_is_done_gets_back_what_is_lost_and_nobody_is_given_half_of_its_image() {
+    let farm = TestFarm::start_with(forgetful).await;
+    let job = farm.submit(PASSES).await;
+    let done = render_until(&farm, job.id, |view| view.state == JobState::Done).await;
+    let series = farm.client.convergence(job.id).await.unwrap();
+    // Some may be merged away meanwhile.
+    node_files(&farm).iter().for_each(|file| drop(fs::remove_file(file)));
+
+    for _ in 0..2 {
+        let refused = farm.client.image(job.id).await.unwrap_err();
+        let ClientError::Problem { problem, .. } = &refused else { panic!("{refused}") };
+        assert_eq!(problem.code, ProblemCode::Unavailable);
+        assert!(problem.detail.contains("rendered again"), "{}", problem.detail);
+    }
+    let open = farm.client.job(job.id).await.unwrap();
+    assert_eq!((open.state, open.stopped_by, open.finished_ms), (JobState::Running, None, None));
+    let again = render_until(&farm, job.id, |view| view.state == JobState::Done).await;
+    assert!(again.redone_nodes > 0);
+    assert_eq!((again.stopped_by, again.finished_ms), (done.stopped_by, done.finished_ms));
+    assert_eq!(farm.client.convergence(job.id).await.unwrap(), series);
+    assert!(bits(&farm.image(job.id).await) == expected_bits(PASSES));
+    farm.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_coordinator_that_starts_looks_for_what_a_backup_lacks() {
+    let farm = TestFarm::start_with(forgetful).await;
+    let [done, open] = [farm.submit(PASSES).await, farm.submit(PASSES).await];
+    render_until(&farm, done.id, |view| view.state == JobState::Done).await;
+    render_until(&farm, open.id, |view| view.rounds == 2).await;
+    let (directory, config) = farm.stop().await;
+    for file in files(&directory.path().join("blobs/nodes")) {
+        fs::remove_file(file).unwrap();
+    }
+    let farm = TestFarm::serve(directory, config).await;
+    for job in [done.id, open.id] {
+        let view = render_until(&farm, job, |view| view.redone_nodes > 0 && view.state.is_final()).await;
+        assert_eq!(view.state, JobState::Done, "{:?}", view.failure);
+        assert!(bits(&farm.image(job).await) == expected_bits(PASSES));
+    }
+    farm.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_asset_that_is_lost_is_asked_for_again() {
+    let farm = TestFarm::start().await;
+    let content = Bytes::from_static(b"glass");
+    let asset = hash(&content);
+    farm.client.upload_asset(&asset, content.clone(), |_| ()).await.unwrap();
+    let stored = files(&farm.directory.path().join("blobs/assets"));
+    fs::remove_file(&stored[0]).unwrap();
+    let submission = clerestory_api::JobSubmission { reference: Some(asset), ..submission(1) };
+    let refused = farm.client.submit_job(&submission).await.unwrap_err();
+    let ClientError::Problem { problem, .. } = &refused else { panic!("{refused}") };
+    assert_eq!((problem.code, problem.missing.as_slice()), (ProblemCode::MissingAssets, &[asset][..]));
+    farm.client.upload_asset(&asset, content, |_| ()).await.unwrap();
+    assert!(stored[0].is_file());
+    farm.stop().await;
+}
