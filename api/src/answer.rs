@@ -39,6 +39,13 @@ pub struct UnexpectedAnswer {
     pub proxy: Option<String>,
 }
 
+impl UnexpectedAnswer {
+    /// Whether the body was larger than what gets through.
+    pub(crate) fn is_too_large(&self) -> bool {
+        self.status == StatusCode::PAYLOAD_TOO_LARGE.as_u16()
+    }
+}
+
 impl fmt::Display for UnexpectedAnswer {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "the answer does not come from a Clerestory coordinator: status {}", self.status)?;
@@ -54,6 +61,9 @@ impl fmt::Display for UnexpectedAnswer {
             write!(formatter, ", `{}`", self.body)?;
         }
         match (&self.proxy, &self.location) {
+            _ if self.is_too_large() => formatter.write_str(
+                "; a proxy in between refuses a body of this size: raise its limit, which nginx calls client_max_body_size",
+            ),
             (Some(proxy), _) => write!(formatter, "; it came through the proxy {proxy}"),
             (None, Some(location)) => match coordinator_at(location) {
                 Some(address) => write!(formatter, "; the coordinator may be at {address}"),

@@ -17,8 +17,8 @@ use crate::client_error::ClientError;
 use crate::{
     ACCEPTED_NODES_HEADER, API_PREFIX, CORE_MILLISECONDS_HEADER, ContentHash, ConvergenceSeries, EXR_MEDIA_TYPE,
     EventStream, FENCING_TOKEN_HEADER, JobId, JobScene, JobSubmission, JobView, Lease, LeaseId, LeaseRenewal,
-    LeaseRequest, LeaseReturn, LeaseToken, LiveMeasurement, PartialAnswer, PartialUpload, Preview, PreviewQuery,
-    WorkerId, WorkerRegistration, WorkerView, address, answer,
+    LeaseRequest, LeaseReturn, LeaseToken, LiveMeasurement, PIECE_MEDIA_TYPE, PartialAnswer, PartialPieces,
+    PartialUpload, Preview, PreviewQuery, WorkerActivity, WorkerId, WorkerRegistration, WorkerView, address, answer,
 };
 
 /// Longest wait for a connection.
@@ -229,9 +229,10 @@ impl Client {
         self.send_json(Method::POST, "/workers", registration).await
     }
 
-    /// Says that a worker is alive. A problem with code `unknown_worker` means that it has to register again.
-    pub async fn heartbeat(&self, worker: WorkerId) -> Result<(), ClientError> {
-        self.send_for_nothing(self.request(Method::POST, &format!("/workers/{worker}/heartbeat"))).await
+    /// Says that a worker is alive, and what it does. A problem with code `unknown_worker` means that it has to register again.
+    pub async fn heartbeat(&self, worker: WorkerId, activity: &WorkerActivity) -> Result<(), ClientError> {
+        let request = self.request(Method::POST, &format!("/workers/{worker}/heartbeat"));
+        self.send_for_nothing(request.json(activity)).await
     }
 
     /// Gives work again to a worker that was quarantined, and to all of the same name.
@@ -272,6 +273,28 @@ impl Client {
             .header(CORE_MILLISECONDS_HEADER, upload.core_ms)
             .body(upload.body);
         self.send_for_json(request).await
+    }
+
+    /// Uploads a piece of a partial that is too large to travel whole.
+    pub async fn upload_piece(
+        &self,
+        lease: LeaseId,
+        token: u64,
+        hash: &ContentHash,
+        piece: Bytes,
+    ) -> Result<(), ClientError> {
+        let request = self
+            .upload(&format!("/leases/{lease}/pieces/{hash}"), piece.len())
+            .header(CONTENT_TYPE, PIECE_MEDIA_TYPE)
+            .header(FENCING_TOKEN_HEADER, token)
+            .body(piece);
+        self.send_for_nothing(request).await
+    }
+
+    /// Uploads complete nodes of a lease whose partial has been uploaded in pieces. A problem with code `missing_pieces` lists those
+    /// that have to be uploaded again.
+    pub async fn assemble_partial(&self, lease: LeaseId, pieces: &PartialPieces) -> Result<PartialAnswer, ClientError> {
+        self.send_json(Method::POST, &format!("/leases/{lease}/pieces"), pieces).await
     }
 
     /// Gives the rest of a lease back.

@@ -100,6 +100,11 @@ impl ClientError {
         matches!(self, Self::UnexpectedAnswer { status, .. } if !is_transient(*status))
     }
 
+    /// Whether something in between refused the size of the body: a coordinator says so in a problem.
+    pub fn is_too_large_on_the_way(&self) -> bool {
+        matches!(self, Self::UnexpectedAnswer { answer, .. } if answer.is_too_large())
+    }
+
     /// Whether what was given cannot be used, so that nothing was sent.
     pub fn is_usage(&self) -> bool {
         matches!(

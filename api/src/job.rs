@@ -148,6 +148,9 @@ pub struct JobView {
     pub complete_passes: u32,
     /// Rounds recorded so far.
     pub rounds: u32,
+    /// Workers that build its scene at the moment: they bring nothing until it is built.
+    #[serde(default)]
+    pub building_workers: u32,
     /// How far it is, 0 to 1: the fraction of its samples that is accepted, or of its time limit that has passed where
     /// that is more, but no more than the fraction of the first pass while that is not complete; 1 when it is done. With a
     /// target, its samples are those at which the error of the last round, falling as their inverse, would be there.

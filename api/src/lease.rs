@@ -4,7 +4,7 @@ use bytes::Bytes;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
-use crate::{JobId, LeaseId, WorkerId};
+use crate::{ContentHash, JobId, LeaseId, WorkerId};
 
 /// Request header of a partial: the fencing token of its lease.
 pub const FENCING_TOKEN_HEADER: &str = "clerestory-fencing-token";
@@ -41,7 +41,7 @@ pub struct LeaseRequest {
     /// How long the coordinator may wait for work to appear before it answers that there is none; at most 20 000.
     #[serde(default)]
     pub wait_ms: u32,
-    /// Jobs whose scenes it has at hand, built: it is given work of these before work of others that are as urgent and have workers; at most 64.
+    /// Jobs whose scenes it has built or is building: it is given work of these before work of others that are as urgent and have workers; at most 64.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub built: Vec<JobId>,
 }
@@ -114,6 +114,18 @@ pub struct PartialUpload {
     pub core_ms: u64,
     /// The multi-part OpenEXR file.
     pub body: Bytes,
+}
+
+/// A partial whose pieces have been uploaded.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PartialPieces {
+    /// The lease's fencing token.
+    pub token: u64,
+    /// Milliseconds spent rendering it, summed over cores, at most 10^12.
+    pub core_ms: u64,
+    /// The hashes of its pieces, in their order; at most 65 536.
+    pub pieces: Vec<ContentHash>,
 }
 
 /// What became of the nodes of a partial. Whatever the verdict, the worker drops its copy.

@@ -44,17 +44,20 @@ pub use job::{FailedNode, JobHold, JobState, JobView, NamedWorker, StopReason};
 pub use job_scene::JobScene;
 pub use lease::{
     CORE_MILLISECONDS_HEADER, FENCING_TOKEN_HEADER, Lease, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken,
-    NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialUpload,
+    NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialPieces, PartialUpload,
 };
 pub use preview::{ACCEPTED_NODES_HEADER, Preview, PreviewExposure, PreviewQuery, ToneCurve};
 pub use printable::is_printable;
 pub use problem::{PROBLEM_MEDIA_TYPE, Problem, ProblemCode};
 pub use session::SessionRequest;
 pub use submission::JobSubmission;
-pub use worker::{Quarantine, WorkerRegistration, WorkerState, WorkerView};
+pub use worker::{Quarantine, SceneBuilding, WorkerActivity, WorkerRegistration, WorkerState, WorkerView};
 
 /// Path under which every endpoint of this version of the API lies.
 pub const API_PREFIX: &str = "/api/v1";
 
 /// Media type of an OpenEXR image or partial.
 pub const EXR_MEDIA_TYPE: &str = "image/x-exr";
+
+/// Media type of a piece of a partial.
+pub const PIECE_MEDIA_TYPE: &str = "application/octet-stream";

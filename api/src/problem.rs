@@ -50,6 +50,8 @@ pub enum ProblemCode {
     InvalidReference,
     /// The submission names content that has not been uploaded; `missing` lists it.
     MissingAssets,
+    /// Pieces of a partial have not been uploaded, or are gone; `missing` lists them.
+    MissingPieces,
     /// The uploaded bytes do not have the hash that names them.
     HashMismatch,
     /// The body is larger than allowed.

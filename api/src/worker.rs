@@ -20,6 +20,25 @@ pub struct WorkerRegistration {
     pub probe_digest: Option<String>,
 }
 
+/// What a worker does while it brings no nodes, as its heartbeats say.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WorkerActivity {
+    /// The scene that it builds; absent when it builds none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub building: Option<SceneBuilding>,
+}
+
+/// A scene that a worker builds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SceneBuilding {
+    /// The job whose scene it is.
+    pub job: JobId,
+    /// For how long.
+    pub for_ms: u64,
+}
+
 /// Where a worker stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -69,6 +88,9 @@ pub struct WorkerView {
     /// The job of its newest lease.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub job: Option<JobId>,
+    /// The scene that it builds, at its last heartbeat; absent when it builds none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub building: Option<SceneBuilding>,
     /// Nodes that it holds under lease.
     pub leased_nodes: u32,
     /// Nodes that it brought and that were accepted.

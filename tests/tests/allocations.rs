@@ -1,17 +1,22 @@
-//! Searches take no memory: they run by the million, and on every core an allocation waits for the others.
+//! Searches take no memory: they run by the million, and on every core an allocation waits for the others. Scenes take no more than is counted
+//! before they are built.
+
+#![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
 use std::hint::black_box;
+use std::io::Cursor;
 
 use allocation_counter::measure;
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::{LightKind, Source};
-use clerestory_render_core::scene::Scene;
 use clerestory_render_core::scene::description::{FneeSolver, ManifoldConstraint, WalkSteps};
+use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneMemory, SceneUse};
 use clerestory_render_core::specular::{ShadingPoint, fnee::PathSearch, side::PaneSide, sms::ManifoldSearch};
 use clerestory_tests::random::Random;
 use clerestory_tests::solution_lists::{load_case, load_list};
 use glam::{DVec2, DVec3};
+use serde_json::{Value, json};
 
 /// Seeds at each point.
 const SEEDS: u32 = 100;
@@ -118,4 +123,122 @@ fn all_paths_of_a_window_are_found_without_memory_but_for_more_than_four() {
         (most, all) = (most.max(paths), all + paths);
     }
     assert!(most > 2 && all > points.len(), "{all} paths, {most} at the most");
+}
+
+/// A scene of one mesh with this source and material, or of one pane with these faces.
+fn scene_of(source: &Value, material: &Value, panes: &Value, assets: &[(&str, Vec<u8>)]) -> SceneBundle {
+    let scene = json!({
+        "version": 1, "name": "memory", "film": {"width": 8, "height": 8},
+        "camera": {"perspective": {
+            "position": [0, 0, -2], "look_at": [0, 0, 0], "up": [0, 1, 0], "vertical_field_of_view": 40
+        }},
+        "integrator": {"path": {}},
+        "materials": {"stuff": material},
+        "meshes": [{"name": "mesh", "material": "stuff", "source": source}],
+        "panes": panes,
+        "lights": [{"point": {"name": "lamp", "position": [1, 1, -2], "intensity": [5, 5, 5]}}]
+    });
+    let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+    let assets = assets.iter().map(|(name, bytes)| ((*name).to_owned(), Asset::new(bytes.clone())));
+    SceneBundle::from_parts(description, assets.collect()).unwrap()
+}
+
+/// A square of cells of two triangles as an OBJ file, and as PLY files.
+fn square(cells: usize) -> [(&'static str, Vec<u8>); 3] {
+    let edge = cells + 1;
+    let corners = || (0..edge * edge).map(|k| ((k % edge) as f32 / cells as f32, (k / edge) as f32 / cells as f32));
+    let faces = || {
+        (0..cells * cells)
+            .map(|k| k / cells * edge + k % cells)
+            .flat_map(|a| [[a, a + 1, a + edge + 1], [a, a + edge + 1, a + edge]])
+    };
+    let mut obj = String::new();
+    for (x, y) in corners() {
+        obj += &format!("v {x} {y} 0\nvt {x} {y}\n");
+    }
+    for [a, b, c] in faces().map(|face| face.map(|corner| corner + 1)) {
+        obj += &format!("f {a}/{a} {b}/{b} {c}/{c}\n");
+    }
+    let header = |format: &str| {
+        format!(
+            "ply\nformat {format} 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+             element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+            edge * edge,
+            2 * cells * cells
+        )
+    };
+    let mut text = header("ascii");
+    let mut binary = header("binary_little_endian").into_bytes();
+    for (x, y) in corners() {
+        text += &format!("{x} {y} 0\n");
+        binary.extend([x, y, 0.0].map(f32::to_le_bytes).concat());
+    }
+    for face in faces() {
+        let [a, b, c] = face;
+        text += &format!("3 {a} {b} {c}\n");
+        binary.push(3);
+        binary.extend(face.map(|corner| (corner as i32).to_le_bytes()).concat());
+    }
+    [("a.obj", obj.into_bytes()), ("a.ply", text.into_bytes()), ("b.ply", binary)]
+}
+
+fn png(picture: image::DynamicImage) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+    bytes.into_inner()
+}
+
+#[test]
+fn a_scene_takes_no_more_memory_than_is_counted_before_it_is_decoded_and_not_far_less() {
+    let colour = json!({"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}});
+    let textured = json!({"diffuse": {"reflectance": {"texture": {"file": "t.png"}}}});
+    let water = json!({"dielectric": {"index_of_refraction": 1.33}});
+    let waves = json!({"waves": {
+        "size": [2, 2], "cells": [150, 150], "wavelengths": [0.3, 0.5], "height": 0.01, "seed": 1
+    }});
+    let triangle = json!({"inline": {"positions": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "triangles": [[0, 1, 2]]}});
+    let pane = |face: Value| {
+        json!([{"name": "pane", "centre": [0, 0, 2], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 1, "height": 1,
+            "thickness": 0.004, "front": face, "back": face}])
+    };
+    let files = square(150);
+    let texture = ("t.png", png(image::DynamicImage::new_rgb8(700, 300)));
+    let heights = ("h.png", png(image::DynamicImage::new_luma16(300, 300)));
+    let with_texture = |file: usize| [files[file].clone(), texture.clone()];
+    let none = json!([]);
+    let uv_square = json!({"inline": {
+        "positions": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "triangles": [[0, 1, 2]],
+        "texture_coordinates": [[0, 0], [1, 0], [0, 1]]
+    }});
+    let scenes = [
+        ("waves", scene_of(&waves, &colour, &none, &[])),
+        ("water", scene_of(&waves, &water, &none, &[])),
+        ("obj", scene_of(&json!({"obj": {"file": "a.obj"}}), &colour, &none, &files[..1])),
+        ("obj with a texture", scene_of(&json!({"obj": {"file": "a.obj"}}), &textured, &none, &with_texture(0))),
+        ("smooth obj", scene_of(&json!({"obj": {"file": "a.obj"}}), &water, &none, &files[..1])),
+        ("text ply", scene_of(&json!({"ply": {"file": "a.ply"}}), &colour, &none, &files[1..2])),
+        ("binary ply", scene_of(&json!({"ply": {"file": "b.ply"}}), &colour, &none, &files[2..])),
+        ("texture", scene_of(&uv_square, &textured, &none, std::slice::from_ref(&texture))),
+        (
+            "hammered",
+            scene_of(&triangle, &colour, &pane(json!({"hammered": {"wavelength": 0.1, "amplitude": 1e-6}})), &[]),
+        ),
+        ("heights", scene_of(&triangle, &colour, &pane(json!({"height_map": {"file": "h.png"}})), &[heights])),
+    ];
+    // Threads have counters of their own.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
+    let mut wrong = Vec::new();
+    for (name, bundle) in &scenes {
+        let assets: u64 = bundle.assets().values().map(|asset| asset.bytes().len() as u64).sum();
+        let memory = SceneMemory::of(bundle);
+        let check = || _ = black_box(Scene::check(bundle).unwrap());
+        let build = || drop(black_box(Scene::build(bundle).unwrap()));
+        let taken = pool.install(|| [measure(check), measure(build)].map(|taken| taken.bytes_max + assets));
+        let counted = [SceneUse::Check, SceneUse::Build].map(|scene_use| memory.bytes(scene_use));
+        let fits = |(taken, counted): (&u64, &u64)| taken <= counted && *counted <= 3 * taken;
+        if !taken.iter().zip(&counted).all(fits) {
+            wrong.push(format!("{name}: {taken:?} bytes taken, {counted:?} counted"));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
 }

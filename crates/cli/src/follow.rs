@@ -1,10 +1,11 @@
 //! Following a job to its end: progress and rounds, across restarts of the coordinator.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use clerestory_api::{
-    Client, ClientError, ConvergencePoint, Event, EventBody, JobId, JobView, LiveMeasurement, ProblemCode, WorkerState,
-    WorkerView,
+    Client, ClientError, ConvergencePoint, Event, EventBody, JobId, JobView, LiveMeasurement, ProblemCode, WorkerId,
+    WorkerState, WorkerView,
 };
 use futures::StreamExt;
 use futures::stream::FuturesUnordered;
@@ -68,6 +69,8 @@ async fn follow_through(
         outage: Outage::default(),
         workers: Workers::Unknown,
         is_held: false,
+        builders: BTreeSet::new(),
+        view: None,
     };
     loop {
         match follower.until_final().await {
@@ -155,6 +158,10 @@ struct Follower<'a> {
     workers: Workers,
     /// Whether the user has been told that the job is held.
     is_held: bool,
+    /// Workers that build the scene.
+    builders: BTreeSet<WorkerId>,
+    /// The job as it was told of last.
+    view: Option<JobView>,
 }
 
 /// Whether somebody is there who could render.
@@ -244,6 +251,9 @@ impl Follower<'_> {
             let views = match body {
                 EventBody::Snapshot { jobs, workers } => {
                     self.workers.hear_all(&workers);
+                    for worker in &workers {
+                        self.note_builder(worker);
+                    }
                     jobs
                 }
                 EventBody::Job { job } | EventBody::Progress { job } => vec![*job],
@@ -255,11 +265,14 @@ impl Follower<'_> {
                 }
                 EventBody::Worker { worker } => {
                     self.workers.hear(&worker);
+                    if self.note_builder(&worker) {
+                        self.show_again();
+                    }
                     continue;
                 }
             };
             let Some(view) = views.into_iter().find(|view| view.id == self.job) else { continue };
-            self.show(&view);
+            self.show(view.clone());
             if view.state.is_final() {
                 self.catch_up().await?;
                 return Ok(Some(view));
@@ -292,7 +305,7 @@ impl Follower<'_> {
                 self.live = live_error(client, job).await;
             }
             self.catch_up().await?;
-            self.show(&view);
+            self.show(view.clone());
             if view.state.is_final() {
                 return Ok(Some(view));
             }
@@ -305,11 +318,28 @@ impl Follower<'_> {
         self.outage.end(self.connection, self.progress);
     }
 
-    fn show(&mut self, view: &JobView) {
-        self.note_hold(view);
+    /// Notes whether a worker builds the scene; says whether that is news.
+    fn note_builder(&mut self, worker: &WorkerView) -> bool {
+        if worker.building.is_some_and(|building| building.job == self.job) {
+            self.builders.insert(worker.id)
+        } else {
+            self.builders.remove(&worker.id)
+        }
+    }
+
+    /// Shows how far the job is.
+    fn show(&mut self, view: JobView) {
+        self.note_hold(&view);
+        self.view = Some(view);
+        self.show_again();
+    }
+
+    fn show_again(&mut self) {
+        let Some(view) = &self.view else { return };
         let advance = Advance {
             fraction: view.progress,
-            activity: None,
+            activity: building_text(self.builders.len().max(view.building_workers as usize))
+                .filter(|_| view.samples == 0),
             samples: Some(self.samples_text(view)),
             samples_per_second: view.samples_per_second,
             remaining: view.remaining_ms.and_then(|left| u64::try_from(left).ok()).map(Duration::from_millis),
@@ -360,6 +390,15 @@ impl Follower<'_> {
             self.rounds = point.round + 1;
             self.progress.round(point);
         }
+    }
+}
+
+/// What workers do that bring nothing yet.
+fn building_text(workers: usize) -> Option<String> {
+    match workers {
+        0 => None,
+        1 => Some("1 worker builds the scene".to_owned()),
+        workers => Some(format!("{workers} workers build the scene")),
     }
 }
 

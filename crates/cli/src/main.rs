@@ -16,6 +16,7 @@ mod like;
 mod load;
 mod local_farm;
 mod local_render;
+mod local_scene;
 mod logging;
 mod memory;
 mod output_file;

@@ -36,6 +36,7 @@ export function JobView({ id, farm }) {
       ${job.hold && html`<${Hold} job=${job} isReachable=${isReachable} />`}
       ${job.failure && html`
         <div class="notice warning" role="alert"><p><strong>The job was given up:</strong> ${job.failure}</p></div>`}
+      <${Building} job=${job} workers=${farm.workers} />
       ${job.state === 'queued' && farm.workers.size === 0 && html`
         <div class="notice"><p>No worker has registered. <a href="#/">See how to start one</a>.</p></div>`}
       <div class="job-body">
@@ -122,6 +123,14 @@ function LightList({ id, heading, texts }) {
       <h2 id=${id}>${heading}</h2>
       <ul>${texts.map((text) => html`<li>${text}</li>`)}</ul>
     </section>`;
+}
+
+/** Who builds the scene, while nothing of the job has come. */
+function Building({ job, workers }) {
+  const builders = [...workers.values()].filter((worker) => worker.building?.job === job.id && worker.state !== 'silent');
+  if (job.samples > 0 || builders.length === 0) return null;
+  const who = builders.length === 1 ? `${builders[0].name} builds` : `${builders.length} workers build`;
+  return html`<p class="quiet">${who} the scene.</p>`;
 }
 
 // Screen readers hear every tenth of the way, and how it ended.

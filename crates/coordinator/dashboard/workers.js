@@ -2,7 +2,7 @@
 
 import { releaseWorker } from './api.js';
 import { html, useState } from './vendor/htm-preact.js';
-import { ago, count, moment, rate } from './format.js';
+import { ago, count, duration, moment, rate } from './format.js';
 import { ProblemText } from './problem.js';
 import { useCoordinatorTime } from './time.js';
 
@@ -49,7 +49,7 @@ function WorkerRow({ worker, jobs, now }) {
             <a href=${`#/jobs/${id}`}>${jobs.get(id)?.name ?? id}</a> `)}and gets none of their nodes.</p>`}
         ${worker.quarantine && html`<${Quarantine} worker=${worker} jobs=${jobs} />`}
       </th>
-      <td><span class="state" data-state=${worker.state}>${STATE_WORDS[worker.state] ?? worker.state}</span></td>
+      <td><span class="state" data-state=${worker.state}>${stateWords(worker)}</span></td>
       <td>${job ? html`<a href=${`#/jobs/${job.id}`}>${job.name}</a>` : '–'}</td>
       <td class="number">${worker.cores}</td>
       <td class="number">${rate(worker.samples_per_second)}</td>
@@ -57,6 +57,12 @@ function WorkerRow({ worker, jobs, now }) {
       <td title=${moment(worker.seen_ms)}>${ago(now - worker.seen_ms)}</td>
       <td><code class="build">${worker.build}</code></td>
     </tr>`;
+}
+
+/** Where a worker stands; of one that builds a scene, for how long. */
+function stateWords(worker) {
+  const isBuilding = worker.building && (worker.state === 'rendering' || worker.state === 'idle');
+  return isBuilding ? `Building, ${duration(worker.building.for_ms)}` : STATE_WORDS[worker.state] ?? worker.state;
 }
 
 /** Why a worker gets no work, what it may have spoilt, and the way back. */

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use bytes::Bytes;
-use clerestory_api::{ContentHash, JobId};
+use clerestory_api::{ContentHash, JobId, LeaseId};
 use futures::stream::{self, BoxStream, Stream, StreamExt, TryStreamExt};
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
@@ -307,6 +307,40 @@ impl Blobs {
         made.map_err(|source| BlobError(object_store::Error::Generic { store: "directory", source: Box::new(source) }))
     }
 
+    /// Stores a piece of a partial that comes under a lease.
+    pub(crate) async fn put_piece(&self, lease: LeaseId, hash: ContentHash, piece: Bytes) -> Result<(), BlobError> {
+        let path = piece_path(lease, hash);
+        self.make_folder_of(&path).await?;
+        self.store.put(&path, piece.into()).await?;
+        Ok(())
+    }
+
+    /// Size of a piece of a partial; none when it is not there.
+    pub(crate) async fn piece_size(&self, lease: LeaseId, hash: ContentHash) -> Result<Option<u64>, BlobError> {
+        match self.store.head(&piece_path(lease, hash)).await {
+            Ok(found) => Ok(Some(found.size)),
+            Err(object_store::Error::NotFound { .. }) => Ok(None),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// A piece of a partial.
+    pub(crate) async fn piece(&self, lease: LeaseId, hash: ContentHash) -> Result<Bytes, BlobError> {
+        Ok(self.store.get(&piece_path(lease, hash)).await?.bytes().await?)
+    }
+
+    /// Removes pieces of a partial.
+    pub(crate) async fn remove_pieces(&self, lease: LeaseId, pieces: &[ContentHash]) {
+        let names: BTreeSet<String> = pieces.iter().map(|hash| piece_path(lease, *hash).to_string()).collect();
+        self.remove(names.into_iter().collect()).await;
+    }
+
+    /// Names of all pieces of partials.
+    pub(crate) async fn pieces(&self) -> Result<BTreeSet<String>, BlobError> {
+        let found = self.store.list(Some(&Path::from("pieces")));
+        Ok(found.map_ok(|blob| blob.location.to_string()).try_collect().await?)
+    }
+
     /// Stores nodes in one blob with a new name. Answers where each lies when the bytes are safe on disk.
     pub(crate) async fn put_nodes(&self, job: JobId, nodes: Vec<Vec<u8>>) -> Result<Vec<Place>, BlobError> {
         let blob = format!("{NODES}/{job}/{}", Uuid::now_v7());
@@ -410,6 +444,10 @@ fn asset_path(hash: ContentHash) -> Path {
     let hash = hash.to_string();
     let (directory, _) = hash.split_at(2);
     Path::from(format!("assets/{directory}/{hash}"))
+}
+
+fn piece_path(lease: LeaseId, hash: ContentHash) -> Path {
+    Path::from(format!("pieces/{lease}-{hash}"))
 }
 
 /// Removes what uploads had written when the coordinator was killed: `LocalFileSystem` writes to `NAME#NUMBER` and

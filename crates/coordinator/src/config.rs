@@ -38,6 +38,8 @@ pub struct Config {
     pub max_asset_bytes: u64,
     /// Largest partial.
     pub max_partial_bytes: u64,
+    /// Memory that a submitted scene may take to be checked; all large ones together.
+    pub submission_bytes: u64,
     /// Memory for decoded nodes that may be needed again.
     pub node_cache_bytes: usize,
     /// Memory for rows of images: half of it for measuring rounds, half for images that are downloaded.
@@ -64,6 +66,7 @@ impl Config {
             lease_nodes: None,
             max_asset_bytes: 256 << 20,
             max_partial_bytes: 256 << 20,
+            submission_bytes: 1 << 30,
             node_cache_bytes: 64 << 20,
             image_bytes: 128 << 20,
             preview_bytes: 64 << 20,

@@ -24,6 +24,7 @@ use crate::rate::Rates;
 use crate::readiness::Readiness;
 use crate::schedule::SHORTEST_GATHERING_SECONDS;
 use crate::store::{CheckKey, Removed, Store};
+use crate::submissions::Submissions;
 
 /// Bytes of partials that are received at the same time, but for one that goes on beyond them.
 pub(crate) const RECEIVED_BYTES: u64 = 32 << 20;
@@ -93,8 +94,8 @@ pub(crate) struct Farm {
     pub(crate) comparing: Semaphore,
     /// Permits for batches of tiles that are merged.
     pub(crate) merging: Semaphore,
-    /// Permit for building a submitted scene, which may take much memory.
-    pub(crate) building: Semaphore,
+    /// Memory for submissions that are checked.
+    pub(crate) submissions: Submissions,
     /// Leases that were active a moment ago, at whichever coordinator.
     active_leases: AtomicU32,
     /// Since when workers are heard without a gap.
@@ -133,6 +134,7 @@ impl Farm {
         let [images, measuring] = [(); 2].map(|()| Semaphore::new(permits(config.image_bytes / 2) as usize));
         let comparing = Semaphore::new(permits(config.image_bytes / 4) as usize);
         let previews = Previews::new(config.preview_bytes);
+        let submissions = Submissions::new(config.submission_bytes);
         let rates = Rates::new(config.clock.now_ms());
         let farm = Self {
             config,
@@ -154,7 +156,7 @@ impl Farm {
             measuring,
             comparing,
             merging: Semaphore::new(MERGES),
-            building: Semaphore::new(1),
+            submissions,
             active_leases: AtomicU32::new(0),
             listening: Mutex::new(Instant::now()),
             keeper,

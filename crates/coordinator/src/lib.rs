@@ -48,6 +48,7 @@ mod schedule;
 pub mod server;
 mod stop;
 mod store;
+mod submissions;
 mod submit;
 mod tasks;
 mod tidying;

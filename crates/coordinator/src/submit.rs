@@ -1,10 +1,16 @@
 //! From a submission to a job: everything that a worker would stumble over is found here and named.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroUsize;
+use std::sync::Arc;
+use std::thread::available_parallelism;
 
 use clerestory_api::{ContentHash, JobId, JobSubmission, ProblemCode};
 use clerestory_render_core::film::{ImageError, OpenExrError, TileGrid};
-use clerestory_render_core::scene::{self, Asset, Scene, SceneBundle, SceneDescription, SceneError};
+use clerestory_render_core::scene::{
+    self, Asset, CheckedScene, Scene, SceneBundle, SceneDescription, SceneError, SceneHash, SceneMemory, SceneUse,
+};
+use rayon::ThreadPoolBuilder;
 use uuid::Uuid;
 
 use crate::adaptive::adaptation;
@@ -30,35 +36,33 @@ const LONGEST_TIME_MS: i64 = 10 * 365 * 24 * 3600 * 1000;
 /// Most samples per pixel: the sampler counts no further.
 const MOST_SAMPLES: u32 = 1 << 24;
 
+/// What an operator can do for a scene that takes too much memory.
+const WAY_OUT: &str = "a larger `submission_bytes` in the coordinator's configuration";
+
 /// Checks a submission and makes a job of it.
-pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob, ApiError> {
+pub(crate) async fn job(farm: &Farm, mut submission: JobSubmission) -> Result<NewJob, ApiError> {
     check_numbers(&submission)?;
     let targets = Targets { mse: submission.target_mse, estimated_mse: submission.target_estimated_mse };
     targets.check(submission.reference.is_some(), None).map_err(of_target)?;
-    let text = serde_json::to_vec(&submission.scene).map_err(ApiError::internal)?;
+    // Of what a scene is read from and into, no more than is needed is in memory together.
+    let text = serde_json::to_vec(&submission.scene.take()).map_err(ApiError::internal)?;
     let description = blocking(move || SceneDescription::parse(&text).map_err(of_scene_error)).await?;
     ApiError::check_name("scene.name", &description.name)?;
     let grid = grid(&submission, &description)?;
     let named = check_assets(&submission.assets, &scene::asset_names(&description))?;
     check_uploaded(farm, named.values().copied().chain(submission.reference)).await?;
 
-    let mut assets = BTreeMap::new();
-    for (name, hash) in &named {
-        assets.insert(name.clone(), Asset::new(farm.blobs.asset(*hash).await?.to_vec()));
-    }
     if let Some(hash) = submission.reference {
         let noise = check_reference(farm, grid, hash).await?;
         targets.check(true, noise).map_err(of_target)?;
     }
-    let _permit = farm.building.acquire().await.map_err(ApiError::internal)?;
-    let scene = blocking(move || build(description, assets)).await?;
-    let description = scene.description();
+    let scene = checked(farm, description, &named).await?;
+    let Checked { description, facts, hash } = &scene;
     let sampling = description.sampling;
     let name = submission.name.unwrap_or_else(|| description.name.clone());
     let passes = submission.samples_per_pixel.div_ceil(sampling.samples_per_pass.max(1));
     if submission.adaptive {
-        let sampling = scene.sampling();
-        adaptation(sampling, passes, &targets)
+        adaptation(facts.sampling, passes, &targets)
             .map_err(|fewest| too_few_to_share(submission.samples_per_pixel, fewest))?;
     }
     Ok(NewJob {
@@ -66,10 +70,10 @@ pub(crate) async fn job(farm: &Farm, submission: JobSubmission) -> Result<NewJob
         name: name.chars().take(LONGEST_NAME).collect(),
         priority: submission.priority,
         scene: scene::canonical_json(description),
-        scene_hash: scene.hash().to_string(),
+        scene_hash: hash.to_string(),
         integrator: description.integrator.name().to_owned(),
         missing_light: description.missing_light(),
-        left_to_chance: scene.left_to_chance(),
+        left_to_chance: facts.left_to_chance.clone(),
         grid,
         samples_per_pass: sampling.samples_per_pass,
         samples_per_block: sampling.samples_per_block,
@@ -178,10 +182,69 @@ async fn check_reference(farm: &Farm, grid: TileGrid, hash: ContentHash) -> Resu
     Ok(Reference::measure(farm, grid, hash).await.map_err(refused)?.noise())
 }
 
-/// Builds the scene as a worker will, so that what is wrong with the contents of its assets is found here.
-fn build(description: SceneDescription, assets: BTreeMap<String, Asset>) -> Result<Scene, ApiError> {
-    let bundle = SceneBundle::from_parts(description, assets).map_err(of_scene_error)?;
-    Scene::build(&bundle).map_err(of_scene_error)
+/// A scene that can be built.
+struct Checked {
+    description: SceneDescription,
+    facts: CheckedScene,
+    hash: SceneHash,
+}
+
+/// Checks a scene with the contents of its assets, so that what a worker would stumble over is found here. Memory is taken before assets are
+/// read, and, when it is known what they decode to, before they are decoded.
+async fn checked(
+    farm: &Farm,
+    description: SceneDescription,
+    named: &BTreeMap<String, ContentHash>,
+) -> Result<Checked, ApiError> {
+    let limit = farm.config.submission_bytes;
+    let asset_bytes = farm.store.asset_bytes(named.values().copied()).await?;
+    if asset_bytes > limit {
+        let expected = format!("at most {limit} bytes in all assets; or {WAY_OUT}");
+        let problem = ApiError::new(ProblemCode::InvalidScene, "the assets of the scene are too large");
+        return Err(problem.field("assets").value(format!("{asset_bytes} bytes")).expected(expected));
+    }
+    let description = Arc::new(description);
+    let mut room = farm.submissions.for_scene(asset_bytes).await?;
+    let mut bundle = read(farm, &description, named).await?;
+    let memory = {
+        let bundle = Arc::clone(&bundle);
+        blocking(move || Ok(SceneMemory::of(&bundle))).await?
+    };
+    memory.check(SceneUse::Check, limit, WAY_OUT).map_err(of_scene_error)?;
+    let needed = memory.bytes(SceneUse::Check);
+    room = match farm.submissions.grow(room, needed) {
+        Some(room) => room,
+        None => {
+            // The room that it had is free meanwhile: two that wait for each other would wait in vain.
+            drop(bundle);
+            let room = farm.submissions.for_scene(needed).await?;
+            bundle = read(farm, &description, named).await?;
+            room
+        }
+    };
+    // Threads of its own: neither other submissions nor images wait for those of a large scene.
+    let threads = if room.is_small { 1 } else { available_parallelism().map_or(1, NonZeroUsize::get) };
+    blocking(move || {
+        let _room = room;
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().map_err(ApiError::internal)?;
+        let facts = pool.install(|| Scene::check(&bundle)).map_err(of_scene_error)?;
+        Ok(Checked { description: bundle.description().clone(), facts, hash: bundle.scene_hash() })
+    })
+    .await
+}
+
+/// Reads the assets of a scene into memory.
+async fn read(
+    farm: &Farm,
+    description: &Arc<SceneDescription>,
+    named: &BTreeMap<String, ContentHash>,
+) -> Result<Arc<SceneBundle>, ApiError> {
+    let mut assets = BTreeMap::new();
+    for (name, hash) in named {
+        assets.insert(name.clone(), Asset::new(farm.blobs.asset(*hash).await?.to_vec()));
+    }
+    let description = SceneDescription::clone(description);
+    blocking(move || SceneBundle::from_parts(description, assets).map(Arc::new).map_err(of_scene_error)).await
 }
 
 fn of_scene_error(error: SceneError) -> ApiError {

@@ -59,18 +59,23 @@ async fn sweep(farm: &Farm, suspects: &mut Suspects) -> Result<(), RunError> {
     Ok(())
 }
 
-/// Blobs of nodes that no row names. They are listed before rows are read: one that is stored between is not on the list.
+/// Blobs of nodes that no row names, and pieces of partials, which no row ever names. They are listed before rows are read: one that is stored
+/// between is not on the list.
 pub(crate) async fn orphans(store: &Store, blobs: &Blobs) -> Result<BTreeSet<String>, RunError> {
     let found = blobs.node_blobs().await?;
     let known = store.node_blobs().await?;
-    Ok(&found - &known)
+    let pieces = blobs.pieces().await?;
+    Ok(&(&found - &known) | &pieces)
 }
 
 /// Removes blobs that are left over.
 pub(crate) async fn remove(blobs: &Blobs, orphans: BTreeSet<String>) {
     let swept = blobs.remove(orphans.into_iter().collect()).await;
     if swept > 0 {
-        tracing::info!(swept, "removed blobs of nodes that were never accepted or have been merged");
+        tracing::info!(
+            swept,
+            "removed blobs of nodes that were never accepted or have been merged, and pieces of partials"
+        );
     }
 }
 

@@ -31,7 +31,10 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
         let by_samples = is_end_known.then(|| by_rate(expected_samples));
         by_limit.into_iter().chain(by_samples).min()
     });
+    let building_workers =
+        if is_running { farm.store.building_workers(job.id, farm.silent_before_ms()).await? } else { 0 };
     Ok(JobView {
+        building_workers,
         progress: progress(&job, expected_samples, now_ms),
         total_samples: job.total_samples(),
         tiles: job.grid.len(),

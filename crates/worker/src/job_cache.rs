@@ -1,13 +1,18 @@
-//! The scenes of the last few jobs, built and ready to render, and the assets they are made of.
+//! The scenes of the last few jobs, built or being built, and the assets they are made of.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
+use std::time::Instant;
 
-use clerestory_api::{Client, ClientError, ContentHash, JobId, JobScene};
-use clerestory_render_core::film::{OpenExrError, PartialHeader, Rendered, TileGrid, partial};
-use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneError};
+use clerestory_api::{Client, ClientError, ContentHash, JobId, JobScene, SceneBuilding, WorkerActivity};
+use clerestory_render_core::film::{OpenExrError, PartialHeader, TileGrid, partial};
+use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneError, SceneMemory, SceneUse};
+use tokio::sync::{Mutex, watch};
+use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, info};
 
+use crate::machine::machine_memory;
+use crate::renderer::RenderedNode;
 use crate::retry::until_answered;
 
 /// Jobs whose scenes are kept.
@@ -31,13 +36,13 @@ pub(crate) struct JobPlan {
 
 impl JobPlan {
     /// The partial with these nodes.
-    pub(crate) fn encode_partial(&self, nodes: &[Rendered], build: &str) -> Result<Vec<u8>, OpenExrError> {
+    pub(crate) fn encode_partial(&self, nodes: &[RenderedNode], build: &str) -> Result<Vec<u8>, OpenExrError> {
         let header = PartialHeader {
             job: self.job.to_string(),
             scene_hash: self.scene.hash().to_string(),
             build: build.to_owned(),
         };
-        partial::encode(nodes, &header, &self.grid)
+        partial::encode(nodes.iter().map(|node| &node.rendered), &header, &self.grid)
     }
 }
 
@@ -56,53 +61,140 @@ pub(crate) enum PlanError {
     Scene(#[from] SceneError),
     #[error("building the scene failed")]
     Panic(#[from] tokio::task::JoinError),
+    #[error("building the scene was given up")]
+    Dropped,
 }
 
-/// Plans of the last few jobs.
+/// Plans of the last few jobs, and those that are being made. A plan that takes longer than a lease is made to its end, and serves the next
+/// lease of its job.
 pub(crate) struct JobCache {
-    client: Client,
+    maker: Arc<Maker>,
     /// Last used first.
-    plans: VecDeque<Arc<JobPlan>>,
-    assets: AssetCache,
+    entries: VecDeque<Entry>,
+}
+
+/// A plan that is made or being made.
+struct Entry {
+    job: JobId,
+    outcome: watch::Receiver<Option<Outcome>>,
+    _making: AbortOnDropHandle<()>,
+}
+
+/// What came of making a plan. Every lease that waits for it is told.
+type Outcome = Result<Arc<JobPlan>, Arc<PlanError>>;
+
+impl Entry {
+    fn begin(maker: Arc<Maker>, job: JobId) -> Self {
+        let (result, outcome) = watch::channel(None);
+        let making = tokio::spawn(async move {
+            let made = maker.make(job).await.map(Arc::new).map_err(Arc::new);
+            result.send_replace(Some(made));
+        });
+        Self { job, outcome, _making: AbortOnDropHandle::new(making) }
+    }
+
+    fn has_failed(&self) -> bool {
+        let gone = self.outcome.has_changed().is_err();
+        self.outcome.borrow().as_ref().map_or(gone, Result::is_err)
+    }
 }
 
 impl JobCache {
     pub(crate) fn new(client: Client) -> Self {
-        Self { client, plans: VecDeque::new(), assets: AssetCache::default() }
+        let assets = Mutex::new(AssetCache::default());
+        Self { maker: Arc::new(Maker { client, assets, activity: Activity::default() }), entries: VecDeque::new() }
     }
 
-    /// The plan of a job, fetched and built unless it is at hand.
-    pub(crate) async fn plan(&mut self, job: JobId) -> Result<Arc<JobPlan>, PlanError> {
-        let plan = match self.plans.iter().position(|plan| plan.job == job).and_then(|at| self.plans.remove(at)) {
-            Some(plan) => plan,
-            None => Arc::new(self.fetch(job).await?),
-        };
-        self.plans.push_front(plan.clone());
-        self.plans.truncate(KEPT_JOBS);
-        Ok(plan)
+    /// The plan of a job, fetched and built unless it is at hand. Dropping the future loses nothing: the plan is made all the same.
+    pub(crate) async fn plan(&mut self, job: JobId) -> Outcome {
+        let known = self.entries.iter().position(|entry| entry.job == job).and_then(|at| self.entries.remove(at));
+        let entry = known.filter(|entry| !entry.has_failed());
+        let entry = entry.unwrap_or_else(|| Entry::begin(Arc::clone(&self.maker), job));
+        let mut outcome = entry.outcome.clone();
+        self.entries.push_front(entry);
+        let building = self.maker.activity.job();
+        let mut kept = 0;
+        self.entries.retain(|entry| {
+            kept += 1;
+            kept <= KEPT_JOBS || building == Some(entry.job)
+        });
+        let made = outcome.wait_for(Option::is_some).await;
+        made.ok().and_then(|made| made.clone()).unwrap_or_else(|| Err(Arc::new(PlanError::Dropped)))
     }
 
-    /// The jobs whose plans are at hand.
-    pub(crate) fn built(&self) -> Vec<JobId> {
-        self.plans.iter().map(|plan| plan.job).collect()
+    /// The jobs whose plans are at hand or being made.
+    pub(crate) fn jobs(&self) -> Vec<JobId> {
+        self.entries.iter().filter(|entry| !entry.has_failed()).map(|entry| entry.job).collect()
     }
 
-    async fn fetch(&mut self, job: JobId) -> Result<JobPlan, PlanError> {
+    /// What is being built, for whoever reports it.
+    pub(crate) fn activity(&self) -> Activity {
+        self.maker.activity.clone()
+    }
+}
+
+/// The scene that is being built, and since when.
+#[derive(Clone, Default)]
+pub(crate) struct Activity(Arc<std::sync::Mutex<Option<(JobId, Instant)>>>);
+
+impl Activity {
+    /// What a heartbeat says.
+    pub(crate) fn report(&self) -> WorkerActivity {
+        let building = self.0.lock().unwrap_or_else(PoisonError::into_inner).map(|(job, since)| SceneBuilding {
+            job,
+            for_ms: u64::try_from(since.elapsed().as_millis()).unwrap_or(u64::MAX),
+        });
+        WorkerActivity { building }
+    }
+
+    fn job(&self) -> Option<JobId> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).map(|(job, _)| job)
+    }
+
+    fn begin(&self, job: JobId) -> Building<'_> {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((job, Instant::now()));
+        Building(self)
+    }
+}
+
+/// A build that is under way; over when it is dropped.
+struct Building<'a>(&'a Activity);
+
+impl Drop for Building<'_> {
+    fn drop(&mut self) {
+        *self.0.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+/// Fetches and builds scenes.
+struct Maker {
+    client: Client,
+    /// Held while a plan is made: two scenes at a time may take more memory than the machine has.
+    assets: Mutex<AssetCache>,
+    activity: Activity,
+}
+
+impl Maker {
+    async fn make(&self, job: JobId) -> Result<JobPlan, PlanError> {
+        let mut cache = self.assets.lock().await;
+        info!(%job, "fetching and building a scene");
+        let _building = self.activity.begin(job);
+        let begun = Instant::now();
         let order: JobScene = until_answered("fetch a scene", || self.client.job_scene(job)).await?;
         if !(1..=LARGEST_TILE).contains(&order.tile_size) {
             return Err(PlanError::TileSize { found: order.tile_size });
         }
         let mut assets = BTreeMap::new();
         for (name, hash) in &order.assets {
-            assets.insert(name.clone(), self.asset(name, hash).await?);
+            assets.insert(name.clone(), self.asset(&mut cache, name, hash).await?);
         }
         let plan = tokio::task::spawn_blocking(move || build(&order, assets)).await??;
-        info!(%job, scene = %plan.scene.hash(), "built a scene");
+        info!(%job, scene = %plan.scene.hash(), seconds = begun.elapsed().as_secs_f64(), "built a scene");
         Ok(plan)
     }
 
-    async fn asset(&mut self, name: &str, hash: &ContentHash) -> Result<Asset, PlanError> {
-        if let Some(asset) = self.assets.get(hash) {
+    async fn asset(&self, cache: &mut AssetCache, name: &str, hash: &ContentHash) -> Result<Asset, PlanError> {
+        if let Some(asset) = cache.get(hash) {
             return Ok(asset);
         }
         let bytes = until_answered("fetch an asset", || self.client.asset(hash)).await?;
@@ -112,7 +204,7 @@ impl JobCache {
             return Err(PlanError::WrongAsset { name: name.to_owned(), found, expected: *hash });
         }
         debug!(name, %hash, bytes = bytes.len(), "fetched an asset");
-        self.assets.put(*hash, asset.clone());
+        cache.put(*hash, asset.clone());
         Ok(asset)
     }
 }
@@ -123,6 +215,9 @@ fn build(order: &JobScene, assets: BTreeMap<String, Asset>) -> Result<JobPlan, P
     let found = bundle.scene_hash().to_string();
     if found != order.scene_hash {
         return Err(PlanError::WrongScene { found, expected: order.scene_hash.clone() });
+    }
+    if let Some(memory) = machine_memory() {
+        SceneMemory::of(&bundle).check(SceneUse::Build, memory, "a machine with more memory")?;
     }
     let film = bundle.description().film;
     let grid = TileGrid { width: film.width, height: film.height, tile_size: order.tile_size };

@@ -17,8 +17,8 @@ use crate::renderer::{LeaseError, RenderedNode, Renderer};
 use crate::retry::{repeat_while, until_answered};
 use crate::uploader::{Outbox, Parcel, Receipt, is_lease_over};
 
-/// Size of the sums at which a parcel is full, well below what coordinators take. A larger node travels alone.
-const FULL_PARCEL_BYTES: usize = 8 << 20;
+/// Longest reason that a coordinator takes with a lease that is given back, characters.
+const LONGEST_REASON: usize = 500;
 
 /// Nodes that may be rendered ahead of the parcel that is being handed in.
 const RENDER_AHEAD: usize = 4;
@@ -84,7 +84,7 @@ impl LeaseWork {
         let fetched = self.stop.run_until_cancelled(jobs.plan(self.lease.job)).await;
         let ending = match fetched {
             None => self.interruption(),
-            Some(Err(failure)) => Ending::Failed(with_causes(&failure)),
+            Some(Err(failure)) => Ending::Failed(with_causes(&*failure)),
             Some(Ok(plan)) => self.render_nodes(plan, renderer).await,
         };
         let failure = match &ending {
@@ -119,11 +119,16 @@ impl LeaseWork {
                 }
             };
             let Some(node) = next else { break };
+            let bytes: usize = gathered.iter().map(|node| node.rendered.node.bytes()).sum();
+            let full = self.outbox.full_parcel_bytes();
+            if !gathered.is_empty() && bytes + node.rendered.node.bytes() > full {
+                self.hand_in(&plan, std::mem::take(&mut gathered)).await;
+            }
             if gathered.is_empty() {
                 due = Instant::now() + Duration::from_millis(self.lease.gather_ms.into());
             }
             gathered.push(node);
-            if gathered.iter().map(|node| node.rendered.node.bytes()).sum::<usize>() >= FULL_PARCEL_BYTES {
+            if gathered.iter().map(|node| node.rendered.node.bytes()).sum::<usize>() >= full {
                 self.hand_in(&plan, std::mem::take(&mut gathered)).await;
             }
         }
@@ -143,16 +148,13 @@ impl LeaseWork {
         if self.over.is_cancelled() {
             return;
         }
-        let core_time = nodes.iter().map(|node| node.core_time).sum();
         let (receipt, receiver) = oneshot::channel();
-        let (plan, build) = (plan.clone(), self.build.clone());
-        let nodes: Vec<_> = nodes.into_iter().map(|node| node.rendered).collect();
-        let encode = Box::new(move || plan.encode_partial(&nodes, &build).map_err(|error| with_causes(&error)));
+        let (plan, build) = (Arc::clone(plan), self.build.clone());
         let (lease, token, over) = (self.lease.id, self.lease.token, self.over.clone());
-        let parcel = Parcel { lease, token, encode, core_time, receipt, over };
+        let parcel = Parcel { lease, token, plan, build, nodes, receipt, over };
         tokio::select! {
             sent = self.outbox.send(parcel) => {
-                if sent.is_ok() {
+                if sent {
                     self.receipts.push(receiver);
                 }
             }
@@ -184,6 +186,7 @@ impl LeaseWork {
         if self.over.is_cancelled() || outstanding == Some(0) {
             return;
         }
+        let failure = failure.map(|reason| reason.chars().take(LONGEST_REASON).collect());
         let body = LeaseReturn { token: self.lease.token, failure };
         match until_answered("return a lease", || self.client.return_lease(self.lease.id, &body)).await {
             Ok(()) => info!(lease = %self.lease.id, ?outstanding, "returned the rest of a lease"),

@@ -6,9 +6,10 @@
 //! instead of filling its memory.
 //!
 //! - `registration`: who this worker is, and its heartbeats;
-//! - `job_cache`: the scenes of the last few jobs, built, and the assets they are made of;
+//! - `job_cache`: the scenes of the last few jobs, built or being built, and the assets they are made of;
 //! - `renderer`: nodes of a lease, rendered on a pool of threads, interruptible between passes;
-//! - `uploader`: partials on their way, kept until the coordinator has answered;
+//! - `uploader`: partials on their way, kept until the coordinator has answered, and cut smaller where a proxy refuses them;
+//! - `machine`: how much memory there is;
 //! - `lease`: one lease from its nodes to its end;
 //! - `retry`: what happens while the coordinator is away.
 //!
@@ -23,6 +24,7 @@ mod config;
 mod error;
 mod job_cache;
 mod lease;
+mod machine;
 mod registration;
 mod renderer;
 mod retry;
@@ -31,4 +33,5 @@ mod uploader;
 
 pub use config::Config;
 pub use error::WorkerError;
+pub use machine::machine_memory;
 pub use run::run;

@@ -7,6 +7,7 @@ use tokio::sync::Mutex;
 use tracing::{debug, error, info};
 
 use crate::error::with_causes;
+use crate::job_cache::Activity;
 use crate::retry::{repeat_while, until_answered};
 
 /// Time between heartbeats; well below the shortest sensible lease.
@@ -53,13 +54,13 @@ impl Registration {
         }
     }
 
-    /// Sends heartbeats for as long as it is polled.
-    pub(crate) async fn keep_alive(&self) {
+    /// Sends heartbeats for as long as it is polled, with what is being built.
+    pub(crate) async fn keep_alive(&self, activity: &Activity) {
         loop {
             tokio::time::sleep(HEARTBEAT_PERIOD).await;
             let identity = self.identity().await;
             // A missed beat needs no repetition of its own: the next one is due soon.
-            let Err(failure) = self.client.heartbeat(identity).await else { continue };
+            let Err(failure) = self.client.heartbeat(identity, &activity.report()).await else { continue };
             if is_unknown_worker(&failure)
                 && let Err(failure) = self.replace(identity).await
             {

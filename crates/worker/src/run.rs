@@ -74,10 +74,12 @@ async fn work_until(config: Config, shutdown: Boxed<()>) -> Result<(), WorkerErr
         true => WorkerError::Connection(error),
         false => WorkerError::Refused(error),
     })?;
+    let mut jobs = JobCache::new(client.clone());
+    let activity = jobs.activity();
     let worker = Worker { client, registration, renderer, build: config.build, stop: stop.clone() };
     tokio::select! {
-        result = worker.work() => result,
-        () = worker.registration.keep_alive() => Ok(()),
+        result = worker.work(&mut jobs) => result,
+        () = worker.registration.keep_alive(&activity) => Ok(()),
         () = async { stop.cancelled().await; tokio::time::sleep(SHUTDOWN_GRACE).await } => {
             warn!("ending without an answer from the coordinator; what it has not acknowledged will be rendered again");
             Ok(())
@@ -95,20 +97,19 @@ struct Worker {
 
 impl Worker {
     /// Works through leases until told to stop, and then sees the last uploads through.
-    async fn work(&self) -> Result<(), WorkerError> {
-        let mut jobs = JobCache::new(self.client.clone());
+    async fn work(&self, jobs: &mut JobCache) -> Result<(), WorkerError> {
         let (outbox, uploads) = uploader(self.client.clone());
         let _uploads = AbortOnDropHandle::new(tokio::spawn(uploads));
         let mut settling = JoinSet::new();
         let mut penalty = pauses().build();
-        while let Some(claimed) = self.stop.run_until_cancelled(self.claim(jobs.built())).await {
+        while let Some(claimed) = self.stop.run_until_cancelled(self.claim(jobs.jobs())).await {
             let Some(lease) = claimed? else {
                 self.stop.run_until_cancelled(tokio::time::sleep(IDLE_PAUSE)).await;
                 continue;
             };
             info!(lease = %lease.id, job = %lease.job, nodes = lease.nodes.len(), "claimed a lease");
             let work = LeaseWork::new(lease, self.client.clone(), outbox.clone(), self.build.clone(), &self.stop);
-            let (ending, rest) = work.render(&mut jobs, &self.renderer).await;
+            let (ending, rest) = work.render(jobs, &self.renderer).await;
             settling.spawn(rest);
             while settling.try_join_next().is_some() {}
             match ending {
@@ -128,7 +129,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Waits for a lease, with these scenes at hand. `None` when there is none for now.
+    /// Waits for a lease, with these scenes at hand or being built. `None` when there is none for now.
     async fn claim(&self, built: Vec<JobId>) -> Result<Option<Lease>, WorkerError> {
         let worker = self.registration.identity().await;
         let wait_ms = u32::try_from(LONG_POLL.as_millis()).unwrap_or(u32::MAX);

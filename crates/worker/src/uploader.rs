@@ -1,18 +1,39 @@
 //! Partials on their way to the coordinator. Each is kept and sent again until it is answered.
+//!
+//! A proxy may refuse a body that the coordinator would take. Then nodes travel in smaller partials, and a node that is too large by itself
+//! travels in pieces, which the coordinator puts together. The size that gets through is remembered.
 
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use bytes::Bytes;
-use clerestory_api::{Client, ClientError, LeaseId, NodeVerdict, PartialAnswer, PartialUpload, ProblemCode};
+use clerestory_api::{
+    Client, ClientError, ContentHash, LeaseId, NodeVerdict, PartialAnswer, PartialPieces, PartialUpload, ProblemCode,
+};
+use clerestory_render_core::scene;
 use tokio::sync::{mpsc, oneshot};
 use tokio_util::sync::CancellationToken;
 use tracing::{debug, warn};
 
 use crate::error::with_causes;
+use crate::job_cache::JobPlan;
+use crate::renderer::RenderedNode;
 use crate::retry::until_answered;
 
 /// Partials that may wait for the one that is being sent. Beyond that, rendering waits.
 const QUEUE_LENGTH: usize = 2;
+
+/// Size of the sums at which a parcel is full, well below what coordinators take. A larger node travels alone.
+const FULL_PARCEL_BYTES: usize = 8 << 20;
+
+/// Bodies are not cut smaller than this: calls without a partial are about as large.
+const SMALLEST_BODY_BYTES: usize = 4 << 10;
+
+/// How often the pieces of a partial are sent anew when the coordinator has lost some.
+const ATTEMPTS_WITH_PIECES: u32 = 3;
 
 /// Nodes of one lease that travel together.
 pub(crate) struct Parcel {
@@ -20,10 +41,12 @@ pub(crate) struct Parcel {
     pub(crate) lease: LeaseId,
     /// The lease's fencing token.
     pub(crate) token: u64,
-    /// Makes the OpenEXR file; called once, off the asynchronous threads.
-    pub(crate) encode: Box<dyn FnOnce() -> Result<Vec<u8>, String> + Send>,
-    /// Time spent rendering them, summed over cores.
-    pub(crate) core_time: Duration,
+    /// What they are nodes of.
+    pub(crate) plan: Arc<JobPlan>,
+    /// The program that rendered them.
+    pub(crate) build: String,
+    /// The nodes, at least one.
+    pub(crate) nodes: Vec<RenderedNode>,
     /// Told what became of them.
     pub(crate) receipt: oneshot::Sender<Receipt>,
     /// Cancelled when nothing more of the lease is wanted.
@@ -45,21 +68,34 @@ pub(crate) enum Receipt {
 }
 
 /// Where parcels are handed in. Waits while the queue is full.
-pub(crate) type Outbox = mpsc::Sender<Parcel>;
+#[derive(Clone)]
+pub(crate) struct Outbox {
+    parcels: mpsc::Sender<Parcel>,
+    limit: Arc<BodyLimit>,
+}
+
+impl Outbox {
+    /// Hands a parcel in; says whether anybody takes it.
+    pub(crate) async fn send(&self, parcel: Parcel) -> bool {
+        self.parcels.send(parcel).await.is_ok()
+    }
+
+    /// Size of the sums at which a parcel is full.
+    pub(crate) fn full_parcel_bytes(&self) -> usize {
+        FULL_PARCEL_BYTES.min(self.limit.bytes())
+    }
+}
 
 /// The outbox, and the work of emptying it, which ends when all copies of the outbox are gone.
 pub(crate) fn uploader(client: Client) -> (Outbox, impl Future<Output = ()>) {
-    let (outbox, mut parcels) = mpsc::channel::<Parcel>(QUEUE_LENGTH);
+    let (sender, mut parcels) = mpsc::channel::<Parcel>(QUEUE_LENGTH);
+    let limit = Arc::new(BodyLimit::default());
+    let outbox = Outbox { parcels: sender, limit: Arc::clone(&limit) };
     let work = async move {
         while let Some(parcel) = parcels.recv().await {
-            let Parcel { lease, token, encode, core_time, receipt, over } = parcel;
-            // Part of a millisecond counts as one: a node that took no time would tell nothing of the worker's speed.
-            let core_ms = u64::try_from(core_time.as_nanos().div_ceil(1_000_000)).unwrap_or(u64::MAX);
-            let outcome = match tokio::task::spawn_blocking(encode).await {
-                Ok(Ok(file)) => send(&client, PartialUpload { lease, token, core_ms, body: Bytes::from(file) }).await,
-                Ok(Err(reason)) => Receipt::Rejected(reason),
-                Err(panic) => Receipt::Rejected(panic.to_string()),
-            };
+            let Parcel { lease, token, plan, build, nodes, receipt, over } = parcel;
+            let delivery = Delivery { client: &client, limit: &limit, lease, token };
+            let outcome = delivery.deliver(plan, build, Arc::new(nodes)).await;
             if matches!(outcome, Receipt::Answered { outstanding: 0 } | Receipt::LeaseOver) {
                 over.cancel();
             }
@@ -70,17 +106,167 @@ pub(crate) fn uploader(client: Client) -> (Outbox, impl Future<Output = ()>) {
     (outbox, work)
 }
 
-async fn send(client: &Client, upload: PartialUpload) -> Receipt {
-    let bytes = upload.body.len();
-    match until_answered("upload a partial", || client.upload_partial(upload.clone())).await {
-        Ok(answer) => {
-            log_verdicts(&answer);
-            debug!(lease = %upload.lease, nodes = answer.nodes.len(), bytes, "uploaded a partial");
-            Receipt::Answered { outstanding: answer.outstanding }
-        }
-        Err(failure) if is_lease_over(&failure) => Receipt::LeaseOver,
-        Err(failure) => Receipt::Rejected(with_causes(&failure)),
+/// The largest body that gets through to the coordinator, as far as refusals tell.
+struct BodyLimit(AtomicUsize);
+
+impl Default for BodyLimit {
+    fn default() -> Self {
+        Self(AtomicUsize::new(usize::MAX))
     }
+}
+
+impl BodyLimit {
+    fn bytes(&self) -> usize {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    /// Notes that a body of so many bytes does not get through.
+    fn lower(&self, refused: usize) {
+        self.0.fetch_min((refused / 2).max(SMALLEST_BODY_BYTES), Ordering::Relaxed);
+    }
+}
+
+/// What became of a body.
+enum Sent<T> {
+    Answered(T),
+    /// It is too large, for whom it says.
+    TooLarge(String),
+    /// No answer about it is to be expected.
+    Ended(Receipt),
+}
+
+/// The way of a parcel to the coordinator.
+struct Delivery<'a> {
+    client: &'a Client,
+    limit: &'a BodyLimit,
+    lease: LeaseId,
+    token: u64,
+}
+
+impl Delivery<'_> {
+    /// Sends all nodes, in as many partials as it takes.
+    async fn deliver(&self, plan: Arc<JobPlan>, build: String, nodes: Arc<Vec<RenderedNode>>) -> Receipt {
+        let mut outstanding = 0;
+        let mut waiting = VecDeque::new();
+        waiting.push_back(0..nodes.len());
+        while let Some(range) = waiting.pop_front() {
+            let (encoder, encoded, name, part) = (Arc::clone(&plan), Arc::clone(&nodes), build.clone(), range.clone());
+            let encode = move || encoder.encode_partial(&encoded[part], &name).map_err(|error| with_causes(&error));
+            let file = match tokio::task::spawn_blocking(encode).await {
+                Ok(Ok(file)) => Bytes::from(file),
+                Ok(Err(reason)) => return Receipt::Rejected(reason),
+                Err(panic) => return Receipt::Rejected(panic.to_string()),
+            };
+            let core_ms = core_ms(nodes[range.clone()].iter().map(|node| node.core_time).sum());
+            match self.send(&file, core_ms, range.len()).await {
+                Sent::Answered(answer) => {
+                    log_verdicts(&answer);
+                    debug!(lease = %self.lease, nodes = answer.nodes.len(), bytes = file.len(), "uploaded a partial");
+                    outstanding = answer.outstanding;
+                    if outstanding == 0 {
+                        break;
+                    }
+                }
+                Sent::TooLarge(reason) => match halves(&range) {
+                    Some([first, second]) => {
+                        waiting.push_front(second);
+                        waiting.push_front(first);
+                    }
+                    None => return Receipt::Rejected(reason),
+                },
+                Sent::Ended(receipt) => return receipt,
+            }
+        }
+        Receipt::Answered { outstanding }
+    }
+
+    /// Sends a partial of so many nodes as it is, or, where it has a single one that does not get through, in pieces.
+    async fn send(&self, file: &Bytes, core_ms: u64, nodes: usize) -> Sent<PartialAnswer> {
+        if file.len() <= self.limit.bytes() {
+            let upload = PartialUpload { lease: self.lease, token: self.token, core_ms, body: file.clone() };
+            match self.call("upload a partial", file.len(), || self.client.upload_partial(upload.clone())).await {
+                Sent::TooLarge(reason) if self.limit.bytes() >= file.len() => return Sent::TooLarge(reason),
+                Sent::TooLarge(_) => {}
+                sent => return sent,
+            }
+        }
+        if nodes > 1 {
+            let bytes = file.len();
+            return Sent::TooLarge(format!("a partial of {bytes} bytes does not get through to the coordinator"));
+        }
+        for _ in 0..ATTEMPTS_WITH_PIECES {
+            match self.send_in_pieces(file, core_ms).await {
+                Sent::Answered(Some(answer)) => return Sent::Answered(answer),
+                Sent::Answered(None) => {
+                    warn!(lease = %self.lease, "the coordinator lacks pieces of a partial, sending all again")
+                }
+                Sent::TooLarge(reason) => return Sent::TooLarge(reason),
+                Sent::Ended(receipt) => return Sent::Ended(receipt),
+            }
+        }
+        Sent::Ended(Receipt::Rejected("the coordinator does not keep the pieces of a partial".to_owned()))
+    }
+
+    /// Sends a partial in pieces that get through; no answer when the coordinator does not have all of them any more.
+    async fn send_in_pieces(&self, file: &Bytes, core_ms: u64) -> Sent<Option<PartialAnswer>> {
+        let mut pieces = Vec::new();
+        let mut start = 0;
+        while start < file.len() {
+            let piece = file.slice(start..file.len().min(start.saturating_add(self.limit.bytes())));
+            let hash = ContentHash::from(*scene::ContentHash::of(&piece).as_bytes());
+            let upload = || self.client.upload_piece(self.lease, self.token, &hash, piece.clone());
+            match self.call("upload a piece of a partial", piece.len(), upload).await {
+                Sent::Answered(()) => {
+                    pieces.push(hash);
+                    start += piece.len();
+                }
+                Sent::TooLarge(_) if self.limit.bytes() < piece.len() => {}
+                Sent::TooLarge(reason) => return Sent::TooLarge(reason),
+                Sent::Ended(receipt) => return Sent::Ended(receipt),
+            }
+        }
+        debug!(lease = %self.lease, bytes = file.len(), pieces = pieces.len(), "uploaded a partial in pieces");
+        let body = PartialPieces { token: self.token, core_ms, pieces };
+        let assemble = || async {
+            match self.client.assemble_partial(self.lease, &body).await {
+                Ok(answer) => Ok(Some(answer)),
+                Err(failure) if has_code(&failure, ProblemCode::MissingPieces) => Ok(None),
+                Err(failure) => Err(failure),
+            }
+        };
+        self.call("upload a partial", file.len(), assemble).await
+    }
+
+    /// Makes a call with a body of so many bytes until it is answered.
+    async fn call<T, Answer>(&self, what: &'static str, bytes: usize, call: impl FnMut() -> Answer) -> Sent<T>
+    where
+        Answer: Future<Output = Result<T, ClientError>>,
+    {
+        match until_answered(what, call).await {
+            Ok(answer) => Sent::Answered(answer),
+            Err(failure) if is_lease_over(&failure) => Sent::Ended(Receipt::LeaseOver),
+            Err(failure) if has_code(&failure, ProblemCode::BodyTooLarge) => {
+                Sent::TooLarge(format!("the coordinator takes no partial of {bytes} bytes: {}", with_causes(&failure)))
+            }
+            Err(failure) if failure.is_too_large_on_the_way() => {
+                self.limit.lower(bytes);
+                warn!(lease = %self.lease, bytes, reason = with_causes(&failure), "cutting uploads smaller");
+                Sent::TooLarge(format!("{bytes} bytes: {}", with_causes(&failure)))
+            }
+            Err(failure) => Sent::Ended(Receipt::Rejected(with_causes(&failure))),
+        }
+    }
+}
+
+/// The halves of a range of more than one.
+fn halves(range: &Range<usize>) -> Option<[Range<usize>; 2]> {
+    let middle = range.start + range.len() / 2;
+    (range.len() > 1).then_some([range.start..middle, middle..range.end])
+}
+
+/// Part of a millisecond counts as one: a node that took no time would tell nothing of the worker's speed.
+fn core_ms(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos().div_ceil(1_000_000)).unwrap_or(u64::MAX)
 }
 
 fn log_verdicts(answer: &PartialAnswer) {
@@ -88,6 +274,10 @@ fn log_verdicts(answer: &PartialAnswer) {
         let reason = node.reason.as_deref().unwrap_or("no reason given");
         warn!(node = ?node.node, reason, "the coordinator refused a node");
     }
+}
+
+fn has_code(failure: &ClientError, code: ProblemCode) -> bool {
+    failure.problem().is_some_and(|problem| problem.code == code)
 }
 
 /// Whether the lease does not count any more, whatever the reason.

@@ -15,10 +15,11 @@ use axum::routing::{delete, get, post, put};
 use axum::{Json, Router};
 use clerestory_api::{
     FENCING_TOKEN_HEADER, JobId, JobScene, Lease, LeaseId, LeaseRenewal, LeaseReturn, NodeAddress, NodeAnswer,
-    NodeVerdict, PROBLEM_MEDIA_TYPE, PartialAnswer, WorkerId, WorkerRegistration, WorkerState, WorkerView,
+    NodeVerdict, PROBLEM_MEDIA_TYPE, PartialAnswer, PartialPieces, WorkerActivity, WorkerId, WorkerRegistration,
+    WorkerState, WorkerView,
 };
 use clerestory_render_core::film::{self, DecodeBudget, Expectation, Rendered, Sampling, TileGrid, partial};
-use clerestory_render_core::scene::{SceneBundle, SceneDescription};
+use clerestory_render_core::scene::{self, SceneBundle, SceneDescription};
 use clerestory_worker::{Config, WorkerError, run};
 use serde_json::{Value, json};
 use tokio::net::TcpListener;
@@ -41,6 +42,22 @@ struct Fake {
     lease_is_over: bool,
     /// Renewals of the first lease are told that nothing of it is wanted.
     nothing_is_wanted: bool,
+    /// The largest body that a proxy before the coordinator lets through.
+    proxy_limit: Option<usize>,
+    /// The largest partial that the coordinator takes.
+    partial_limit: Option<usize>,
+    /// Sizes of the bodies that were too large, for the proxy or the coordinator.
+    refused_bytes: Vec<usize>,
+    /// Pieces of partials by their hashes.
+    pieces: BTreeMap<String, Bytes>,
+    /// Pieces that are lost before they are put together, once.
+    loses_pieces: bool,
+    /// Whether the scene is given out.
+    holds_scene: bool,
+    scenes: u32,
+    heartbeats: Vec<WorkerActivity>,
+    /// Edge of the image in pixels, of which a tile has half.
+    edge: u32,
     uploads: Vec<Upload>,
     returns: Vec<(LeaseId, LeaseReturn)>,
     leases: BTreeMap<LeaseId, Lease>,
@@ -93,10 +110,12 @@ impl Farm {
         let router = Router::new()
             .route("/api/v1/workers", post(register))
             .route("/api/v1/workers/{id}", delete(end))
-            .route("/api/v1/workers/{id}/heartbeat", post(|| async { StatusCode::NO_CONTENT }))
+            .route("/api/v1/workers/{id}/heartbeat", post(heartbeat))
             .route("/api/v1/leases", post(claim))
             .route("/api/v1/leases/{id}/renew", post(renew))
             .route("/api/v1/leases/{id}/partial", put(upload))
+            .route("/api/v1/leases/{id}/pieces/{hash}", put(upload_piece))
+            .route("/api/v1/leases/{id}/pieces", post(assemble))
             .route("/api/v1/leases/{id}/return", post(give_back))
             .route("/api/v1/jobs/{id}/scene", get(scene))
             .layer(DefaultBodyLimit::disable())
@@ -138,10 +157,15 @@ impl RunningWorker {
 
 /// A farm with a scene of 16x16 pixels in tiles of 8, one sample in a pass.
 fn farm() -> Farm {
+    farm_of(16)
+}
+
+/// A farm with a scene of `edge` x `edge` pixels in four tiles, one sample in a pass.
+fn farm_of(edge: u32) -> Farm {
     let text = json!({
         "version": 1,
         "name": "one wall",
-        "film": {"width": 16, "height": 16},
+        "film": {"width": edge, "height": edge},
         "camera": {"perspective": {
             "position": [0, 0, 3], "look_at": [0, 0, 0], "up": [0, 1, 0], "vertical_field_of_view": 40
         }},
@@ -157,6 +181,7 @@ fn farm() -> Farm {
     let description = SceneDescription::parse(text.to_string().as_bytes()).unwrap();
     let bundle = SceneBundle::from_parts(description, BTreeMap::new()).unwrap();
     let farm = Farm::default();
+    farm.lock().edge = edge;
     farm.lock().scene = text;
     farm.lock().scene_hash = bundle.scene_hash().to_string();
     farm
@@ -210,6 +235,7 @@ async fn register(State(farm): State<Farm>, Json(registration): Json<WorkerRegis
         build,
         state: WorkerState::Idle,
         job: None,
+        building: None,
         leased_nodes: 0,
         accepted_nodes: 0,
         refused_partials: 0,
@@ -236,6 +262,7 @@ async fn claim(State(farm): State<Farm>, Json(request): Json<Value>) -> Response
             fake.leases.insert(lease.id, lease.clone());
             fake.lease_is_over &= lease.token == 1;
             fake.nothing_is_wanted &= lease.token == 1;
+            farm.changed.notify_waiters();
             Json(lease).into_response()
         }
         Some(Claim::Garbage(body)) => ([("content-type", "application/json")], body).into_response(),
@@ -256,31 +283,87 @@ async fn renew(State(farm): State<Farm>) -> Response {
     Json(LeaseRenewal { deadline_ms: 0, expires_in_ms: 600, outstanding }).into_response()
 }
 
+async fn heartbeat(State(farm): State<Farm>, Json(activity): Json<WorkerActivity>) -> StatusCode {
+    farm.lock().heartbeats.push(activity);
+    farm.changed.notify_waiters();
+    StatusCode::NO_CONTENT
+}
+
 async fn scene(State(farm): State<Farm>, Path(job): Path<String>) -> Json<JobScene> {
+    farm.lock().scenes += 1;
+    farm.changed.notify_waiters();
+    farm.until(|fake| !fake.holds_scene).await;
     let fake = farm.lock();
     Json(JobScene {
         job: job.parse().unwrap(),
         scene: fake.scene.clone(),
         scene_hash: fake.scene_hash.clone(),
         assets: BTreeMap::new(),
-        tile_size: 8,
+        tile_size: fake.edge / 2,
         passes: 1 << 20,
     })
 }
 
 async fn upload(State(farm): State<Farm>, Path(id): Path<String>, headers: HeaderMap, body: Bytes) -> Response {
-    let lease: LeaseId = id.parse().unwrap();
+    let token = headers[FENCING_TOKEN_HEADER].to_str().unwrap().to_owned();
+    take(&farm, id.parse().unwrap(), token, &body, body.len())
+}
+
+async fn upload_piece(
+    State(farm): State<Farm>,
+    Path((_, hash)): Path<(String, String)>,
+    headers: HeaderMap,
+    body: Bytes,
+) -> Response {
+    assert!(headers.contains_key(FENCING_TOKEN_HEADER));
     let mut fake = farm.lock();
-    if let Some(failure) = fake.failing_uploads.pop_front() {
+    if let Some(refusal) = fake.refusal(body.len()) {
+        return refusal;
+    }
+    assert_eq!(scene::ContentHash::of(&body).to_string(), hash);
+    fake.pieces.insert(hash, body);
+    StatusCode::NO_CONTENT.into_response()
+}
+
+async fn assemble(State(farm): State<Farm>, Path(id): Path<String>, Json(partial): Json<PartialPieces>) -> Response {
+    if std::mem::take(&mut farm.lock().loses_pieces) {
+        farm.lock().pieces.clear();
+        return problem(409, "missing_pieces");
+    }
+    let pieces = farm.lock().pieces.clone();
+    let body: Vec<u8> = partial.pieces.iter().flat_map(|hash| pieces[&hash.to_string()].to_vec()).collect();
+    take(&farm, id.parse().unwrap(), partial.token.to_string(), &body, 0)
+}
+
+impl Fake {
+    /// What a proxy or the coordinator says to a body of so many bytes that is too large.
+    fn refusal(&mut self, bytes: usize) -> Option<Response> {
+        let is_above = |limit: Option<usize>| limit.is_some_and(|limit| bytes > limit);
+        let refusal = if is_above(self.proxy_limit) {
+            let page = "<html><head><title>413 Request Entity Too Large</title></head></html>";
+            (StatusCode::PAYLOAD_TOO_LARGE, [("content-type", "text/html")], page).into_response()
+        } else if is_above(self.partial_limit) {
+            problem(413, "body_too_large")
+        } else {
+            return None;
+        };
+        self.refused_bytes.push(bytes);
+        Some(refusal)
+    }
+}
+
+/// Takes a partial that came in a body of so many bytes.
+fn take(farm: &Farm, lease: LeaseId, token: String, partial: &[u8], body_bytes: usize) -> Response {
+    let mut fake = farm.lock();
+    if let Some(failure) = fake.failing_uploads.pop_front().or_else(|| fake.refusal(body_bytes)) {
         return failure;
     }
-    let nodes = nodes_of(&body, &fake.scene_hash, &fake.leases[&lease]);
+    let nodes = nodes_of(partial, &fake.scene_hash, &fake.leases[&lease], fake.edge);
     let outstanding = fake.outstanding.get_mut(&lease).unwrap();
     *outstanding = outstanding.saturating_sub(nodes.len() as u32);
     let outstanding = *outstanding;
     let answers = nodes.iter().map(|node| NodeAnswer { node: *node, verdict: NodeVerdict::Accepted, reason: None });
     let answer = PartialAnswer { nodes: answers.collect(), outstanding };
-    let token = headers[FENCING_TOKEN_HEADER].to_str().unwrap().to_owned();
     fake.uploads.push(Upload { lease, token, nodes });
     farm.changed.notify_waiters();
     Json(answer).into_response()
@@ -392,6 +475,7 @@ async fn complete_nodes_wait_for_others_as_long_as_the_lease_says() {
     let lease = Lease { gather_ms: 60_000, ..lease(1, nodes) };
     farm.lock().claims.push_back(Claim::Lease(lease.clone()));
     let worker = farm.start().await;
+    farm.until(|fake| !fake.leases.is_empty()).await;
     // Whoever does not listen to it hands in after a second.
     tokio::time::sleep(Duration::from_secs(3)).await;
     assert!(farm.lock().uploads.is_empty());
@@ -436,6 +520,80 @@ async fn a_scene_that_cannot_be_built_is_reported_and_the_worker_goes_on() {
 }
 
 #[tokio::test]
+async fn nodes_that_a_proxy_refuses_together_travel_in_smaller_partials_from_then_on() {
+    let farm = farm();
+    let (first, second) = (lease(1, wave(0, 0)), lease(2, wave(1, 1)));
+    farm.lock().claims = VecDeque::from([Claim::Lease(first.clone())]);
+    farm.lock().proxy_limit = Some(8 << 10);
+    let worker = farm.start().await;
+    farm.until(|fake| uploaded(fake, &first) == first.nodes).await;
+    let refused = farm.lock().refused_bytes.len();
+    assert!(refused > 0, "the proxy refuses what would travel together");
+    farm.lock().claims.push_back(Claim::Lease(second.clone()));
+    farm.until(|fake| uploaded(fake, &second) == second.nodes).await;
+    worker.stop().await;
+    let fake = farm.lock();
+    assert_eq!((fake.refused_bytes.len(), fake.pieces.len()), (refused, 0));
+    assert_eq!(fake.returns, []);
+}
+
+#[tokio::test]
+async fn a_node_that_a_proxy_refuses_travels_in_pieces_and_again_when_they_are_lost() {
+    let farm = farm_of(64);
+    let lease = lease(1, wave(0, 0));
+    farm.lock().claims.push_back(Claim::Lease(lease.clone()));
+    farm.lock().proxy_limit = Some(10 << 10);
+    farm.lock().loses_pieces = true;
+    let worker = farm.start().await;
+    farm.until(|fake| uploaded(fake, &lease) == lease.nodes).await;
+    worker.stop().await;
+    let fake = farm.lock();
+    assert!(fake.pieces.values().all(|piece| piece.len() <= 10 << 10) && fake.pieces.len() > 4);
+    assert_eq!(fake.returns, []);
+}
+
+#[tokio::test]
+async fn nodes_that_the_coordinator_refuses_together_travel_one_by_one_and_one_that_is_too_large_is_named() {
+    let farm = farm();
+    let (small, large) = (lease(1, wave(0, 0)), lease(2, wave(0, 1)));
+    farm.lock().claims = VecDeque::from([Claim::Lease(small.clone())]);
+    farm.lock().partial_limit = Some(6 << 10);
+    let worker = farm.start().await;
+    farm.until(|fake| uploaded(fake, &small) == small.nodes).await;
+    assert_eq!(farm.lock().returns, []);
+    farm.lock().partial_limit = Some(100);
+    farm.lock().claims.push_back(Claim::Lease(large.clone()));
+    farm.until(|fake| !fake.returns.is_empty()).await;
+    worker.stop().await;
+    let fake = farm.lock();
+    let (id, returned) = &fake.returns[0];
+    assert_eq!(*id, large.id);
+    let reason = returned.failure.as_deref().unwrap_or_default();
+    assert!(reason.contains("the coordinator takes no partial of"), "{reason}");
+}
+
+#[tokio::test]
+async fn a_scene_that_is_built_for_longer_than_its_lease_lasts_serves_the_next_lease() {
+    let farm = farm();
+    let (lost, next) = (lease(1, wave(0, 0)), lease(2, wave(0, 0)));
+    farm.lock().claims = VecDeque::from([Claim::Lease(lost.clone()), Claim::Lease(next.clone())]);
+    farm.lock().holds_scene = true;
+    farm.lock().nothing_is_wanted = true;
+    let worker = farm.start().await;
+    // The second lease is claimed while the scene is under way.
+    farm.until(|fake| fake.scenes > 0 && fake.leases.contains_key(&next.id)).await;
+    farm.until(|fake| fake.heartbeats.iter().any(|activity| activity.building.is_some())).await;
+    farm.lock().holds_scene = false;
+    farm.changed.notify_waiters();
+    farm.until(|fake| uploaded(fake, &next) == next.nodes).await;
+    worker.stop().await;
+    let fake = farm.lock();
+    assert_eq!(fake.scenes, 1, "it is fetched and built once");
+    assert_eq!((uploaded(&fake, &lost), fake.returns.len()), (Vec::new(), 0));
+    assert!(fake.heartbeats.iter().flat_map(|activity| activity.building).all(|building| building.job == next.job));
+}
+
+#[tokio::test]
 async fn nonsense_from_the_coordinator_does_not_end_the_worker() {
     let farm = farm();
     let last = lease(9, wave(0, 0));
@@ -458,7 +616,7 @@ async fn nonsense_from_the_coordinator_does_not_end_the_worker() {
 }
 
 /// The nodes in a partial, which must be some of those leased.
-fn nodes_of(body: &[u8], scene_hash: &str, lease: &Lease) -> Vec<NodeAddress> {
+fn nodes_of(body: &[u8], scene_hash: &str, lease: &Lease, edge: u32) -> Vec<NodeAddress> {
     let leased = |node: &NodeAddress| film::NodeAddress {
         frame: node.frame,
         tile: node.tile,
@@ -468,7 +626,7 @@ fn nodes_of(body: &[u8], scene_hash: &str, lease: &Lease) -> Vec<NodeAddress> {
     let expected = Expectation {
         job: lease.job.to_string(),
         scene_hash: scene_hash.to_owned(),
-        grid: TileGrid { width: 16, height: 16, tile_size: 8 },
+        grid: TileGrid { width: edge, height: edge, tile_size: edge / 2 },
         sampling: Sampling::new(1, 1).unwrap(),
         allowed: lease.nodes.iter().map(leased).collect(),
     };

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use clerestory_api::{
     ClientError, JobId, JobScene, JobState, JobSubmission, LeaseRequest, LeaseReturn, NodeVerdict, PartialAnswer,
-    PartialUpload, ProblemCode, WorkerRegistration,
+    PartialUpload, ProblemCode, WorkerActivity, WorkerRegistration,
 };
 use clerestory_test_servers::Faults;
 use clerestory_tests::calls::{Caller, content_hash};
@@ -76,7 +76,7 @@ fn traced_work(folder: &Path, trace: &Path) -> (PathBuf, usize) {
     let job = farm.newest_job().id;
 
     let failing = HandWorker::register(&caller, job);
-    caller.wait(client.heartbeat(failing.id())).expect("a worker that is known");
+    caller.wait(client.heartbeat(failing.id(), &WorkerActivity::default())).expect("a worker that is known");
     let lease = failing.claim().lease;
     let failure = LeaseReturn { token: lease.token, failure: Some("its glass is cracked".to_owned()) };
     caller.wait(client.return_lease(lease.id, &failure)).expect("a lease that is given back");
@@ -220,7 +220,7 @@ fn nothing_is_acknowledged_while(fails: fn(&Faults, bool)) {
     let store = || caller.wait(client.upload_asset(&hash, content.clone().into(), |_| ()));
     let submit = || caller.wait(client.submit_job(&submission));
     let register = || caller.wait(client.register_worker(&registration));
-    let live = || caller.wait(client.heartbeat(worker.id()));
+    let live = || caller.wait(client.heartbeat(worker.id(), &WorkerActivity::default()));
     let claim = || caller.wait(client.claim_lease(&request));
     let renew = || caller.wait(client.renew_lease(kept.lease.id, kept.lease.token));
     let upload = || caller.wait(client.upload_partial(upload_of(&kept)));

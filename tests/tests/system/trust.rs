@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use clerestory_api::{ClientError, JobState, PartialUpload, ProblemCode, WorkerState};
+use clerestory_api::{ClientError, JobState, PartialUpload, ProblemCode, WorkerActivity, WorkerState};
 use clerestory_tests::calls::Caller;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::hand_worker::{Delivery, HandWorker};
@@ -59,7 +59,12 @@ fn a_worker_that_flips_a_bit_is_found_and_its_nodes_are_rendered_again() {
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(!output.status.success() && said.contains("quarantined"), "{said}");
     caller.wait(caller.client().release_worker(wrong.id())).expect("a worker that is free");
-    assert_eq!(caller.wait(caller.client().heartbeat(wrong.id())).map_err(|error| error.to_string()), Ok(()));
+    assert_eq!(
+        caller
+            .wait(caller.client().heartbeat(wrong.id(), &WorkerActivity::default()))
+            .map_err(|error| error.to_string()),
+        Ok(())
+    );
 }
 
 /// Brings nodes with flipped bits until the farm wants no more, and answers what it says then.

@@ -70,8 +70,10 @@ pub(crate) fn parse_job(text: &str) -> Result<JobId, String> {
 fn row(job: &JobView) -> String {
     let mse = job.latest.as_ref().map_or_else(|| "-".to_owned(), mse_text);
     let (id, done) = (job.id.to_string(), format!("{:.1}%", job.progress * 100.0));
+    let is_building = job.samples == 0 && job.building_workers > 0;
+    let state = if is_building { "building" } else { state_text(job) };
     let (method, name) = (printable(&job.integrator), printable(&job.name));
-    line([&id, state_text(job), &done, &samples_text(job, ""), &mse, &method, &name])
+    line([&id, state, &done, &samples_text(job, ""), &mse, &method, &name])
 }
 
 fn line([id, state, done, samples, mse, method, name]: [&str; 7]) -> String {

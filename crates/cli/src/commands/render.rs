@@ -26,6 +26,7 @@ use crate::failure::Failure;
 use crate::image_file::read_reference;
 use crate::like::{self, Recipe};
 use crate::local_render::{self, Control, LocalRenderError, Outcome, PassPlan, Round};
+use crate::local_scene;
 use crate::output_file::{check_image_name, check_outputs, png_beside, write, write_stats};
 use crate::preview::PreviewArguments;
 use crate::render_limits::RenderLimits;
@@ -154,7 +155,7 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
             (bundle, Some((tile_size, tile_passes)))
         }
     };
-    let scene = Scene::build(&bundle).map_err(failure)?;
+    let scene = local_scene::build(&bundle).map_err(failure)?;
     let film = bundle.description().film;
     let sampling = scene.sampling();
     let grid = |tile_size| TileGrid { width: film.width, height: film.height, tile_size };

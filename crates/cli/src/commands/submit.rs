@@ -25,6 +25,9 @@ use crate::terminal::{Progress, print_json, print_line, upload_bar};
 /// How often an upload is repeated, with pauses of one second and more.
 const UPLOAD_REPETITIONS: usize = 5;
 
+/// How often a submission is repeated to a coordinator that is busy, with pauses of five seconds and more: for about half an hour.
+const BUSY_REPETITIONS: usize = 30;
+
 /// Options of `clerestory submit`.
 #[derive(Debug, Args)]
 pub(crate) struct SubmitArguments {
@@ -147,7 +150,7 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         target_estimated_mse: order.targets.estimated_mse,
         adaptive: order.adaptive,
     };
-    let missing = match connection.client.submit_job(&submission).await {
+    let missing = match send(connection, &submission).await {
         Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,
         answer => return answer.map_err(|error| connection.failure(error)),
     };
@@ -179,7 +182,23 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         uploaded += size(asset);
     }
     bar.finish_and_clear();
-    connection.client.submit_job(&submission).await.map_err(|error| connection.failure(error))
+    send(connection, &submission).await.map_err(|error| connection.failure(error))
+}
+
+/// Sends a submission, again and again where the coordinator says that it is too busy to look at it: then it has not become a job.
+async fn send(connection: &Connection, submission: &JobSubmission) -> Result<JobView, ClientError> {
+    let is_busy = |error: &ClientError| match error {
+        ClientError::Problem { problem, retry_after } => {
+            problem.code == ProblemCode::Unavailable && retry_after.is_some()
+        }
+        _ => false,
+    };
+    let call = || connection.client.submit_job(submission);
+    call.retry(ExponentialBuilder::default().with_max_times(BUSY_REPETITIONS).with_jitter())
+        .when(is_busy)
+        .adjust(|error, pause| pause.map(|pause| error.pause(pause)))
+        .notify(|error, pause| warn!(?pause, reason = %error, "the coordinator is busy, trying again"))
+        .await
 }
 
 /// Fetches the image of a job into files. A coordinator that goes away is waited for.

@@ -5,13 +5,13 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
-use clerestory_render_core::scene::Scene;
 use rayon::ThreadPoolBuilder;
 use tokio::net::TcpListener;
 
 use crate::arguments::{positive, whole};
 use crate::commands::worker::cores;
 use crate::failure::Failure;
+use crate::local_scene;
 use crate::render_limits::{DEFAULT_SAMPLES_PER_PIXEL, UNREACHABLE_SAMPLES_PER_PIXEL};
 use crate::scene_overrides::SceneOverrides;
 use crate::shutdown::{self, Parent};
@@ -45,7 +45,7 @@ pub(crate) async fn run(arguments: ViewArguments) -> Result<(), Failure> {
         )));
     }
     let bundle = arguments.overrides.load(&arguments.scene)?;
-    let scene = Scene::build(&bundle).map_err(|source| Failure::scene(&arguments.scene, source))?;
+    let scene = local_scene::build(&bundle).map_err(|source| Failure::scene(&arguments.scene, source))?;
     let threads = arguments.threads.unwrap_or_else(cores);
     let pool = ThreadPoolBuilder::new().num_threads(threads.get()).build().map_err(Failure::Threads)?;
     let failure = |source| Failure::Listen { address: arguments.listen.to_string(), source };

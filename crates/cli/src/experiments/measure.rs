@@ -16,6 +16,7 @@ use super::session::Session;
 use super::variant::Variant;
 use crate::failure::Failure;
 use crate::local_render::{self, LocalFilm, Outcome, PassPlan};
+use crate::local_scene;
 
 /// Edge of a tile in pixels.
 pub(super) const TILE: u32 = 64;
@@ -193,7 +194,7 @@ pub(super) fn preparation_seconds(session: &Session, bundle: &SceneBundle) -> Re
 }
 
 fn build(bundle: &SceneBundle) -> Result<Scene, Failure> {
-    Scene::build(bundle).map_err(|source| Failure::scene(bundle.description().name.as_ref(), source))
+    local_scene::build(bundle).map_err(|source| Failure::scene(bundle.description().name.as_ref(), source))
 }
 
 fn plan(scene: &Scene, passes: u32) -> PassPlan {

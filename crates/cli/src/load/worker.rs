@@ -10,8 +10,8 @@ use std::time::Duration;
 use backon::{ExponentialBuilder, Retryable};
 use bytes::Bytes;
 use clerestory_api::{
-    Client, ClientError, Lease, LeaseRequest, LeaseReturn, NodeAddress, PartialUpload, ProblemCode, WorkerId,
-    WorkerRegistration,
+    Client, ClientError, Lease, LeaseRequest, LeaseReturn, NodeAddress, PartialUpload, ProblemCode, WorkerActivity,
+    WorkerId, WorkerRegistration,
 };
 use tokio::time::Instant;
 
@@ -176,7 +176,7 @@ impl Load {
         loop {
             tokio::time::sleep(HEARTBEAT_PERIOD).await;
             // The next one is due soon.
-            if self.client.heartbeat(worker).await.is_err() {
+            if self.client.heartbeat(worker, &WorkerActivity::default()).await.is_err() {
                 self.tally.repeats();
             }
         }

@@ -44,12 +44,7 @@ pub(super) async fn put(
             UploadError::Source(Pause::TooLong) => too_slow(),
             UploadError::Source(Pause::CutOff) => ApiError::new(ProblemCode::InvalidBody, "the body was cut off"),
             UploadError::TooLarge { limit } => ApiError::body_too_large(limit),
-            UploadError::HashMismatch { found } => {
-                ApiError::new(ProblemCode::HashMismatch, format!("the content has the hash {found}"))
-                    .field("hash")
-                    .value(hash)
-                    .expected(found.to_string())
-            }
+            UploadError::HashMismatch { found } => ApiError::hash_mismatch(hash, found),
             UploadError::Store(error) => error.into(),
         })?;
     farm.store.insert_asset(hash, size, farm.config.clock.now_ms()).await?;

@@ -116,17 +116,36 @@ impl<S: Send + Sync, T: FromStr> FromRequestParts<S> for PathParameter<T> {
     type Rejection = ApiError;
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
-        let parameters = RawPathParams::from_request_parts(parts, state).await;
-        let parameters =
-            parameters.map_err(|_| ApiError::new(ProblemCode::UnknownPath, "the path is not valid UTF-8"))?;
-        let (name, value) = parameters.iter().next().unwrap_or_default();
-        value.parse().map(Self).map_err(|_| {
-            let expected = match name {
-                "hash" => "a BLAKE3 digest as 64 lowercase hexadecimal digits",
-                _ => "a UUID",
-            };
-            ApiError::invalid_field(name, value, expected)
-        })
+        parameter(path_parameters(parts, state).await?.iter().next()).map(Self)
+    }
+}
+
+async fn path_parameters<S: Send + Sync>(parts: &mut Parts, state: &S) -> Result<RawPathParams, ApiError> {
+    let parameters = RawPathParams::from_request_parts(parts, state).await;
+    parameters.map_err(|_| ApiError::new(ProblemCode::UnknownPath, "the path is not valid UTF-8"))
+}
+
+fn parameter<T: FromStr>(found: Option<(&str, &str)>) -> Result<T, ApiError> {
+    let (name, value) = found.unwrap_or_default();
+    value.parse().map_err(|_| {
+        let expected = match name {
+            "hash" => "a BLAKE3 digest as 64 lowercase hexadecimal digits",
+            _ => "a UUID",
+        };
+        ApiError::invalid_field(name, value, expected)
+    })
+}
+
+/// Both parameters of a path that has two.
+pub(crate) struct PathParameters<A, B>(pub(crate) A, pub(crate) B);
+
+impl<S: Send + Sync, A: FromStr, B: FromStr> FromRequestParts<S> for PathParameters<A, B> {
+    type Rejection = ApiError;
+
+    async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, ApiError> {
+        let parameters = path_parameters(parts, state).await?;
+        let mut parameters = parameters.iter();
+        Ok(Self(parameter(parameters.next())?, parameter(parameters.next())?))
     }
 }
 

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::extract::State;
+use axum::body::HttpBody;
+use axum::extract::{FromRequest, Request, State};
 use axum::http::StatusCode;
 use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobSubmission, JobView, LiveMeasurement, ProblemCode};
 
@@ -21,8 +22,11 @@ use crate::{live, submit, views};
 )]
 pub(super) async fn submit(
     State(farm): State<Arc<Farm>>,
-    StrictJson(submission): StrictJson<JobSubmission>,
+    request: Request,
 ) -> Result<(StatusCode, Json<JobView>), ApiError> {
+    let announced = request.body().size_hint().upper().unwrap_or(super::MAX_SMALL_BODY.into());
+    let _parsed = farm.submissions.for_parsed(announced).await?;
+    let StrictJson(submission) = StrictJson::from_request(request, &()).await?;
     let job = submit::job(&farm, submission).await?;
     let id = job.id;
     tracing::info!(job = %id, name = job.name, scene = job.scene_hash, passes = job.passes, "job submitted");

@@ -7,21 +7,20 @@ use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
-use bytes::{Bytes, BytesMut};
 use clerestory_api::{
     CORE_MILLISECONDS_HEADER, EXR_MEDIA_TYPE, FENCING_TOKEN_HEADER, Lease, LeaseId, LeaseRenewal, LeaseRequest,
     LeaseReturn, LeaseToken, PartialAnswer, ProblemCode,
 };
-use tokio::sync::SemaphorePermit;
 use tokio::time::Instant;
 use uuid::Uuid;
 
 use super::extract::{ArrivingBody, PathParameter, StrictJson, number_header, require_media_type};
 use super::problem::ApiError;
+use super::room::receive;
 use crate::acceptance;
-use crate::farm::{Farm, permits};
+use crate::farm::Farm;
 use crate::news::News;
-use crate::store::{ClaimTerms, Grant, LeaseError, WorkFailure};
+use crate::store::{ClaimTerms, Grant, LeaseError, LeaseRecord, WorkFailure};
 
 /// Longest wait for work to appear.
 const LONGEST_WAIT_MS: u32 = 20_000;
@@ -38,9 +37,6 @@ const LONGEST_REASON: usize = 500;
 /// Longest time that a partial may have taken, in milliseconds of one core: thirty years. Who claims more has not
 /// measured.
 const MOST_CORE_MS: u64 = 1_000_000_000_000;
-
-/// Bytes of a partial for which memory is kept before they have come: few partials are larger, and those who stop sending hold little.
-const PIECE_BYTES: u64 = 1 << 20;
 
 /// Asks for work, and waits for it if there is none and the worker wants to.
 #[utoipa::path(
@@ -163,16 +159,9 @@ pub(super) async fn partial(
     require_media_type(headers, EXR_MEDIA_TYPE)?;
     let token = number_header(headers, FENCING_TOKEN_HEADER)?;
     let core_ms = number_header(headers, CORE_MILLISECONDS_HEADER)?;
-    if core_ms > MOST_CORE_MS {
-        let expected = format!("at most {MOST_CORE_MS} milliseconds");
-        return Err(ApiError::invalid_field(CORE_MILLISECONDS_HEADER, core_ms, expected));
-    }
+    check_core_ms(CORE_MILLISECONDS_HEADER, core_ms)?;
     // A lease that is no good is refused before its body is received.
-    let record = farm.store.lease(lease).await?;
-    record.check(token, farm.config.clock.now_ms()).map_err(|error| match error {
-        LeaseError::StaleToken(_) => ApiError::from(error).field(FENCING_TOKEN_HEADER),
-        error => error.into(),
-    })?;
+    let record = valid_lease(&farm, lease, token, FENCING_TOKEN_HEADER).await?;
     // Another coordinator may have given it the lease.
     farm.idle.has_work(record.worker);
     let (body, _room) = receive(&farm, ArrivingBody::new(request, farm.config.max_partial_bytes)?).await?;
@@ -180,53 +169,27 @@ pub(super) async fn partial(
     Ok(Json(Box::pin(acceptance::accept(&farm, record, core_ms, body)).await?))
 }
 
-/// Receives a partial when there is room for it.
-async fn receive(farm: &Farm, mut arriving: ArrivingBody) -> Result<(Bytes, Room<'_>), ApiError> {
-    let mut room = Room { farm, announced: arriving.announced_bytes(), bytes: 0, permits: Vec::new(), beyond: None };
-    room.widen_to(1).await?;
-    let mut body = BytesMut::with_capacity(arriving.announced_bytes().unwrap_or(0).min(PIECE_BYTES) as usize);
-    while let Some(piece) = arriving.piece().await? {
-        room.widen_to((body.len() + piece.len()) as u64).await?;
-        body.extend_from_slice(&piece);
-    }
-    Ok((body.freeze(), room))
+/// A lease that is good for `token`, which came in `field`.
+pub(super) async fn valid_lease(
+    farm: &Farm,
+    lease: LeaseId,
+    token: u64,
+    field: &'static str,
+) -> Result<LeaseRecord, ApiError> {
+    let record = farm.store.lease(lease).await?;
+    record.check(token, farm.config.clock.now_ms()).map_err(|error| match error {
+        LeaseError::StaleToken(_) => ApiError::from(error).field(field),
+        error => error.into(),
+    })?;
+    Ok(record)
 }
 
-/// Memory for a partial, taken as it comes. Whoever has announced much and sends nothing takes no more than a piece of it.
-struct Room<'a> {
-    farm: &'a Farm,
-    announced: Option<u64>,
-    /// Bytes that there is room for.
-    bytes: u64,
-    permits: Vec<SemaphorePermit<'a>>,
-    /// Makes room for any number.
-    beyond: Option<SemaphorePermit<'a>>,
-}
-
-impl Room<'_> {
-    /// Waits until there is room for so many bytes.
-    async fn widen_to(&mut self, bytes: u64) -> Result<(), ApiError> {
-        let farm = self.farm;
-        while self.bytes < bytes && self.beyond.is_none() {
-            let rest = self.announced.map_or(PIECE_BYTES, |announced| announced.saturating_sub(self.bytes));
-            let more = rest.clamp(1, PIECE_BYTES);
-            let room = farm.receiving.acquire_many(permits(more));
-            if self.bytes == 0 {
-                self.permits.push(room.await.map_err(ApiError::internal)?);
-            } else {
-                tokio::select! {
-                    biased;
-                    room = room => self.permits.push(room.map_err(ApiError::internal)?),
-                    // All of the room may be taken by partials of which a part has come: one at a time comes to its end.
-                    beyond = farm.receiving_beyond.acquire() => {
-                        self.beyond = Some(beyond.map_err(ApiError::internal)?);
-                    }
-                }
-            }
-            self.bytes += more;
-        }
-        Ok(())
+/// Refuses a time that nobody has measured.
+pub(super) fn check_core_ms(field: &'static str, core_ms: u64) -> Result<(), ApiError> {
+    if core_ms <= MOST_CORE_MS {
+        return Ok(());
     }
+    Err(ApiError::invalid_field(field, core_ms, format!("at most {MOST_CORE_MS} milliseconds")))
 }
 
 /// Gives the rest of a lease back.

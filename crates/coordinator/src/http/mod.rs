@@ -19,8 +19,10 @@ mod leases;
 mod leftover;
 mod lingering;
 mod openapi;
+mod pieces;
 mod problem;
 mod queries;
+mod room;
 mod strict_object;
 mod workers;
 

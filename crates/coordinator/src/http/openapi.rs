@@ -9,7 +9,7 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, ResponseBuilder};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::{assets, auth, events, images, jobs, leases, workers};
+use super::{assets, auth, events, images, jobs, leases, pieces, workers};
 use crate::farm::Farm;
 
 #[derive(OpenApi)]
@@ -53,6 +53,7 @@ pub(super) fn small() -> OpenApiRouter<Arc<Farm>> {
         .routes(routes!(leases::claim))
         .routes(routes!(leases::renew))
         .routes(routes!(leases::give_back))
+        .routes(routes!(pieces::assemble))
 }
 
 /// Endpoints that have parameters in their query.
@@ -60,9 +61,9 @@ pub(super) fn with_parameters() -> OpenApiRouter<Arc<Farm>> {
     OpenApiRouter::new().routes(routes!(images::preview))
 }
 
-/// The endpoint that reads partials.
+/// The endpoints that read partials.
 pub(super) fn partials() -> OpenApiRouter<Arc<Farm>> {
-    OpenApiRouter::new().routes(routes!(leases::partial))
+    OpenApiRouter::new().routes(routes!(leases::partial)).routes(routes!(pieces::put))
 }
 
 /// The endpoints that read and write assets as streams.

@@ -5,6 +5,7 @@
 
 use std::error::Error;
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::extract::Request;
 use axum::http::{HeaderValue, Method, StatusCode, header};
@@ -26,6 +27,8 @@ const LONGEST_VALUE: usize = 120;
 #[derive(Clone, Debug)]
 pub(crate) struct ApiError {
     problem: Box<Problem>,
+    /// When the caller is to come back.
+    retry_after: Option<Duration>,
     cause: Option<Arc<dyn Error + Send + Sync>>,
 }
 
@@ -47,7 +50,7 @@ impl ApiError {
             missing: Vec::new(),
             request_id: None,
         };
-        Self { problem: Box::new(problem), cause: None }
+        Self { problem: Box::new(problem), retry_after: None, cause: None }
     }
 
     /// A field that has a value which it cannot have.
@@ -80,6 +83,17 @@ impl ApiError {
         error
     }
 
+    /// Says when to come back.
+    pub(crate) fn retry_after(mut self, pause: Duration) -> Self {
+        self.retry_after = Some(pause);
+        self
+    }
+
+    /// Whether the fault is not the caller's, so that the same call may succeed later.
+    pub(crate) fn is_ours(&self) -> bool {
+        self.problem.status >= 500
+    }
+
     /// Names the field that is wrong.
     pub(crate) fn field(mut self, field: impl Into<String>) -> Self {
         self.problem.field = Some(field.into());
@@ -101,6 +115,14 @@ impl ApiError {
     pub(crate) fn expected(mut self, expected: impl Into<String>) -> Self {
         self.problem.expected = Some(expected.into());
         self
+    }
+
+    /// Bytes that do not have the hash under which they come.
+    pub(crate) fn hash_mismatch(announced: ContentHash, found: ContentHash) -> Self {
+        Self::new(ProblemCode::HashMismatch, format!("the content has the hash {found}"))
+            .field("hash")
+            .value(announced)
+            .expected(found.to_string())
     }
 
     /// Lists content that has to be uploaded first.
@@ -130,6 +152,7 @@ fn status_and_title(code: ProblemCode) -> (StatusCode, &'static str) {
         ProblemCode::InvalidScene => (StatusCode::UNPROCESSABLE_ENTITY, "Invalid scene"),
         ProblemCode::InvalidReference => (StatusCode::UNPROCESSABLE_ENTITY, "Unusable reference"),
         ProblemCode::MissingAssets => (StatusCode::CONFLICT, "Assets have to be uploaded first"),
+        ProblemCode::MissingPieces => (StatusCode::CONFLICT, "Pieces have to be uploaded first"),
         ProblemCode::HashMismatch => (StatusCode::UNPROCESSABLE_ENTITY, "Content does not have this hash"),
         ProblemCode::BodyTooLarge => (StatusCode::PAYLOAD_TOO_LARGE, "Body too large"),
         ProblemCode::BodyTooSlow => (StatusCode::REQUEST_TIMEOUT, "Body too slow"),
@@ -252,6 +275,9 @@ fn document(mut response: Response, method: &Method, path: &str, request_id: &st
         if let Some(value) = response.headers_mut().remove(&name) {
             explained.headers_mut().insert(name, value);
         }
+    }
+    if let Some(pause) = error.retry_after {
+        explained.headers_mut().insert(header::RETRY_AFTER, HeaderValue::from(pause.as_secs()));
     }
     if problem.code == ProblemCode::Unauthorized {
         explained.headers_mut().insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::extract::State;
+use axum::extract::{FromRequest, Request, State};
 use axum::http::StatusCode;
-use clerestory_api::{WorkerId, WorkerRegistration, WorkerView};
+use axum::http::header::CONTENT_TYPE;
+use clerestory_api::{WorkerActivity, WorkerId, WorkerRegistration, WorkerView};
 use uuid::Uuid;
 
 use super::extract::{PathParameter, StrictJson};
@@ -54,16 +55,23 @@ fn check(registration: &WorkerRegistration) -> Result<(), ApiError> {
     Ok(())
 }
 
-/// Says that a worker is alive.
+/// Says that a worker is alive, and what it does. Without a body, it builds nothing.
 #[utoipa::path(
     post, path = "/workers/{worker}/heartbeat", tag = "workers", params(("worker" = WorkerId, Path)),
+    request_body = Option<WorkerActivity>,
     responses((status = 204, description = "Heard."))
 )]
 pub(super) async fn heartbeat(
     State(farm): State<Arc<Farm>>,
     PathParameter(worker): PathParameter<WorkerId>,
+    request: Request,
 ) -> Result<StatusCode, ApiError> {
-    farm.store.touch_worker(worker, farm.config.clock.now_ms()).await?;
+    let activity = if request.headers().contains_key(CONTENT_TYPE) {
+        StrictJson::from_request(request, &()).await?.0
+    } else {
+        WorkerActivity::default()
+    };
+    farm.store.touch_worker(worker, farm.config.clock.now_ms(), activity).await?;
     farm.tell(News::Workers);
     Ok(StatusCode::NO_CONTENT)
 }

@@ -14,6 +14,18 @@ impl Store {
         Ok(found.is_some())
     }
 
+    /// Bytes of some uploaded contents together, each counted as often as it is named.
+    pub(crate) async fn asset_bytes(&self, hashes: impl Iterator<Item = ContentHash>) -> Result<u64, StoreError> {
+        let mut bytes = 0_u64;
+        for hash in hashes {
+            let size = query("select size from assets where hash = $1").bind(hash.to_string());
+            if let Some(row) = size.fetch_optional(&self.readers).await? {
+                bytes = bytes.saturating_add(row.number("size")?);
+            }
+        }
+        Ok(bytes)
+    }
+
     /// Makes an uploaded blob an asset of the farm.
     pub(crate) async fn insert_asset(&self, hash: ContentHash, size: u64, now_ms: i64) -> Result<(), StoreError> {
         self.write(move |connection| {

@@ -48,7 +48,7 @@ pub enum SchemaError {
 }
 
 /// What makes a schema of the one before, each with its version and its name.
-pub(super) const MIGRATIONS: [(i64, &str, &str); 22] = [
+pub(super) const MIGRATIONS: [(i64, &str, &str); 23] = [
     (1, "first", include_str!("../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../migrations/0002_counters.sql")),
     (3, "farm", include_str!("../../migrations/0003_farm.sql")),
@@ -71,6 +71,7 @@ pub(super) const MIGRATIONS: [(i64, &str, &str); 22] = [
     (20, "left_to_chance", include_str!("../../migrations/0020_left_to_chance.sql")),
     (21, "attempts", include_str!("../../migrations/0021_attempts.sql")),
     (22, "lost_nodes", include_str!("../../migrations/0022_lost_nodes.sql")),
+    (23, "building", include_str!("../../migrations/0023_building.sql")),
 ];
 
 /// Where applied migrations are noted, as the first builds made it; the hash is empty since.

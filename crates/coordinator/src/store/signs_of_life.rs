@@ -2,25 +2,31 @@
 
 use std::collections::BTreeSet;
 
-use clerestory_api::{Quarantine, WorkerId};
+use clerestory_api::{Quarantine, WorkerActivity, WorkerId};
 
 use super::gathered::Outcomes;
 use super::row::to_json;
 use super::sql::{Kind, looked_up, query};
 use super::{Connection, Store, StoreError, WorkerError};
 
-/// A sign of life: of whom, and when.
-#[derive(Clone, Copy, Debug)]
+/// A sign of life: of whom, when, and what the worker does.
+#[derive(Clone, Debug)]
 pub(super) struct SignOfLife {
     worker: WorkerId,
     now_ms: i64,
+    activity: WorkerActivity,
 }
 
 impl Store {
-    /// Notes that a worker is alive.
-    pub(crate) async fn touch_worker(&self, worker: WorkerId, now_ms: i64) -> Result<(), WorkerError> {
+    /// Notes that a worker is alive, and what it does.
+    pub(crate) async fn touch_worker(
+        &self,
+        worker: WorkerId,
+        now_ms: i64,
+        activity: WorkerActivity,
+    ) -> Result<(), WorkerError> {
         self.signs_of_life
-            .write(self, SignOfLife { worker, now_ms }, |connection, signs| Box::pin(note(connection, signs)))
+            .write(self, SignOfLife { worker, now_ms, activity }, |connection, signs| Box::pin(note(connection, signs)))
             .await
     }
 }
@@ -30,7 +36,7 @@ async fn note(connection: &mut Connection, signs: Vec<SignOfLife>) -> Outcomes<(
     let Some(now_ms) = signs.iter().map(|sign| sign.now_ms).max() else { return Ok(Vec::new()) };
     let workers: BTreeSet<[String; 1]> = signs.iter().map(|sign| [sign.worker.to_string()]).collect();
     let statement = format!(
-        "update workers set seen_ms = $1 where {} and quarantine is null returning id, ended_ms",
+        "update workers set seen_ms = $1, building = null where {} and quarantine is null returning id, ended_ms",
         looked_up(connection.engine(), "workers", 2, &[Kind::Text], "id = c0")
     );
     let mut noted = BTreeSet::new();
@@ -38,6 +44,12 @@ async fn note(connection: &mut Connection, signs: Vec<SignOfLife>) -> Outcomes<(
         // One that was thought lost registers again; it was heard of all the same.
         if row.optional_integer("ended_ms")?.is_none() {
             noted.insert(row.parsed::<WorkerId>("id")?);
+        }
+    }
+    for SignOfLife { worker, activity, .. } in &signs {
+        if let Some(building) = activity.building.as_ref().filter(|_| noted.contains(worker)) {
+            let statement = query("update workers set building = $2 where id = $1").bind(worker.to_string());
+            statement.bind(to_json(building)?).execute(&mut *connection).await?;
         }
     }
     let mut notes = Vec::with_capacity(signs.len());

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeSet;
 
-use clerestory_api::{JobId, Quarantine, WorkerId, WorkerRegistration, WorkerState, WorkerView};
+use clerestory_api::{JobId, Quarantine, SceneBuilding, WorkerId, WorkerRegistration, WorkerState, WorkerView};
 
 use super::row::{Row, to_json};
 use super::sql::{Kind, looked_up, query};
@@ -258,6 +258,19 @@ impl Store {
         Ok(worker_view(&row, silent_before_ms, &self.pinned_jobs().await?)?)
     }
 
+    /// How many workers that were heard of since `since_ms` build the scene of a job.
+    pub(crate) async fn building_workers(&self, job: JobId, since_ms: i64) -> Result<u32, StoreError> {
+        let rows =
+            query("select building from workers where building is not null and ended_ms is null and seen_ms >= $1")
+                .bind(since_ms);
+        let mut count = 0;
+        for row in rows.fetch_all(&self.readers).await? {
+            let building: SceneBuilding = row.json("building")?;
+            count += u32::from(building.job == job);
+        }
+        Ok(count)
+    }
+
     /// Jobs that are only for workers with a certain digest of the probe, with that.
     async fn pinned_jobs(&self) -> Result<Vec<(JobId, String)>, StoreError> {
         let rows = query(
@@ -295,6 +308,7 @@ fn worker_view(row: &Row, silent_before_ms: i64, pinned: &[(JobId, String)]) -> 
         build: row.text("build")?,
         state,
         job: row.optional_parsed("job")?,
+        building: row.optional_json("building")?,
         leased_nodes,
         accepted_nodes: row.number("accepted_nodes")?,
         refused_partials: row.number("refused_partials")?,

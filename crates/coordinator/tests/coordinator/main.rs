@@ -8,6 +8,8 @@ mod farm;
 mod frames;
 mod live;
 mod lost;
+mod memory;
+mod pieces;
 mod support;
 mod targets;
 mod trouble;

@@ -132,11 +132,16 @@ impl TestFarm {
 
     /// How many blobs of nodes are stored.
     pub(crate) fn node_blobs(&self) -> usize {
+        self.blobs_in("nodes")
+    }
+
+    /// How many blobs are stored in a folder.
+    pub(crate) fn blobs_in(&self, folder: &str) -> usize {
         fn files(directory: &Path) -> usize {
             let Ok(entries) = std::fs::read_dir(directory) else { return 0 };
             entries.map(|entry| entry.unwrap().path()).map(|path| if path.is_dir() { files(&path) } else { 1 }).sum()
         }
-        files(&self.directory.path().join("blobs/nodes"))
+        files(&self.directory.path().join("blobs").join(folder))
     }
 }
 

@@ -80,8 +80,13 @@ const NODE_BYTES_PER_PIXEL: u64 = 13 * 4;
 /// # Errors
 ///
 /// [`OpenExrError`] when there is no node, or the same node twice.
-pub fn encode(nodes: &[Rendered], header: &PartialHeader, grid: &TileGrid) -> Result<Vec<u8>, OpenExrError> {
-    let parts: Vec<OutputPart<'_>> = nodes.iter().map(|node| output_part(node, header)).collect::<Result<_, _>>()?;
+pub fn encode<'a>(
+    nodes: impl IntoIterator<Item = &'a Rendered>,
+    header: &PartialHeader,
+    grid: &TileGrid,
+) -> Result<Vec<u8>, OpenExrError> {
+    let parts: Vec<OutputPart<'_>> =
+        nodes.into_iter().map(|node| output_part(node, header)).collect::<Result<_, _>>()?;
     openexr::write([grid.width, grid.height], &parts, COMPRESSION)
 }
 

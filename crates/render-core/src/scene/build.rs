@@ -13,6 +13,7 @@ use super::description::{ConicSearch, IntegratorDescription, SamplingDescription
 use super::error::{AssetProblem, SceneError};
 use super::hash::{ContentHash, SceneHash};
 use super::json_path::JsonPath;
+use super::memory::SceneMemory;
 use super::surface::MeshSurface;
 use super::validate_places::{Obstacles, check_panes};
 use crate::film::Sampling;
@@ -20,6 +21,15 @@ use crate::geometry::{Accelerator, Pane};
 use crate::integrator::PathFilter;
 use crate::optics::Light;
 use crate::specular::{conic::FacetTree, conic::Neighbours, pane_tree::PaneTree};
+
+/// What is known of a scene that has been checked and not built.
+#[derive(Clone, Debug)]
+pub struct CheckedScene {
+    /// How samples are grouped.
+    pub sampling: Sampling,
+    /// As [`Scene::left_to_chance`].
+    pub left_to_chance: Vec<String>,
+}
 
 /// A scene that can be rendered. It does not change any more.
 #[derive(Debug)]
@@ -50,19 +60,13 @@ impl Scene {
     /// When an asset makes no sense, the faces of a pane touch, or something stands in glass that may not.
     pub fn build(bundle: &SceneBundle) -> Result<Self, SceneError> {
         let description = bundle.description();
-        let textures = decode_textures(bundle)?;
-        let panes = build_panes(bundle)?;
-        let mut meshes = Meshes::new(bundle, &textures);
-        for (index, mesh) in description.meshes.iter().enumerate() {
-            meshes.add(index, mesh)?;
-        }
-        let Meshes { positions, triangles, surfaces, .. } = meshes;
+        let Parts { panes, positions, triangles, surfaces } = Parts::decode(bundle)?;
         let mesh_bounds: Vec<[DVec3; 2]> =
             surfaces.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
         let smooth: Vec<_> = surfaces.iter().filter(|mesh| mesh.is_smooth()).map(MeshSurface::triangle_range).collect();
         let accelerator = Accelerator::build(&positions, &triangles, &smooth, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
-        check_panes(description, &accelerator, &surfaces)?;
+        check_panes(description, accelerator.panes(), |triangle| *accelerator.corners(triangle), &surfaces)?;
         Obstacles::new(accelerator.shared_panes()).check(description)?;
         let scene = Self {
             hash: bundle.scene_hash(),
@@ -83,6 +87,27 @@ impl Scene {
         };
         scene.prepare();
         Ok(scene)
+    }
+
+    /// Checks what [`Self::build`] would stumble over, in less time and memory: nothing is sorted into hierarchies. What is left to building is that triangles may be too unevenly distributed for any hierarchy.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::build`].
+    pub fn check(bundle: &SceneBundle) -> Result<CheckedScene, SceneError> {
+        let description = bundle.description();
+        let Parts { panes, positions, triangles, surfaces } = Parts::decode(bundle)?;
+        let corners = |triangle: u32| triangles[triangle as usize].map(|vertex| positions[vertex as usize]);
+        check_panes(description, &panes, corners, &surfaces)?;
+        let smooth = surfaces.iter().filter(|mesh| mesh.is_smooth());
+        let glass: Vec<[DVec3; 2]> = (panes.iter().map(Pane::world_bounds))
+            .chain(smooth.map(|mesh| mesh_bounds(&positions, &triangles, mesh)))
+            .collect();
+        Obstacles::new(panes.into()).check(description)?;
+        description.compiled_path_filter()?;
+        let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
+        let left_to_chance = description.left_to_chance_by(&lights, &glass);
+        Ok(CheckedScene { sampling: sampling(description)?, left_to_chance })
     }
 
     /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the integrator, the seed and the sampling differ, all that takes
@@ -207,6 +232,28 @@ impl Scene {
     /// The smallest and the largest corner of a box around all triangles and panes, metres; `None` when there are none.
     pub fn bounds(&self) -> Option<[DVec3; 2]> {
         self.accelerator.bounds()
+    }
+}
+
+/// What a scene is made of, decoded and checked.
+struct Parts {
+    panes: Vec<Pane>,
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    surfaces: Vec<MeshSurface>,
+}
+
+impl Parts {
+    fn decode(bundle: &SceneBundle) -> Result<Self, SceneError> {
+        SceneMemory::of(bundle).check_counts()?;
+        let textures = decode_textures(bundle)?;
+        let panes = build_panes(bundle)?;
+        let mut meshes = Meshes::new(bundle, &textures);
+        for (index, mesh) in bundle.description().meshes.iter().enumerate() {
+            meshes.add(index, mesh)?;
+        }
+        let Meshes { positions, triangles, surfaces, .. } = meshes;
+        Ok(Self { panes, positions, triangles, surfaces })
     }
 }
 

@@ -12,7 +12,7 @@ use super::bundle::SceneBundle;
 use super::description::{MaterialDescription, MeshDescription, MeshSource, ReflectanceDescription};
 use super::error::SceneError;
 use super::json_path::JsonPath;
-use super::limits::{MAX_COORDINATE, MAX_TEXELS, MAX_TRIANGLES};
+use super::limits::{MAX_COORDINATE, MAX_TRIANGLES};
 use super::mesh::{Placement, TriangleMesh, is_degenerate};
 use super::mesh_file::{MeshFile, MeshFormat};
 use super::surface::{Material, MeshSurface, Reflectance, SmoothMesh};
@@ -25,7 +25,6 @@ pub(super) type Textures<'a> = BTreeMap<&'a str, Arc<Texture>>;
 /// Decodes the textures of all materials, each file once.
 pub(super) fn decode_textures(bundle: &SceneBundle) -> Result<Textures<'_>, SceneError> {
     let mut textures = BTreeMap::new();
-    let mut texels = 0;
     for (name, material) in &bundle.description().materials {
         let MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Texture { file } } = material else {
             continue;
@@ -38,8 +37,6 @@ pub(super) fn decode_textures(bundle: &SceneBundle) -> Result<Textures<'_>, Scen
             name: file.clone(),
             problem,
         })?;
-        texels += texture.len();
-        check_budget(texels, MAX_TEXELS, "texels in all textures", "materials")?;
         textures.insert(file.as_str(), Arc::new(texture));
     }
     Ok(textures)
@@ -68,10 +65,6 @@ impl<'a> Meshes<'a> {
 
     /// Adds mesh `index` of the scene file.
     pub(super) fn add(&mut self, index: usize, description: &'a MeshDescription) -> Result<(), SceneError> {
-        // Before memory is taken for what is computed.
-        if let MeshSource::Waves(waves) = &description.source {
-            check_budget(self.triangles.len() + waves.triangles(), MAX_TRIANGLES, "triangles", "meshes")?;
-        }
         let mesh = self.decode(index, description)?;
         check_budget(self.triangles.len() + mesh.triangles.len(), MAX_TRIANGLES, "triangles", "meshes")?;
         check_budget(self.positions.len() + mesh.positions.len(), 3 * MAX_TRIANGLES, "vertices", "meshes")?;
@@ -115,8 +108,6 @@ impl<'a> Meshes<'a> {
         };
         let bytes = asset_bytes(self.bundle, file).map_err(unusable)?;
         let opened = MeshFile::open(format, bytes).map_err(unusable)?;
-        // Before memory is taken for what is decoded.
-        check_budget(self.triangles.len() + opened.triangles(), MAX_TRIANGLES, "triangles", "meshes")?;
         let mesh = Arc::new(opened.decode().map_err(unusable)?);
         self.files.insert((format, file), mesh.clone());
         Ok(mesh)

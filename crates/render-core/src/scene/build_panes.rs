@@ -5,13 +5,12 @@ use std::collections::BTreeMap;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::build::{asset_bytes, check_budget};
+use super::build::asset_bytes;
 use super::bundle::SceneBundle;
 use super::description::{PaneDescription, ProfileDescription};
 use super::error::{AssetProblem, SceneError};
 use super::height_map::{CoefficientGrid, HeightMap};
-use super::limits::MAX_COEFFICIENTS;
-use super::profile::{procedural_coefficients, procedural_grid};
+use super::profile::procedural_coefficients;
 use crate::geometry::{Face, Frame, HeightField, Pane};
 
 /// Height maps by the names of their files.
@@ -21,18 +20,13 @@ type HeightMaps<'a> = BTreeMap<&'a str, HeightMap>;
 pub(super) fn build_panes(bundle: &SceneBundle) -> Result<Vec<Pane>, SceneError> {
     let panes = &bundle.description().panes;
     let height_maps = decode_height_maps(bundle)?;
-    let coefficients = panes.iter().flat_map(faces).map(|(_, profile, size)| match profile {
-        ProfileDescription::HeightMap { file, .. } => height_maps.get(file.as_str()).map_or(0, HeightMap::len),
-        procedural => procedural_grid(procedural, size).map_or(1, |[columns, rows]| columns * rows),
-    });
-    check_budget(coefficients.sum(), MAX_COEFFICIENTS, "spline coefficients in all panes", "panes")?;
     // Collected before the first error is looked for, so that it is the same one on every machine.
     let built: Vec<Result<Pane, SceneError>> =
         panes.par_iter().enumerate().map(|(index, pane)| build_pane(index, pane, &height_maps)).collect();
     built.into_iter().collect()
 }
 
-fn faces(pane: &PaneDescription) -> [(Face, &ProfileDescription, DVec2); 2] {
+pub(super) fn faces(pane: &PaneDescription) -> [(Face, &ProfileDescription, DVec2); 2] {
     let size = DVec2::new(pane.width, pane.height);
     [(Face::Front, &pane.front, size), (Face::Back, &pane.back, size)]
 }
@@ -98,7 +92,7 @@ fn height_map_error(index: usize, face: Face, file: &str, problem: AssetProblem)
     SceneError::Asset { path: face_path(index, face) + ".height_map.file", name: file.to_owned(), problem }
 }
 
-fn face_path(index: usize, face: Face) -> String {
+pub(super) fn face_path(index: usize, face: Face) -> String {
     match face {
         Face::Front => format!("panes[{index}].front"),
         Face::Back => format!("panes[{index}].back"),

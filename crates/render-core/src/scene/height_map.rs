@@ -51,11 +51,6 @@ impl HeightMap {
         }
     }
 
-    /// Number of its values.
-    pub(super) fn len(&self) -> usize {
-        self.values.len()
-    }
-
     /// The heights `value * scale + offset`, metres.
     pub(super) fn coefficients(&self, scale: f64, offset: f64) -> Result<CoefficientGrid, AssetProblem> {
         let height = |value: f32| (f64::from(value) / self.divisor * scale + offset) as f32;

@@ -47,6 +47,14 @@ impl<'a> MeshFile<'a> {
         }
     }
 
+    /// Vertices that it will have, about, at the most.
+    pub(super) fn vertices(&self) -> usize {
+        match self {
+            Self::Obj(file) => file.vertices(),
+            Self::Ply(file) => file.vertices(),
+        }
+    }
+
     /// Decodes it.
     pub(super) fn decode(&self) -> Result<TriangleMesh, AssetProblem> {
         match self {

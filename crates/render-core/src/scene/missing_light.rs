@@ -7,6 +7,8 @@
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
+use glam::DVec3;
+
 use super::Scene;
 use super::description::{
     ConicSearch, FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, MaterialDescription,
@@ -14,6 +16,7 @@ use super::description::{
 };
 use crate::geometry::Pane;
 use crate::integrator::PathFilter;
+use crate::optics::Light;
 use crate::specular::side::GRAZING_COSINE;
 
 /// Vertices of the shortest path that brings light through a pane to a surface that the camera sees.
@@ -63,16 +66,21 @@ impl Scene {
         let meshes =
             (0u32..).zip(self.meshes()).filter(|(_, mesh)| mesh.is_smooth()).map(|(mesh, _)| self.mesh_bounds(mesh));
         let glass: Vec<_> = self.panes().iter().map(Pane::world_bounds).chain(meshes).collect();
-        let is_small = |solid_angle: f64| solid_angle < SMALL_SOLID_ANGLE;
-        let small = self.lights().iter().filter(|light| {
-            light.emission().max_element() > 0.0
-                && glass.iter().any(|bounds| light.largest_solid_angle(*bounds).is_some_and(is_small))
-        });
-        self.description().left_to_chance_of(&small.map(|light| light.name.as_str()).collect::<Vec<_>>())
+        self.description().left_to_chance_by(self.lights(), &glass)
     }
 }
 
 impl SceneDescription {
+    /// As [`Scene::left_to_chance`], for these lights and boxes around what refracts or mirrors.
+    pub(super) fn left_to_chance_by(&self, lights: &[Light], glass: &[[DVec3; 2]]) -> Vec<String> {
+        let is_small = |solid_angle: f64| solid_angle < SMALL_SOLID_ANGLE;
+        let small = lights.iter().filter(|light| {
+            light.emission().max_element() > 0.0
+                && glass.iter().any(|bounds| light.largest_solid_angle(*bounds).is_some_and(is_small))
+        });
+        self.left_to_chance_of(&small.map(|light| light.name.as_str()).collect::<Vec<_>>())
+    }
+
     /// The light that an image of this scene lacks, in words, for its metadata.
     pub fn missing_light(&self) -> Vec<String> {
         if self.lights.is_empty() {

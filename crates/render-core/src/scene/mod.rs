@@ -19,6 +19,7 @@ mod json_path;
 pub mod limits;
 #[cfg(test)]
 mod malformed_scenes;
+pub mod memory;
 mod mesh;
 mod mesh_file;
 mod missing_light;
@@ -28,6 +29,7 @@ mod parse;
 mod picture;
 #[cfg(test)]
 mod picture_samples;
+mod picture_size;
 mod ply;
 mod png_colour;
 mod polygon;
@@ -49,12 +51,13 @@ pub mod water;
 mod waves;
 
 pub use assets::asset_names;
-pub use build::Scene;
+pub use build::{CheckedScene, Scene};
 pub use bundle::{Asset, SceneBundle, load};
 pub use camera::Camera;
 pub use description::SceneDescription;
 pub use error::{AssetProblem, SceneError};
 pub use hash::{ContentHash, SceneHash, canonical_json};
+pub use memory::{SceneMemory, SceneUse};
 pub use schema::scene_schema;
 pub use surface::MeshSurface;
 pub use validate_places::Obstacles;

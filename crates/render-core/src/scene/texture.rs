@@ -28,11 +28,6 @@ impl Texture {
         }
     }
 
-    /// Number of its texels.
-    pub(super) fn len(&self) -> usize {
-        self.texels.len()
-    }
-
     /// The value at a texture coordinate: (0, 0) is the bottom left corner of the picture, (1, 1) the top right.
     pub(super) fn lookup(&self, coordinate: DVec2) -> DVec3 {
         let x = coordinate.x * self.width as f64 - 0.5;

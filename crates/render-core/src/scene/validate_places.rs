@@ -13,8 +13,8 @@ use super::error::SceneError;
 use super::json_path::JsonPath;
 use super::validate::{Check, Quoted};
 use super::{Camera, MeshSurface};
+use crate::geometry::Pane;
 use crate::geometry::contact::{Shape, contact, overlap, way_out};
-use crate::geometry::{Accelerator, Pane};
 use crate::optics::Light;
 use crate::optics::light::Body;
 
@@ -35,10 +35,15 @@ struct Places<'a> {
 }
 
 /// Checks that panes stand apart from one another and from smooth meshes.
-pub(super) fn check_panes(description: &SceneDescription, accelerator: &Accelerator, meshes: &[MeshSurface]) -> Check {
-    let mut places = Places { description, panes: accelerator.panes(), budget: MOST_PARTS };
+pub(super) fn check_panes(
+    description: &SceneDescription,
+    panes: &[Pane],
+    corners: impl Fn(u32) -> [DVec3; 3],
+    meshes: &[MeshSurface],
+) -> Check {
+    let mut places = Places { description, panes, budget: MOST_PARTS };
     places.check_panes()?;
-    places.check_meshes(accelerator, meshes)
+    places.check_meshes(corners, meshes)
 }
 
 /// What cameras and lights must keep out of.
@@ -106,13 +111,14 @@ impl Places<'_> {
         Err(SceneError::value(&path.member("centre"), found, expected))
     }
 
-    fn check_meshes(&mut self, accelerator: &Accelerator, meshes: &[MeshSurface]) -> Check {
+    fn check_meshes(&mut self, corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Check {
         for (pane_index, pane) in self.panes.iter().enumerate() {
             let around = pane.world_bounds();
             for (mesh_index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_smooth()) {
                 self.budget = self.budget.saturating_sub(mesh.triangles() / TRIANGLES_FOR_A_PART);
                 for triangle in mesh.triangle_range() {
-                    let shape = Shape::Polygon(accelerator.corners(triangle));
+                    let corners = corners(triangle);
+                    let shape = Shape::Polygon(&corners);
                     if !overlap(&around, &shape.bounds()) {
                         continue;
                     }

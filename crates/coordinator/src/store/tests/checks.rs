@@ -1,6 +1,6 @@
 //! Nodes that a second worker renders too, and what follows when the bits differ.
 
-use clerestory_api::{ConvergencePoint, JobId, JobState, NodeVerdict, WorkerId, WorkerState};
+use clerestory_api::{ConvergencePoint, JobId, JobState, NodeVerdict, WorkerActivity, WorkerId, WorkerState};
 use clerestory_render_core::film::NodeAddress;
 
 use super::adaptive::some_shares;
@@ -95,7 +95,7 @@ pub(super) async fn a_worker_with_other_bits_than_two_others_is_found_and_its_no
     let digest = farm.record(job).await.probe_digest;
     assert_eq!(digest.as_deref(), Some(""), "what is left of it has these bits");
 
-    let refused = farm.store.touch_worker(wrong, 8).await;
+    let refused = farm.store.touch_worker(wrong, 8, WorkerActivity::default()).await;
     assert!(matches!(refused, Err(WorkerError::Quarantined { worker, .. }) if worker == wrong), "{refused:?}");
     assert!(matches!(farm.worker_named("wrong").await, Err(WorkerError::Quarantined { .. })), "by another identity");
     assert!(farm.deliver(&held, &held.nodes, 8).await.is_err());
@@ -115,7 +115,10 @@ pub(super) async fn a_worker_with_other_bits_than_two_others_is_found_and_its_no
     assert_eq!(record.samples, record.total_samples());
 
     farm.store.release_worker(wrong).await.unwrap();
-    assert!(farm.store.touch_worker(wrong, 9).await.is_ok() && farm.worker_named("wrong").await.is_ok());
+    assert!(
+        farm.store.touch_worker(wrong, 9, WorkerActivity::default()).await.is_ok()
+            && farm.worker_named("wrong").await.is_ok()
+    );
 }
 
 pub(super) async fn points_that_were_measured_with_wrong_nodes_are_taken_back(farm: Farm) {
@@ -194,7 +197,7 @@ pub(super) async fn a_check_that_nobody_can_do_does_not_hold_up_the_round(farm: 
     assert!(!bring(&farm, &some, "bits", 0).await.has_work, "nobody is there to check");
     // Another is there for a while, and gets nothing to do before it goes.
     let other = farm.worker_named("other").await.unwrap();
-    farm.store.touch_worker(other, late).await.unwrap();
+    farm.store.touch_worker(other, late, WorkerActivity::default()).await.unwrap();
     let rest = farm.claim(alone, 100, late).await.unwrap();
     assert!(bring(&farm, &rest, "bits", late).await.has_work);
     assert!(farm.store.give_up_checks(late).await.unwrap().is_empty(), "the other may still do them");
@@ -335,13 +338,13 @@ pub(super) async fn workers_of_one_name_are_one_machine(farm: Farm) {
     assert_eq!(outcome.removed.places.len(), 15, "also what it rendered before it was started again");
     assert!(farm.addresses(job).await.is_empty());
     for worker in [before, again] {
-        let refused = farm.store.touch_worker(worker, 0).await;
+        let refused = farm.store.touch_worker(worker, 0, WorkerActivity::default()).await;
         assert!(matches!(refused, Err(WorkerError::Quarantined { .. })), "{refused:?}");
     }
     assert!(matches!(farm.deliver(&some, &some.nodes, 0).await, Err(LeaseError::Returned)));
     farm.store.release_worker(before).await.unwrap();
     for worker in [before, again] {
-        farm.store.touch_worker(worker, 0).await.unwrap();
+        farm.store.touch_worker(worker, 0, WorkerActivity::default()).await.unwrap();
     }
 }
 
@@ -351,7 +354,7 @@ pub(super) async fn a_worker_of_the_same_name_is_nobody_to_check(farm: Farm) {
     let all = farm.claim(first, 100, 0).await.unwrap();
     assert!(bring(&farm, &all, "bits", 0).await.has_work);
     let late = 10 * TTL_MS;
-    farm.store.touch_worker(namesake, late).await.unwrap();
+    farm.store.touch_worker(namesake, late, WorkerActivity::default()).await.unwrap();
     assert_eq!(farm.store.give_up_checks(late).await.unwrap().len(), 15);
     assert!(farm.next_wave(job).await.is_some());
 }

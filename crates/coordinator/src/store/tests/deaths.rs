@@ -1,6 +1,6 @@
 //! Workers that die with what they were leased, and jobs that are held for it.
 
-use clerestory_api::{JobState, WorkerId};
+use clerestory_api::{JobState, WorkerActivity, WorkerId};
 use clerestory_render_core::film::{NodeAddress, TileGrid};
 
 use super::{DeliveredNode, Farm, Grant, TTL_MS, delivered};
@@ -83,14 +83,14 @@ pub(super) async fn a_worker_that_comes_back_has_not_died(farm: Farm) {
         workers.push(farm.die(name, 1, now_ms).await.0);
         if name == "one" {
             // Its lease ran out while it could not be heard.
-            farm.store.touch_worker(workers[0], TTL_MS + 1).await.unwrap();
+            farm.store.touch_worker(workers[0], TTL_MS + 1, WorkerActivity::default()).await.unwrap();
         }
     }
     assert_eq!(farm.record(job).await.hold, None, "two have died");
     workers.push(farm.die("four", 1, 3 * TTL_MS).await.0);
     let held: Vec<WorkerId> = farm.record(job).await.hold.unwrap().workers.iter().map(|worker| worker.id).collect();
     assert_eq!(held, workers[1..]);
-    farm.store.touch_worker(workers[2], 4 * TTL_MS + 1).await.unwrap();
+    farm.store.touch_worker(workers[2], 4 * TTL_MS + 1, WorkerActivity::default()).await.unwrap();
     assert_eq!(farm.store.release_jobs_of_returned_workers(4 * TTL_MS + 2).await.unwrap(), [job]);
     assert_eq!(farm.record(job).await.hold, None);
 }

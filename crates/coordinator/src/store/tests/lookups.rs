@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use clerestory_api::WorkerId;
+use clerestory_api::{WorkerActivity, WorkerId};
 use clerestory_render_core::film::{NodeAddress, TileGrid};
 
 use super::{DeliveredNode, Farm, delivered, merge, place};
@@ -28,7 +28,7 @@ const READ: i64 = 30;
 async fn work(farm: &Farm, worker: WorkerId, now_ms: i64) {
     let grant = farm.claim(worker, NODES, now_ms).await.unwrap();
     let (lease, token) = (grant.lease.id, grant.lease.token);
-    farm.store.touch_worker(worker, now_ms).await.unwrap();
+    farm.store.touch_worker(worker, now_ms, WorkerActivity::default()).await.unwrap();
     farm.store.renew(lease, token, now_ms, now_ms + 100).await.unwrap();
     // Some of them are checked, by another.
     let is_chosen = |node: &NodeAddress| node.tile.is_multiple_of(50);

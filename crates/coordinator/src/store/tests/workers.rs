@@ -1,6 +1,6 @@
 //! Workers that end, that are lost, and that are forgotten.
 
-use clerestory_api::{Quarantine, WorkerId, WorkerState};
+use clerestory_api::{Quarantine, WorkerActivity, WorkerId, WorkerState};
 
 use super::{Farm, LeaseError, StoreError, WorkerError, query};
 
@@ -40,14 +40,17 @@ pub(super) async fn a_worker_that_ends_gives_all_back_and_leaves_the_list(farm: 
 
     let terms = super::farm::terms(ending, 30);
     assert!(matches!(farm.store.claim(move || terms).await, Err(WorkerError::Unknown(_))));
-    assert!(matches!(farm.store.touch_worker(ending, 30).await, Err(WorkerError::Unknown(_))), "it is not revived");
+    assert!(
+        matches!(farm.store.touch_worker(ending, 30, WorkerActivity::default()).await, Err(WorkerError::Unknown(_))),
+        "it is not revived"
+    );
     let unknown = WorkerId::from(uuid::Uuid::nil());
     assert!(matches!(farm.store.end_worker(unknown, 0).await, Err(WorkerError::Unknown(_))));
 }
 
 pub(super) async fn a_silent_worker_is_listed_for_a_day_or_until_its_machine_is_back(farm: Farm) {
     let [lost, still] = [farm.worker_named("lost").await.unwrap(), farm.worker_named("still").await.unwrap()];
-    farm.store.touch_worker(still, 1000).await.unwrap();
+    farm.store.touch_worker(still, 1000, WorkerActivity::default()).await.unwrap();
     assert!(!farm.store.end_lost_workers(500, 1000).await.unwrap());
     assert_eq!(farm.listed().await.len(), 2);
     assert_eq!(farm.store.workers(i64::MAX, 500).await.unwrap()[0].state, WorkerState::Silent);

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use clerestory_api::WorkerActivity;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use uuid::Uuid;
@@ -103,7 +104,7 @@ pub(super) async fn what_keeps_workers_and_films_is_written_before_all_that_wait
     });
     tokio::time::sleep(SETTLED).await;
     let store = farm.store.clone();
-    let alive = tokio::spawn(async move { store.touch_worker(worker, 7).await });
+    let alive = tokio::spawn(async move { store.touch_worker(worker, 7, WorkerActivity::default()).await });
     let store = farm.store.clone();
     let kept = tokio::spawn(async move { store.keep(job, Uuid::now_v7(), 0, 9).await });
     tokio::time::sleep(SETTLED).await;

@@ -33,6 +33,13 @@ impl<'a> ObjFile<'a> {
         self.counts.triangles
     }
 
+    /// A vertex is a position with a texture coordinate and a normal, as corners name them. There are no more than of these together, but in files
+    /// that mix a few of each in all ways.
+    pub(super) fn vertices(&self) -> usize {
+        let Counts { positions, texture_coordinates, normals, triangles } = self.counts;
+        positions.max((3 * triangles).min(positions + texture_coordinates + normals))
+    }
+
     /// Decodes it.
     pub(super) fn decode(&self) -> Result<TriangleMesh, AssetProblem> {
         let numbers = Numbers::read(self.bytes, self.counts)?;

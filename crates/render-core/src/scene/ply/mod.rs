@@ -69,6 +69,11 @@ impl<'a> PlyFile<'a> {
         self.triangles
     }
 
+    /// Vertices that it has.
+    pub(super) fn vertices(&self) -> usize {
+        self.header.element("vertex").map_or(0, |element| element.count)
+    }
+
     /// Decodes it.
     pub(super) fn decode(&self) -> Result<TriangleMesh, AssetProblem> {
         let mut mesh = TriangleMesh::default();

@@ -1,0 +1,118 @@
+//! What a submission may cost a coordinator.
+
+use std::io::Cursor;
+
+use bytes::Bytes;
+use clerestory_api::{Client, ClientError, JobSubmission, JobView, Problem, ProblemCode};
+use image::{ImageFormat, RgbImage};
+use serde_json::{Value, json};
+
+use crate::support::*;
+
+#[track_caller]
+fn refused(answer: Result<JobView, ClientError>, field: &str) -> Problem {
+    let failure = answer.unwrap_err();
+    let problem = failure.problem().unwrap_or_else(|| panic!("{failure}")).clone();
+    assert_eq!((problem.status, problem.code), (422, ProblemCode::InvalidScene), "{problem}");
+    assert_eq!(problem.field.as_deref(), Some(field), "{problem}");
+    problem
+}
+
+/// A submission whose mesh comes from elsewhere.
+fn with_source(source: Value) -> JobSubmission {
+    let mut scene = scene();
+    scene["meshes"][0]["source"] = source;
+    JobSubmission { scene, ..submission(1) }
+}
+
+fn waves(cells: u32) -> Value {
+    json!({"waves": {"size": [1, 1], "cells": [cells, cells], "wavelengths": [0.1, 0.2], "height": 0.01, "seed": 1}})
+}
+
+async fn with_asset(client: &Client, submission: JobSubmission, name: &str, content: Vec<u8>) -> JobSubmission {
+    let content = Bytes::from(content);
+    let hash = hash(&content);
+    client.upload_asset(&hash, content, |_| ()).await.unwrap();
+    JobSubmission { assets: [(name.to_owned(), hash)].into(), ..submission }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_scene_that_takes_more_memory_than_a_submission_may_is_refused_with_what_takes_most() {
+    let farm = TestFarm::start_with(|config| config.submission_bytes = 20 << 20).await;
+    let client = &farm.client;
+    client.submit_job(&with_source(waves(100))).await.unwrap();
+
+    let problem = refused(client.submit_job(&with_source(waves(1000))).await, "scene.meshes[0].source.waves.cells");
+    assert!(problem.value.as_ref().unwrap().contains("2000000 triangles"), "{problem}");
+    let expected = problem.expected.unwrap();
+    assert!(expected.contains("20 MiB") && expected.contains("`submission_bytes`"), "{expected}");
+    // What it says fits.
+    let most: f64 = expected.split_whitespace().nth(2).unwrap().parse().unwrap();
+    let cells = (most / 2.0).sqrt() as u32;
+    assert!(cells > 50);
+    client.submit_job(&with_source(waves(cells))).await.unwrap();
+
+    let mut panes = scene();
+    panes["panes"] = (0..8)
+        .map(|index| {
+            json!({"name": format!("pane {index}"), "centre": [index, 0, 3], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+                "width": 0.9, "height": 0.9, "thickness": 0.004,
+                "front": {"hammered": {"wavelength": 0.03, "amplitude": 1e-6}}, "back": "flat"})
+        })
+        .collect();
+    let glazed = JobSubmission { scene: panes, ..submission(1) };
+    let problem = refused(client.submit_job(&glazed).await, "scene.panes[7].front");
+    assert!(problem.value.unwrap().contains("spline coefficients"));
+
+    // A place that cannot be is found without hierarchies.
+    let mut touching = scene();
+    touching["panes"] = json!([0, 1])
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|index| {
+            json!({"name": format!("pane {index}"), "centre": [0, 0, 3], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+            "width": 0.9, "height": 0.9, "thickness": 0.004, "front": "flat", "back": "flat"})
+        })
+        .collect();
+    let touching = JobSubmission { scene: touching, ..submission(1) };
+    refused(client.submit_job(&touching).await, "scene.panes[1].centre");
+
+    // The farm goes on.
+    client.submit_job(&submission(1)).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn files_are_counted_by_their_headers_before_they_are_decoded() {
+    let farm = TestFarm::start_with(|config| config.submission_bytes = 20 << 20).await;
+    let client = &farm.client;
+    let mut painted = scene();
+    painted["materials"]["stone"]["diffuse"]["reflectance"] = json!({"texture": {"file": "black.png"}});
+    painted["meshes"][0]["source"]["inline"]["texture_coordinates"] = json!([[0, 0], [1, 0], [1, 1], [0, 1]]);
+    let painted = JobSubmission { scene: painted, ..submission(1) };
+    // A few kilobytes that decode to twelve megabytes, and to forty-eight as texels.
+    let mut black = Cursor::new(Vec::new());
+    RgbImage::new(2000, 2000).write_to(&mut black, ImageFormat::Png).unwrap();
+    let painted = with_asset(client, painted, "black.png", black.into_inner()).await;
+    let problem = refused(client.submit_job(&painted).await, "scene.materials.stone.diffuse.reflectance.texture.file");
+    assert!(problem.value.unwrap().contains("4000000 texels"));
+
+    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned();
+    let obj = with_source(json!({"obj": {"file": "a.obj"}}));
+    let large = with_asset(client, obj.clone(), "a.obj", (corners.clone() + &"f 1 2 3\n".repeat(200_000)).into()).await;
+    let problem = refused(client.submit_job(&large).await, "scene.meshes[0].source.obj.file");
+    assert!(problem.value.unwrap().contains("200000 triangles"));
+    let small = with_asset(client, obj, "a.obj", (corners + "f 1 2 3\n").into()).await;
+    client.submit_job(&small).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn files_that_would_not_even_fit_as_they_are_are_not_read() {
+    let farm = TestFarm::start_with(|config| config.submission_bytes = 1 << 20).await;
+    let obj = with_source(json!({"obj": {"file": "a.obj"}}));
+    let obj = with_asset(&farm.client, obj, "a.obj", vec![b'\n'; 2 << 20]).await;
+    let failure = farm.client.submit_job(&obj).await.unwrap_err();
+    let problem = failure.problem().unwrap();
+    assert_eq!((problem.status, problem.field.as_deref()), (422, Some("assets")), "{problem}");
+    assert!(problem.value.as_ref().unwrap().contains("2097152 bytes"), "{problem}");
+}
