@@ -12,6 +12,7 @@ use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use tempfile::TempDir;
 
+use crate::stored_farm::copy_folder;
 use crate::system_calls;
 
 /// Longest wait for anything that a farm should do.
@@ -22,6 +23,8 @@ const ANSWER: Duration = Duration::from_secs(2);
 
 /// Coordinators with their data, and the workers that were started for them. They end with the value.
 pub struct Farm {
+    /// The binary of coordinators, workers and commands; `None` for the one that cargo built.
+    build: Option<PathBuf>,
     token: Option<String>,
     options: Vec<String>,
     environment: Vec<(String, String)>,
@@ -65,6 +68,32 @@ impl Farm {
         farm
     }
 
+    /// As [`Self::start`], on a copy of a data folder.
+    ///
+    /// # Panics
+    ///
+    /// When it does not start.
+    pub fn start_on(data: &Path, options: &[&str]) -> Self {
+        let mut farm = Self::nowhere(&[], None, options);
+        let copy = tempfile::tempdir().expect("a temporary folder");
+        copy_folder(data, copy.path(), &|_| true);
+        farm.coordinators.push(farm.coordinator_on(copy, false));
+        farm.address = farm.coordinators[0].address.clone();
+        farm
+    }
+
+    /// As [`Self::start_with_faults`] for one coordinator, all of it with another build of `clerestory`.
+    ///
+    /// # Panics
+    ///
+    /// When it does not start.
+    pub fn start_of_build(build: &Path, options: &[&str]) -> Self {
+        let mut farm = Self { build: Some(build.to_owned()), ..Self::nowhere(&[], None, options) };
+        farm.coordinators.push(farm.coordinator(true));
+        farm.address = farm.coordinators[0].address.clone();
+        farm
+    }
+
     /// As [`Self::start`], with the [system calls](crate::system_calls) of the coordinator written to a file by `strace`.
     ///
     /// # Panics
@@ -104,6 +133,7 @@ impl Farm {
 
     fn nowhere(environment: &[(String, String)], token: Option<&str>, options: &[&str]) -> Self {
         Self {
+            build: None,
             token: token.map(str::to_owned),
             options: options.iter().map(|&option| option.to_owned()).collect(),
             environment: environment.to_vec(),
@@ -117,7 +147,11 @@ impl Farm {
 
     /// Another coordinator, on a free port and with a data directory of its own.
     fn coordinator(&self, has_faults: bool) -> Coordinator {
-        let data = tempfile::tempdir().expect("a temporary folder");
+        self.coordinator_on(tempfile::tempdir().expect("a temporary folder"), has_faults)
+    }
+
+    /// Another coordinator, on a free port and with this data directory.
+    fn coordinator_on(&self, data: TempDir, has_faults: bool) -> Coordinator {
         let faults =
             has_faults.then(|| Faults::below(data.path(), None).expect("the library with the faults is built"));
         let (process, address) = Process::serving(&mut self.serving("127.0.0.1:0", data.path(), faults.as_ref()));
@@ -126,7 +160,7 @@ impl Farm {
 
     /// The command of a coordinator.
     fn serving(&self, listen: &str, data: &Path, faults: Option<&Faults>) -> Command {
-        let mut command = clerestory();
+        let mut command = self.program();
         if let Some(trace) = &self.trace {
             command = system_calls::traced(&command, trace);
         }
@@ -135,6 +169,10 @@ impl Farm {
         command.envs(faults.into_iter().flat_map(Faults::environment));
         command.envs(self.environment.iter().cloned());
         command
+    }
+
+    fn program(&self) -> Command {
+        self.build.as_deref().map_or_else(clerestory, command_of)
     }
 
     /// The folder with the data of a coordinator.
@@ -243,6 +281,15 @@ impl Farm {
         self.coordinators[index].process.kill();
     }
 
+    /// Asks the coordinator that was started as number `index` to stop, and waits until it does.
+    ///
+    /// # Panics
+    ///
+    /// When it does not run, or ends with a failure.
+    pub fn stop_coordinator(&mut self, index: usize) {
+        self.coordinators[index].process.ends();
+    }
+
     /// Starts it again, on the same port and with the same data, and waits until it serves.
     ///
     /// # Panics
@@ -339,6 +386,23 @@ impl Farm {
         self.wait_until_at(&self.coordinators[index].address, what, enough)
     }
 
+    /// Waits until no job is queued or running.
+    ///
+    /// # Panics
+    ///
+    /// When that does not happen within minutes.
+    pub fn wait_until_all_have_ended(&self) {
+        let start = Instant::now();
+        loop {
+            let jobs = self.asked(async |client| client.jobs().await);
+            if jobs.iter().all(|job| job.state.is_final()) {
+                return;
+            }
+            assert!(start.elapsed() < PATIENCE, "still not ended: {jobs:?}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
     fn wait_until_at(&self, address: &str, what: &str, enough: impl Fn(&JobView) -> bool) -> JobView {
         let start = Instant::now();
         loop {
@@ -388,7 +452,7 @@ impl Farm {
 
     /// The command `clerestory` with arguments, as a user of this farm calls it.
     pub fn command(&self, arguments: &[&str]) -> Command {
-        let mut command = clerestory();
+        let mut command = self.program();
         command.args(arguments).env("CLERESTORY_COORDINATOR", &self.address);
         // What coordinators log, others log too.
         command.envs(self.environment.iter().filter(|(name, _)| name == "CLERESTORY_LOG").cloned());
@@ -439,6 +503,11 @@ pub fn clerestory() -> Command {
     let folder = test.ancestors().skip(1).find(|folder| !folder.ends_with("deps")).expect("a folder above `deps`");
     let binary: PathBuf = folder.join("clerestory");
     assert!(binary.exists(), "{} is not there: run `cargo build --release` first", binary.display());
+    command_of(&binary)
+}
+
+/// The command of a binary `clerestory`.
+pub fn command_of(binary: &Path) -> Command {
     let mut command = Command::new(binary);
     // Whatever the shell of the developer says about farms is not for the test.
     for (name, _) in std::env::vars_os().filter(|(name, _)| name.to_string_lossy().starts_with("CLERESTORY_")) {

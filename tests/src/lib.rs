@@ -18,7 +18,7 @@
 //! - [`single_connections`]: the light that a method finds between two points, against what is there, which `known_paths` knows;
 //! - [`sheet_connections`]: the same through waves of water, which `conic` knows;
 //! - [`rendering`]: scenes rendered in this process, and [`estimate`]: whether two ways to render one agree;
-//! - [`pixel_digests`]: pixels in short, and tables of what they were;
+//! - [`pixel_digests`]: pixels in short, and tables of what they were; [`stored_farm`]: what older builds left of farms;
 //! - [`pane_scene`]: small scenes for tests of laws, [`closed_room`]: a room for tests of all light;
 //! - [`found_paths`]: paths of light as methods are asked about them;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;
@@ -67,6 +67,7 @@ pub mod slab;
 pub mod small_blocks;
 pub mod solution_lists;
 pub mod spline;
+pub mod stored_farm;
 pub mod sun_scene;
 pub mod system_calls;
 pub mod traced_scene;

@@ -5,7 +5,7 @@ use std::io;
 use std::os::unix::fs::chown;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
@@ -157,6 +157,33 @@ impl Postgres {
         format!("postgres://postgres@127.0.0.1:{}/{name}", self.port)
     }
 
+    /// The contents of a database as SQL, without what servers older than this one do not know.
+    ///
+    /// # Errors
+    ///
+    /// When the server refuses it, or the contents are not text.
+    pub fn dump(&self, database: &str) -> io::Result<String> {
+        let output = output(self.client("pg_dump").args(["--no-owner", "--no-privileges"]).arg(name_of(database)))?;
+        let text = String::from_utf8(output.stdout).map_err(io::Error::other)?;
+        let is_new = |line: &&str| {
+            ["SET transaction_timeout", "\\restrict ", "\\unrestrict "].iter().any(|new| line.starts_with(new))
+        };
+        Ok(text.lines().filter(|line| !is_new(line)).flat_map(|line| [line, "\n"]).collect())
+    }
+
+    /// Makes a database of what [`Self::dump`] answered, from a file, and returns its address.
+    ///
+    /// # Panics
+    ///
+    /// When the server does not make it.
+    pub fn restored(&self, dump: &Path) -> String {
+        let database = self.new_database();
+        let mut psql = self.client("psql");
+        psql.args(["--no-psqlrc", "--quiet", "--set", "ON_ERROR_STOP=1", "--dbname", name_of(&database), "--file"]);
+        run(psql.arg(dump)).expect("the server takes the dump");
+        database
+    }
+
     /// Lets the server write its log where it has written before, as one that has run for some minutes does, for the next gigabyte: a new segment is
     /// filled with zeros and synced while all commits wait.
     ///
@@ -244,9 +271,19 @@ fn owned<'a>(command: &'a mut Command, owner: Option<&User>, folder: &Path) -> &
     command.current_dir(folder).env("LC_ALL", "C")
 }
 
+/// The name of a database, of which this is the address.
+fn name_of(address: &str) -> &str {
+    address.rsplit('/').next().unwrap_or(address)
+}
+
 /// Runs a command; an error has what it wrote.
 fn run(command: &mut Command) -> io::Result<()> {
+    output(command).map(drop)
+}
+
+/// Runs a command and answers what it wrote, as does an error.
+fn output(command: &mut Command) -> io::Result<Output> {
     let output = command.output()?;
     let words = || String::from_utf8_lossy(&output.stderr).into_owned() + &String::from_utf8_lossy(&output.stdout);
-    if output.status.success() { Ok(()) } else { Err(io::Error::other(words())) }
+    if output.status.success() { Ok(output) } else { Err(io::Error::other(words())) }
 }

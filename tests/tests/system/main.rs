@@ -8,4 +8,5 @@ mod durability;
 mod farm;
 mod large_frames;
 mod stop_rules;
+mod stored_farms;
 mod trust;
