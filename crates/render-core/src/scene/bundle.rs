@@ -94,20 +94,22 @@ impl SceneBundle {
     }
 }
 
-/// Reads a scene file and the files that it names.
+/// Reads a scene file and the files that it names. Files are read from the folder of the scene file alone: a symbolic link that leads
+/// out of it could send any file of the user to a farm with a scene that came from elsewhere.
 ///
 /// # Errors
 ///
-/// When a file cannot be read or is too large, or the description is not valid.
+/// When a file cannot be read, lies outside the folder or is too large, or the description is not valid.
 pub fn load(file: &Path) -> Result<SceneBundle, SceneError> {
     let unreadable = |source| SceneError::Unreadable { file: file.to_owned(), source };
     let json = read_at_most(file, MAX_SCENE_BYTES as u64).map_err(unreadable)?;
     let description = SceneDescription::parse(&json)?;
-    let folder = file.parent().unwrap_or(Path::new(""));
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = fs::canonicalize(folder).map_err(unreadable)?;
     let mut assets = BTreeMap::new();
     for (path, name) in asset_uses(&description) {
         if !assets.contains_key(name) {
-            let asset = load_asset(&folder.join(name)).map_err(|problem| SceneError::Asset {
+            let asset = load_asset(&folder, name).map_err(|problem| SceneError::Asset {
                 path,
                 name: name.to_owned(),
                 problem,
@@ -118,7 +120,11 @@ pub fn load(file: &Path) -> Result<SceneBundle, SceneError> {
     SceneBundle::from_parts(description, assets)
 }
 
-fn load_asset(file: &Path) -> Result<Asset, AssetProblem> {
+fn load_asset(folder: &Path, name: &str) -> Result<Asset, AssetProblem> {
+    let file = &fs::canonicalize(folder.join(name))?;
+    if !file.starts_with(folder) {
+        return Err(AssetProblem::Outside { target: file.clone() });
+    }
     let bytes = read_at_most(file, MAX_ASSET_BYTES)?;
     if bytes.len() as u64 > MAX_ASSET_BYTES {
         return Err(too_large(fs::metadata(file)?.len()));
@@ -213,6 +219,67 @@ mod tests {
         fs::write(folder.path().join("meshes/floor.ply"), "ply").unwrap();
         let loaded = load(&file).unwrap();
         assert_eq!(loaded.assets()["meshes/floor.ply"].hash(), ContentHash::of(b"ply"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_that_leads_out_of_the_folder_of_the_scene_is_refused() {
+        use std::os::unix::fs::symlink;
+
+        let [inside, outside] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let path = |name: &str| inside.path().join(name);
+        fs::write(outside.path().join("secret"), "secret").unwrap();
+        fs::create_dir(path("scene")).unwrap();
+        fs::write(path("beside.ply"), "ply").unwrap();
+        let file = path("scene/scene.json");
+        let link = path("scene/floor.ply");
+        fs::write(&file, with_file("floor.ply").to_string()).unwrap();
+        let refused = |expected: &Path| {
+            let error = load(&file).unwrap_err().to_string();
+            let target = fs::canonicalize(expected).unwrap();
+            assert!(error.contains("meshes[0].source.ply.file: file \"floor.ply\" leads to"), "{error}");
+            assert!(error.contains(&*target.to_string_lossy()) && error.contains("copy it"), "{error}");
+        };
+        symlink(outside.path().join("secret"), &link).unwrap();
+        refused(&outside.path().join("secret"));
+        fs::remove_file(&link).unwrap();
+        symlink("../beside.ply", &link).unwrap();
+        refused(&path("beside.ply"));
+        // The folder's name begins in the same way, and it is another.
+        fs::remove_file(&link).unwrap();
+        fs::create_dir(path("scene2")).unwrap();
+        fs::write(path("scene2/floor.ply"), "ply").unwrap();
+        symlink("../scene2/floor.ply", &link).unwrap();
+        refused(&path("scene2/floor.ply"));
+        // So is a folder that leads out.
+        fs::write(outside.path().join("floor.ply"), "ply").unwrap();
+        symlink(outside.path(), path("scene/meshes")).unwrap();
+        fs::write(&file, with_file("meshes/floor.ply").to_string()).unwrap();
+        let error = load(&file).unwrap_err().to_string();
+        assert!(error.contains("\"meshes/floor.ply\" leads to"), "{error}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_within_the_folder_and_to_the_scene_are_followed() {
+        use std::os::unix::fs::symlink;
+
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        fs::create_dir_all(path("scene/meshes")).unwrap();
+        fs::write(path("scene/meshes/real.ply"), "ply").unwrap();
+        symlink("meshes/real.ply", path("scene/floor.ply")).unwrap();
+        fs::write(path("scene/real.json"), with_file("floor.ply").to_string()).unwrap();
+        symlink("real.json", path("scene/link.json")).unwrap();
+        symlink("scene", path("other")).unwrap();
+        for file in ["scene/real.json", "scene/link.json", "other/link.json", "scene/meshes/../real.json"] {
+            assert_eq!(load(&path(file)).unwrap().assets()["floor.ply"].hash(), ContentHash::of(b"ply"), "{file}");
+        }
+        // A link to a scene elsewhere: the files are looked for beside the link.
+        fs::create_dir(path("own")).unwrap();
+        symlink("../scene/real.json", path("own/scene.json")).unwrap();
+        fs::write(path("own/floor.ply"), "own").unwrap();
+        assert_eq!(load(&path("own/scene.json")).unwrap().assets()["floor.ply"].hash(), ContentHash::of(b"own"));
     }
 
     #[test]

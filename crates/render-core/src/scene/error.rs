@@ -71,6 +71,12 @@ pub enum AssetProblem {
     /// The operating system cannot read it.
     #[error("cannot be read: {0}")]
     Unreadable(#[from] std::io::Error),
+    /// It is a symbolic link, or in a folder that is one, and its target is not in the folder of the scene file.
+    #[error("leads to {}, outside the folder of the scene file: copy it into that folder", target.display())]
+    Outside {
+        /// The file itself.
+        target: PathBuf,
+    },
     /// It, or what it decodes to, is larger than what this build accepts.
     #[error("has {found}, must have at most {limit}")]
     TooLarge {
