@@ -284,6 +284,7 @@ pub(crate) fn image(
         sampling: plan.sampling,
         tile_size: plan.grid.tile_size,
         tile_passes: Vec::new(),
+        standard_error_tiles: None,
         build: BUILD.to_owned(),
         worker_builds: Vec::new(),
         missing_light: description.missing_light(),

@@ -320,6 +320,7 @@ pub(crate) async fn metadata(farm: &Farm, job: &JobRecord, frame: u32) -> Result
         sampling: job.sampling()?,
         tile_size: job.grid.tile_size,
         tile_passes: Vec::new(),
+        standard_error_tiles: None,
         build: farm.config.build.clone(),
         worker_builds: Vec::new(),
         missing_light: job.missing_light.clone(),

@@ -142,7 +142,7 @@ impl Frame<'_> {
     /// Passes of each tile and the work of the whole image, once all of it has been read: what its metadata say of how it was made.
     pub(crate) async fn metadata(&self, reading: Reading) -> Result<ImageMetadata, FilmError> {
         let mut metadata = metadata(self.farm, self.job, self.frame).await?;
-        metadata.tile_passes = reading.tile_passes;
+        metadata.set_tile_passes(reading.tile_passes);
         metadata.counters = reading.work.counters;
         if !reading.work.builds.iter().eq([&metadata.build]) {
             metadata.worker_builds = reading.work.builds.into_iter().collect();

@@ -29,6 +29,9 @@ pub struct ImageMetadata {
     pub tile_size: u32,
     /// Passes of each tile, in the order of the tiles; 0 for a tile that is not there yet.
     pub tile_passes: Vec<u32>,
+    /// Tiles of two whole blocks or more, whose standard error is known. Absent in files of earlier builds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub standard_error_tiles: Option<u32>,
     /// The program that made it.
     pub build: String,
     /// The programs that rendered it, where they are not just `build`.
@@ -43,6 +46,20 @@ pub struct ImageMetadata {
     pub counters: Counters,
     /// Time that it took, seconds.
     pub elapsed_seconds: Option<f64>,
+}
+
+impl ImageMetadata {
+    /// Sets the passes of each tile, and with them in how many the standard error is known.
+    pub fn set_tile_passes(&mut self, tile_passes: Vec<u32>) {
+        self.tile_passes = tile_passes;
+        self.standard_error_tiles = Some(self.tiles_with_standard_error());
+    }
+
+    /// Tiles of two whole blocks or more, whose standard error is known.
+    pub fn tiles_with_standard_error(&self) -> u32 {
+        let is_known = |passes: &&u32| self.sampling.complete_blocks(**passes) >= 2;
+        u32::try_from(self.tile_passes.iter().filter(is_known).count()).unwrap_or(u32::MAX)
+    }
 }
 
 /// The layers of an image, one entry for each pixel in rows from the top left. All values are finite.
@@ -195,11 +212,12 @@ impl FrameImage {
         let has_standard_error = sums.iter().any(|sum| sum.blocks() >= 2);
         let mut rows = ImageRows::new(*grid, 0..grid.height, LayerChoice::all(has_standard_error));
         metadata.tile_size = grid.tile_size;
-        metadata.tile_passes = vec![0; grid.len() as usize];
+        let mut tile_passes = vec![0; grid.len() as usize];
         for sum in sums {
             rows.fill(sum)?;
-            metadata.tile_passes[sum.tile_index as usize] = sum.passes;
+            tile_passes[sum.tile_index as usize] = sum.passes;
         }
+        metadata.set_tile_passes(tile_passes);
         Self::new(grid.width, grid.height, rows.layers, Some(metadata))
     }
 
@@ -297,6 +315,7 @@ pub(super) mod tests {
             sampling: sampling(),
             tile_size: 0,
             tile_passes: Vec::new(),
+            standard_error_tiles: None,
             build: "test".to_owned(),
             worker_builds: vec!["old".to_owned(), "test".to_owned()],
             missing_light: vec!["light \u{201c}key\u{201d}: reflections inside the pane".to_owned()],
@@ -339,12 +358,14 @@ pub(super) mod tests {
         let errors = layers.standard_error.as_ref().unwrap();
         assert!(errors[0][0] > 0.0 && errors[pixel][2] > 0.0);
         assert_eq!(errors[6], [0.0; 3], "three passes are less than a block");
+        assert_eq!(image.metadata().unwrap().standard_error_tiles, Some(2), "of 13 and 8 passes");
     }
 
     #[test]
     fn standard_error_is_absent_before_the_second_block() {
         let image = FrameImage::assemble(&GRID, &[tile_sum(0, 7)], metadata()).unwrap();
         assert!(image.layers().standard_error.is_none());
+        assert_eq!(image.metadata().unwrap().standard_error_tiles, Some(0));
     }
 
     #[test]
