@@ -7,6 +7,7 @@ use glam::DVec3;
 
 use super::build_meshes::{Meshes, decode_textures};
 use super::build_panes::build_panes;
+use super::build_step::BuildStep;
 use super::bundle::SceneBundle;
 use super::camera::Camera;
 use super::description::{ConicSearch, IntegratorDescription, SamplingDescription, SceneDescription};
@@ -59,11 +60,21 @@ impl Scene {
     ///
     /// When an asset makes no sense, the faces of a pane touch, or something stands in glass that may not.
     pub fn build(bundle: &SceneBundle) -> Result<Self, SceneError> {
+        Self::build_step_by_step(bundle, &mut |_| ())
+    }
+
+    /// Builds a scene, and tells of each step before it begins.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::build`].
+    pub fn build_step_by_step(bundle: &SceneBundle, begin: &mut dyn FnMut(BuildStep<'_>)) -> Result<Self, SceneError> {
         let description = bundle.description();
-        let Parts { panes, positions, triangles, surfaces } = Parts::decode(bundle)?;
+        let Parts { panes, positions, triangles, surfaces } = Parts::decode(bundle, begin)?;
         let mesh_bounds: Vec<[DVec3; 2]> =
             surfaces.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
         let smooth: Vec<_> = surfaces.iter().filter(|mesh| mesh.is_smooth()).map(MeshSurface::triangle_range).collect();
+        begin(BuildStep::Hierarchy { triangles: triangles.len() });
         let accelerator = Accelerator::build(&positions, &triangles, &smooth, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
         check_panes(description, accelerator.panes(), |triangle| *accelerator.corners(triangle), &surfaces)?;
@@ -85,6 +96,7 @@ impl Scene {
             description: description.clone(),
             assets: asset_hashes(bundle),
         };
+        begin(BuildStep::SmoothMeshes);
         scene.prepare();
         Ok(scene)
     }
@@ -96,7 +108,7 @@ impl Scene {
     /// As [`Self::build`].
     pub fn check(bundle: &SceneBundle) -> Result<CheckedScene, SceneError> {
         let description = bundle.description();
-        let Parts { panes, positions, triangles, surfaces } = Parts::decode(bundle)?;
+        let Parts { panes, positions, triangles, surfaces } = Parts::decode(bundle, &mut |_| ())?;
         let corners = |triangle: u32| triangles[triangle as usize].map(|vertex| positions[vertex as usize]);
         check_panes(description, &panes, corners, &surfaces)?;
         let smooth = surfaces.iter().filter(|mesh| mesh.is_smooth());
@@ -244,12 +256,17 @@ struct Parts {
 }
 
 impl Parts {
-    fn decode(bundle: &SceneBundle) -> Result<Self, SceneError> {
+    fn decode(bundle: &SceneBundle, begin: &mut dyn FnMut(BuildStep<'_>)) -> Result<Self, SceneError> {
         SceneMemory::of(bundle).check_counts()?;
+        let description = bundle.description();
+        begin(BuildStep::Textures);
         let textures = decode_textures(bundle)?;
+        begin(BuildStep::Panes { count: description.panes.len() });
         let panes = build_panes(bundle)?;
         let mut meshes = Meshes::new(bundle, &textures);
-        for (index, mesh) in bundle.description().meshes.iter().enumerate() {
+        for (index, mesh) in description.meshes.iter().enumerate() {
+            let (number, count) = (index + 1, description.meshes.len());
+            begin(BuildStep::Mesh { name: &mesh.name, number, count });
             meshes.add(index, mesh)?;
         }
         let Meshes { positions, triangles, surfaces, .. } = meshes;
@@ -327,6 +344,17 @@ mod tests {
         let assets: BTreeMap<String, Asset> =
             assets.iter().map(|(name, bytes)| ((*name).to_owned(), Asset::new(bytes.clone()))).collect();
         Scene::build(&SceneBundle::from_parts(description, assets)?)
+    }
+
+    #[test]
+    fn each_step_is_told_before_it_begins() {
+        let description = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
+        let bundle = SceneBundle::from_parts(description, BTreeMap::new()).unwrap();
+        let mut steps = Vec::new();
+        Scene::build_step_by_step(&bundle, &mut |step| steps.push(step.to_string())).unwrap();
+        let meshes = bundle.description().meshes.len();
+        assert_eq!(steps.len(), 4 + meshes, "{steps:?}");
+        assert!(steps[1].starts_with("Building the panes, ") && steps[2].contains(&format!("mesh 1 of {meshes}, \"")));
     }
 
     #[track_caller]

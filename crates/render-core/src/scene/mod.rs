@@ -7,6 +7,7 @@ pub mod assets;
 mod build;
 mod build_meshes;
 mod build_panes;
+mod build_step;
 pub mod bundle;
 pub mod camera;
 pub mod description;
@@ -52,6 +53,7 @@ mod waves;
 
 pub use assets::asset_names;
 pub use build::{CheckedScene, Scene};
+pub use build_step::BuildStep;
 pub use bundle::{Asset, SceneBundle, load};
 pub use camera::Camera;
 pub use description::SceneDescription;

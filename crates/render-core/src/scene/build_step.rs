@@ -1,0 +1,45 @@
+//! What is being built of a scene, for a user who waits for it.
+
+use std::fmt;
+
+/// A part of building a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BuildStep<'a> {
+    /// The pictures of materials are decoded.
+    Textures,
+    /// The faces of panes are computed or decoded.
+    Panes {
+        /// How many panes there are.
+        count: usize,
+    },
+    /// A mesh is decoded or computed.
+    Mesh {
+        /// Its name.
+        name: &'a str,
+        /// Its number, from 1.
+        number: usize,
+        /// How many meshes there are.
+        count: usize,
+    },
+    /// Triangles and panes are sorted into a hierarchy.
+    Hierarchy {
+        /// How many triangles there are.
+        triangles: usize,
+    },
+    /// What the integrator looks up over smooth meshes is computed.
+    SmoothMeshes,
+}
+
+impl fmt::Display for BuildStep<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Textures => write!(formatter, "Decoding the textures"),
+            Self::Panes { count } => write!(formatter, "Building the panes, {count} in all"),
+            Self::Mesh { name, number, count } => write!(formatter, "Building mesh {number} of {count}, {name:?}"),
+            Self::Hierarchy { triangles } => {
+                write!(formatter, "Sorting {triangles} triangles and the panes into a tree")
+            }
+            Self::SmoothMeshes => write!(formatter, "Preparing the smooth meshes for the integrator"),
+        }
+    }
+}
