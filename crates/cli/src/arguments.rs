@@ -1,10 +1,12 @@
 //! What can be typed: the commands, and the options that all of them have. Each command's own options are in its module.
 
+use std::ffi::{OsStr, OsString};
 use std::fmt::Display;
 use std::num::NonZeroU32;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
 
+use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use tracing_subscriber::EnvFilter;
 
@@ -83,8 +85,35 @@ pub(crate) enum Command {
 /// Reads what was typed; ends the process, with a message, where it cannot be used.
 pub(crate) fn read() -> Arguments {
     let mut command = with_negative_values(Arguments::command());
-    let matches = command.get_matches_mut();
+    let matches = command.try_get_matches_from_mut(std::env::args_os());
+    let matches = matches.unwrap_or_else(|error| with_variable(error, &command).exit());
     Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
+}
+
+/// Names the environment variable that a value comes from which cannot be used: the message names the option only.
+fn with_variable(mut error: clap::Error, command: &clap::Command) -> clap::Error {
+    if let (Some(ContextValue::String(option)), Some(ContextValue::String(value))) =
+        (error.get(ContextKind::InvalidArg), error.get(ContextKind::InvalidValue))
+        && let Some(name) = option.split(' ').next().and_then(|option| option.strip_prefix("--"))
+        && let Some(variable) = variable(command, name)
+        && std::env::var_os(&variable).is_some_and(|found| found == **value)
+        && !std::env::args_os().map(|word| word.to_string_lossy().into_owned()).any(|word| gives(&word, value))
+    {
+        let tip = format!("the value is that of the environment variable {}", variable.display());
+        error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+    error
+}
+
+/// Whether a word of the command line is a value, or gives it to an option.
+fn gives(word: &str, value: &str) -> bool {
+    word == value || word.strip_suffix(value).is_some_and(|option| option.ends_with('='))
+}
+
+/// The environment variable of an option, by its long name, of a command or of those below it.
+fn variable(command: &clap::Command, name: &str) -> Option<OsString> {
+    let own = command.get_arguments().filter(|argument| argument.get_long() == Some(name)).find_map(clap::Arg::get_env);
+    own.map(OsStr::to_owned).or_else(|| command.get_subcommands().find_map(|below| variable(below, name)))
 }
 
 /// Lets a number below zero be the value of an option, which says then what it expects, and no option that nobody knows.
@@ -108,22 +137,19 @@ where
 }
 
 /// Reads a number of things of which there is at least one.
-pub(crate) fn positive<T: TryFrom<NonZeroU32>>(text: &str) -> Result<T, String> {
-    let number = text.parse::<NonZeroU32>().ok().and_then(|number| T::try_from(number).ok());
-    number.ok_or_else(|| format!("expected a whole number, 1 to {}", u32::MAX))
+pub(crate) fn positive(text: &str) -> Result<NonZeroU32, String> {
+    text.parse().map_err(|_| format!("expected a whole number, 1 to {}", u32::MAX))
 }
 
 #[cfg(test)]
 mod tests {
-    use std::num::NonZeroUsize;
-
     use super::*;
 
     #[test]
     fn a_number_of_things_is_whole_and_not_zero() {
-        assert_eq!(positive("7"), Ok(NonZeroUsize::new(7).unwrap()));
+        assert_eq!(positive("7"), Ok(NonZeroU32::new(7).unwrap()));
         for text in ["0", "-1", "1.5", "4294967296", "many", ""] {
-            let message = positive::<NonZeroU32>(text).unwrap_err();
+            let message = positive(text).unwrap_err();
             assert_eq!(message, "expected a whole number, 1 to 4294967295", "{text}");
         }
     }

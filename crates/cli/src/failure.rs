@@ -13,6 +13,8 @@ use clerestory_worker::WorkerError;
 
 use crate::connection::TOKEN_VARIABLE;
 use crate::local_render::LocalRenderError;
+use crate::shutdown::INTERRUPTED;
+use crate::terminal::cause_text;
 
 /// Exit code of a command whose arguments or settings cannot be used.
 pub(crate) const USAGE: u8 = 2;
@@ -41,6 +43,9 @@ pub(crate) enum Failure {
     /// A file cannot be written.
     #[error("cannot write {}", file.display())]
     Write { file: PathBuf, source: io::Error },
+    /// A file cannot be written, and its content is kept in another.
+    #[error("cannot write {}, so it is in {} instead", file.display(), kept.display())]
+    WrittenElsewhere { file: PathBuf, kept: PathBuf, source: io::Error },
     /// A configuration file does not say what it should.
     #[error("cannot use the configuration in {}", file.display())]
     Configuration { file: PathBuf, source: Box<toml::de::Error> },
@@ -111,6 +116,9 @@ pub(crate) enum Failure {
     /// The speed of HTTP cannot be measured.
     #[error("an exchange with a server of this process failed")]
     Echo(#[source] reqwest::Error),
+    /// The user interrupted what cannot be kept.
+    #[error("{0}")]
+    Interrupted(String),
     /// A job or a render ended before it was done.
     #[error("{0}")]
     Job(String),
@@ -138,7 +146,7 @@ impl Failure {
         }
     }
 
-    /// 2 when the arguments or settings are to blame, else 1.
+    /// 2 when the arguments or settings are to blame, 130 when the user interrupted, else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::Usage(_)
@@ -150,6 +158,7 @@ impl Failure {
             }
             // What is no address at all, whatever this machine's are.
             Self::Listen { source, .. } if source.kind() == io::ErrorKind::InvalidInput => ExitCode::from(USAGE),
+            Self::Interrupted(_) => ExitCode::from(INTERRUPTED),
             _ => ExitCode::FAILURE,
         }
     }
@@ -161,8 +170,7 @@ impl Failure {
 
     /// The failure and its causes, outermost first.
     pub(crate) fn causes(&self) -> impl Iterator<Item = &(dyn Error + 'static)> {
-        let first: &(dyn Error + 'static) = self;
-        std::iter::successors(Some(first), |&error| error.source())
+        chain(self)
     }
 
     /// Whether the machine of the coordinator says that nobody listens there.
@@ -176,6 +184,14 @@ impl Failure {
         let call = self.causes().find_map(|cause| cause.downcast_ref::<ClientError>());
         if let Some(advice) = call.and_then(advice_on_call) {
             return Some(advice);
+        }
+        if let Self::Write { file, source } | Self::WrittenElsewhere { file, source, .. } = self
+            && matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
+        {
+            return Some(format!(
+                "the disk is full: make room where {} is, or name a file on another disk",
+                file.display()
+            ));
         }
         let Self::Coordinator { address, .. } = self else { return None };
         if self.is_connection_refused() {
@@ -231,6 +247,27 @@ fn without_proxy() -> String {
         .to_owned()
 }
 
+/// An error and its causes in one line. Many errors repeat their cause in their own message: each text is written once.
+pub(crate) fn report(error: &(dyn Error + 'static)) -> String {
+    let mut report: Vec<String> = Vec::new();
+    for text in chain(error).map(cause_text).filter(|text| !text.is_empty()) {
+        if report.iter().any(|above| above.contains(&text)) {
+            continue;
+        }
+        match report.last_mut() {
+            // The cause says all that the error above it says.
+            Some(above) if text.starts_with(above.as_str()) => *above = text,
+            _ => report.push(text),
+        }
+    }
+    report.join(": ")
+}
+
+/// An error and its causes, outermost first.
+fn chain<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
+    std::iter::successors(Some(error), |&error| error.source())
+}
+
 /// What is at the bottom of an error, without all that it passed through.
 pub(crate) fn root_cause(error: &dyn Error) -> &dyn Error {
     let mut cause = error;
@@ -238,4 +275,36 @@ pub(crate) fn root_cause(error: &dyn Error) -> &dyn Error {
         cause = next;
     }
     cause
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An error with a cause.
+    #[derive(Debug, thiserror::Error)]
+    #[error("{message}")]
+    struct Link {
+        message: &'static str,
+        source: Option<Box<Link>>,
+    }
+
+    fn link(messages: &[&'static str]) -> Option<Box<Link>> {
+        let (message, causes) = messages.split_first()?;
+        Some(Box::new(Link { message, source: link(causes) }))
+    }
+
+    #[test]
+    fn a_cause_that_the_message_above_it_says_is_not_said_again() {
+        let report = |causes: &[&'static str]| report(&Failure::Database(link(causes).unwrap()));
+        assert_eq!(report(&["no table jobs"]), "cannot measure the database: no table jobs");
+        for causes in [
+            ["the store: no table jobs", "no table jobs", "no table jobs"],
+            ["the store: no table jobs", "no table", "jobs"],
+            ["the store", "the store: no table jobs", "no table jobs"],
+        ] {
+            assert_eq!(report(&causes), "cannot measure the database: the store: no table jobs");
+        }
+        assert_eq!(report(&["first", "", "second"]), "cannot measure the database: first: second");
+    }
 }

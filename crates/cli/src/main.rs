@@ -4,8 +4,10 @@
 //! runs. `main` only turns the result into an exit code: 0 for success, 1 for failure, 2 for arguments or settings that
 //! cannot be used. Results go to standard output, everything else (progress, logs, errors) to standard error.
 
+mod activity;
 mod arguments;
 mod child;
+mod clocks;
 mod commands;
 mod connection;
 mod experiments;
@@ -25,7 +27,9 @@ mod render_limits;
 mod scene_overrides;
 mod settings;
 mod shutdown;
+mod standard_error;
 mod terminal;
+mod threads;
 mod viewer;
 
 use std::process::ExitCode;

@@ -1,12 +1,25 @@
-//! Files that a command leaves behind.
+//! Files that a command leaves behind. Each is written beside its destination and renamed when it is whole and on the disk.
 
-use std::fs::{self, File};
-use std::io::{self, Write};
+mod destination;
+
+use std::collections::BTreeSet;
+use std::ffi::OsStr;
+use std::fs::{self, File, Metadata};
+use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde::Serialize;
+use tempfile::{Builder, TempPath};
 
+use self::destination::Destination;
 use crate::failure::Failure;
+
+/// Longest file name that is repeated in the name of the unfinished file: systems allow 255 bytes.
+const LONGEST_PREFIX: usize = 200;
+
+/// Unfinished files of this process: they go when it ends at once.
+static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 /// Writes a file whole or not at all: a reader never sees half of it, and a full disk does not cost the old one.
 pub(crate) fn write(file: &Path, content: &[u8]) -> Result<(), Failure> {
@@ -15,25 +28,64 @@ pub(crate) fn write(file: &Path, content: &[u8]) -> Result<(), Failure> {
     output.finish()
 }
 
+/// Writes what took long to make. Where that fails, a temporary file keeps it, and the failure says where.
+pub(crate) fn write_or_keep(file: &Path, content: &[u8]) -> Result<(), Failure> {
+    write(file, content).map_err(|failure| {
+        let Failure::Write { file, source } = failure else { return failure };
+        let name = file.file_name().and_then(OsStr::to_str).unwrap_or("image");
+        let kept = std::env::temp_dir().join(format!("clerestory-{}-{name}", std::process::id()));
+        match write(&kept, content) {
+            Ok(()) => Failure::WrittenElsewhere { file, kept, source },
+            Err(_) => Failure::Write { file, source },
+        }
+    })
+}
+
+/// Removes the unfinished files of this process, which is about to end at once.
+pub(crate) fn remove_unfinished() {
+    for file in unfinished().iter() {
+        // Nobody is left to be told.
+        let _ = fs::remove_file(file);
+    }
+}
+
+/// Nothing is left half done while it is held.
+fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
 /// A file that is written piece by piece, and appears under its name when it is whole.
 #[derive(Debug)]
 pub(crate) struct OutputFile {
+    /// As the user gave it.
     name: PathBuf,
-    /// Where it is until it is whole; none for what is no regular file.
-    unfinished: Option<PathBuf>,
     content: File,
+    /// Absent where the content is written in place.
+    replacement: Option<Replacement>,
+}
+
+/// A file that is about to take the place of another.
+#[derive(Debug)]
+struct Replacement {
+    /// Removed with the value, unless it has been renamed.
+    unfinished: Option<TempPath>,
+    folder: PathBuf,
+    target: PathBuf,
 }
 
 impl OutputFile {
     /// Begins a file.
     pub(crate) fn create(file: &Path) -> Result<Self, Failure> {
-        let unfinished = (!is_special(file)).then(|| unfinished_name(file));
-        let content = match &unfinished {
-            Some(unfinished) => File::create(unfinished),
-            None => File::options().write(true).open(file),
-        };
-        let content = content.map_err(|source| Failure::Write { file: file.to_owned(), source })?;
-        Ok(Self { name: file.to_owned(), unfinished, content })
+        let created = Destination::find(file).and_then(|destination| match destination {
+            Destination::File { folder, name } => {
+                let (content, replacement) = Replacement::create(folder, &name)?;
+                Ok((content, Some(replacement)))
+            }
+            Destination::StandardOutput => Ok((standard_output()?, None)),
+            Destination::Special(place) => Ok((File::options().append(true).open(place)?, None)),
+        });
+        let (content, replacement) = created.map_err(|source| Failure::Write { file: file.to_owned(), source })?;
+        Ok(Self { name: file.to_owned(), content, replacement })
     }
 
     /// Writes the next piece.
@@ -41,25 +93,105 @@ impl OutputFile {
         self.content.write_all(piece).map_err(|source| Failure::Write { file: self.name.clone(), source })
     }
 
-    /// Gives the file its name.
-    pub(crate) fn finish(mut self) -> Result<(), Failure> {
-        if let Some(unfinished) = &self.unfinished {
-            let renamed = fs::rename(unfinished, &self.name);
-            renamed.map_err(|source| Failure::Write { file: self.name.clone(), source })?;
-            self.unfinished = None;
-        }
-        Ok(())
+    /// Gives the file its name, once its content is on the disk.
+    pub(crate) fn finish(self) -> Result<(), Failure> {
+        let Self { name, content, replacement } = self;
+        let Some(mut replacement) = replacement else { return Ok(()) };
+        let finished = content.sync_all().and_then(|()| replacement.rename()).and_then(|()| replacement.sync_folder());
+        finished.map_err(|source| Failure::Write { file: name, source })
     }
 }
 
-impl Drop for OutputFile {
-    /// Removes what is not whole.
-    fn drop(&mut self) {
-        if let Some(unfinished) = &self.unfinished {
-            // The error that matters is the first.
-            let _ = fs::remove_file(unfinished);
+impl Replacement {
+    /// Makes an unfinished file beside the target, for whoever may read the target.
+    fn create(folder: PathBuf, name: &OsStr) -> io::Result<(File, Self)> {
+        let target = folder.join(name);
+        let replaced = fs::metadata(&target).ok();
+        let (content, unfinished) = unfinished_file(&folder, name, replaced.as_ref())?.into_parts();
+        if let Some(replaced) = replaced {
+            keep_access(&content, &replaced)?;
+        }
+        self::unfinished().insert(unfinished.to_path_buf());
+        Ok((content, Self { unfinished: Some(unfinished), folder, target }))
+    }
+
+    /// Puts the file in place of its target. Where that fails the content stays under another name: it may be dear.
+    fn rename(&mut self) -> io::Result<()> {
+        let Some(unfinished) = self.unfinished.take() else { return Ok(()) };
+        let place = unfinished.to_path_buf();
+        let renamed = unfinished.persist(&self.target).map_err(|failure| {
+            let error = failure.error;
+            match failure.path.keep() {
+                Ok(kept) => io::Error::new(error.kind(), format!("{error}; its content is in {}", kept.display())),
+                Err(_) => error,
+            }
+        });
+        self::unfinished().remove(&place);
+        renamed
+    }
+
+    /// Makes the new name outlast a loss of power.
+    fn sync_folder(&self) -> io::Result<()> {
+        if !cfg!(unix) {
+            return Ok(());
+        }
+        match File::open(&self.folder).and_then(|folder| folder.sync_all()) {
+            // A folder that may not be read, or a file system without this.
+            Err(error) if matches!(error.kind(), ErrorKind::PermissionDenied | ErrorKind::InvalidInput) => Ok(()),
+            synced => synced,
         }
     }
+}
+
+impl Drop for Replacement {
+    fn drop(&mut self) {
+        if let Some(unfinished) = self.unfinished.take() {
+            let place = unfinished.to_path_buf();
+            // The error that matters is the first.
+            let _ = unfinished.close();
+            self::unfinished().remove(&place);
+        }
+    }
+}
+
+/// A new file beside another, with a name that no other process uses.
+fn unfinished_file(folder: &Path, name: &OsStr, replaced: Option<&Metadata>) -> io::Result<tempfile::NamedTempFile> {
+    let mut prefix = if name.len() <= LONGEST_PREFIX { name.to_owned() } else { "output".into() };
+    prefix.push(".");
+    let mut builder = Builder::new();
+    builder.prefix(&prefix).suffix(".part");
+    // A file that is replaced decides who may read the new one; until that is set, nobody else does.
+    #[cfg(unix)]
+    if replaced.is_none() {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    builder.tempfile_in(folder).map_err(|error| {
+        let kind = error.kind();
+        io::Error::new(kind, format!("no file can be made in the folder {}: {kind}", folder.display()))
+    })
+}
+
+/// Gives a file the permissions of the one that it replaces, and its owner and group as far as this user may.
+fn keep_access(content: &File, replaced: &Metadata) -> io::Result<()> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::{MetadataExt, fchown};
+        // Another owner's file becomes this user's, as with any program that replaces files.
+        let _ = fchown(content, Some(replaced.uid()), Some(replaced.gid()));
+    }
+    content.set_permissions(replaced.permissions())
+}
+
+/// Another handle of standard output, with the same position.
+fn standard_output() -> io::Result<File> {
+    #[cfg(unix)]
+    {
+        use std::os::fd::AsFd;
+        Ok(io::stdout().as_fd().try_clone_to_owned()?.into())
+    }
+    #[cfg(not(unix))]
+    Err(ErrorKind::Unsupported.into())
 }
 
 /// Writes the counters of a render.
@@ -94,112 +226,64 @@ pub(crate) fn png_beside(image: &Path) -> PathBuf {
     PathBuf::from(name)
 }
 
-/// Checks, before the work for them starts, that the files of a command can be written later and that no two are the
-/// same. Each comes with the option that asks for it.
-pub(crate) fn check_outputs(files: &[(&str, Option<&Path>)]) -> Result<(), Failure> {
-    let mut seen: Vec<(&str, PathBuf)> = Vec::new();
-    for (option, file) in files.iter().filter_map(|(option, file)| Some((*option, (*file)?))) {
-        check_writable(file)?;
+/// Whether a file is standard output, under whatever name.
+pub(crate) fn is_standard_output(file: &Path) -> bool {
+    Destination::find(file).is_ok_and(|destination| destination == Destination::StandardOutput)
+}
+
+/// Checks, before the work for them starts, that the outputs of a command can be written later, that no two are the same
+/// file, and that none replaces an input. Each comes with the option that names it.
+pub(crate) fn check_outputs(
+    outputs: &[(&str, Option<&Path>)],
+    inputs: &[(&str, Option<&Path>)],
+) -> Result<(), Failure> {
+    fn given<'a>(files: &[(&'a str, Option<&'a Path>)]) -> impl Iterator<Item = (&'a str, &'a Path)> {
+        files.iter().filter_map(|(option, file)| Some((*option, (*file)?))).collect::<Vec<_>>().into_iter()
+    }
+    let read = given(inputs).filter_map(|(option, file)| Some((option, fs::canonicalize(file).ok()?)));
+    let read: Vec<(&str, PathBuf)> = read.collect();
+    let mut written: Vec<(&str, PathBuf)> = Vec::new();
+    for (option, file) in given(outputs) {
+        let checked = Destination::find(file).and_then(check_writable);
+        let place = checked.map_err(|source| Failure::Write { file: file.to_owned(), source })?;
         // Two texts may well go to one terminal or pipe.
-        if is_special(file) {
-            continue;
-        }
-        let place = place(file);
-        if let Some((other, _)) = seen.iter().find(|(_, other)| *other == place) {
-            let file = file.display();
+        let Some(place) = place else { continue };
+        let file = file.display();
+        if let Some((other, _)) = written.iter().find(|(_, other)| *other == place) {
             return Err(Failure::Usage(format!("{other} and {option} both write {file}: expected a file for each")));
         }
-        seen.push((option, place));
+        if let Some((input, _)) = read.iter().find(|(_, input)| *input == place) {
+            return Err(Failure::Usage(format!(
+                "{option} would replace {file}, which is {input}: expected another file"
+            )));
+        }
+        written.push((option, place));
     }
     Ok(())
 }
 
-/// A file as the system finds it, however its folder was spelled.
-fn place(file: &Path) -> PathBuf {
-    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    match (fs::canonicalize(folder), file.file_name()) {
-        (Ok(folder), Some(name)) => folder.join(name),
-        _ => file.to_owned(),
+/// Makes a folder for outputs, and checks that files can be made in it.
+pub(crate) fn create_folder(folder: &Path) -> Result<(), Failure> {
+    let failure = |source| Failure::Write { file: folder.to_owned(), source };
+    if folder.exists() && !folder.is_dir() {
+        return Err(failure(io::Error::new(ErrorKind::NotADirectory, "is a file, expected the name of a folder")));
     }
+    fs::create_dir_all(folder).map_err(failure)?;
+    unfinished_file(folder, OsStr::new("output"), None).map(drop).map_err(failure)
 }
 
-/// Checks that a file can be written later.
-fn check_writable(file: &Path) -> Result<(), Failure> {
-    if file.is_dir() {
-        return Err(Failure::Write { file: file.to_owned(), source: io::ErrorKind::IsADirectory.into() });
+/// Checks that an output can be written later; returns where it is, if it is a regular file. Nothing is opened that is none: a
+/// pipe would wait for its reader.
+fn check_writable(destination: Destination) -> io::Result<Option<PathBuf>> {
+    let Destination::File { folder, name } = destination else { return Ok(None) };
+    let place = folder.join(&name);
+    match File::options().write(true).open(&place) {
+        Err(error) if error.kind() != ErrorKind::NotFound => return Err(error),
+        Ok(_) | Err(_) => {}
     }
-    if is_special(file) {
-        return Ok(());
-    }
-    let unfinished = unfinished_name(file);
-    fs::write(&unfinished, [])
-        .and_then(|()| fs::remove_file(&unfinished))
-        .map_err(|source| Failure::Write { file: file.to_owned(), source })
-}
-
-/// Whether it is there and no regular file, such as `/dev/stdout`: a thing to write into, not to replace.
-fn is_special(file: &Path) -> bool {
-    fs::metadata(file).is_ok_and(|metadata| !metadata.is_file())
-}
-
-fn unfinished_name(file: &Path) -> PathBuf {
-    let mut name = file.as_os_str().to_owned();
-    name.push(".part.tmp");
-    PathBuf::from(name)
+    unfinished_file(&folder, &name, None)?;
+    Ok(Some(place))
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_file_is_replaced_whole_and_nothing_else_is_left() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("image.exr");
-        check_writable(&file).unwrap();
-        write(&file, b"old").unwrap();
-        write(&file, b"new").unwrap();
-        assert_eq!(fs::read(&file).unwrap(), b"new");
-        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
-    }
-
-    #[test]
-    fn a_png_keeps_the_name_of_its_image() {
-        for (image, png) in
-            [("a/room.exr", "a/room.png"), ("room-0.27.exr", "room-0.27.png"), ("room-0.27", "room-0.27.png")]
-        {
-            assert_eq!(png_beside(Path::new(image)), Path::new(png));
-        }
-    }
-
-    #[test]
-    fn a_name_of_another_image_format_is_refused_and_any_other_is_not() {
-        for name in ["a.png", "a/room.JPG", "room-0.27.tiff"] {
-            let message = check_image_name(Path::new(name)).unwrap_err().to_string();
-            let expected = Path::new(name).with_extension("exr");
-            assert!(message.contains(name) && message.contains(&*expected.to_string_lossy()), "{message}");
-        }
-        for name in ["a.exr", "a.EXR", "room-0.27", "/dev/stdout", "png", ""] {
-            check_image_name(Path::new(name)).unwrap();
-        }
-    }
-
-    #[test]
-    fn two_outputs_in_one_file_are_refused_by_the_names_of_their_options() {
-        let folder = tempfile::tempdir().unwrap();
-        let (file, other) = (folder.path().join("a.png"), folder.path().join("./a.png"));
-        check_outputs(&[("--output", Some(&file)), ("--png", None), ("--stats", Some(&folder.path().join("b")))])
-            .unwrap();
-        let failure = check_outputs(&[("--output", Some(&file)), ("--png", Some(&other))]).unwrap_err().to_string();
-        assert!(failure.contains("--output and --png both write"), "{failure}");
-    }
-
-    #[test]
-    fn a_folder_that_does_not_exist_or_has_the_files_name_is_noticed_before_the_work() {
-        let folder = tempfile::tempdir().unwrap();
-        let message = check_writable(folder.path()).unwrap_err();
-        assert!(message.causes().any(|cause| cause.to_string() == "is a directory"), "{message:?}");
-        let message = check_writable(&folder.path().join("no/such/image.exr")).unwrap_err().to_string();
-        assert!(message.contains("no/such/image.exr"), "{message}");
-    }
-}
+mod tests;

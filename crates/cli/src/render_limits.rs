@@ -25,7 +25,7 @@ pub(crate) struct RenderLimits {
     /// allows or a target takes].
     #[arg(long, value_name = "N", value_parser = whole(1..=UNREACHABLE_SAMPLES_PER_PIXEL))]
     pub(crate) spp: Option<u32>,
-    /// Stop after this time; what is complete then is the image.
+    /// Stop after this time on the clock, however many cores render; what is complete then is the image.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) time: Option<Duration>,
     /// Stop at the first round at which the mean squared error against the reference, corrected for the reference's own noise

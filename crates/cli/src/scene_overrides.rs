@@ -6,7 +6,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use clerestory_render_core::scene::description::{
     ConicSearch, FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator,
-    MissedPaths, PaneSelection, SceneDescription, WalkSteps,
+    MissedPaths, PaneSelection, SamplingDescription, SceneDescription, WalkSteps,
 };
 use clerestory_render_core::scene::{self, SceneBundle};
 
@@ -15,6 +15,9 @@ use crate::failure::Failure;
 
 /// Most pixels along an edge of an image.
 const MOST_PIXELS: u32 = 16384;
+
+/// Most samples in a pass and in a block, as in a scene.
+const MOST_SAMPLES: u32 = 65536;
 
 /// Options that change the scene.
 #[derive(Clone, Debug, Default, Args)]
@@ -65,6 +68,19 @@ pub(crate) struct SceneOverrides {
     /// Size of the image in pixels.
     #[arg(long, value_name = "WxH")]
     pub(crate) size: Option<Size>,
+}
+
+/// Options that group the samples in another way than the scene.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(crate) struct SamplingOverrides {
+    /// Samples per pixel in a pass, the smallest piece of work: another `sampling.samples_per_pass` than the scene's, which is 16
+    /// unless it says otherwise.
+    #[arg(long, value_name = "N", value_parser = whole(1..=MOST_SAMPLES))]
+    samples_per_pass: Option<u32>,
+    /// Samples per pixel in a block, a power of two times those in a pass: another `sampling.samples_per_block` than the scene's,
+    /// which is 256 unless it says otherwise. The standard error comes from the means of blocks, so it takes two of them.
+    #[arg(long, value_name = "N", value_parser = whole(1..=MOST_SAMPLES))]
+    samples_per_block: Option<u32>,
 }
 
 /// Names of the integrators.
@@ -165,9 +181,10 @@ impl FromStr for Size {
 
 impl SceneOverrides {
     /// Loads a scene and changes it.
-    pub(crate) fn load(&self, file: &Path) -> Result<SceneBundle, Failure> {
+    pub(crate) fn load(&self, file: &Path, sampling: SamplingOverrides) -> Result<SceneBundle, Failure> {
         let bundle = scene::load(file).map_err(|source| Failure::scene(file, source))?;
-        let description = self.apply(bundle.description().clone())?;
+        let mut description = self.apply(bundle.description().clone())?;
+        sampling.apply(&mut description.sampling);
         // The scene was valid as it is in its file.
         bundle.with_description(description).map_err(|source| Failure::Overrides { file: file.to_owned(), source })
     }
@@ -275,6 +292,16 @@ impl SceneOverrides {
             }
         }
         Ok(())
+    }
+}
+
+impl SamplingOverrides {
+    fn apply(self, sampling: &mut SamplingDescription) {
+        let SamplingDescription { samples_per_pass, samples_per_block } = *sampling;
+        *sampling = SamplingDescription {
+            samples_per_pass: self.samples_per_pass.unwrap_or(samples_per_pass),
+            samples_per_block: self.samples_per_block.unwrap_or(samples_per_block),
+        };
     }
 }
 

@@ -5,8 +5,10 @@ use std::process;
 
 use tokio_util::sync::CancellationToken;
 
-/// Exit code after a second interrupt, as shells have it.
-const INTERRUPTED: i32 = 130;
+use crate::output_file::remove_unfinished;
+
+/// Exit code of what an interrupt ended at once, as shells have it.
+pub(crate) const INTERRUPTED: u8 = 130;
 
 /// What besides signals asks a process to stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +27,8 @@ pub(crate) fn token(parent: Parent) -> CancellationToken {
         signal().await;
         first.cancel();
         signal().await;
-        process::exit(INTERRUPTED);
+        remove_unfinished();
+        process::exit(INTERRUPTED.into());
     });
     if parent == Parent::HoldsStdin {
         let first = stop.clone();

@@ -1,6 +1,7 @@
 //! What people and scripts see: results on standard output, progress on standard error.
 
 use std::borrow::Cow;
+use std::error::Error;
 use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, Instant};
 
@@ -8,13 +9,13 @@ use clerestory_api::{ClientError, ConvergencePoint, is_printable};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, report};
 
 /// Steps of a full progress bar.
 const BAR_STEPS: u64 = 1000;
 
 /// Time between lines of progress where there is no terminal to draw a bar on.
-const LINE_PERIOD: Duration = Duration::from_secs(5);
+pub(crate) const LINE_PERIOD: Duration = Duration::from_secs(5);
 
 /// Said once, when relMSE rises from one round to the next.
 const REL_MSE_RISES: &str =
@@ -68,16 +69,19 @@ fn write_line(line: &str) -> Result<(), Failure> {
     writeln!(io::stdout().lock(), "{line}").map_err(Failure::Output)
 }
 
-/// Writes a failure, its causes and what can be done to standard error.
-pub(crate) fn print_failure(failure: &Failure) {
-    let text = |cause: &(dyn std::error::Error + 'static)| match cause.downcast_ref::<ClientError>() {
+/// The message of an error, as it is shown.
+pub(crate) fn cause_text(cause: &(dyn Error + 'static)) -> String {
+    match cause.downcast_ref::<ClientError>() {
         // It repeats what a server says.
         Some(answer) => printable(&answer.to_string()).into_owned(),
         None => printable_lines(&cause.to_string()).into_owned(),
-    };
-    let text: Vec<String> = failure.causes().map(text).collect();
+    }
+}
+
+/// Writes a failure, its causes and what can be done to standard error.
+pub(crate) fn print_failure(failure: &Failure) {
     // With standard error gone, nobody is left to be told.
-    let _ = writeln!(io::stderr().lock(), "error: {}", text.join(": "));
+    let _ = writeln!(io::stderr().lock(), "error: {}", report(failure));
     if let Some(advice) = failure.advice() {
         let _ = writeln!(io::stderr().lock(), "{}", printable_lines(&advice));
     }
@@ -103,9 +107,18 @@ pub(crate) struct Progress {
     bar: ProgressBar,
     is_drawn: bool,
     last_line: Option<Instant>,
-    has_header: bool,
+    columns: Option<Columns>,
     last_rel_mse: Option<f64>,
     has_explained_rise: bool,
+}
+
+/// Columns of the table of rounds that not every render fills.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Columns {
+    /// Whether there is a reference to measure the error against.
+    has_error: bool,
+    /// Whether the noise of the reference is known, which is taken off the error.
+    has_corrected_error: bool,
 }
 
 impl Progress {
@@ -114,7 +127,7 @@ impl Progress {
         let style =
             ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}").expect("the template is well formed");
         let bar = ProgressBar::with_draw_target(Some(BAR_STEPS), bar_target()).with_style(style);
-        Self { bar, is_drawn, last_line: None, has_header: false, last_rel_mse: None, has_explained_rise: false }
+        Self { bar, is_drawn, last_line: None, columns: None, last_rel_mse: None, has_explained_rise: false }
     }
 
     /// Whether it is drawn for somebody who looks at it.
@@ -156,12 +169,14 @@ impl Progress {
         lines.iter().for_each(|line| self.note(&format!("  - {}", printable(line))));
     }
 
-    /// Writes a row of the table of rounds, with a header above the first.
+    /// Writes a row of the table of rounds, with a header above the first and wherever a column is new.
     pub(crate) fn round(&mut self, point: &ConvergencePoint) {
-        if !std::mem::replace(&mut self.has_header, true) {
-            self.note("  round     spp       time          MSE    corrected       relMSE       PSNR     FLIP");
+        let columns = Columns::of(point).with(self.columns);
+        if self.columns != Some(columns) {
+            self.columns = Some(columns);
+            self.note(&columns.header());
         }
-        self.note(&round_text(point));
+        self.note(&columns.row(point));
         let rises = self.last_rel_mse.zip(point.rel_mse).is_some_and(|(last, now)| now > last);
         if rises && !std::mem::replace(&mut self.has_explained_rise, true) {
             self.note(REL_MSE_RISES);
@@ -176,7 +191,7 @@ impl Progress {
 }
 
 /// Where bars are drawn: on standard error, and nowhere when that is no terminal.
-fn bar_target() -> ProgressDrawTarget {
+pub(crate) fn bar_target() -> ProgressDrawTarget {
     if io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() }
 }
 
@@ -193,24 +208,57 @@ fn advance_text(advance: &Advance) -> String {
     [advance.activity.clone(), advance.samples.clone(), rate, left].into_iter().flatten().collect::<Vec<_>>().join(", ")
 }
 
-fn round_text(point: &ConvergencePoint) -> String {
-    // Without a reference, the image's own estimate of its error is all there is.
-    let estimate = point.estimated_mse.filter(|_| point.mse.is_none());
-    let number = |value: Option<f64>| value.map_or_else(|| format!("{:>12}", "-"), |value| format!("{value:12.4e}"));
-    let psnr = point.psnr.map_or_else(|| format!("{:>8}   ", "-"), |psnr| format!("{psnr:8.2} dB"));
-    let flip = point.flip.map_or_else(|| format!("{:>8}", "-"), |flip| format!("{flip:8.4}"));
-    let time = duration_text(Duration::from_millis(u64::try_from(point.wall_ms).unwrap_or(0)));
-    let row = format!(
-        "{:>7} {:>7} {time:>10} {} {} {} {psnr} {flip}",
-        point.round + 1,
-        point.samples_per_pixel,
-        number(point.mse),
-        number(point.corrected_mse),
-        number(point.rel_mse),
-    );
-    match estimate {
-        Some(estimate) => format!("{row}  (estimated MSE {estimate:.2e})"),
-        None => row,
+impl Columns {
+    /// Those that a round fills.
+    fn of(point: &ConvergencePoint) -> Self {
+        Self { has_error: point.mse.is_some(), has_corrected_error: point.corrected_mse.is_some() }
+    }
+
+    /// These, and those that are shown already.
+    fn with(self, shown: Option<Self>) -> Self {
+        let Some(shown) = shown else { return self };
+        Self {
+            has_error: self.has_error || shown.has_error,
+            has_corrected_error: self.has_corrected_error || shown.has_corrected_error,
+        }
+    }
+
+    fn header(self) -> String {
+        let mut header = "  round     spp       time".to_owned();
+        if self.has_error {
+            header.push_str("          MSE");
+        }
+        if self.has_corrected_error {
+            header.push_str("    corrected");
+        }
+        if self.has_error {
+            header.push_str("       relMSE        PSNR     FLIP");
+        }
+        header
+    }
+
+    fn row(self, point: &ConvergencePoint) -> String {
+        let number =
+            |value: Option<f64>| value.map_or_else(|| format!(" {:>12}", "-"), |value| format!(" {value:12.4e}"));
+        let time = duration_text(Duration::from_millis(u64::try_from(point.wall_ms).unwrap_or(0)));
+        let mut row = format!("{:>7} {:>7} {time:>10}", point.round + 1, point.samples_per_pixel);
+        if self.has_error {
+            row.push_str(&number(point.mse));
+        }
+        if self.has_corrected_error {
+            row.push_str(&number(point.corrected_mse));
+        }
+        if self.has_error {
+            row.push_str(&number(point.rel_mse));
+            let psnr = point.psnr.map_or_else(|| format!(" {:>8}   ", "-"), |psnr| format!(" {psnr:8.2} dB"));
+            row.push_str(&psnr);
+            row.push_str(&point.flip.map_or_else(|| format!(" {:>8}", "-"), |flip| format!(" {flip:8.4}")));
+        }
+        // Without a reference, the image's own estimate of its error is all there is.
+        if let Some(estimate) = point.estimated_mse.filter(|_| point.mse.is_none()) {
+            row.push_str(&format!("  (estimated MSE {estimate:.2e})"));
+        }
+        row
     }
 }
 
@@ -274,14 +322,34 @@ mod tests {
     }
 
     #[test]
-    fn a_round_without_a_reference_shows_its_own_estimate() {
-        let point = ConvergencePoint {
+    fn a_round_shows_the_columns_that_it_fills() {
+        let own = ConvergencePoint {
             samples_per_pixel: 64,
             wall_ms: 1500,
             estimated_mse: Some(1.25e-3),
             ..ConvergencePoint::default()
         };
-        let row = round_text(&point);
-        assert!(row.contains("64      1.5 s") && row.ends_with("(estimated MSE 1.25e-3)"), "{row}");
+        let columns = Columns::of(&own);
+        assert_eq!(columns.header(), "  round     spp       time");
+        assert_eq!(columns.row(&own), "      1      64      1.5 s  (estimated MSE 1.25e-3)");
+        let early = ConvergencePoint { estimated_mse: None, ..own.clone() };
+        assert_eq!(columns.row(&early), "      1      64      1.5 s", "nothing is known of it yet");
+
+        let measured = ConvergencePoint {
+            mse: Some(0.5),
+            rel_mse: Some(0.25),
+            psnr: Some(20.0),
+            flip: Some(0.125),
+            ..own.clone()
+        };
+        let columns = Columns::of(&measured);
+        assert_eq!(columns.header(), "  round     spp       time          MSE       relMSE        PSNR     FLIP");
+        assert_eq!(columns.row(&measured), "      1      64      1.5 s    5.0000e-1    2.5000e-1    20.00 dB   0.1250");
+        let corrected = ConvergencePoint { corrected_mse: Some(0.375), psnr: None, ..measured.clone() };
+        let columns = Columns::of(&corrected).with(Some(columns));
+        let [header, row, first] = [columns.header(), columns.row(&corrected), columns.row(&measured)];
+        assert_eq!(header, "  round     spp       time          MSE    corrected       relMSE        PSNR     FLIP");
+        assert_eq!(row, "      1      64      1.5 s    5.0000e-1    3.7500e-1    2.5000e-1        -      0.1250");
+        assert_eq!((row.len(), first.len()), (header.len(), header.len()));
     }
 }

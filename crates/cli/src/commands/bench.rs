@@ -1,7 +1,6 @@
 //! `clerestory bench`: measurements that anybody can repeat.
 
-use std::fs;
-use std::num::{NonZeroU32, NonZeroUsize};
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -12,7 +11,6 @@ use rayon::ThreadPoolBuilder;
 use tokio::runtime::Handle;
 
 use crate::arguments::{positive, whole};
-use crate::commands::worker::cores;
 use crate::connection::ConnectionArguments;
 use crate::experiments::farm::Farm;
 use crate::experiments::session::{Session, Settings};
@@ -20,11 +18,12 @@ use crate::experiments::{self, Experiment};
 use crate::failure::Failure;
 use crate::load;
 use crate::local_render::Control;
-use crate::output_file::check_outputs;
+use crate::output_file::{check_outputs, create_folder};
 use crate::render_limits::parse_seconds;
 use crate::scene_overrides::Size;
 use crate::shutdown::{self, Parent};
 use crate::terminal::print_line;
+use crate::threads::ThreadCount;
 
 /// Most renders of a variant, and most samples of a reference: more would not end.
 const MOST: u32 = 1 << 24;
@@ -69,7 +68,7 @@ struct FarmArguments {
     nodes_per_lease: u32,
     /// Nodes a second that all workers together offer, holding each lease as if they rendered meanwhile [default: as many as the
     /// coordinator takes].
-    #[arg(long, value_name = "NODES", value_parser = positive::<NonZeroU32>)]
+    #[arg(long, value_name = "NODES", value_parser = positive)]
     rate: Option<NonZeroU32>,
     /// Look at the image all the while, as somebody does who has its page open; jobs are 1920 pixels wide and 1080 high.
     #[arg(long)]
@@ -113,8 +112,8 @@ struct ExperimentArguments {
     #[arg(long, value_name = "N", value_parser = whole(1..=MOST))]
     reference_spp: Option<u32>,
     /// Threads that render [default: one for each core].
-    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS", value_parser = positive::<NonZeroUsize>)]
-    threads: Option<NonZeroUsize>,
+    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
+    threads: Option<ThreadCount>,
     /// Render on a farm, as ordinary jobs, instead of in this process.
     #[arg(long)]
     farm: bool,
@@ -130,7 +129,7 @@ pub(crate) async fn run(arguments: BenchArguments) -> Result<(), Failure> {
 }
 
 async fn run_farm(arguments: FarmArguments) -> Result<(), Failure> {
-    check_outputs(&[("--output", arguments.output.as_deref())])?;
+    check_outputs(&[("--output", arguments.output.as_deref())], &[])?;
     let settings = load::Settings {
         workers: arguments.workers,
         time: arguments.seconds,
@@ -157,7 +156,7 @@ async fn run_experiment(arguments: ExperimentArguments) -> Result<(), Failure> {
     let settings = interpret(experiment, &arguments)?;
     let folder = arguments.output.unwrap_or_else(|| PathBuf::from(format!("experiment-{}", experiment.name)));
     let farm = if arguments.farm { Some(Farm::new(arguments.connection.open()?, Handle::current())) } else { None };
-    fs::create_dir_all(&folder).map_err(|source| Failure::Write { file: folder.clone(), source })?;
+    create_folder(&folder)?;
     let pool = ThreadPoolBuilder::new().num_threads(settings.threads.get()).build().map_err(Failure::Threads)?;
     let control = Arc::new(Control::default());
     let mut session = Session::new(settings, folder, pool, control.clone(), farm);
@@ -219,6 +218,6 @@ fn interpret(experiment: &Experiment, arguments: &ExperimentArguments) -> Result
         seeds: arguments.seeds.or(defaults.seeds).unwrap_or(1),
         size: arguments.size.map_or(defaults.size, |size| [size.width, size.height]),
         reference_samples: arguments.reference_spp.or(defaults.reference_samples).unwrap_or(0),
-        threads: arguments.threads.unwrap_or_else(cores),
+        threads: arguments.threads.unwrap_or_else(ThreadCount::of_cores).get(),
     })
 }

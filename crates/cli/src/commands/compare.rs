@@ -8,7 +8,8 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::image_file::read;
-use crate::terminal::{print_json, print_line};
+use crate::standard_error::reference_gaps;
+use crate::terminal::{Progress, print_json, print_line};
 
 /// Options of `clerestory compare`.
 #[derive(Debug, Args)]
@@ -41,6 +42,9 @@ impl Measures {
 pub(crate) fn run(arguments: &CompareArguments) -> Result<(), Failure> {
     let (image, reference) = (read(&arguments.image)?, read(&arguments.reference)?);
     let measures = Measures::of(&image, &reference)?;
+    if let Some(gaps) = reference_gaps(&reference) {
+        Progress::new().note(&gaps);
+    }
     if arguments.json { print_json(&measures) } else { rows(&measures).iter().try_for_each(|row| print_line(row)) }
 }
 

@@ -48,17 +48,17 @@ pub(crate) struct CoordinatorArguments {
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
     /// How long a lease lasts unless its worker renews it [default: 60].
-    #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_SECONDS", value_parser = positive::<NonZeroU32>)]
+    #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_SECONDS", value_parser = positive)]
     lease_seconds: Option<NonZeroU32>,
     /// How long the work of a lease should take [default: 10].
-    #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_WORK_SECONDS", value_parser = positive::<NonZeroU32>)]
+    #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_WORK_SECONDS", value_parser = positive)]
     lease_work_seconds: Option<NonZeroU32>,
     /// Fraction of nodes that a second worker renders too, to be compared; a worker with other bits than two others is given no work
     /// any more [default: 0.01].
     #[arg(long, value_name = "FRACTION", env = "CLERESTORY_CHECKED_FRACTION", value_parser = fraction)]
     checked_fraction: Option<f64>,
     /// Give out exactly this many nodes with each lease, whatever they take; for experiments.
-    #[arg(long, value_name = "N", env = "CLERESTORY_LEASE_NODES", value_parser = positive::<NonZeroU32>)]
+    #[arg(long, value_name = "N", env = "CLERESTORY_LEASE_NODES", value_parser = positive)]
     lease_nodes: Option<NonZeroU32>,
     /// Print the settings as they come out of all layers, as a configuration file, and end.
     #[arg(long)]

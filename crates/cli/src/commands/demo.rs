@@ -21,7 +21,7 @@ use crate::follow::{follow, until_answered};
 use crate::image_file;
 use crate::local_farm::{FarmPlan, LocalFarm};
 use crate::render_limits::RenderLimits;
-use crate::scene_overrides::{SceneOverrides, Size};
+use crate::scene_overrides::{SamplingOverrides, SceneOverrides, Size};
 use crate::shutdown::{self, Parent};
 use crate::terminal::{Progress, counted, duration_text, print_json, print_line};
 
@@ -82,7 +82,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
         limits.spp = Some(SAMPLES_PER_PIXEL);
         limits.time = Some(TIME_LIMIT);
     }
-    let bundle = arguments.overrides.load(&scene)?;
+    let bundle = arguments.overrides.load(&scene, SamplingOverrides::default())?;
     let description = SceneDescription { sampling: SAMPLING, ..bundle.description().clone() };
     let failure = |source| Failure::scene(&scene, source);
     let bundle = bundle.with_description(description).map_err(failure)?;

@@ -1,29 +1,34 @@
 //! `clerestory farm`: a coordinator and workers on this machine.
 
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
 
-use crate::arguments::positive;
+use crate::arguments::whole;
 use crate::child::Environment;
 use crate::commands::coordinator::DEFAULT_DATA;
-use crate::commands::worker::cores;
 use crate::connection::DEFAULT_LISTEN;
 use crate::failure::Failure;
 use crate::local_farm::{FarmPlan, LocalFarm};
 use crate::shutdown::{self, Parent};
 use crate::terminal::print_line;
+use crate::threads::ThreadCount;
+
+/// Most workers of a farm on one machine, each of which is a process.
+const MOST_WORKERS: usize = 256;
+
+/// Most threads of all workers together.
+const MOST_THREADS: usize = 4096;
 
 /// Options of `clerestory farm`.
 #[derive(Debug, Args)]
 pub(crate) struct FarmArguments {
     /// Number of workers.
-    #[arg(long, value_name = "N", default_value = "1", value_parser = positive::<NonZeroUsize>)]
-    workers: NonZeroUsize,
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1..=MOST_WORKERS))]
+    workers: usize,
     /// Threads of each worker [default: the cores, shared evenly].
-    #[arg(long, value_name = "N", value_parser = positive::<NonZeroUsize>)]
-    threads: Option<NonZeroUsize>,
+    #[arg(long, value_name = "N")]
+    threads: Option<ThreadCount>,
     /// Address on which the coordinator listens.
     #[arg(long, value_name = "HOST:PORT", default_value = DEFAULT_LISTEN, env = "CLERESTORY_LISTEN")]
     listen: String,
@@ -36,14 +41,14 @@ pub(crate) struct FarmArguments {
 }
 
 pub(crate) async fn run(arguments: FarmArguments) -> Result<(), Failure> {
+    let (workers, threads) = (arguments.workers, threads(&arguments)?);
     let stop = shutdown::token(Parent::None);
-    let workers = arguments.workers.get();
     let plan = FarmPlan {
         listen: arguments.listen,
         data: arguments.data,
         token_file: arguments.token_file,
         workers,
-        threads: arguments.threads.map_or_else(|| share_of_cores(workers), NonZeroUsize::get),
+        threads,
         logs: None,
         environment: Environment::Inherited,
     };
@@ -57,7 +62,21 @@ pub(crate) async fn run(arguments: FarmArguments) -> Result<(), Failure> {
     broken
 }
 
+/// Threads of each worker.
+fn threads(arguments: &FarmArguments) -> Result<usize, Failure> {
+    let workers = arguments.workers;
+    let Some(threads) = arguments.threads else { return Ok(share_of_cores(workers)) };
+    let threads = threads.get().get();
+    if workers * threads > MOST_THREADS {
+        return Err(Failure::Usage(format!(
+            "--workers {workers} with --threads {threads} each are {} threads: expected at most {MOST_THREADS} on this machine",
+            workers * threads
+        )));
+    }
+    Ok(threads)
+}
+
 /// Threads for each of `workers` workers, so that together they use every core.
 pub(crate) fn share_of_cores(workers: usize) -> usize {
-    (cores().get() / workers).max(1)
+    (ThreadCount::of_cores().get().get() / workers).max(1)
 }

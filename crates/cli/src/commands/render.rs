@@ -12,27 +12,31 @@ use clerestory_api::{ConvergencePoint, StopReason};
 use clerestory_coordinator::{Targets, smallest_tile};
 use clerestory_render_core::counters::Counters;
 use clerestory_render_core::film::{
-    FrameImage, ImageError, TileGrid, TileSum, encode_png, mean_squared_standard_error,
+    FrameImage, ImageError, ImageMetadata, TileGrid, TileSum, encode_png, mean_squared_standard_error,
 };
 use clerestory_render_core::scene::Scene;
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
 use tokio::sync::mpsc;
 
-use crate::arguments::{positive, whole};
+use crate::activity::Activity;
+use crate::arguments::whole;
+use crate::clocks::{Clocks, Spent};
 use crate::commands::compare::Measures;
-use crate::commands::worker::cores;
 use crate::failure::Failure;
 use crate::image_file::read_reference;
 use crate::like::{self, Recipe};
 use crate::local_render::{self, Control, LocalRenderError, Outcome, PassPlan, Round};
-use crate::local_scene;
-use crate::output_file::{check_image_name, check_outputs, png_beside, write, write_stats};
+use crate::output_file::{
+    check_image_name, check_outputs, is_standard_output, png_beside, write, write_or_keep, write_stats,
+};
 use crate::preview::PreviewArguments;
 use crate::render_limits::RenderLimits;
-use crate::scene_overrides::SceneOverrides;
+use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
 use crate::shutdown::{self, Parent};
+use crate::standard_error;
 use crate::terminal::{Advance, Progress, counted, duration_text, print_json, print_line};
+use crate::threads::ThreadCount;
 
 /// Time between updates of the progress bar.
 const REFRESH_PERIOD: Duration = Duration::from_millis(200);
@@ -54,20 +58,22 @@ pub(crate) struct RenderArguments {
     limits: RenderLimits,
     #[command(flatten)]
     overrides: SceneOverrides,
+    #[command(flatten)]
+    sampling: SamplingOverrides,
     /// Edge of a tile in pixels.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=1024_u32))]
     tile: u32,
     /// Make this image again, bit for bit: its seed, integrator, size, sampling, tiles and the passes of each.
     #[arg(long, value_name = "FILE", conflicts_with_all =
         ["spp", "time", "target_mse", "target_estimated_mse", "adaptive", "integrator", "solver", "selection", "max_trials", "walks", "constraint", "steps", "chains", "casters",
-        "receivers", "search", "missed", "reflected", "seed", "size", "tile"])]
+        "receivers", "search", "missed", "reflected", "seed", "size", "samples_per_pass", "samples_per_block", "tile"])]
     like: Option<PathBuf>,
     /// OpenEXR image that the error is measured against at each round.
     #[arg(long, value_name = "FILE")]
     reference: Option<PathBuf>,
     /// Threads that render [default: one for each core].
-    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS", value_parser = positive::<NonZeroUsize>)]
-    threads: Option<NonZeroUsize>,
+    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
+    threads: Option<ThreadCount>,
     /// Write the counters (height evaluations, solver calls, solutions, ...) as JSON to this file.
     #[arg(long, value_name = "FILE")]
     stats: Option<PathBuf>,
@@ -80,18 +86,17 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     let output = arguments.output.clone().unwrap_or_else(|| default_output(&arguments.scene));
     check_image_name(&output)?;
     let png = arguments.png.then(|| png_beside(&output));
-    check_outputs(&[
-        ("--output", Some(output.as_path())),
-        ("--png", png.as_deref()),
-        ("--stats", arguments.stats.as_deref()),
-    ])?;
+    check_outputs(
+        &[("--output", Some(output.as_path())), ("--png", png.as_deref()), ("--stats", arguments.stats.as_deref())],
+        &[("the scene", Some(arguments.scene.as_path())), ("the reference", arguments.reference.as_deref())],
+    )?;
     let order = Arc::new(interpret(&arguments)?);
     order.tell();
     let rendering = render(order.clone()).await?;
 
-    let elapsed = rendering.elapsed;
-    let image = order.image(&rendering.sums, rendering.counters, Some(elapsed)).map_err(Failure::BadImage)?;
-    write(&output, &image.encode().map_err(|error| Failure::BadImage(error.into()))?)?;
+    let Spent { wall, core } = rendering.spent;
+    let image = order.image(&rendering.sums, rendering.counters, Some(wall)).map_err(Failure::BadImage)?;
+    write_or_keep(&output, &image.encode().map_err(|error| Failure::BadImage(error.into()))?)?;
     if let Some(file) = &png {
         let bytes = encode_png(&image, &arguments.preview.settings()).map_err(Failure::Preview)?;
         write(file, &bytes)?;
@@ -106,8 +111,11 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         height: image.height(),
         samples: work.samples,
         passes: PassCounts::of(&image),
-        seconds: elapsed.as_secs_f64(),
-        samples_per_second: work.samples as f64 / elapsed.as_secs_f64(),
+        tiles: order.plan.grid.len(),
+        standard_error_tiles: image.metadata().map_or(0, ImageMetadata::tiles_with_standard_error),
+        seconds: wall.as_secs_f64(),
+        core_seconds: core.as_secs_f64(),
+        samples_per_second: work.samples as f64 / wall.as_secs_f64(),
         threads: order.threads.get(),
         stopped_by: rendering.stopped_by,
         metrics: order.measures(&image)?,
@@ -116,9 +124,21 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     if let Some(file) = &arguments.stats {
         write_stats(file, &work)?;
     }
-    if arguments.json { print_json(&summary) } else { print_line(&summary.text()) }?;
+    let gaps = image.metadata().and_then(standard_error::gaps).filter(|_| order.absence.is_none());
+    if arguments.json {
+        print_json(&summary)?;
+    } else if is_standard_output(&output) {
+        // The image is there, and nothing else belongs into it.
+        Progress::new().note(&summary.text());
+    } else {
+        print_line(&summary.text())?;
+    }
     if rendering.is_interrupted {
-        return Err(Failure::Job(format!("interrupted; {} holds what was complete", output.display())));
+        let gaps = gaps.map(|gaps| format!("; {gaps}")).unwrap_or_default();
+        return Err(Failure::Job(format!("interrupted; {} holds what was complete{gaps}", output.display())));
+    }
+    if let Some(gaps) = gaps {
+        Progress::new().note(&format!("Standard error: {gaps}"));
     }
     Ok(())
 }
@@ -131,6 +151,8 @@ struct Order {
     threads: NonZeroUsize,
     time: Option<Duration>,
     targets: Targets,
+    /// That the image will have no standard error, where that is known before it is rendered.
+    absence: Option<String>,
 }
 
 /// What came out of a render.
@@ -139,7 +161,7 @@ struct Rendering {
     counters: Counters,
     /// Work that is not in the image.
     pilot: Counters,
-    elapsed: Duration,
+    spent: Spent,
     /// What ended it; `None` when it was interrupted.
     stopped_by: Option<StopReason>,
     is_interrupted: bool,
@@ -148,14 +170,16 @@ struct Rendering {
 fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
     let file = &arguments.scene;
     let failure = |source| Failure::scene(file, source);
+    let activity = Activity::begin("Reading the scene and its files");
     let (bundle, tiles) = match &arguments.like {
-        None => (arguments.overrides.load(file)?, None),
+        None => (arguments.overrides.load(file, arguments.sampling)?, None),
         Some(image) => {
             let Recipe { bundle, tile_size, tile_passes } = like::recipe(file, image)?;
             (bundle, Some((tile_size, tile_passes)))
         }
     };
-    let scene = local_scene::build(&bundle).map_err(failure)?;
+    let scene = activity.build(&bundle).map_err(failure)?;
+    activity.done("The scene is ready");
     let film = bundle.description().film;
     let sampling = scene.sampling();
     let grid = |tile_size| TileGrid { width: film.width, height: film.height, tile_size };
@@ -179,25 +203,29 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
     let reference = reference.map(|(_, image)| image);
     let noise = reference.as_ref().and_then(mean_squared_standard_error);
     arguments.limits.check_targets(reference.is_some(), noise)?;
-    let threads = arguments.threads.unwrap_or_else(cores);
+    let threads = arguments.threads.unwrap_or_else(ThreadCount::of_cores).get();
     let (time, targets) = (arguments.limits.time, arguments.limits.targets());
-    Ok(Order { scene, plan, reference, threads, time, targets })
+    let samples = Some(arguments.limits.samples_per_pixel()).filter(|_| arguments.like.is_none());
+    let absence = samples.and_then(|samples| standard_error::absence(sampling, samples));
+    Ok(Order { scene, plan, reference, threads, time, targets, absence })
 }
 
 /// Renders on a pool of threads, and shows progress meanwhile.
 async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
+    let clocks = Clocks::now();
     let start = Instant::now();
     // A deadline that no clock reaches is none.
     let deadline = order.time.and_then(|time| start.checked_add(time));
     let control = Arc::new(Control { deadline, ..Control::default() });
-    let pool = ThreadPoolBuilder::new().num_threads(order.threads.get()).build().map_err(Failure::Threads)?;
+    let threads = order.threads.get();
+    let pool = ThreadPoolBuilder::new().num_threads(threads).build().map_err(Failure::Threads)?;
     let (rounds, mut complete) = mpsc::unbounded_channel();
     let mut work = {
         let (order, control) = (order.clone(), control.clone());
         tokio::task::spawn_blocking(move || {
             let mut reached = None;
             let on_round = |round: &Round<'_>| {
-                let point = order.point(round, control.samples.load(Ordering::Relaxed), start.elapsed());
+                let point = order.point(round, control.samples.load(Ordering::Relaxed), clocks.spent(threads));
                 reached = order.targets.reached(order.plan.sampling.samples_per_block(), std::slice::from_ref(&point));
                 // Nobody listens any more only when the process ends.
                 let _ = rounds.send(point);
@@ -235,7 +263,7 @@ async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
     let is_interrupted = stop.is_cancelled();
     let without_target = if is_complete { StopReason::Samples } else { StopReason::Time };
     let stopped_by = Some(reached.unwrap_or(without_target)).filter(|_| !is_interrupted);
-    Ok(Rendering { sums, counters, pilot, elapsed: start.elapsed(), stopped_by, is_interrupted })
+    Ok(Rendering { sums, counters, pilot, spent: clocks.spent(threads), stopped_by, is_interrupted })
 }
 
 impl Order {
@@ -247,6 +275,9 @@ impl Order {
             progress.note(&format!("Triangles without an area that are left out of the mesh {name:?}: {omitted}"));
         }
         progress.missing_light(&self.scene.description().missing_light(), &self.scene.left_to_chance());
+        self.absence.iter().for_each(|absence| progress.note(absence));
+        let gaps = self.reference.as_ref().and_then(standard_error::reference_gaps);
+        gaps.iter().for_each(|gaps| progress.note(gaps));
     }
 
     fn image(&self, sums: &[TileSum], counters: Counters, elapsed: Option<Duration>) -> Result<FrameImage, ImageError> {
@@ -258,9 +289,9 @@ impl Order {
     }
 
     /// The error at a round; what cannot be measured is absent.
-    fn point(&self, round: &Round<'_>, samples: u64, elapsed: Duration) -> ConvergencePoint {
+    fn point(&self, round: &Round<'_>, samples: u64, spent: Spent) -> ConvergencePoint {
         let counters = Counters { samples, ..Counters::default() };
-        let image = self.image(round.sums, counters, Some(elapsed)).ok();
+        let image = self.image(round.sums, counters, Some(spent.wall)).ok();
         let measures = image.as_ref().and_then(|image| self.measures(image).ok().flatten());
         let metrics = measures.as_ref().map(|measures| &measures.metrics);
         let estimated_mse = image.as_ref().and_then(mean_squared_standard_error);
@@ -271,8 +302,8 @@ impl Order {
             round: round.number,
             passes: round.passes,
             samples_per_pixel: u64::from(round.passes) * u64::from(self.plan.sampling.samples_per_pass()),
-            core_ms: milliseconds(elapsed.saturating_mul(u32::try_from(self.threads.get()).unwrap_or(u32::MAX))),
-            wall_ms: milliseconds(elapsed),
+            core_ms: milliseconds(spent.core),
+            wall_ms: milliseconds(spent.wall),
             recorded_ms: milliseconds(now),
             mse: metrics.map(|metrics| metrics.mse),
             corrected_mse: metrics.and_then(|metrics| metrics.corrected_mse),
@@ -314,7 +345,13 @@ struct Summary {
     height: u32,
     samples: u64,
     passes: PassCounts,
+    tiles: u32,
+    /// Tiles whose standard error is known.
+    standard_error_tiles: u32,
+    /// Wall-clock time of rendering.
     seconds: f64,
+    /// Time that all cores together spent on it.
+    core_seconds: f64,
     samples_per_second: f64,
     threads: usize,
     stopped_by: Option<StopReason>,
@@ -340,7 +377,7 @@ impl PassCounts {
 impl Summary {
     fn text(&self) -> String {
         let mut text = format!(
-            "Wrote {}{}: {}, {} in {}, {:.0} a second",
+            "Wrote {}{}: {}, {} in {} ({} of core time), {:.0} a second",
             self.output.display(),
             self.png.as_ref().map(|file| format!(" and {}", file.display())).unwrap_or_default(),
             match self.passes {
@@ -349,6 +386,7 @@ impl Summary {
             },
             counted(self.samples, "sample", "samples"),
             duration_text(Duration::from_secs_f64(self.seconds)),
+            duration_text(Duration::from_secs_f64(self.core_seconds)),
             self.samples_per_second,
         );
         if let Some(Measures { metrics, .. }) = &self.metrics {

@@ -11,7 +11,7 @@ use serde::Serialize;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter};
 
 use crate::failure::Failure;
-use crate::output_file::write;
+use crate::output_file::{check_outputs, write};
 use crate::terminal::print_line;
 
 /// Options of `clerestory scene`.
@@ -95,12 +95,15 @@ fn seconds(words: &str) -> Result<f64, String> {
 const LATEST: f64 = 1e9;
 
 pub(crate) fn run(arguments: &SceneArguments) -> Result<(), Failure> {
-    let (scene, output) = match &arguments.scene {
-        GeneratedScene::Nave(NaveArguments { panes, output }) => (nave(*panes), output),
-        GeneratedScene::Pool(water) => (pool(&water.settings()), &water.output),
-        GeneratedScene::Lagoon(water) => (lagoon(&water.settings()), &water.output),
-    };
-    let text = scene_text(&scene);
+    let (GeneratedScene::Nave(NaveArguments { output, .. })
+    | GeneratedScene::Pool(WaterArguments { output, .. })
+    | GeneratedScene::Lagoon(WaterArguments { output, .. })) = &arguments.scene;
+    check_outputs(&[("--output", output.as_deref())], &[])?;
+    let text = scene_text(&match &arguments.scene {
+        GeneratedScene::Nave(NaveArguments { panes, .. }) => nave(*panes),
+        GeneratedScene::Pool(water) => pool(&water.settings()),
+        GeneratedScene::Lagoon(water) => lagoon(&water.settings()),
+    });
     match output {
         Some(file) => write(file, format!("{text}\n").as_bytes()),
         None => print_line(&text),

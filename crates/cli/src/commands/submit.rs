@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use backon::{ExponentialBuilder, Retryable};
 use bytes::Bytes;
@@ -11,6 +12,7 @@ use clerestory_coordinator::Targets;
 use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
 use tracing::{info, warn};
 
+use crate::activity::Activity;
 use crate::arguments::whole;
 use crate::commands::watch::{check_done, check_image};
 use crate::connection::{Connection, ConnectionArguments};
@@ -19,7 +21,8 @@ use crate::follow::{follow, until_answered};
 use crate::image_file::read_reference;
 use crate::output_file::{OutputFile, check_image_name, check_outputs, png_beside, write, write_stats};
 use crate::render_limits::RenderLimits;
-use crate::scene_overrides::SceneOverrides;
+use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
+use crate::shutdown::{self, Parent};
 use crate::terminal::{Progress, print_json, print_line, upload_bar};
 
 /// How often an upload is repeated, with pauses of one second and more.
@@ -39,6 +42,8 @@ pub(crate) struct SubmitArguments {
     limits: RenderLimits,
     #[command(flatten)]
     overrides: SceneOverrides,
+    #[command(flatten)]
+    sampling: SamplingOverrides,
     /// A name for lists [default: the scene's].
     #[arg(long)]
     name: Option<String>,
@@ -73,15 +78,20 @@ pub(crate) struct SubmitArguments {
 pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     arguments.output.as_deref().map_or(Ok(()), check_image_name)?;
     let png = arguments.output.as_deref().filter(|_| arguments.png).map(png_beside);
-    check_outputs(&[
-        ("--output", arguments.output.as_deref()),
-        ("--png", png.as_deref()),
-        ("--stats", arguments.stats.as_deref()),
-    ])?;
+    check_outputs(
+        &[
+            ("--output", arguments.output.as_deref()),
+            ("--png", png.as_deref()),
+            ("--stats", arguments.stats.as_deref()),
+        ],
+        &[("the scene", Some(arguments.scene.as_path())), ("the reference", arguments.reference.as_deref())],
+    )?;
     let connection = arguments.connection.open()?;
     // The coordinator looks at the reference; here it is only sent.
     arguments.limits.check_targets(arguments.reference.is_some(), None)?;
-    let bundle = arguments.overrides.load(&arguments.scene)?;
+    let activity = Activity::begin("Reading the scene and its files");
+    let bundle = arguments.overrides.load(&arguments.scene, arguments.sampling)?;
+    activity.done("The scene is read");
     let order = Order {
         name: arguments.name,
         samples_per_pixel: arguments.limits.samples_per_pixel(),
@@ -92,22 +102,54 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         priority: arguments.priority,
         reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
     };
-    let mut job = submit(&connection, &bundle, order).await?;
-    let mut progress = Progress::new();
-    progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
-    progress.missing_light(&job.missing_light, &job.left_to_chance);
-    if arguments.wait {
-        job = follow(&connection, job.id, &mut progress).await?;
-        check_image(&job)?;
-        download(&connection, &job, arguments.output.as_deref(), png.as_deref(), &progress).await?;
-        if let Some(file) = &arguments.stats {
-            write_stats(file, &job.counters)?;
-        }
-        let files = [arguments.output, png, arguments.stats];
-        files.iter().flatten().for_each(|file| progress.note(&format!("Wrote {}", file.display())));
-    }
+    let stop = shutdown::token(Parent::None);
+    let files = Files { exr: arguments.output, png, stats: arguments.stats };
+    let submitted = OnceLock::new();
+    let work = async {
+        let job = submit(&connection, &bundle, order).await?;
+        // Nobody has set it before.
+        let _ = submitted.set(job.id);
+        let mut progress = Progress::new();
+        progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
+        progress.missing_light(&job.missing_light, &job.left_to_chance);
+        if arguments.wait { wait(&connection, job.id, &files, &mut progress).await } else { Ok(job) }
+    };
+    let job = tokio::select! {
+        job = work => job?,
+        () = stop.cancelled() => return Err(interrupted(submitted.get())),
+    };
     if arguments.json { print_json(&job) } else { print_line(&job.id.to_string()) }?;
     if arguments.wait { check_done(&job) } else { Ok(()) }
+}
+
+/// Where the results of a job go.
+struct Files {
+    exr: Option<PathBuf>,
+    png: Option<PathBuf>,
+    stats: Option<PathBuf>,
+}
+
+/// Waits for a job to end, and fetches its results.
+async fn wait(connection: &Connection, job: JobId, files: &Files, progress: &mut Progress) -> Result<JobView, Failure> {
+    let Files { exr, png, stats } = files;
+    let job = follow(connection, job, progress).await?;
+    check_image(&job)?;
+    download(connection, &job, exr.as_deref(), png.as_deref(), progress).await?;
+    if let Some(file) = stats {
+        write_stats(file, &job.counters)?;
+    }
+    [exr, png, stats].into_iter().flatten().for_each(|file| progress.note(&format!("Wrote {}", file.display())));
+    Ok(job)
+}
+
+/// What an interruption leaves.
+fn interrupted(job: Option<&JobId>) -> Failure {
+    Failure::Interrupted(match job {
+        None => "interrupted before the coordinator had taken the job".to_owned(),
+        Some(job) => format!(
+            "interrupted; job {job} goes on: see `clerestory watch {job}`, end it with `clerestory cancel {job}`"
+        ),
+    })
 }
 
 /// How a scene is to be rendered.
@@ -150,7 +192,7 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         target_estimated_mse: order.targets.estimated_mse,
         adaptive: order.adaptive,
     };
-    let missing = match send(connection, &submission).await {
+    let missing = match asked(connection, &submission).await {
         Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,
         answer => return answer.map_err(|error| connection.failure(error)),
     };
@@ -182,7 +224,17 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         uploaded += size(asset);
     }
     bar.finish_and_clear();
-    send(connection, &submission).await.map_err(|error| connection.failure(error))
+    asked(connection, &submission).await.map_err(|error| connection.failure(error))
+}
+
+/// Asks a coordinator to take a job. It looks at the whole scene before it answers.
+async fn asked(connection: &Connection, submission: &JobSubmission) -> Result<JobView, ClientError> {
+    let activity = Activity::begin("Waiting for the coordinator, which checks the scene");
+    let answer = send(connection, submission).await;
+    if answer.is_ok() {
+        activity.done("The coordinator has taken the job");
+    }
+    answer
 }
 
 /// Sends a submission, again and again where the coordinator says that it is too busy to look at it: then it has not become a job.

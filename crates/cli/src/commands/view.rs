@@ -1,21 +1,20 @@
 //! `clerestory view`: a scene in the browser, rendered anew whenever the camera or the sun moves.
 
 use std::net::SocketAddr;
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::Args;
 use rayon::ThreadPoolBuilder;
 use tokio::net::TcpListener;
 
-use crate::arguments::{positive, whole};
-use crate::commands::worker::cores;
+use crate::activity::Activity;
+use crate::arguments::whole;
 use crate::failure::Failure;
-use crate::local_scene;
 use crate::render_limits::{DEFAULT_SAMPLES_PER_PIXEL, UNREACHABLE_SAMPLES_PER_PIXEL};
-use crate::scene_overrides::SceneOverrides;
+use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
 use crate::shutdown::{self, Parent};
 use crate::terminal::print_line;
+use crate::threads::ThreadCount;
 use crate::viewer::Viewer;
 
 /// Options of `clerestory view`.
@@ -33,8 +32,8 @@ pub(crate) struct ViewArguments {
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7272")]
     listen: SocketAddr,
     /// Threads that render [default: one for each core].
-    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS", value_parser = positive::<NonZeroUsize>)]
-    threads: Option<NonZeroUsize>,
+    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
+    threads: Option<ThreadCount>,
 }
 
 pub(crate) async fn run(arguments: ViewArguments) -> Result<(), Failure> {
@@ -44,9 +43,11 @@ pub(crate) async fn run(arguments: ViewArguments) -> Result<(), Failure> {
             "--listen: found {found}, expected an address of this machine alone, such as 127.0.0.1:7272"
         )));
     }
-    let bundle = arguments.overrides.load(&arguments.scene)?;
-    let scene = local_scene::build(&bundle).map_err(|source| Failure::scene(&arguments.scene, source))?;
-    let threads = arguments.threads.unwrap_or_else(cores);
+    let activity = Activity::begin("Reading the scene and its files");
+    let bundle = arguments.overrides.load(&arguments.scene, SamplingOverrides::default())?;
+    let scene = activity.build(&bundle).map_err(|source| Failure::scene(&arguments.scene, source))?;
+    activity.done("The scene is ready");
+    let threads = arguments.threads.unwrap_or_else(ThreadCount::of_cores).get();
     let pool = ThreadPoolBuilder::new().num_threads(threads.get()).build().map_err(Failure::Threads)?;
     let failure = |source| Failure::Listen { address: arguments.listen.to_string(), source };
     let listener = TcpListener::bind(arguments.listen).await.map_err(failure)?;

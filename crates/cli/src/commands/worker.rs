@@ -1,18 +1,16 @@
 //! `clerestory worker`: a worker in this process.
 
 use std::fs;
-use std::num::NonZeroUsize;
 use std::path::PathBuf;
-use std::thread::available_parallelism;
 
 use clap::Args;
 use serde::Deserialize;
 
-use crate::arguments::positive;
 use crate::connection::{DEFAULT_LISTEN, token};
 use crate::failure::Failure;
 use crate::settings;
 use crate::shutdown::{self, Parent};
+use crate::threads::ThreadCount;
 
 /// Which build of Clerestory this is.
 pub(crate) const BUILD: &str = env!("CLERESTORY_BUILD");
@@ -33,8 +31,8 @@ pub(crate) struct WorkerArguments {
     #[arg(long, env = "CLERESTORY_WORKER_NAME")]
     name: Option<String>,
     /// Threads that render [default: one for each core].
-    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS", value_parser = positive::<NonZeroUsize>)]
-    threads: Option<NonZeroUsize>,
+    #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
+    threads: Option<ThreadCount>,
     /// Stop when standard input ends; for workers that belong to another process.
     #[arg(long, hide = true)]
     stop_with_stdin: bool,
@@ -47,7 +45,7 @@ struct WorkerFile {
     coordinator: Option<String>,
     token_file: Option<PathBuf>,
     name: Option<String>,
-    threads: Option<NonZeroUsize>,
+    threads: Option<ThreadCount>,
 }
 
 pub(crate) async fn run(arguments: WorkerArguments) -> Result<(), Failure> {
@@ -64,14 +62,9 @@ fn interpret(arguments: WorkerArguments) -> Result<clerestory_worker::Config, Fa
         coordinator: coordinator.unwrap_or_else(|| format!("http://{DEFAULT_LISTEN}")),
         token: token(arguments.token_file.as_deref(), file.token_file.as_deref())?,
         name: arguments.name.or(file.name).unwrap_or_else(machine_name),
-        threads: arguments.threads.or(file.threads).unwrap_or_else(cores),
+        threads: arguments.threads.or(file.threads).unwrap_or_else(ThreadCount::of_cores).get(),
         build: BUILD.to_owned(),
     })
-}
-
-/// Cores that this process may use; 1 where the system does not say.
-pub(crate) fn cores() -> NonZeroUsize {
-    available_parallelism().unwrap_or(NonZeroUsize::MIN)
 }
 
 fn machine_name() -> String {
@@ -81,6 +74,8 @@ fn machine_name() -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::process::ExitCode;
+
     use clap::Parser;
 
     use super::*;
@@ -102,5 +97,20 @@ mod tests {
         let config = interpret(parse(&["--config", file.to_str().unwrap(), "--threads", "5"])).unwrap();
         assert_eq!((config.name.as_str(), config.threads.get()), ("from the file", 5));
         assert_eq!(config.coordinator, "http://127.0.0.1:7171");
+    }
+
+    #[test]
+    fn a_file_has_the_same_range_of_threads_as_the_option() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("worker.toml");
+        for threads in ["0", "-1", "10000", "1.5", "\"all\""] {
+            fs::write(&file, format!("threads = {threads}\n")).unwrap();
+            let failure = interpret(parse(&["--config", file.to_str().unwrap()])).unwrap_err();
+            let text = failure.causes().map(ToString::to_string).collect::<Vec<_>>().join(": ");
+            let expected = if threads.parse::<i64>().is_ok() { "threads, 1 to 1024" } else { "expected i64" };
+            assert!(text.contains("worker.toml") && text.contains(&format!("threads = {threads}")), "{text}");
+            assert!(text.contains(expected), "{text}");
+            assert_eq!(failure.exit_code(), ExitCode::from(2));
+        }
     }
 }

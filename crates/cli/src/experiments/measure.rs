@@ -10,10 +10,10 @@ use clerestory_render_core::scene::description::FilmDescription;
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle};
 
 use super::farm::Amount;
-use super::machine::{Clocks, Spent};
 use super::scenes::changed;
 use super::session::Session;
 use super::variant::Variant;
+use crate::clocks::{Clocks, Spent};
 use crate::failure::Failure;
 use crate::local_render::{self, LocalFilm, Outcome, PassPlan};
 use crate::local_scene;
@@ -194,7 +194,7 @@ pub(super) fn preparation_seconds(session: &Session, bundle: &SceneBundle) -> Re
 }
 
 fn build(bundle: &SceneBundle) -> Result<Scene, Failure> {
-    local_scene::build(bundle).map_err(|source| Failure::scene(bundle.description().name.as_ref(), source))
+    local_scene::build(bundle, &mut |_| ()).map_err(|source| Failure::scene(bundle.description().name.as_ref(), source))
 }
 
 fn plan(scene: &Scene, passes: u32) -> PassPlan {

@@ -18,6 +18,7 @@ use tokio::time::Instant;
 use super::partials::{Noise, NoiseError};
 use super::tally::Tally;
 use crate::commands::worker::BUILD;
+use crate::failure::report;
 
 /// How long the coordinator may let a claim wait for work, as real workers do, milliseconds.
 const LONG_POLL_MS: u32 = 15_000;
@@ -65,7 +66,7 @@ impl Load {
             failure = self.leases(worker, start) => failure,
             () = self.heartbeats(worker) => return,
         };
-        self.tally.fails(with_causes(&failure));
+        self.tally.fails(report(&failure));
     }
 
     async fn leases(&self, worker: WorkerId, start: Instant) -> WorkerFailure {
@@ -208,9 +209,4 @@ fn is_lease_over(failure: &ClientError) -> bool {
     let is_over =
         |code| matches!(code, ProblemCode::LeaseExpired | ProblemCode::LeaseReturned | ProblemCode::JobNotRunning);
     failure.problem().is_some_and(|problem| is_over(problem.code))
-}
-
-fn with_causes(error: &dyn std::error::Error) -> String {
-    let causes = std::iter::successors(Some(error), |error| error.source());
-    causes.map(ToString::to_string).collect::<Vec<_>>().join(": ")
 }

@@ -4,6 +4,8 @@ use std::fs;
 use std::io::{Read, Write};
 use std::net::TcpListener;
 
+use serde_json::{Value, json};
+
 use crate::support::Folder;
 
 #[test]
@@ -62,7 +64,27 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
     for command in ["render", "submit"] {
         folder.fails(&[command, "absent.json"], 1, &["error: cannot read absent.json: No such file"]);
     }
-    folder.fails(&["render", "scene.json", "-o", "no/such/image.exr"], 1, &["cannot write no/such/image.exr"]);
+    folder.fails(
+        &["render", "scene.json", "-o", "no/such/image.exr"],
+        1,
+        &["cannot write no/such/image.exr: the folder no/such does not exist"],
+    );
+    folder.fails(
+        &["render", "scene.json", "--stats", "scene.json"],
+        2,
+        &["--stats would replace scene.json, which is the scene"],
+    );
+    folder.fails(
+        &["bench", "experiment", "solvers", "-o", "scene.json"],
+        1,
+        &["cannot write scene.json: is a file, expected the name of a folder"],
+    );
+    folder.fails(
+        &["render", "scene.json", "--samples-per-block", "6"],
+        2,
+        &["sampling.samples_per_block: found 6, must be a power of two times samples_per_pass (4)"],
+    );
+    folder.fails(&["view", "scene.json", "--samples-per-pass", "1"], 2, &["--samples-per-pass"]);
     folder.fails(&["render", "scene.json", "--reference", "scene.json"], 1, &["scene.json", "not an OpenEXR file"]);
     folder.fails(&["compare", "absent.exr", "absent.exr"], 1, &["cannot read absent.exr"]);
     folder.fails(&["jobs", "--coordinator", "http://127.0.0.1:1"], 1, &["http://127.0.0.1:1", "no answer"]);
@@ -83,12 +105,7 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
     for command in ["watch", "cancel"] {
         folder.fails(&[command, "17"], 2, &["'17'", "expected the UUID of a job", "`clerestory jobs`"]);
     }
-    for (command, option) in [
-        ("coordinator", "--lease-seconds"),
-        ("coordinator", "--lease-nodes"),
-        ("farm", "--workers"),
-        ("worker", "--threads"),
-    ] {
+    for (command, option) in [("coordinator", "--lease-seconds"), ("coordinator", "--lease-nodes")] {
         folder.fails(&[command, option, "0"], 2, &["'0'", option, "expected a whole number, 1 to 4294967295"]);
     }
     folder.fails(&["coordinator", "--listen", "nowhere"], 2, &["nowhere", "127.0.0.1:7171"]);
@@ -113,6 +130,71 @@ fn an_image_that_has_the_name_of_a_folder_is_refused_before_it_is_rendered() {
             folder.fails(&words, 1, &[&format!("cannot write {name}: is a directory")]);
         }
     }
+}
+
+#[test]
+fn numbers_of_threads_and_workers_have_a_range() {
+    let folder = Folder::new();
+    let commands: [&[&str]; 5] = [
+        &["render", "scene.json"],
+        &["view", "scene.json"],
+        &["worker"],
+        &["farm"],
+        &["bench", "experiment", "solvers"],
+    ];
+    for command in commands {
+        for threads in ["0", "10000"] {
+            let words = [command, &["--threads", threads]].concat();
+            let named = format!("'{threads}' for '--threads <N>'");
+            folder.fails(&words, 2, &[&named, "expected a whole number of threads, 1 to 1024"]);
+        }
+    }
+    for workers in ["0", "257"] {
+        folder.fails(&["farm", "--workers", workers], 2, &["--workers", workers, "expected a whole number, 1 to 256"]);
+    }
+    let together = ["farm", "--workers", "200", "--threads", "100"];
+    folder.fails(&together, 2, &["--workers 200", "--threads 100", "are 20000 threads", "at most 4096"]);
+
+    let output = folder.command(&["render", "scene.json"]).env("CLERESTORY_THREADS", "10000").output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("1 to 1024") && message.contains("environment variable CLERESTORY_THREADS"), "{message}");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_file_outside_the_folder_of_the_scene_is_not_uploaded() {
+    let folder = Folder::new();
+    fs::create_dir(folder.path("scene")).unwrap();
+    fs::write(folder.path("secret"), "secret").unwrap();
+    std::os::unix::fs::symlink("../secret", folder.path("scene/wall.obj")).unwrap();
+    let mut scene: Value = serde_json::from_str(&fs::read_to_string(folder.path("scene.json")).unwrap()).unwrap();
+    scene["meshes"][0]["source"] = json!({"obj": {"file": "wall.obj"}});
+    fs::write(folder.path("scene/scene.json"), scene.to_string()).unwrap();
+    // No coordinator is asked.
+    for command in ["submit", "render", "view"] {
+        folder.fails(
+            &[command, "scene/scene.json"],
+            1,
+            &["meshes[0].source.obj.file", "leads to", "/secret", "copy it"],
+        );
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_image_for_which_the_disk_has_no_room_is_not_lost() {
+    let folder = Folder::new();
+    let mut command = folder.command(&["render", "scene.json", "--spp", "4", "-o", "/dev/full"]);
+    let output = command.env("TMPDIR", folder.path("")).output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("cannot write /dev/full, so it is in ") && message.contains("No space left"), "{message}");
+    assert!(message.contains("the disk is full"), "{message}");
+    let (_, kept) = message.split_once("so it is in ").unwrap();
+    let (kept, _) = kept.split_once(" instead").unwrap();
+    folder.succeeds(&["render", "scene.json", "--spp", "4", "-o", "image.exr"]);
+    assert_eq!(folder.comparison(kept, "image.exr")["bit_identical"], true);
 }
 
 #[test]

@@ -66,6 +66,26 @@ fn who_waits_is_told_once_that_the_coordinator_is_away_and_when_it_is_back() {
     assert!(!messages.contains("answer"), "told once: {messages}");
 }
 
+#[cfg(unix)]
+#[test]
+fn who_stops_waiting_learns_that_the_job_goes_on() {
+    use nix::sys::signal::{Signal, kill};
+    use nix::unistd::Pid;
+
+    let folder = Folder::new();
+    let coordinator = folder.coordinator("127.0.0.1:0", None);
+    let waiting = Waiting::start(&folder, &coordinator, &["-o", "image.exr"]);
+    kill(Pid::from_raw(i32::try_from(waiting.process.id()).unwrap()), Signal::SIGINT).unwrap();
+    let job = waiting.job.clone();
+    let (code, messages) = waiting.end();
+    assert_eq!(code, Some(130), "{messages}");
+    assert!(messages.contains(&format!("job {job} goes on: see `clerestory watch {job}`")), "{messages}");
+    assert!(folder.succeeds(&["jobs", "--coordinator", coordinator.address()]).contains(&job));
+    assert!(
+        !fs::read_dir(folder.path("")).unwrap().any(|file| file.unwrap().path().extension() == Some("part".as_ref()))
+    );
+}
+
 #[test]
 fn an_upload_draws_no_bar_where_there_is_no_terminal() {
     let folder = Folder::new();

@@ -1,7 +1,7 @@
 //! Images made in one process.
 
-use std::fs;
-use std::process::Stdio;
+use std::fs::{self, File};
+use std::process::{Output, Stdio};
 
 use serde_json::{Value, json};
 
@@ -54,6 +54,8 @@ fn a_render_reports_to_scripts_and_to_people_apart() {
     let summary: Value = serde_json::from_str(&text).unwrap();
     assert_eq!((&summary["output"], &summary["png"]), (&json!("image.exr"), &json!("image.png")));
     assert_eq!((&summary["samples"], &summary["width"]), (&json!(24 * 16 * 8), &json!(24)));
+    let [wall, core] = [&summary["seconds"], &summary["core_seconds"]].map(|seconds| seconds.as_f64().unwrap());
+    assert!(wall > 0.0 && core > 0.0, "{summary}");
     let stats: Value = serde_json::from_str(&fs::read_to_string(folder.path("stats.json")).unwrap()).unwrap();
     assert_eq!(stats, summary["counters"]);
     assert!(fs::read(folder.path("image.png")).unwrap().starts_with(b"\x89PNG"));
@@ -61,13 +63,54 @@ fn a_render_reports_to_scripts_and_to_people_apart() {
     let text = folder.succeeds(&["render", "scene.json", "--spp", "4", "--png", "-o", "both.exr"]);
     assert!(text.starts_with("Wrote both.exr and both.png: 1 pass, "), "{text}");
     let text = folder.succeeds(&["render", "scene.json", "--spp", "4", "--size", "1x1", "-o", "pixel.exr"]);
-    assert!(text.starts_with("Wrote pixel.exr: 1 pass, 4 samples in "), "{text}");
+    assert!(text.starts_with("Wrote pixel.exr: 1 pass, 4 samples in ") && text.contains(" of core time)"), "{text}");
 
     let reference = ["--reference", "image.exr", "-o", "second.exr"];
     let output = folder.run(&[&["render", "scene.json", "--spp", "8"], reference.as_slice()].concat());
     let progress = String::from_utf8(output.stderr).unwrap();
     assert!(progress.contains("PSNR"), "the table of rounds: {progress}");
     assert!(progress.lines().any(|line| line.contains("0.0000e0")), "the last round equals the reference: {progress}");
+}
+
+#[test]
+fn an_image_without_a_standard_error_says_why_and_what_to_set() {
+    let folder = Folder::new();
+    let summary = |output: &Output| serde_json::from_slice::<Value>(&output.stdout).unwrap();
+    let render = ["render", "scene.json", "--tile", "8", "--spp", "8", "--json"];
+    let output = folder.run(&render);
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(messages.contains("No standard error: 8 samples in each pixel"), "{messages}");
+    assert!(messages.contains("--spp 16 or more") && messages.contains("--samples-per-block 2"), "{messages}");
+    let known = |output: &Output| {
+        let summary = summary(output);
+        (summary["standard_error_tiles"].clone(), summary["tiles"].clone())
+    };
+    assert_eq!(known(&output), (json!(0), json!(6)));
+    // Nothing is measured, so nothing is said of errors; not even by dashes.
+    let rows: Vec<&str> = messages.lines().skip_while(|line| *line != "  round     spp       time").collect();
+    assert!(rows.len() > 1 && rows.iter().all(|row| !row.contains('-')), "{messages}");
+
+    let smaller = folder.run(&[&render[..], &["--samples-per-pass", "2", "--samples-per-block", "2"]].concat());
+    assert_eq!(known(&smaller), (json!(6), json!(6)));
+    let messages = String::from_utf8_lossy(&smaller.stderr);
+    assert!(messages.contains("(estimated MSE ") && !messages.contains("standard error"), "{messages}");
+}
+
+#[cfg(unix)]
+#[test]
+fn an_image_on_standard_output_has_nothing_else_in_it() {
+    let folder = Folder::new();
+    // Standard output is a file, and a pipe.
+    let render = ["render", "scene.json", "--spp", "4", "-o"];
+    let mut to_a_file = folder.command(&[&render[..], &["/dev/stdout"]].concat());
+    let output = to_a_file.stdout(File::create(folder.path("file.exr")).unwrap()).output().unwrap();
+    let messages = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && messages.contains("Wrote /dev/stdout: 1 pass"), "{messages}");
+    let output = folder.run(&[&render[..], &["/dev/fd/1"]].concat());
+    fs::write(folder.path("pipe.exr"), output.stdout).unwrap();
+    assert_eq!(folder.comparison("file.exr", "pipe.exr")["bit_identical"], true);
+    let magic = b"\x76\x2f\x31\x01";
+    assert!(fs::read(folder.path("file.exr")).unwrap().starts_with(magic));
 }
 
 #[test]

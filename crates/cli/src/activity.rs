@@ -1,0 +1,205 @@
+//! What a command does before there is progress to show. The user is told when it takes long.
+
+use std::io::{self, IsTerminal, Write};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use clerestory_render_core::scene::{Scene, SceneBundle, SceneError};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::local_scene;
+use crate::terminal::{LINE_PERIOD, bar_target, duration_text};
+
+/// How long nothing is shown.
+const QUIET: Duration = Duration::from_secs(1);
+
+/// Time between pictures of the spinner.
+const SPINNER_PERIOD: Duration = Duration::from_millis(120);
+
+/// Work that is shown when it takes longer than a moment: by a spinner on a terminal, by lines elsewhere.
+pub(crate) struct Activity {
+    /// Taken when the work ends.
+    steps: Option<Sender<Step>>,
+    /// Shows the steps; absent where the system has no thread for it.
+    shown: Option<JoinHandle<()>>,
+}
+
+/// What the thread is told that shows the work.
+enum Step {
+    /// Something else is done now.
+    Begun(String),
+    /// All is done.
+    Done(&'static str),
+}
+
+impl Activity {
+    /// Begins with a step, such as `Reading the scene`.
+    pub(crate) fn begin(step: &str) -> Self {
+        let is_terminal = io::stderr().is_terminal();
+        Self::shown_on(Output { quiet: QUIET, is_terminal, note: Box::new(note) }, step)
+    }
+
+    fn shown_on(output: Output, step: &str) -> Self {
+        let (steps, next) = mpsc::channel();
+        let display = Display { step: step.to_owned(), start: Instant::now(), stage: Stage::Quiet, output };
+        let shown = thread::Builder::new().name("activity".to_owned()).spawn(move || display.run(&next)).ok();
+        Self { steps: Some(steps), shown }
+    }
+
+    /// Goes on with another step.
+    pub(crate) fn step(&self, step: String) {
+        self.tell(Step::Begun(step));
+    }
+
+    /// Builds a scene, with a step for each of its parts.
+    pub(crate) fn build(&self, bundle: &SceneBundle) -> Result<Scene, SceneError> {
+        local_scene::build(bundle, &mut |step| self.step(step.to_string()))
+    }
+
+    /// Ends the work. If it was shown, a line says that it is done, and how long it took.
+    pub(crate) fn done(self, what: &'static str) {
+        self.tell(Step::Done(what));
+    }
+
+    fn tell(&self, step: Step) {
+        // Showing it is a courtesy.
+        let _ = self.steps.as_ref().map(|steps| steps.send(step));
+    }
+}
+
+impl Drop for Activity {
+    /// Waits until nothing is shown any more, so that whatever is written next has the terminal to itself.
+    fn drop(&mut self) {
+        self.steps = None;
+        // A thread that panicked shows nothing.
+        let _ = self.shown.take().map(JoinHandle::join);
+    }
+}
+
+/// How the work is shown.
+enum Stage {
+    /// Not yet.
+    Quiet,
+    Spinner(ProgressBar),
+    /// In lines, of which the last was then.
+    Lines(Instant),
+}
+
+/// Where the work is shown.
+struct Output {
+    /// How long nothing is shown.
+    quiet: Duration,
+    is_terminal: bool,
+    /// Writes a line.
+    note: Box<dyn Fn(&str) + Send>,
+}
+
+struct Display {
+    step: String,
+    start: Instant,
+    stage: Stage,
+    output: Output,
+}
+
+impl Display {
+    fn run(mut self, steps: &Receiver<Step>) {
+        loop {
+            match steps.recv_timeout(self.pause()) {
+                Ok(Step::Begun(step)) => {
+                    self.step = step;
+                    if let Stage::Spinner(bar) = &self.stage {
+                        bar.set_message(self.step.clone());
+                    }
+                }
+                Ok(Step::Done(what)) => return self.end(Some(what)),
+                Err(RecvTimeoutError::Timeout) => self.show(),
+                Err(RecvTimeoutError::Disconnected) => return self.end(None),
+            }
+        }
+    }
+
+    /// Time until something is to be shown.
+    fn pause(&self) -> Duration {
+        match &self.stage {
+            Stage::Quiet => self.output.quiet.saturating_sub(self.start.elapsed()),
+            Stage::Spinner(_) => SPINNER_PERIOD,
+            Stage::Lines(last) => LINE_PERIOD.saturating_sub(last.elapsed()),
+        }
+    }
+
+    fn show(&mut self) {
+        match &mut self.stage {
+            Stage::Quiet if self.output.is_terminal => {
+                let style = ProgressStyle::with_template("{spinner} {msg} ({elapsed})");
+                let style = style.expect("the template is well formed");
+                let bar = ProgressBar::with_draw_target(None, bar_target()).with_style(style);
+                let bar = bar.with_elapsed(self.start.elapsed()).with_message(self.step.clone());
+                bar.tick();
+                self.stage = Stage::Spinner(bar);
+            }
+            Stage::Spinner(bar) => bar.tick(),
+            Stage::Quiet | Stage::Lines(_) => {
+                self.stage = Stage::Lines(Instant::now());
+                (self.output.note)(&format!("{} ({})", self.step, duration_text(self.start.elapsed())));
+            }
+        }
+    }
+
+    fn end(self, done: Option<&str>) {
+        if let Stage::Spinner(bar) = &self.stage {
+            bar.finish_and_clear();
+        }
+        if let (Stage::Spinner(_) | Stage::Lines(_), Some(done)) = (&self.stage, done) {
+            (self.output.note)(&format!("{done} after {}", duration_text(self.start.elapsed())));
+        }
+    }
+}
+
+fn note(line: &str) {
+    // A standard error that is gone does not stop the work.
+    let _ = writeln!(io::stderr().lock(), "{line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+
+    /// Where lines go, and what is there.
+    fn lines(quiet: Duration) -> (Output, Arc<Mutex<Vec<String>>>) {
+        let lines = Arc::new(Mutex::new(Vec::new()));
+        let written = lines.clone();
+        let note = move |line: &str| written.lock().unwrap().push(line.to_owned());
+        (Output { quiet, is_terminal: false, note: Box::new(note) }, lines)
+    }
+
+    #[test]
+    fn work_that_takes_long_is_shown_with_its_end() {
+        let (output, lines) = lines(Duration::ZERO);
+        let activity = Activity::shown_on(output, "Reading the scene");
+        let deadline = Instant::now() + Duration::from_secs(60);
+        while lines.lock().unwrap().is_empty() {
+            assert!(Instant::now() < deadline, "nothing is shown");
+            thread::yield_now();
+        }
+        activity.step("Building the panes".to_owned());
+        activity.done("The scene is ready");
+        let lines = lines.lock().unwrap();
+        assert!(lines[0].starts_with("Reading the scene ("), "{lines:?}");
+        assert!(lines.last().unwrap().starts_with("The scene is ready after "), "{lines:?}");
+    }
+
+    #[test]
+    fn work_that_is_soon_done_or_fails_says_nothing_of_its_end() {
+        let (output, quiet) = lines(Duration::from_secs(3600));
+        let activity = Activity::shown_on(output, "Reading the scene");
+        activity.step("Building the panes".to_owned());
+        activity.done("The scene is ready");
+        assert!(quiet.lock().unwrap().is_empty(), "{quiet:?}");
+        let (output, failed) = lines(Duration::ZERO);
+        drop(Activity::shown_on(output, "Reading the scene"));
+        assert!(failed.lock().unwrap().iter().all(|line| line.starts_with("Reading the scene (")), "{failed:?}");
+    }
+}
