@@ -190,7 +190,7 @@ fn bad_files() -> Vec<BadDelivery> {
         }),
         malformed(
             "DWA compression, whose decoder trusts the data",
-            &["DWA compression is not supported"],
+            &["DWAA compression is not supported"],
             |delivery| {
                 delivery.with_file(|file| {
                     file.layer_data.iter_mut().for_each(|part| part.encoding.compression = Compression::DWAA(None))

@@ -123,7 +123,8 @@ fn decode_exr(bytes: &[u8]) -> Result<ExrPicture, AssetProblem> {
     Ok(ExrPicture { width, height, channels: channels.collect(), header, parts })
 }
 
-fn check_size([width, height]: [u64; 2]) -> Result<(), AssetProblem> {
+/// Refuses pictures without pixels, and with more along an edge than any scene has.
+pub(super) fn check_size([width, height]: [u64; 2]) -> Result<(), AssetProblem> {
     if width == 0 || height == 0 {
         return Err(AssetProblem::malformed(format_args!("has {width} x {height} pixels, must have some")));
     }

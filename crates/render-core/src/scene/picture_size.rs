@@ -6,6 +6,7 @@ use image::ImageDecoder;
 use image::codecs::png::PngDecoder;
 
 use super::error::AssetProblem;
+use super::picture::check_size;
 use crate::film::OpenExr;
 
 /// What a header says.
@@ -20,17 +21,20 @@ pub(super) struct PictureSize {
 /// Bytes of a pixel of an EXR file as it is decoded: four channels, and those of a file of 16 bits twice.
 const EXR_PIXEL: u64 = 4 * 4 + 4;
 
-/// Reads the header of a PNG or EXR file.
+/// Reads the header of a PNG or EXR file. A picture that is too large for any scene is an error, as when it is decoded.
 pub(super) fn picture_size(bytes: &[u8]) -> Result<PictureSize, AssetProblem> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => {
             let decoder = PngDecoder::new(Cursor::new(bytes)).map_err(AssetProblem::malformed)?;
-            let (width, height) = decoder.dimensions();
-            Ok(PictureSize { pixels: u64::from(width) * u64::from(height), decoded_bytes: decoder.total_bytes() })
+            let [width, height] = <[u32; 2]>::from(decoder.dimensions()).map(u64::from);
+            check_size([width, height])?;
+            Ok(PictureSize { pixels: width * height, decoded_bytes: decoder.total_bytes() })
         }
         [0x76, 0x2f, 0x31, 0x01, ..] => {
             let file = OpenExr::open(bytes).map_err(AssetProblem::malformed)?;
-            let pixels = file.parts().first().map_or(0, |part| part.size[0].saturating_mul(part.size[1]));
+            let [width, height] = file.parts().first().map_or([0; 2], |part| part.size);
+            check_size([width, height])?;
+            let pixels = width * height;
             Ok(PictureSize { pixels, decoded_bytes: pixels.saturating_mul(EXR_PIXEL) })
         }
         _ => Err(AssetProblem::malformed("is neither a PNG nor an OpenEXR file")),
