@@ -23,12 +23,14 @@ pub(crate) async fn repair(farm: &Farm, job: JobId, failure: &FilmError) -> Resu
     let Some(suspect) = failure.unreadable_node() else { return Ok(false) };
     // Without a row, it has been merged since, or another has found it lost.
     let Some(row) = farm.store.node_at(job, &suspect.address, &suspect.blob).await? else { return Ok(true) };
-    match farm.film.load(&[row]).await {
-        Err(FilmError::Damaged { .. }) => replace(farm, job, BTreeSet::from([suspect])).await,
-        Err(FilmError::Lost { .. }) => replace_missing(farm, job).await,
-        Ok(_) => Ok(false),
-        Err(error) => Err(error),
-    }
+    let is_replaced = match farm.film.load(&[row]).await {
+        Err(FilmError::Damaged { .. }) => replace(farm, job, BTreeSet::from([suspect.clone()])).await?,
+        Err(FilmError::Lost { .. }) => replace_missing(farm, job).await?,
+        Ok(_) => return Ok(false),
+        Err(error) => return Err(error),
+    };
+    // Whoever looked at the same time may have been first.
+    Ok(is_replaced || farm.store.node_at(job, &suspect.address, &suspect.blob).await?.is_none())
 }
 
 /// Has all nodes of a job rendered again whose blobs are missing. Answers whether there were any.

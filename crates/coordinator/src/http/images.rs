@@ -10,7 +10,7 @@ use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
-use clerestory_api::{ACCEPTED_NODES_HEADER, EXR_MEDIA_TYPE, JobId, PreviewExposure, PreviewQuery, ToneCurve};
+use clerestory_api::{ACCEPTED_NODES_HEADER, EXR_MEDIA_TYPE, JobId, JobState, PreviewExposure, PreviewQuery, ToneCurve};
 use clerestory_render_core::film::{self, Exposure, PreviewSettings};
 use futures::stream::{self, Stream, StreamExt};
 use tokio_util::io::ReaderStream;
@@ -23,6 +23,7 @@ use crate::film::FilmError;
 use crate::images::{self, ImageFile};
 use crate::previews;
 use crate::repair::repair;
+use crate::store::{JobRecord, StoreError};
 
 /// Largest exposure, up or down.
 const MOST_STOPS: f64 = 32.0;
@@ -48,14 +49,16 @@ pub(super) async fn exr(
     }
     let choice = match images::layers(&farm, &job).await {
         Err(error) if repair(&farm, job.id, &error).await? => return Err(lacks_nodes()),
+        Err(_) if has_lost_nodes_since(&farm, &job).await? => return Err(lacks_nodes()),
         choice => choice?,
     };
     let first = Bytes::from(images::first_bytes(&job, choice)?);
     let mut making: Making = Box::pin(async move {
-        match images::make(&farm, &job, choice).await {
-            Err(error) if repair(&farm, job.id, &error).await? => Err(FilmError::RenderedAgain),
+        let made = match images::make(&farm, &job, choice).await {
+            Err(error) if repair(&farm, job.id, &error).await? => return Err(FilmError::RenderedAgain),
             made => made,
-        }
+        };
+        if has_lost_nodes_since(&farm, &job).await? { Err(FilmError::RenderedAgain) } else { made }
     });
     let Ok(made) = tokio::time::timeout(SILENCE, &mut making).await else {
         return Ok(answer(EXR_MEDIA_TYPE, Body::from_stream(slow(making, first, SILENCE))));
@@ -70,6 +73,15 @@ pub(super) async fn exr(
 /// Of an image that was complete and is not now: nobody should take what is left for the image of a job that is done.
 fn lacks_nodes() -> ApiError {
     FilmError::RenderedAgain.into()
+}
+
+/// Whether nodes of a job that was complete have been taken out of its film since its record was read, by another who found them lost.
+async fn has_lost_nodes_since(farm: &Farm, job: &JobRecord) -> Result<bool, StoreError> {
+    if job.state != JobState::Done {
+        return Ok(false);
+    }
+    let now = farm.store.job(job.id).await?;
+    Ok(now.is_some_and(|now| now.redone_nodes != job.redone_nodes))
 }
 
 /// A file that is being made.
