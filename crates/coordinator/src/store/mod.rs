@@ -220,10 +220,11 @@ impl Store {
         self.writer.write(turn, write).await
     }
 
-    /// Waits for the writes that are under way, then closes the database.
+    /// Waits for the reads and the writes that are under way, then closes the database. The writer comes last: SQLite then moves what is in the log
+    /// into the database.
     pub(crate) async fn close(&self) {
-        self.writer.close().await;
         self.readers.close().await;
+        self.writer.close().await;
     }
 
     /// Makes sure that the database takes writes, by one. It waits for no other.
