@@ -10,8 +10,10 @@ use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
-use clerestory_api::{ACCEPTED_NODES_HEADER, EXR_MEDIA_TYPE, JobId, JobState, PreviewExposure, PreviewQuery, ToneCurve};
-use clerestory_render_core::film::{self, Exposure, PreviewSettings};
+use clerestory_api::{
+    ACCEPTED_NODES_HEADER, EXR_MEDIA_TYPE, JobId, JobState, PreviewExposure, PreviewQuery, ToneCurve,
+};
+use clerestory_render_core::film::{self, Exposure, LayerChoice, PreviewSettings};
 use futures::stream::{self, Stream, StreamExt};
 use tokio_util::io::ReaderStream;
 
@@ -30,6 +32,9 @@ const MOST_STOPS: f64 = 32.0;
 
 /// How long a file that is still being made is waited for before the answer begins, and between two of the bytes that say that it is.
 const SILENCE: Duration = Duration::from_secs(10);
+
+/// Tries to make an image whose nodes are merged meanwhile.
+const TRIES: u32 = 3;
 
 /// Bytes of a file that are sent at a time.
 const PIECE: usize = 256 << 10;
@@ -53,13 +58,7 @@ pub(super) async fn exr(
         choice => choice?,
     };
     let first = Bytes::from(images::first_bytes(&job, choice)?);
-    let mut making: Making = Box::pin(async move {
-        let made = match images::make(&farm, &job, choice).await {
-            Err(error) if repair(&farm, job.id, &error).await? => return Err(FilmError::RenderedAgain),
-            made => made,
-        };
-        if has_lost_nodes_since(&farm, &job).await? { Err(FilmError::RenderedAgain) } else { made }
-    });
+    let mut making: Making = Box::pin(async move { make(&farm, &job, choice).await });
     let Ok(made) = tokio::time::timeout(SILENCE, &mut making).await else {
         return Ok(answer(EXR_MEDIA_TYPE, Body::from_stream(slow(making, first, SILENCE))));
     };
@@ -73,6 +72,26 @@ pub(super) async fn exr(
 /// Of an image that was complete and is not now: nobody should take what is left for the image of a job that is done.
 fn lacks_nodes() -> ApiError {
     FilmError::RenderedAgain.into()
+}
+
+/// Makes an image. Of a job that is done it is that of all passes, or none.
+async fn make(farm: &Farm, job: &JobRecord, choice: LayerChoice) -> Result<ImageFile, FilmError> {
+    let mut tries = 1;
+    loop {
+        let made = images::make(farm, job, choice).await;
+        let has_changed = match &made {
+            Ok(_) => false,
+            Err(error) => repair(farm, job.id, error).await?,
+        };
+        if has_lost_nodes_since(farm, job).await? {
+            return Err(FilmError::RenderedAgain);
+        }
+        if !has_changed || tries == TRIES {
+            return made;
+        }
+        // Nodes have been merged meanwhile.
+        tries += 1;
+    }
 }
 
 /// Whether nodes of a job that was complete have been taken out of its film since its record was read, by another who found them lost.

@@ -126,8 +126,7 @@ impl TestFarm {
     }
 
     pub(crate) async fn image(&self, job: JobId) -> FrameImage {
-        let bytes = self.client.image(job).await.unwrap();
-        FrameImage::decode(&bytes, DecodeBudget { pixel_bytes: 1 << 24 }).unwrap()
+        decoded(&self.client.image(job).await.unwrap())
     }
 
     /// How many blobs of nodes are stored.
@@ -318,6 +317,10 @@ pub(crate) fn expected_bits(passes: u32) -> Vec<u32> {
         }
     }
     bits
+}
+
+pub(crate) fn decoded(image: &[u8]) -> FrameImage {
+    FrameImage::decode(image, DecodeBudget { pixel_bytes: 1 << 24 }).unwrap()
 }
 
 pub(crate) fn bits(image: &FrameImage) -> Vec<u32> {
