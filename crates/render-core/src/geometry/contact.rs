@@ -375,14 +375,9 @@ impl Polygon {
         self.corners.iter().zip(next).all(|(a, b)| (*b - *a).cross(point - *a).dot(self.normal) >= 0.0)
     }
 
-    /// Whether a part of it is too narrow for a point with what lies around it. A polygon with room for a circle of radius r has an area
-    /// of at least r/2 times its circumference.
+    /// Whether a part of it is too narrow for a point with what lies around it.
     fn is_sliver(&self, part: &[DVec3]) -> bool {
-        let next = part.iter().cycle().skip(1);
-        let circumference: f64 = part.iter().zip(next).map(|(a, b)| a.distance(*b)).sum();
-        let area: f64 =
-            part.windows(2).map(|pair| 0.5 * (pair[0] - part[0]).cross(pair[1] - part[0]).dot(self.normal)).sum();
-        2.0 * area < 0.5 * self.around[0].length() * circumference
+        is_narrow(part, self.normal, self.around[0].length())
     }
 
     /// The corners of what lies over a part of the pane and within a range of z.
@@ -397,8 +392,18 @@ impl Polygon {
     }
 }
 
+/// Whether a convex polygon with this unit normal has no room for a circle of this radius r: with room, its area is at least r/2 times its
+/// circumference.
+pub(super) fn is_narrow(corners: &[DVec3], normal: DVec3, radius: f64) -> bool {
+    let next = corners.iter().cycle().skip(1);
+    let circumference: f64 = corners.iter().zip(next).map(|(a, b)| a.distance(*b)).sum();
+    let doubled = |pair: &[DVec3]| (pair[0] - corners[0]).cross(pair[1] - corners[0]).dot(normal);
+    let area: f64 = corners.windows(2).map(|pair| 0.5 * doubled(pair)).sum();
+    2.0 * area <= 0.5 * radius * circumference
+}
+
 /// The part of a polygon where `inside` is not negative (Sutherland and Hodgman 1974).
-fn clip(corners: &[DVec3], inside: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
+pub(super) fn clip(corners: &[DVec3], inside: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
     let mut kept = Vec::with_capacity(corners.len() + 1);
     for (index, &corner) in corners.iter().enumerate() {
         let before = corners[(index + corners.len() - 1) % corners.len()];

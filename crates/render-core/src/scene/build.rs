@@ -16,6 +16,7 @@ use super::hash::{ContentHash, SceneHash};
 use super::json_path::JsonPath;
 use super::memory::SceneMemory;
 use super::surface::MeshSurface;
+use super::validate_faces::check_faces;
 use super::validate_places::{Obstacles, check_panes};
 use crate::film::Sampling;
 use crate::geometry::{Accelerator, Pane};
@@ -77,7 +78,9 @@ impl Scene {
         begin(BuildStep::Hierarchy { triangles: triangles.len() });
         let accelerator = Accelerator::build(&positions, &triangles, &smooth, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
-        check_panes(description, accelerator.panes(), |triangle| *accelerator.corners(triangle), &surfaces)?;
+        let corners = |triangle: u32| *accelerator.corners(triangle);
+        check_panes(description, accelerator.panes(), corners, &surfaces)?;
+        check_faces(corners, &surfaces)?;
         Obstacles::new(accelerator.shared_panes()).check(description)?;
         let scene = Self {
             hash: bundle.scene_hash(),
@@ -111,6 +114,7 @@ impl Scene {
         let Parts { panes, positions, triangles, surfaces } = Parts::decode(bundle, &mut |_| ())?;
         let corners = |triangle: u32| triangles[triangle as usize].map(|vertex| positions[vertex as usize]);
         check_panes(description, &panes, corners, &surfaces)?;
+        check_faces(corners, &surfaces)?;
         let smooth = surfaces.iter().filter(|mesh| mesh.is_smooth());
         let glass: Vec<[DVec3; 2]> = (panes.iter().map(Pane::world_bounds))
             .chain(smooth.map(|mesh| mesh_bounds(&positions, &triangles, mesh)))

@@ -45,6 +45,7 @@ mod text;
 mod texture;
 mod triangles;
 mod validate;
+mod validate_faces;
 mod validate_integrator;
 mod validate_places;
 pub(crate) mod visibility;

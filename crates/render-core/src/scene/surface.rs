@@ -75,6 +75,11 @@ impl MeshSurface {
         matches!(self.material, Material::Smooth(_))
     }
 
+    /// Whether light goes through its triangles.
+    pub(super) fn is_dielectric(&self) -> bool {
+        matches!(&self.material, Material::Smooth(smooth) if matches!(smooth.interface, Interface::Dielectric { .. }))
+    }
+
     /// The numbers of its triangles in the scene.
     pub fn triangle_range(&self) -> std::ops::Range<u32> {
         self.first_triangle..self.first_triangle + self.triangles

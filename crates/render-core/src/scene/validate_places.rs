@@ -206,9 +206,14 @@ impl Places<'_> {
         let (direction, distance) = way_out(&self.panes[pane], shape);
         // A micrometre more than it takes, in whole micrometres.
         let micrometres = (distance * 1e6 - ROUNDING_MICROMETRES).ceil().max(0.0) + 1.0;
-        let [x, y, z] = direction.to_array().map(|part| (part * 1e4).round() / 1e4 + 0.0);
-        format!("{} m further along [{x}, {y}, {z}]", micrometres / 1e6)
+        further(micrometres, direction)
     }
+}
+
+/// In words, a way along a unit vector.
+pub(super) fn further(micrometres: f64, direction: DVec3) -> String {
+    let [x, y, z] = direction.to_array().map(|part| (part * 1e4).round() / 1e4 + 0.0);
+    format!("{} m further along [{x}, {y}, {z}]", micrometres / 1e6)
 }
 
 fn shape_of(body: &Body) -> Shape<'_> {
@@ -233,7 +238,7 @@ fn place_of(light: &LightDescription) -> &'static str {
 }
 
 /// A place, to the micrometre.
-struct Metres(DVec3);
+pub(super) struct Metres(pub(super) DVec3);
 
 impl fmt::Display for Metres {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -1,0 +1,182 @@
+//! Smooth meshes that touch others face to face: a block of glass that stands exactly on a floor, two that share a face, a mirror in the plane of
+//! its wall. Between two faces in one place there is nothing that says which a ray meets first.
+
+use glam::DVec3;
+
+use super::MeshSurface;
+use super::error::SceneError;
+use super::json_path::JsonPath;
+use super::validate::{Check, Quoted};
+use super::validate_places::{Metres, further};
+use crate::geometry::coincidence::{CandidateFace, coincidence};
+use crate::geometry::contact::overlap;
+
+/// In meshes of more triangles, such as water, faces are compared with those of other meshes alone.
+const MOST_OWN_TRIANGLES: u32 = 1 << 18;
+
+/// Checks that no face of a dielectric lies in one place with another face, and no mirror in the surface of another mesh.
+pub(super) fn check_faces(corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Check {
+    let faces = candidates(&corners, meshes);
+    let mesh_of = |triangle: u32| meshes.partition_point(|mesh| mesh.triangle_range().end <= triangle);
+    let conflict = |a: &CandidateFace, b: &CandidateFace| {
+        let (first, second) = (mesh_of(a.triangle), mesh_of(b.triangle));
+        let is_seen_twice = || first != second && a.area_normal().dot(b.area_normal()) > 0.0;
+        meshes[first].is_dielectric() || meshes[second].is_dielectric() || is_seen_twice()
+    };
+    let Some((pair, at)) = coincidence(&faces, conflict) else { return Ok(()) };
+    let [first, second] = pair.map(|triangle| (mesh_of(triangle), triangle));
+    let rank = |mesh: usize| (meshes[mesh].is_dielectric(), meshes[mesh].is_smooth(), mesh);
+    let ((subject, triangle), (other, _)) =
+        if rank(first.0) > rank(second.0) { (first, second) } else { (second, first) };
+    let root = JsonPath::Root;
+    let path = root.member("meshes");
+    let path = path.element(subject);
+    let (path, name) = (path.member("source"), Quoted(meshes[subject].name()));
+    if subject == other {
+        let found = format!("mesh {name}, of which two faces lie in one place at {}", Metres(at));
+        let expected = "one face, or none between parts of the same glass: light through both would be wrong";
+        return Err(SceneError::value(&path, found, expected));
+    }
+    let found = format!(
+        "mesh {name} face to face with mesh {} (meshes[{other}]) at {}",
+        Quoted(meshes[other].name()),
+        Metres(at)
+    );
+    let [a, b, c] = corners(triangle);
+    let outwards = (b - a).cross(c - a).normalize_or_zero();
+    // A body moves away from what it touches, a mirror in front of it.
+    let way = if meshes[subject].is_dielectric() { -outwards } else { outwards };
+    let expected = format!("apart from it, such as {} (light that meets both would be wrong)", further(1.0, way));
+    Err(SceneError::value(&path, found, expected))
+}
+
+/// The triangles of smooth meshes, and those that may lie where one of these does.
+fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Vec<CandidateFace> {
+    const NOWHERE: [DVec3; 2] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    let join = |a: [DVec3; 2], b: [DVec3; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+    let around = |triangle: u32| {
+        let [a, b, c] = corners(triangle);
+        [a.min(b).min(c), a.max(b).max(c)]
+    };
+    let smooth: Vec<(usize, [DVec3; 2])> = (meshes.iter().enumerate())
+        .filter(|(_, mesh)| mesh.is_smooth())
+        .map(|(index, mesh)| (index, mesh.triangle_range().map(around).fold(NOWHERE, join)))
+        .collect();
+    let meets_smooth = |index: usize, bounds: &[DVec3; 2]| {
+        smooth.iter().any(|(other, other_bounds)| *other != index && overlap(bounds, other_bounds))
+    };
+    let mut faces = Vec::new();
+    let mut others = NOWHERE;
+    for (index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| !mesh.is_smooth()) {
+        for triangle in mesh.triangle_range().filter(|triangle| meets_smooth(index, &around(*triangle))) {
+            others = join(others, around(triangle));
+            faces.push(CandidateFace { triangle, corners: corners(triangle), is_smooth: false });
+        }
+    }
+    for (index, _) in &smooth {
+        let mesh = &meshes[*index];
+        let is_compared_with_itself = mesh.is_dielectric() && mesh.triangles() <= MOST_OWN_TRIANGLES;
+        let is_candidate = |triangle: &u32| {
+            let bounds = around(*triangle);
+            is_compared_with_itself || overlap(&bounds, &others) || meets_smooth(*index, &bounds)
+        };
+        let triangles = mesh.triangle_range().filter(is_candidate);
+        faces.extend(triangles.map(|triangle| CandidateFace { triangle, corners: corners(triangle), is_smooth: true }));
+    }
+    faces
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use serde_json::{Value, json};
+
+    use super::super::malformed_scenes::valid_scene;
+    use super::super::{Scene, SceneBundle, SceneDescription};
+    use super::*;
+
+    /// The corners of a box, and its triangles, from outside counterclockwise.
+    fn block(min: [f64; 3], max: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+        let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { max[axis] } else { min[axis] });
+        let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        ((0..8).map(corner).collect(), sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect())
+    }
+
+    fn mesh(name: &str, material: &str, parts: &[(Vec<[f64; 3]>, Vec<[u32; 3]>)]) -> Value {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for (corners, sides) in parts {
+            let first = positions.len() as u32;
+            positions.extend_from_slice(corners);
+            triangles.extend(sides.iter().map(|side| side.map(|corner| first + corner)));
+        }
+        json!({"name": name, "material": material, "source": {"inline": {"positions": positions, "triangles": triangles}}})
+    }
+
+    fn build(meshes: &[Value]) -> Result<(), SceneError> {
+        let mut scene = valid_scene();
+        scene["panes"] = json!([]);
+        scene["meshes"] = json!(meshes);
+        scene["materials"] = json!({
+            "stone": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}}, "glass": {"dielectric": {}}, "mirror": {"mirror": {}}
+        });
+        let description = SceneDescription::parse(scene.to_string().as_bytes())?;
+        let bundle = SceneBundle::from_parts(description, BTreeMap::new())?;
+        let (built, checked) = (Scene::build(&bundle).map(drop), Scene::check(&bundle).map(drop));
+        assert_eq!(built.is_ok(), checked.is_ok());
+        built
+    }
+
+    #[track_caller]
+    fn check_refused(path: &str, fragments: &[&str], meshes: &[Value]) {
+        let error = build(meshes).expect_err("faces lie in one place");
+        assert_eq!(error.path(), path, "{error}");
+        for fragment in fragments {
+            assert!(error.to_string().contains(fragment), "no {fragment:?} in: {error}");
+        }
+    }
+
+    fn floor() -> Value {
+        mesh("floor", "stone", &[block([-1.0, -1.0, -0.5], [1.0, 1.0, 0.0])])
+    }
+
+    #[test]
+    fn glass_that_stands_exactly_on_something_is_refused_with_the_place_and_a_way_out() {
+        let on = |z: f64| mesh("cube", "glass", &[block([0.1, 0.1, z], [0.3, 0.3, z + 0.2])]);
+        let words = ["mesh \"cube\" face to face with mesh \"floor\" (meshes[0]) at [0.", ", 0]"];
+        check_refused("meshes[1].source", &words, &[floor(), on(0.0)]);
+        let words = ["mesh \"floor\" (meshes[1])", "0.000001 m further along [0, 0, 1]"];
+        check_refused("meshes[0].source", &words, &[on(0.0), floor()]);
+        for z in [1e-6, 1e-9, -0.01] {
+            build(&[floor(), on(z)]).unwrap_or_else(|error| panic!("{z}: {error}"));
+        }
+    }
+
+    #[test]
+    fn two_blocks_of_glass_that_share_a_face_are_refused_in_two_meshes_and_in_one() {
+        let [left, right] = [-0.2, 0.0].map(|x| block([x, -0.1, 0.1], [x + 0.2, 0.1, 0.3]));
+        let apart = block([1e-6, -0.1, 0.1], [0.2, 0.1, 0.3]);
+        let pair = [mesh("left", "glass", &[left.clone()]), mesh("right", "glass", &[right.clone()])];
+        check_refused("meshes[1].source", &["\"right\" face to face with mesh \"left\"", "along [1, 0, 0]"], &pair);
+        check_refused(
+            "meshes[0].source",
+            &["two faces lie in one place at [0, "],
+            &[mesh("both", "glass", &[left.clone(), right])],
+        );
+        build(&[mesh("both", "glass", &[left.clone(), apart])]).unwrap();
+        // Side by side in one plane, as slabs in a floor.
+        let slab = mesh("slab", "stone", &[block([0.000_001, -0.1, 0.1], [0.2, 0.1, 0.3])]);
+        build(&[mesh("left", "glass", &[left]), slab]).unwrap();
+    }
+
+    #[test]
+    fn a_mirror_in_the_plane_of_its_wall_is_refused_and_one_with_its_back_to_it_is_not() {
+        let sheet = |z: f64| {
+            let corners = vec![[-0.2, -0.2, z], [0.2, -0.2, z], [0.2, 0.2, z], [-0.2, 0.2, z]];
+            mesh("glass of Venice", "mirror", &[(corners, vec![[0, 1, 2], [0, 2, 3]])])
+        };
+        check_refused("meshes[1].source", &["mesh \"floor\" (meshes[0])", "along [0, 0, 1]"], &[floor(), sheet(0.0)]);
+        build(&[floor(), sheet(0.000_001)]).unwrap();
+        build(&[floor(), mesh("block", "mirror", &[block([0.0, 0.0, 0.0], [0.1, 0.1, 0.1])])]).unwrap();
+    }
+}
