@@ -9,6 +9,10 @@ use std::sync::{Mutex, PoisonError};
 /// Makes a folder, which only its owner may use, and what is missing above it, and has its name on disk, and the names of those, when it returns.
 pub(crate) fn create(directory: &Path) -> io::Result<()> {
     let missing: Vec<&Path> = directory.ancestors().take_while(|ancestor| !ancestor.exists()).collect();
+    if let Some(file) = directory.ancestors().nth(missing.len()).filter(|ancestor| !ancestor.is_dir()) {
+        let found = format!("{} is a file, expected a folder", file.display());
+        return Err(io::Error::new(io::ErrorKind::NotADirectory, found));
+    }
     let mut builder = DirBuilder::new();
     builder.recursive(true);
     #[cfg(unix)]
@@ -131,7 +135,8 @@ mod tests {
             assert!(above.path().join("nodes/a").is_dir() && folders.has(Path::new("nodes/a")));
         }
         fs::write(above.path().join("file"), "").unwrap();
-        folders.make(Path::new("file/b")).unwrap_err();
+        let refused = folders.make(Path::new("file/b")).unwrap_err();
+        assert!(refused.to_string().ends_with("file is a file, expected a folder"), "{refused}");
     }
 
     #[test]

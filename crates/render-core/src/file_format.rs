@@ -76,6 +76,17 @@ impl FileFormat {
         format!("it looks like {self}; {way_out}")
     }
 
+    /// What to tell someone who gives this file as a rendered image.
+    pub(crate) fn instead_of_image(self) -> String {
+        let way_out = match self.content {
+            Content::Nothing => return format!("it is {self}"),
+            Content::Picture => "rendered images are compared in linear light: save it as OpenEXR",
+            Content::Archive => "unpack it",
+            _ => "rendered images are OpenEXR files",
+        };
+        format!("it looks like {self}; {way_out}")
+    }
+
     /// What to tell someone who gives this file as a picture.
     pub(crate) fn instead_of_picture(self) -> String {
         let way_out = match self.content {

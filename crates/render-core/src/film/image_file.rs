@@ -258,7 +258,13 @@ mod tests {
             let error = FrameImage::decode(bytes, BUDGET).unwrap_err().to_string();
             assert!(error.contains(message), "{error:?} does not say {message:?}");
         };
-        check(b"\x89PNG", "not an OpenEXR file");
+        check(
+            b"\x89PNG",
+            "not an OpenEXR file: it looks like a PNG picture; rendered images are compared in linear light",
+        );
+        check(b"\xff\xd8\xff\xe0", "it looks like a JPEG picture");
+        check(b"", "not an OpenEXR file: it is an empty file");
+        check(b"\x76\x2f", "not an OpenEXR file: it does not begin with");
         check(&file_of(&[("B", &[1.0]), ("G", &[1.0]), ("Y", &[1.0])], "null"), "the channels are B, G, Y");
         let rgb: [(&str, &[f32]); 3] = [("R", &[1.0]), ("G", &[1.0]), ("B", &[1.0])];
         check(&file_of(&[rgb[0], rgb[1], ("B", &[f32::NAN])], "null"), "layer RGB is not finite at pixel (0, 0)");

@@ -26,9 +26,13 @@ use thiserror::Error;
 
 use super::address::Tile;
 use super::openexr_header;
+use crate::file_format::FileFormat;
 
 /// The name of the custom attribute.
 const ATTRIBUTE: &str = "clerestory";
+
+/// Bytes by which a file of another kind is known.
+const BEGINNING: u64 = 4096;
 
 /// How much memory a file may make the reader take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,8 +45,8 @@ pub struct DecodeBudget {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum OpenExrError {
     /// The first bytes are not those of an OpenEXR file.
-    #[error("not an OpenEXR file: it does not begin with 76 2f 31 01")]
-    NotOpenExr,
+    #[error("not an OpenEXR file: {0}")]
+    NotOpenExr(String),
     /// The header claims more than the budget allows. Nothing was decoded.
     #[error("the image is too large: {width} x {height} pixels need {needed} bytes; at most {allowed} are allowed")]
     TooLarge {
@@ -366,11 +370,12 @@ impl<R: Read + Seek> OpenExr<R> {
     pub(crate) fn read(mut file: R) -> Result<Self, OpenExrError> {
         let io = |error: std::io::Error| OpenExrError::Read(error.kind());
         file.seek(SeekFrom::Start(0)).map_err(io)?;
-        let mut magic = [0; exr::meta::magic_number::BYTES.len()];
-        match file.read_exact(&mut magic) {
-            Ok(()) if magic == exr::meta::magic_number::BYTES => {}
-            Err(error) if error.kind() != std::io::ErrorKind::UnexpectedEof => return Err(io(error)),
-            Ok(()) | Err(_) => return Err(OpenExrError::NotOpenExr),
+        let mut beginning = Vec::new();
+        file.by_ref().take(BEGINNING).read_to_end(&mut beginning).map_err(io)?;
+        if !beginning.starts_with(&exr::meta::magic_number::BYTES) {
+            let unknown = || "it does not begin with 76 2f 31 01".to_owned();
+            let found = FileFormat::of(&beginning).map_or_else(unknown, FileFormat::instead_of_image);
+            return Err(OpenExrError::NotOpenExr(found));
         }
         openexr_header::check(&mut file)?;
         file.seek(SeekFrom::Start(0)).map_err(io)?;

@@ -6,8 +6,11 @@
 //! Faces are sorted by cells of the space of planes, and those of one cell are swept along an axis. Whatever is found is true; what lies
 //! beside another by less than [`RIM`] is not found, nor what is left when the budget is spent.
 
+use std::ops::RangeInclusive;
+
 use glam::DVec3;
 
+use super::Interval;
 use super::contact::{RIM, clip, is_narrow};
 use super::triangle::coplanar;
 
@@ -20,63 +23,94 @@ const SLOPE: (f64, f64) = (1e-6, 1e-9);
 /// The same for offsets, relative to the largest coordinate.
 const OFFSET: (f64, f64) = (1e-6, 4e-9);
 
-/// A triangle that may lie where another does.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct CandidateFace {
-    /// Its number.
-    pub(crate) triangle: u32,
-    /// Its corners.
-    pub(crate) corners: [DVec3; 3],
-    /// Whether it may conflict with any other; those that may not are never compared with one another.
-    pub(crate) is_smooth: bool,
-}
-
-impl CandidateFace {
-    /// The normal, on the side from which its corners are seen counterclockwise, not of unit length.
-    pub(crate) fn area_normal(&self) -> DVec3 {
-        let [a, b, c] = self.corners;
-        (b - a).cross(c - a)
-    }
+/// Triangles some of which may lie where others do.
+pub(crate) struct Faces<'a, C> {
+    /// Their numbers.
+    pub(crate) triangles: &'a [u32],
+    /// The corners of one.
+    pub(crate) corners: C,
 }
 
 /// A cell of the space of planes: the axis that they are steepest to, slopes along the two others, and where they cross the axis.
-type Cell = (u8, [i64; 3]);
+type Cell = (u8, [i32; 3]);
 
-/// One face in one cell.
-struct Entry {
-    cell: Cell,
-    face: u32,
+/// The normal of a triangle, on the side from which its corners are seen counterclockwise, twice as long as its area.
+pub(crate) fn area_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
 }
 
-/// Two faces that conflict and lie in one place, and a point that they share.
-pub(crate) fn coincidence(
-    faces: &[CandidateFace],
-    conflict: impl Fn(&CandidateFace, &CandidateFace) -> bool,
-) -> Option<([u32; 2], DVec3)> {
-    let largest =
-        faces.iter().flat_map(|face| face.corners).map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-    let mut entries = Vec::with_capacity(faces.len());
-    for (face, candidate) in (0u32..).zip(faces) {
-        each_cell(candidate, largest, |cell| entries.push(Entry { cell, face }));
-    }
-    entries.sort_unstable_by_key(|entry| (entry.cell, entry.face));
-    let mut budget = MOST_PAIRS;
-    for group in entries.chunk_by(|a, b| a.cell == b.cell) {
-        let members: Vec<&CandidateFace> = group.iter().map(|entry| &faces[entry.face as usize]).collect();
-        if members.len() < 2 || members.iter().all(|face| !face.is_smooth) {
-            continue;
+impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
+    /// Two triangles that conflict and lie in one place, and a point that they share. Those of which none is smooth never conflict.
+    pub(crate) fn coincidence(
+        &self,
+        is_smooth: impl Fn(u32) -> bool,
+        conflict: impl Fn(u32, u32) -> bool,
+    ) -> Option<([u32; 2], DVec3)> {
+        let corners = self.triangles.iter().flat_map(|triangle| (self.corners)(*triangle));
+        let largest = corners.map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
+        let mut entries: Vec<(Cell, u32)> = Vec::with_capacity(self.triangles.len());
+        for &triangle in self.triangles {
+            each_cell(&(self.corners)(triangle), largest, |cell| entries.push((cell, triangle)));
         }
-        let found = sweep(members, &mut budget, |a, b| conflict(a, b).then(|| common_point(a, b)).flatten());
-        if found.is_some() || budget == 0 {
-            return found;
+        entries.sort_unstable();
+        let mut budget = MOST_PAIRS;
+        for cell in entries.chunk_by(|a, b| a.0 == b.0) {
+            if cell.len() < 2 || cell.iter().all(|(_, triangle)| !is_smooth(*triangle)) {
+                continue;
+            }
+            let triangles = cell.iter().map(|(_, triangle)| *triangle).collect();
+            let found = self.sweep(triangles, &mut budget, &is_smooth, &conflict);
+            if found.is_some() || budget == 0 {
+                return found;
+            }
         }
+        None
     }
-    None
+
+    /// Looks at those pairs of triangles in one cell of which one is smooth, and whose boxes overlap.
+    fn sweep(
+        &self,
+        mut triangles: Vec<u32>,
+        budget: &mut u32,
+        is_smooth: impl Fn(u32) -> bool,
+        conflict: impl Fn(u32, u32) -> bool,
+    ) -> Option<([u32; 2], DVec3)> {
+        let extent = |triangle: u32, axis: usize| {
+            let corners = (self.corners)(triangle).map(|corner| Interval::point(corner[axis]));
+            corners.into_iter().fold(Interval::EMPTY, Interval::union)
+        };
+        let spread = [0, 1, 2].map(|axis| {
+            let all = triangles.iter().map(|triangle| extent(*triangle, axis)).fold(Interval::EMPTY, Interval::union);
+            all.max - all.min
+        });
+        let axis = DVec3::from_array(spread).max_position();
+        triangles.sort_by(|a, b| extent(*a, axis).min.total_cmp(&extent(*b, axis).min));
+        let (mut smooth, mut others): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
+        for triangle in triangles {
+            let own = [0, 1, 2].map(|axis| extent(triangle, axis));
+            let reached = if is_smooth(triangle) { vec![&mut smooth, &mut others] } else { vec![&mut smooth] };
+            for open in reached {
+                open.retain(|other| extent(*other, axis).max >= own[axis].min);
+                for &other in open.iter() {
+                    *budget = budget.checked_sub(1)?;
+                    let overlap = |axis: usize| !own[axis].intersection(extent(other, axis)).is_empty();
+                    if (0..3).all(overlap)
+                        && conflict(other, triangle)
+                        && let Some(at) = common_point(&(self.corners)(other), &(self.corners)(triangle))
+                    {
+                        return Some(([other, triangle], at));
+                    }
+                }
+            }
+            if is_smooth(triangle) { &mut smooth } else { &mut others }.push(triangle);
+        }
+        None
+    }
 }
 
-/// Hands out the cells in which the plane of a face may lie.
-fn each_cell(face: &CandidateFace, largest: f64, mut each: impl FnMut(Cell)) {
-    let normal = face.area_normal();
+/// Hands out the cells in which the plane of a triangle may lie.
+fn each_cell(corners: &[DVec3; 3], largest: f64, mut each: impl FnMut(Cell)) {
+    let normal = area_normal(*corners);
     let size = normal.abs();
     for axis in 0..3 {
         if size[axis] == 0.0 || size[axis] < size.max_element() * (1.0 - SLOPE.1) {
@@ -84,8 +118,8 @@ fn each_cell(face: &CandidateFace, largest: f64, mut each: impl FnMut(Cell)) {
         }
         let across = [(axis + 1) % 3, (axis + 2) % 3];
         let slopes = across.map(|other| normal[other] / normal[axis]);
-        let [a, ..] = face.corners;
-        let offset = a[axis] + slopes[0] * a[across[0]] + slopes[1] * a[across[1]];
+        let at = corners[0];
+        let offset = at[axis] + slopes[0] * at[across[0]] + slopes[1] * at[across[1]];
         let [first, second] = slopes.map(|slope| cells(slope, SLOPE));
         for first in first {
             for second in second.clone() {
@@ -98,68 +132,23 @@ fn each_cell(face: &CandidateFace, largest: f64, mut each: impl FnMut(Cell)) {
 }
 
 /// The cells of a number that may be larger or smaller by the slack.
-fn cells(value: f64, (edge, slack): (f64, f64)) -> std::ops::RangeInclusive<i64> {
-    ((value - slack) / edge).floor() as i64..=((value + slack) / edge).floor() as i64
-}
-
-/// The first of the pairs whose boxes overlap that have what is asked for.
-fn sweep(
-    mut faces: Vec<&CandidateFace>,
-    budget: &mut u32,
-    shared: impl Fn(&CandidateFace, &CandidateFace) -> Option<DVec3>,
-) -> Option<([u32; 2], DVec3)> {
-    let extent = |face: &CandidateFace, axis: usize| {
-        let [a, b, c] = face.corners.map(|corner| corner[axis]);
-        (a.min(b).min(c), a.max(b).max(c))
-    };
-    let spread = |axis: usize| {
-        let all = faces.iter().map(|face| extent(face, axis));
-        let (min, max) =
-            all.fold((f64::INFINITY, f64::NEG_INFINITY), |(min, max), (low, high)| (min.min(low), max.max(high)));
-        max - min
-    };
-    let spreads = DVec3::from_array([0, 1, 2].map(spread));
-    let axis = spreads.max_position();
-    faces.sort_by(|a, b| extent(a, axis).0.total_cmp(&extent(b, axis).0));
-    let (mut smooth, mut others): (Vec<&CandidateFace>, Vec<&CandidateFace>) = (Vec::new(), Vec::new());
-    for face in faces {
-        let begin = extent(face, axis).0;
-        for (open, is_compared) in [(&mut smooth, true), (&mut others, face.is_smooth)] {
-            if !is_compared {
-                continue;
-            }
-            open.retain(|other| extent(other, axis).1 >= begin);
-            for other in open.iter() {
-                *budget = budget.checked_sub(1)?;
-                let meets = |axis: usize| {
-                    let ((low, high), (other_low, other_high)) = (extent(face, axis), extent(other, axis));
-                    low <= other_high && other_low <= high
-                };
-                if (0..3).all(meets)
-                    && let Some(at) = shared(other, face)
-                {
-                    return Some(([other.triangle, face.triangle], at));
-                }
-            }
-        }
-        if face.is_smooth { &mut smooth } else { &mut others }.push(face);
-    }
-    None
+fn cells(value: f64, (edge, slack): (f64, f64)) -> RangeInclusive<i32> {
+    ((value - slack) / edge).floor() as i32..=((value + slack) / edge).floor() as i32
 }
 
 /// A point in the middle of what two triangles share, if they lie in one plane.
-fn common_point(a: &CandidateFace, b: &CandidateFace) -> Option<DVec3> {
+fn common_point(a: &[DVec3; 3], b: &[DVec3; 3]) -> Option<DVec3> {
     // The plane of the larger one is known best.
-    if !coplanar(&a.corners, &b.corners) && !coplanar(&b.corners, &a.corners) {
+    if !coplanar(a, b) && !coplanar(b, a) {
         return None;
     }
-    let normal = b.area_normal().normalize_or_zero();
-    let mut shared = a.corners.to_vec();
+    let normal = area_normal(*b).normalize_or_zero();
+    let mut shared = a.to_vec();
     for side in 0..3 {
-        let (from, to) = (b.corners[side], b.corners[(side + 1) % 3]);
+        let (from, to) = (b[side], b[(side + 1) % 3]);
         shared = clip(&shared, |point| (to - from).cross(point - from).dot(normal));
     }
-    let facing = a.area_normal().dot(normal).signum();
+    let facing = area_normal(*a).dot(normal).signum();
     let is_area = shared.len() > 2 && !is_narrow(&shared, normal * facing, RIM);
     is_area.then(|| shared.iter().sum::<DVec3>() / shared.len() as f64)
 }
@@ -173,12 +162,19 @@ mod tests {
     use crate::geometry::Frame;
     use crate::geometry::testing::fixed_seed;
 
-    fn face(triangle: u32, corners: [DVec3; 3]) -> CandidateFace {
-        CandidateFace { triangle, corners, is_smooth: triangle.is_multiple_of(2) }
+    /// What is found among triangles that all conflict; those with even numbers are smooth.
+    fn found(triangles: &[[DVec3; 3]]) -> Option<([u32; 2], DVec3)> {
+        found_of(triangles, |_, _| true, |triangle| triangle.is_multiple_of(2))
     }
 
-    fn any_conflicts(_: &CandidateFace, _: &CandidateFace) -> bool {
-        true
+    fn found_of(
+        triangles: &[[DVec3; 3]],
+        conflict: impl Fn(u32, u32) -> bool,
+        is_smooth: impl Fn(u32) -> bool,
+    ) -> Option<([u32; 2], DVec3)> {
+        let numbers: Vec<u32> = (0..triangles.len() as u32).collect();
+        let corners = |triangle: u32| triangles[triangle as usize];
+        Faces { triangles: &numbers, corners }.coincidence(is_smooth, conflict)
     }
 
     /// A triangle with a right angle at a place in a plane.
@@ -198,13 +194,13 @@ mod tests {
             let direction = DVec3::from(direction);
             prop_assume!(direction.length() > 0.1);
             let frame = Frame { origin: DVec3::from(origin), ..Frame::around(direction.normalize()) };
-            let floor = face(1, placed(&frame, [-3.0, -3.0], [12.0, 12.0]));
+            let floor = placed(&frame, [-3.0, -3.0], [12.0, 12.0]);
             let mut block = placed(&frame, [shift, 0.2], [leg, leg]);
             if turned {
                 block.swap(1, 2);
             }
-            let (pair, at) = coincidence(&[floor, face(2, block)], any_conflicts).expect("they lie in one place");
-            prop_assert!(pair == [1, 2] || pair == [2, 1]);
+            let (pair, at) = found(&[block, floor]).expect("they lie in one place");
+            prop_assert!(pair == [0, 1] || pair == [1, 0]);
             let local = frame.point_to_local(at);
             prop_assert!(local.z.abs() < 1e-12);
             prop_assert!(local.x > shift && local.x < shift + leg && local.y > 0.2 && local.y < 0.2 + leg);
@@ -212,7 +208,7 @@ mod tests {
             let [x, y] = [shift + leg, 0.2 + leg];
             let across = [[x, y], [shift, y], [x, 0.2]].map(|[x, y]| frame.point_to_world(dvec3(x, y, 0.0)));
             for other in [beside(0.0, 1e-9), beside(leg, 0.0), beside(leg - 1e-6, 0.0), across] {
-                let found = coincidence(&[face(1, other), face(2, block)], any_conflicts);
+                let found = found(&[block, other]);
                 prop_assert!(found.is_none(), "{other:?} {found:?}");
             }
         }
@@ -222,8 +218,9 @@ mod tests {
     fn only_what_conflicts_is_looked_for() {
         let frame = Frame::around(DVec3::Z);
         let corners = placed(&frame, [0.0, 0.0], [1.0, 1.0]);
-        assert!(coincidence(&[face(1, corners), face(3, corners)], any_conflicts).is_none(), "neither is smooth");
-        assert!(coincidence(&[face(1, corners), face(2, corners)], |_, _| false).is_none());
-        assert!(coincidence(&[face(2, corners), face(4, corners)], any_conflicts).is_some());
+        let twice = [corners; 2];
+        assert!(found_of(&twice, |_, _| true, |_| false).is_none(), "neither is smooth");
+        assert!(found_of(&twice, |_, _| false, |_| true).is_none());
+        assert!(found_of(&twice, |_, _| true, |_| true).is_some());
     }
 }

@@ -234,7 +234,9 @@ fn mesh_part<'a>(
         count: triangles,
         kind: Kind::Triangles,
         decoding: decoding + passing,
-        checked: kept_file + GROWTH * (PLACED_VERTEX * vertices + PLACED_TRIANGLE * triangles) + surface * triangles,
+        checked: kept_file
+            + GROWTH * (PLACED_VERTEX * vertices + PLACED_TRIANGLE * triangles)
+            + (surface + COMPARED_TRIANGLE) * triangles,
         sorted: SORTED_TRIANGLE * triangles,
     }
 }
@@ -259,6 +261,9 @@ const GROWTH: u64 = 3;
 
 /// Bytes of a triangle's corners in its file, while it is placed.
 const KEPT_TRIANGLE: u64 = 36;
+
+/// Bytes of a triangle that may lie face to face with another, while they are compared.
+const COMPARED_TRIANGLE: u64 = 52;
 
 /// Bytes of a triangle that refracts or mirrors: its normals, its area.
 const SMOOTH_TRIANGLE: u64 = 72 + 8;

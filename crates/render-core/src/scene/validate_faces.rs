@@ -8,7 +8,7 @@ use super::error::SceneError;
 use super::json_path::JsonPath;
 use super::validate::{Check, Quoted};
 use super::validate_places::{Metres, further};
-use crate::geometry::coincidence::{CandidateFace, coincidence};
+use crate::geometry::coincidence::{Faces, area_normal};
 use crate::geometry::contact::overlap;
 
 /// In meshes of more triangles, such as water, faces are compared with those of other meshes alone.
@@ -16,14 +16,16 @@ const MOST_OWN_TRIANGLES: u32 = 1 << 18;
 
 /// Checks that no face of a dielectric lies in one place with another face, and no mirror in the surface of another mesh.
 pub(super) fn check_faces(corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Check {
-    let faces = candidates(&corners, meshes);
+    let triangles = candidates(&corners, meshes);
     let mesh_of = |triangle: u32| meshes.partition_point(|mesh| mesh.triangle_range().end <= triangle);
-    let conflict = |a: &CandidateFace, b: &CandidateFace| {
-        let (first, second) = (mesh_of(a.triangle), mesh_of(b.triangle));
-        let is_seen_twice = || first != second && a.area_normal().dot(b.area_normal()) > 0.0;
-        meshes[first].is_dielectric() || meshes[second].is_dielectric() || is_seen_twice()
+    let is_smooth = |triangle: u32| meshes[mesh_of(triangle)].is_smooth();
+    let conflict = |a: u32, b: u32| {
+        let (first, second) = (mesh_of(a), mesh_of(b));
+        let face_alike = || area_normal(corners(a)).dot(area_normal(corners(b))) > 0.0;
+        meshes[first].is_dielectric() || meshes[second].is_dielectric() || (first != second && face_alike())
     };
-    let Some((pair, at)) = coincidence(&faces, conflict) else { return Ok(()) };
+    let faces = Faces { triangles: &triangles, corners: &corners };
+    let Some((pair, at)) = faces.coincidence(is_smooth, conflict) else { return Ok(()) };
     let [first, second] = pair.map(|triangle| (mesh_of(triangle), triangle));
     let rank = |mesh: usize| (meshes[mesh].is_dielectric(), meshes[mesh].is_smooth(), mesh);
     let ((subject, triangle), (other, _)) =
@@ -42,16 +44,15 @@ pub(super) fn check_faces(corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSur
         Quoted(meshes[other].name()),
         Metres(at)
     );
-    let [a, b, c] = corners(triangle);
-    let outwards = (b - a).cross(c - a).normalize_or_zero();
+    let outwards = area_normal(corners(triangle)).normalize_or_zero();
     // A body moves away from what it touches, a mirror in front of it.
     let way = if meshes[subject].is_dielectric() { -outwards } else { outwards };
     let expected = format!("apart from it, such as {} (light that meets both would be wrong)", further(1.0, way));
     Err(SceneError::value(&path, found, expected))
 }
 
-/// The triangles of smooth meshes, and those that may lie where one of these does.
-fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Vec<CandidateFace> {
+/// The triangles of smooth meshes that may lie where others do, and those others.
+fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Vec<u32> {
     const NOWHERE: [DVec3; 2] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
     let join = |a: [DVec3; 2], b: [DVec3; 2]| [a[0].min(b[0]), a[1].max(b[1])];
     let around = |triangle: u32| {
@@ -70,7 +71,7 @@ fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> V
     for (index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| !mesh.is_smooth()) {
         for triangle in mesh.triangle_range().filter(|triangle| meets_smooth(index, &around(*triangle))) {
             others = join(others, around(triangle));
-            faces.push(CandidateFace { triangle, corners: corners(triangle), is_smooth: false });
+            faces.push(triangle);
         }
     }
     for (index, _) in &smooth {
@@ -80,8 +81,7 @@ fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> V
             let bounds = around(*triangle);
             is_compared_with_itself || overlap(&bounds, &others) || meets_smooth(*index, &bounds)
         };
-        let triangles = mesh.triangle_range().filter(is_candidate);
-        faces.extend(triangles.map(|triangle| CandidateFace { triangle, corners: corners(triangle), is_smooth: true }));
+        faces.extend(mesh.triangle_range().filter(is_candidate));
     }
     faces
 }
