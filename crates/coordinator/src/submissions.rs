@@ -13,17 +13,22 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use crate::farm::permits;
 use crate::http::ApiError;
 
-/// Bytes of memory for each byte of a submission, for what it is parsed to. Most of it are numbers of inline meshes.
+/// Bytes of memory for each byte of a submission while it is parsed, most of which are numbers of inline meshes, and for what it is parsed to.
 const PARSED_BYTES: u64 = 32;
+const DESCRIBED_BYTES: u64 = 4;
 
-/// Memory for submissions that are parsed, or wait for more.
-const PARSED_TOGETHER: u64 = 256 << 20;
-
-/// A scene that takes no more is small.
+/// A submission that takes no more is small, and a body of which no more is parsed.
 const SMALL: u64 = 16 << 20;
+const SMALL_BODY: u64 = SMALL / PARSED_BYTES;
 
-/// Memory for small scenes.
-const SMALL_TOGETHER: u64 = 64 << 20;
+/// Memory for bodies that are received: for small ones, and for all others.
+const BODIES: [u64; 2] = [16 << 20, 64 << 20];
+
+/// Memory for submissions that are parsed, and for what they are parsed to.
+const PARSED: [u64; 2] = [64 << 20, 256 << 20];
+
+/// Memory for small scenes that are checked.
+const SMALL_SCENES: u64 = 64 << 20;
 
 /// Most submissions that wait for memory.
 const MOST_WAITING: usize = 64;
@@ -37,40 +42,91 @@ const COMES_BACK_AFTER: Duration = Duration::from_secs(5);
 /// The memory of all submissions.
 #[derive(Debug)]
 pub(crate) struct Submissions {
-    parsed: Arc<Semaphore>,
-    small: Arc<Semaphore>,
-    large: Arc<Semaphore>,
+    bodies: Pool,
+    parsed: Pool,
+    scenes: Pool,
     waiting: AtomicUsize,
     longest_wait: Duration,
+}
+
+/// Memory for small things of one kind, and for large ones.
+#[derive(Debug)]
+struct Pool {
+    small: Arc<Semaphore>,
+    large: Arc<Semaphore>,
+}
+
+impl Pool {
+    fn new(bytes: [u64; 2]) -> Self {
+        let [small, large] = bytes.map(|bytes| Arc::new(Semaphore::new(permits(bytes) as usize)));
+        Self { small, large }
+    }
+
+    fn of(&self, is_small: bool) -> &Arc<Semaphore> {
+        if is_small { &self.small } else { &self.large }
+    }
 }
 
 /// Memory of one submission; free again when it is dropped.
 #[derive(Debug)]
 pub(crate) struct Room {
-    _permit: OwnedSemaphorePermit,
+    permit: OwnedSemaphorePermit,
     bytes: u64,
-    /// Whether it is part of what small scenes have.
+    /// Whether it is part of what small ones have.
     pub(crate) is_small: bool,
+}
+
+impl Room {
+    /// Gives back what is more than these bytes.
+    pub(crate) fn shrink(&mut self, bytes: u64) {
+        let surplus = self.permit.num_permits().saturating_sub(permits(bytes) as usize);
+        drop(self.permit.split(surplus));
+        self.bytes = self.bytes.min(bytes);
+    }
+}
+
+/// Memory of a submission while it is parsed.
+#[derive(Debug)]
+pub(crate) struct ParsingRoom {
+    room: Room,
+    described: u64,
+}
+
+impl ParsingRoom {
+    /// Gives back what is only needed while it is parsed, and keeps the rest as long as the scene is described.
+    pub(crate) fn parsed(mut self) -> Room {
+        self.room.shrink(self.described);
+        self.room
+    }
 }
 
 impl Submissions {
     /// Memory for scenes that take so many bytes together, besides what small ones have.
     pub(crate) fn new(bytes: u64) -> Self {
-        let [parsed, small, large] =
-            [PARSED_TOGETHER, SMALL_TOGETHER, bytes].map(|bytes| Arc::new(Semaphore::new(permits(bytes) as usize)));
-        Self { parsed, small, large, waiting: AtomicUsize::new(0), longest_wait: LONGEST_WAIT }
+        Self {
+            bodies: Pool::new(BODIES),
+            parsed: Pool::new(PARSED),
+            scenes: Pool::new([SMALL_SCENES, bytes]),
+            waiting: AtomicUsize::new(0),
+            longest_wait: LONGEST_WAIT,
+        }
     }
 
-    /// Waits for memory for a submission that is parsed, whose body has so many bytes.
-    pub(crate) async fn for_parsed(&self, body_bytes: u64) -> Result<Room, ApiError> {
-        let bytes = body_bytes.saturating_mul(PARSED_BYTES).min(PARSED_TOGETHER);
-        self.wait(&self.parsed, bytes, false).await
+    /// Waits for memory for a body that is received, of so many bytes at the most.
+    pub(crate) async fn for_body(&self, bytes: u64) -> Result<Room, ApiError> {
+        self.wait(&self.bodies, bytes, bytes <= SMALL_BODY).await
+    }
+
+    /// Waits for memory to parse a body of so many bytes.
+    pub(crate) async fn for_parsing(&self, body_bytes: u64) -> Result<ParsingRoom, ApiError> {
+        let [_, most] = PARSED;
+        let [bytes, described] = [PARSED_BYTES, DESCRIBED_BYTES].map(|each| body_bytes.saturating_mul(each).min(most));
+        Ok(ParsingRoom { room: self.wait(&self.parsed, bytes, bytes <= SMALL).await?, described })
     }
 
     /// Waits for memory for a scene that takes so many bytes, no more than there are for all.
     pub(crate) async fn for_scene(&self, bytes: u64) -> Result<Room, ApiError> {
-        let is_small = bytes <= SMALL;
-        self.wait(if is_small { &self.small } else { &self.large }, bytes, is_small).await
+        self.wait(&self.scenes, bytes, bytes <= SMALL).await
     }
 
     /// Takes the memory for a scene of which more is known, if it is free; `room` is the memory that it has.
@@ -79,21 +135,21 @@ impl Submissions {
             return Some(room);
         }
         let is_small = bytes <= SMALL;
-        let semaphore = if is_small { &self.small } else { &self.large };
+        let semaphore = self.scenes.of(is_small);
         let held = if is_small == room.is_small { permits(room.bytes) } else { 0 };
         let mut permit = Arc::clone(semaphore).try_acquire_many_owned(permits(bytes).saturating_sub(held)).ok()?;
         if held > 0 {
-            permit.merge(room._permit);
+            permit.merge(room.permit);
         }
-        Some(Room { _permit: permit, bytes, is_small })
+        Some(Room { permit, bytes, is_small })
     }
 
-    async fn wait(&self, semaphore: &Arc<Semaphore>, bytes: u64, is_small: bool) -> Result<Room, ApiError> {
+    async fn wait(&self, pool: &Pool, bytes: u64, is_small: bool) -> Result<Room, ApiError> {
         let queued = Queued::enter(&self.waiting).ok_or_else(busy)?;
-        let permit = Arc::clone(semaphore).acquire_many_owned(permits(bytes));
+        let permit = Arc::clone(pool.of(is_small)).acquire_many_owned(permits(bytes));
         let permit = tokio::time::timeout(self.longest_wait, permit).await.map_err(|_| busy())?;
         drop(queued);
-        Ok(Room { _permit: permit.map_err(ApiError::internal)?, bytes, is_small })
+        Ok(Room { permit: permit.map_err(ApiError::internal)?, bytes, is_small })
     }
 }
 
@@ -136,6 +192,27 @@ mod tests {
     }
 
     #[tokio::test]
+    async fn a_small_submission_does_not_wait_for_large_ones_that_come_or_are_parsed() {
+        let submissions = Submissions::new(LARGE);
+        let body = SMALL_BODY + 1;
+        let (mut coming, mut parsed) = (Vec::new(), Vec::new());
+        while submissions.bodies.large.available_permits() >= permits(body) as usize {
+            coming.push(submissions.for_body(body).await.unwrap());
+        }
+        while submissions.parsed.large.available_permits() >= permits(body * PARSED_BYTES) as usize {
+            parsed.push(submissions.for_parsing(body).await.unwrap());
+        }
+        submissions.for_body(SMALL_BODY).await.unwrap();
+        submissions.for_parsing(SMALL_BODY).await.unwrap();
+        // What has been parsed leaves room for the next.
+        let described: Vec<Room> = parsed.into_iter().map(ParsingRoom::parsed).collect();
+        submissions.for_parsing(body).await.unwrap();
+        drop(described);
+        let [_, most] = PARSED;
+        assert_eq!(submissions.parsed.large.available_permits(), permits(most) as usize);
+    }
+
+    #[tokio::test]
     async fn memory_grows_by_what_is_missing_and_all_of_it_is_free_again() {
         let submissions = Submissions::new(2 * LARGE);
         let room = submissions.for_scene(LARGE).await.unwrap();
@@ -145,8 +222,8 @@ mod tests {
         let room = submissions.grow(submissions.for_scene(1).await.unwrap(), 2 * LARGE).unwrap();
         assert!(!room.is_small);
         drop(room);
-        assert_eq!(submissions.large.available_permits(), permits(2 * LARGE) as usize);
-        assert_eq!(submissions.small.available_permits(), permits(SMALL_TOGETHER) as usize);
+        assert_eq!(submissions.scenes.large.available_permits(), permits(2 * LARGE) as usize);
+        assert_eq!(submissions.scenes.small.available_permits(), permits(SMALL_SCENES) as usize);
     }
 
     #[tokio::test]

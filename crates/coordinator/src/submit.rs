@@ -20,6 +20,7 @@ use crate::film::FilmError;
 use crate::http::ApiError;
 use crate::stop::{InvalidTarget, Targets};
 use crate::store::NewJob;
+use crate::submissions::ParsingRoom;
 
 /// Longest name.
 const LONGEST_NAME: usize = 200;
@@ -39,14 +40,15 @@ const MOST_SAMPLES: u32 = 1 << 24;
 /// What an operator can do for a scene that takes too much memory.
 const WAY_OUT: &str = "a larger `submission_bytes` in the coordinator's configuration";
 
-/// Checks a submission and makes a job of it.
-pub(crate) async fn job(farm: &Farm, mut submission: JobSubmission) -> Result<NewJob, ApiError> {
+/// Checks a submission, for which there is room, and makes a job of it.
+pub(crate) async fn job(farm: &Farm, mut submission: JobSubmission, room: ParsingRoom) -> Result<NewJob, ApiError> {
     check_numbers(&submission)?;
     let targets = Targets { mse: submission.target_mse, estimated_mse: submission.target_estimated_mse };
     targets.check(submission.reference.is_some(), None).map_err(of_target)?;
     // Of what a scene is read from and into, no more than is needed is in memory together.
     let text = serde_json::to_vec(&submission.scene.take()).map_err(ApiError::internal)?;
     let description = blocking(move || SceneDescription::parse(&text).map_err(of_scene_error)).await?;
+    let _room = room.parsed();
     ApiError::check_name("scene.name", &description.name)?;
     let grid = grid(&submission, &description)?;
     let named = check_assets(&submission.assets, &scene::asset_names(&description))?;

@@ -35,11 +35,38 @@ impl<S: Send + Sync, T: DeserializeOwned> FromRequest<S> for StrictJson<T> {
     type Rejection = ApiError;
 
     async fn from_request(request: Request, _state: &S) -> Result<Self, ApiError> {
+        JsonBody::receive(request).await?.parse().map(Self)
+    }
+}
+
+/// A body that is to be JSON.
+pub(crate) struct JsonBody(Bytes);
+
+impl JsonBody {
+    /// Receives the body of a request.
+    ///
+    /// # Errors
+    ///
+    /// When it is of another type, is too large or does not come.
+    pub(crate) async fn receive(request: Request) -> Result<Self, ApiError> {
         require_media_type(request.headers(), "application/json")?;
-        let body = read_body(request, super::MAX_SMALL_BODY.into()).await?;
+        read_body(request, super::MAX_SMALL_BODY.into()).await.map(Self)
+    }
+
+    /// Its bytes.
+    pub(crate) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// What it says. Unknown fields are errors, because the types of the API deny them.
+    ///
+    /// # Errors
+    ///
+    /// When it is not JSON, or not of this type.
+    pub(crate) fn parse<T: DeserializeOwned>(self) -> Result<T, ApiError> {
         // The reader of a type takes an array for an object, and the last of two members with one name.
-        read_json::<StrictObject>(&body)?;
-        read_json(&body).map(Self)
+        read_json::<StrictObject>(&self.0)?;
+        read_json(&self.0)
     }
 }
 

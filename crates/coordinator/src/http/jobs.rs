@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use axum::Json;
 use axum::body::HttpBody;
-use axum::extract::{FromRequest, Request, State};
+use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobSubmission, JobView, LiveMeasurement, ProblemCode};
 
-use super::extract::{PathParameter, StrictJson};
+use super::extract::{JsonBody, PathParameter};
 use super::problem::ApiError;
 use crate::farm::{Farm, to_its_end};
 use crate::news::News;
@@ -25,9 +25,12 @@ pub(super) async fn submit(
     request: Request,
 ) -> Result<(StatusCode, Json<JobView>), ApiError> {
     let announced = request.body().size_hint().upper().unwrap_or(super::MAX_SMALL_BODY.into());
-    let _parsed = farm.submissions.for_parsed(announced).await?;
-    let StrictJson(submission) = StrictJson::from_request(request, &()).await?;
-    let job = submit::job(&farm, submission).await?;
+    let arriving = farm.submissions.for_body(announced).await?;
+    let body = JsonBody::receive(request).await?;
+    let room = farm.submissions.for_parsing(body.len() as u64).await?;
+    let submission = tokio::task::spawn_blocking(move || body.parse()).await.map_err(ApiError::internal)??;
+    drop(arriving);
+    let job = submit::job(&farm, submission, room).await?;
     let id = job.id;
     tracing::info!(job = %id, name = job.name, scene = job.scene_hash, passes = job.passes, "job submitted");
     let told = Arc::clone(&farm);

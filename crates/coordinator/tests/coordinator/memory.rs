@@ -1,11 +1,14 @@
 //! What a submission may cost a coordinator.
 
 use std::io::Cursor;
+use std::time::Duration;
 
 use bytes::Bytes;
 use clerestory_api::{Client, ClientError, JobSubmission, JobView, Problem, ProblemCode};
 use image::{ImageFormat, RgbImage};
 use serde_json::{Value, json};
+use tokio::io::AsyncWriteExt;
+use tokio::net::TcpStream;
 
 use crate::support::*;
 
@@ -115,4 +118,21 @@ async fn files_that_would_not_even_fit_as_they_are_are_not_read() {
     let problem = failure.problem().unwrap();
     assert_eq!((problem.status, problem.field.as_deref()), (422, Some("assets")), "{problem}");
     assert!(problem.value.as_ref().unwrap().contains("2097152 bytes"), "{problem}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_submission_does_not_wait_for_others_that_stop_on_their_way() {
+    let farm = TestFarm::start().await;
+    let mut stopped = Vec::new();
+    for _ in 0..8 {
+        let mut connection = TcpStream::connect(farm.address.trim_start_matches("http://")).await.unwrap();
+        let head = "POST /api/v1/jobs HTTP/1.1\r\nhost: localhost\r\ncontent-type: application/json\r\n\
+                    transfer-encoding: chunked\r\n\r\n1\r\n{\r\n";
+        connection.write_all(head.as_bytes()).await.unwrap();
+        stopped.push(connection);
+    }
+    let submitted = tokio::time::timeout(Duration::from_secs(4), farm.client.submit_job(&submission(1))).await;
+    submitted.expect("it waits for nobody").unwrap();
+    drop(stopped);
+    farm.stop().await;
 }
