@@ -4,7 +4,8 @@
 //! without having brought a node, its worker was not heard of afterwards, and the coordinator listened all the while. The death is noted on the node that
 //! the worker rendered first; from then on that node is leased alone ([`suspects`]), so that the next death tells more than the first. A job with a
 //! node that [enough machines](super::attempts) died with is held, which means that it gets no leases, until somebody releases it or one of those
-//! workers is heard of again: it was cut off or suspended.
+//! workers is heard of again: it was cut off or suspended. As long as a job has brought no node, the deaths with all of its nodes count together:
+//! its scene may kill whoever builds it. Later they do not, so that a long job is not held for machines that come and go.
 
 use std::collections::BTreeSet;
 
@@ -19,7 +20,7 @@ use super::leases::{self, address};
 use super::row::{Row, to_json};
 use super::sql::{Kind, query, rows_of};
 use super::workers::Claimant;
-use super::{Connection, Store, StoreError, checks};
+use super::{Connection, Store, StoreError, checks, nodes};
 use crate::acceptance::wire_address;
 
 /// Deaths of a node that are kept.
@@ -185,6 +186,10 @@ async fn note_death(
     deaths.push(Holder(expired.worker, expired.worker_name.clone(), expired.deadline_ms));
     deaths.drain(..deaths.len().saturating_sub(KEPT_DEATHS));
     set_on(connection, expired.job, &node, "died_on", &deaths).await?;
+    let has_brought = nodes::has_any(connection, expired.job).await?;
+    if !has_brought {
+        deaths = all_deaths(connection, expired.job).await?;
+    }
 
     let heard = heard_again(connection, &deaths).await?;
     deaths.retain(|Holder(worker, ..)| !heard.contains(worker));
@@ -198,8 +203,13 @@ async fn note_death(
         GivenUp::ByAttempts => (format!("{attempts} times"), ", and no other machine was there that could render it"),
     };
     let names = attempts::names_in_words(&machines);
+    let (with, what) = if has_brought {
+        (format!("with node ({node})"), "the node")
+    } else {
+        ("with it before it had brought a node".to_owned(), "nodes of it")
+    };
     let reason = format!(
-        "workers died {times} with node ({node}): {names}{others}; each was leased the node and was not heard of again, \
+        "workers died {times} {with}: {names}{others}; each was leased {what} and was not heard of again, \
          as when a scene needs more memory than the machine has"
     );
     let hold = JobHold { since_ms: watch.now_ms, reason, node: wire_address(&node), workers: machines };
@@ -213,6 +223,17 @@ async fn note_death(
     }
     events::record(connection, StoredKind::Job, expired.job, watch.now_ms).await?;
     Ok(Some(hold))
+}
+
+/// Deaths with all nodes of a job, in their order.
+async fn all_deaths(connection: &mut Connection, job: JobId) -> Result<Vec<Holder>, StoreError> {
+    let rows = query("select died_on from pending where job = $1 and died_on is not null");
+    let mut deaths = Vec::new();
+    for row in rows.bind(job.to_string()).fetch_all(connection).await? {
+        deaths.extend(row.json::<Vec<Holder>>("died_on")?);
+    }
+    deaths.sort_by_key(|Holder(_, _, when)| *when);
+    Ok(deaths)
 }
 
 /// Notes on the first check of a lease that its worker died with it. Answers whether the check is given up for it.

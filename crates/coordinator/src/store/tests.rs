@@ -74,6 +74,7 @@ use deaths::{
     a_job_that_kills_the_workers_of_three_machines_is_held_until_it_is_released,
     a_lease_that_has_brought_a_node_is_no_death, a_node_with_which_one_machine_died_goes_to_another_that_is_there,
     a_worker_that_comes_back_has_not_died, a_worker_that_dies_with_a_node_that_another_took_over_counts_too,
+    deaths_side_by_side_count_together_until_the_job_has_brought_a_node,
 };
 use farm::{Farm, TTL_MS, delivered, merge, place};
 use refused::a_database_of_another_program_is_refused_and_left_as_it_is;
@@ -574,6 +575,7 @@ on_both! {
     leases_that_nobody_could_renew_hold_and_fail_no_job
     a_job_that_kills_the_workers_of_three_machines_is_held_until_it_is_released
     a_job_that_kills_the_only_worker_five_times_is_held
+    deaths_side_by_side_count_together_until_the_job_has_brought_a_node
     a_node_with_which_one_machine_died_goes_to_another_that_is_there
     a_worker_that_comes_back_has_not_died
     a_lease_that_has_brought_a_node_is_no_death

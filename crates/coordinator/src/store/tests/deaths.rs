@@ -43,7 +43,7 @@ pub(super) async fn a_job_that_kills_the_workers_of_three_machines_is_held_until
     let hold = record.hold.unwrap();
     assert_eq!((record.state, hold.since_ms, hold.node.tile), (JobState::Running, 3 * TTL_MS, suspect.tile));
     assert_eq!(hold.workers.iter().map(|worker| worker.id).collect::<Vec<_>>(), workers);
-    let why = "workers died on 3 machines with node (frame 0, tile 0, level 0, index 0): `one`, `two` and `three`";
+    let why = "workers died on 3 machines with it before it had brought a node: `one`, `two` and `three`";
     assert!(hold.reason.contains(why), "{}", hold.reason);
 
     let next = farm.worker_named("four").await.unwrap();
@@ -56,6 +56,39 @@ pub(super) async fn a_job_that_kills_the_workers_of_three_machines_is_held_until
     assert_eq!(farm.record(job).await.hold, None);
 }
 
+pub(super) async fn deaths_side_by_side_count_together_until_the_job_has_brought_a_node(farm: Farm) {
+    for has_brought in [false, true] {
+        let job = farm.job(1).await;
+        let start = if has_brought { 10 * TTL_MS } else { 0 };
+        if has_brought {
+            let worker = farm.worker_named("first").await.unwrap();
+            let grant = farm.claim(worker, 1, start).await.unwrap();
+            farm.deliver(&grant, &grant.nodes, start + 1).await.unwrap();
+        }
+        let mut taken = Vec::new();
+        for name in ["one", "two", "three"] {
+            let worker = farm.worker_named(name).await.unwrap();
+            let grant = farm.claim(worker, 1, start).await.unwrap();
+            assert_eq!(grant.lease.job, job);
+            taken.extend(grant.nodes);
+        }
+        let expiry = farm.expire_watched(start + TTL_MS, i64::MIN).await;
+        assert_eq!((expiry.leases.len(), expiry.held.len()), (3, usize::from(!has_brought)));
+        let hold = farm.record(job).await.hold;
+        assert_eq!(hold.map(|hold| hold.workers.len()), (!has_brought).then_some(3));
+        if has_brought {
+            // All that die with one of the nodes do.
+            for (name, now_ms) in [("two", TTL_MS), ("three", 2 * TTL_MS)] {
+                assert_eq!(farm.record(job).await.hold, None);
+                let (_, grant, _) = farm.die(name, 1, start + now_ms).await;
+                assert!(taken.contains(&grant.nodes[0]));
+            }
+            let reason = farm.record(job).await.hold.unwrap().reason;
+            assert!(reason.contains("workers died on 3 machines with node (frame 0, tile "), "{reason}");
+        }
+    }
+}
+
 pub(super) async fn a_job_that_kills_the_only_worker_five_times_is_held(farm: Farm) {
     let job = farm.job(1).await;
     for death in 0..5 {
@@ -64,7 +97,11 @@ pub(super) async fn a_job_that_kills_the_only_worker_five_times_is_held(farm: Fa
         farm.die("only", 2, death * TTL_MS).await;
     }
     let reason = farm.record(job).await.hold.unwrap().reason;
-    assert!(reason.contains("workers died 5 times with node") && reason.contains("`only`, and no other"), "{reason}");
+    assert!(
+        reason.contains("workers died 5 times with it before it had brought a node")
+            && reason.contains("`only`, and no other"),
+        "{reason}"
+    );
 }
 
 pub(super) async fn a_node_with_which_one_machine_died_goes_to_another_that_is_there(farm: Farm) {
