@@ -92,10 +92,15 @@ pub struct JobHold {
     pub since_ms: i64,
     /// Why, in words.
     pub reason: String,
-    /// The node with which workers died.
-    pub node: NodeAddress,
-    /// The workers, the last one last.
+    /// The node with which workers died, if that is why.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub node: Option<NodeAddress>,
+    /// The workers that died, the last one last.
+    #[serde(default)]
     pub workers: Vec<NamedWorker>,
+    /// The content that is lost, if that is why: the job goes on when it is uploaded again.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asset: Option<ContentHash>,
 }
 
 /// A job as it is now.

@@ -287,6 +287,25 @@ impl Blobs {
         Ok((asset.meta.size, asset.into_stream().map_err(BlobError).boxed()))
     }
 
+    /// Whether an asset is there and has its content.
+    pub(crate) async fn asset_is_whole(&self, hash: ContentHash) -> Result<bool, BlobError> {
+        let mut stream = match self.asset_stream(hash).await {
+            Ok((_, stream)) => stream,
+            Err(error) if error.is_missing() => return Ok(false),
+            Err(error) => return Err(error),
+        };
+        let mut hasher = blake3::Hasher::new();
+        while let Some(piece) = stream.try_next().await? {
+            hasher.update(&piece);
+        }
+        Ok(hasher.finalize().as_bytes() == hash.as_bytes())
+    }
+
+    /// Removes an asset.
+    pub(crate) async fn remove_asset(&self, hash: ContentHash) {
+        self.remove(vec![asset_path(hash).to_string()]).await;
+    }
+
     /// An asset as a file that is read in pieces.
     pub(crate) async fn asset_file(&self, hash: ContentHash) -> Result<AssetFile, BlobError> {
         let path = asset_path(hash);
@@ -337,8 +356,7 @@ impl Blobs {
 
     /// Names of all pieces of partials.
     pub(crate) async fn pieces(&self) -> Result<BTreeSet<String>, BlobError> {
-        let found = self.store.list(Some(&Path::from("pieces")));
-        Ok(found.map_ok(|blob| blob.location.to_string()).try_collect().await?)
+        self.blobs_under("pieces".to_owned()).await
     }
 
     /// Stores nodes in one blob with a new name. Answers where each lies when the bytes are safe on disk.

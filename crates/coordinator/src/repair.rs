@@ -3,15 +3,22 @@
 //! A disk loses bits, somebody removes files, or a database and a blob store are restored from backups that were not taken at the same moment. Whoever
 //! reads a film and cannot names the node here. What is missing is also looked for when a coordinator starts and once an hour, by comparing the
 //! rows with the blobs that there are.
+//!
+//! Nobody can render a file of a scene or a reference. The jobs that need one which is lost are held until it is uploaded again.
 
 use std::collections::BTreeSet;
 
-use clerestory_api::JobId;
+use clerestory_api::{ContentHash, JobId};
+use futures::stream::{self, StreamExt, TryStreamExt};
 
+use crate::blobs::BlobError;
 use crate::farm::Farm;
 use crate::film::FilmError;
 use crate::news::News;
-use crate::store::StoredNode;
+use crate::store::{StoreError, StoredNode};
+
+/// Assets that are looked for at the same time.
+const LOOKS: usize = 8;
 
 /// Looks at a node that could not be read, and has it rendered again if it is lost or damaged, with all others of its job whose blobs are missing.
 /// Answers whether the film has changed since the failure, by this or otherwise, so that it can be read again.
@@ -20,7 +27,10 @@ use crate::store::StoredNode;
 ///
 /// When the database or the blob store does not answer: nothing is taken for lost then.
 pub(crate) async fn repair(farm: &Farm, job: JobId, failure: &FilmError) -> Result<bool, FilmError> {
-    let Some(suspect) = failure.unreadable_node() else { return Ok(false) };
+    let Some(suspect) = failure.unreadable_node() else {
+        check_reference(farm, job, failure).await?;
+        return Ok(false);
+    };
     // Without a row, it has been merged since, or another has found it lost.
     let Some(row) = farm.store.node_at(job, &suspect.address, &suspect.blob).await? else { return Ok(true) };
     let is_replaced = match farm.film.load(&[row]).await {
@@ -57,6 +67,52 @@ pub(crate) async fn replace_all_missing(farm: &Farm) -> Result<(), FilmError> {
         replace_missing(farm, job).await?;
     }
     Ok(())
+}
+
+/// Holds the open jobs whose files or references are missing from the blob store.
+pub(crate) async fn hold_for_missing_assets(farm: &Farm) -> Result<(), FilmError> {
+    let needed = farm.store.needed_assets().await?;
+    let look = |hash: ContentHash| async move { Ok::<_, BlobError>((hash, farm.blobs.has_asset(hash).await?)) };
+    let found: Vec<_> = stream::iter(needed).map(look).buffered(LOOKS).try_collect().await?;
+    let missing: Vec<ContentHash> = found.into_iter().filter(|(_, is_there)| !is_there).map(|(hash, _)| hash).collect();
+    if missing.is_empty() || !farm.blobs.is_of(farm.store.identity().await?.farm).await? {
+        return Ok(());
+    }
+    for hash in missing {
+        lose_asset(farm, hash).await?;
+    }
+    Ok(())
+}
+
+/// Looks at an asset that did not have its content when it was read. If it still has not, it is removed, so that it can be uploaded again, and
+/// the jobs that need it are held.
+pub(crate) async fn check_asset(farm: &Farm, hash: ContentHash) -> Result<(), FilmError> {
+    if farm.blobs.asset_is_whole(hash).await? {
+        return Ok(());
+    }
+    farm.blobs.remove_asset(hash).await;
+    Ok(lose_asset(farm, hash).await?)
+}
+
+/// Holds the open jobs that need an asset which is not there.
+pub(crate) async fn lose_asset(farm: &Farm, hash: ContentHash) -> Result<(), StoreError> {
+    for job in farm.store.hold_for_lost_asset(hash, farm.config.clock.now_ms()).await? {
+        tracing::error!(%job, asset = %hash, "a file of the job is lost or damaged; the job is held until it is uploaded again");
+        farm.tell(News::Job(job));
+    }
+    Ok(())
+}
+
+/// Looks at the reference of a job, if that may be why its film could not be measured.
+async fn check_reference(farm: &Farm, job: JobId, failure: &FilmError) -> Result<(), FilmError> {
+    if !matches!(failure, FilmError::Blob(_) | FilmError::Image(_)) {
+        return Ok(());
+    }
+    let reference = farm.store.job(job).await?.and_then(|job| job.reference);
+    match reference {
+        Some(hash) => check_asset(farm, hash).await,
+        None => Ok(()),
+    }
 }
 
 async fn replace(farm: &Farm, job: JobId, lost: BTreeSet<StoredNode>) -> Result<bool, FilmError> {

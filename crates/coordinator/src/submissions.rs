@@ -145,11 +145,15 @@ impl Submissions {
     }
 
     async fn wait(&self, pool: &Pool, bytes: u64, is_small: bool) -> Result<Room, ApiError> {
+        let (memory, needed) = (pool.of(is_small), permits(bytes));
+        if let Ok(permit) = Arc::clone(memory).try_acquire_many_owned(needed) {
+            return Ok(Room { permit, bytes, is_small });
+        }
         let queued = Queued::enter(&self.waiting).ok_or_else(busy)?;
-        let permit = Arc::clone(pool.of(is_small)).acquire_many_owned(permits(bytes));
-        let permit = tokio::time::timeout(self.longest_wait, permit).await.map_err(|_| busy())?;
+        let permit = tokio::time::timeout(self.longest_wait, Arc::clone(memory).acquire_many_owned(needed));
+        let permit = permit.await.map_err(|_| busy())?.map_err(ApiError::internal)?;
         drop(queued);
-        Ok(Room { permit: permit.map_err(ApiError::internal)?, bytes, is_small })
+        Ok(Room { permit, bytes, is_small })
     }
 }
 
@@ -249,6 +253,7 @@ mod tests {
             tokio::task::yield_now().await;
         }
         submissions.for_scene(LARGE).await.unwrap_err();
+        submissions.for_scene(SMALL).await.expect("what is free is not waited for");
         drop(held);
         for waiting in waiting {
             waiting.await.unwrap().unwrap();

@@ -10,6 +10,7 @@ use clerestory_render_core::film::{ImageError, OpenExrError, TileGrid};
 use clerestory_render_core::scene::{
     self, Asset, CheckedScene, Scene, SceneBundle, SceneDescription, SceneError, SceneHash, SceneMemory, SceneUse,
 };
+use futures::stream::{self, StreamExt, TryStreamExt};
 use rayon::ThreadPoolBuilder;
 use uuid::Uuid;
 
@@ -18,6 +19,7 @@ use crate::convergence::Reference;
 use crate::farm::Farm;
 use crate::film::FilmError;
 use crate::http::ApiError;
+use crate::repair;
 use crate::stop::{InvalidTarget, Targets};
 use crate::store::NewJob;
 use crate::submissions::ParsingRoom;
@@ -36,6 +38,9 @@ const LONGEST_TIME_MS: i64 = 10 * 365 * 24 * 3600 * 1000;
 
 /// Most samples per pixel: the sampler counts no further.
 const MOST_SAMPLES: u32 = 1 << 24;
+
+/// Contents that are looked for at the same time.
+const LOOKS: usize = 8;
 
 /// What an operator can do for a scene that takes too much memory.
 const WAY_OUT: &str = "a larger `submission_bytes` in the coordinator's configuration";
@@ -141,17 +146,15 @@ fn check_assets(
 }
 
 async fn check_uploaded(farm: &Farm, hashes: impl Iterator<Item = ContentHash>) -> Result<(), ApiError> {
-    let mut missing = Vec::new();
-    for hash in hashes.collect::<BTreeSet<_>>() {
-        if !farm.has_asset(hash).await? {
-            missing.push(hash);
-        }
-    }
-    if missing.is_empty() {
-        return Ok(());
-    }
-    let detail = format!("{} of the named contents must be uploaded first; `missing` lists them", missing.len());
-    Err(ApiError::new(ProblemCode::MissingAssets, detail).missing(missing))
+    let look = |hash| async move { Ok::<_, ApiError>((hash, farm.has_asset(hash).await?)) };
+    let found: Vec<_> = stream::iter(hashes.collect::<BTreeSet<_>>()).map(look).buffered(LOOKS).try_collect().await?;
+    let lacking: Vec<ContentHash> = found.into_iter().filter(|(_, is_there)| !is_there).map(|(hash, _)| hash).collect();
+    if lacking.is_empty() { Ok(()) } else { Err(missing(lacking)) }
+}
+
+fn missing(hashes: Vec<ContentHash>) -> ApiError {
+    let detail = format!("{} of the named contents must be uploaded first; `missing` lists them", hashes.len());
+    ApiError::new(ProblemCode::MissingAssets, detail).missing(hashes)
 }
 
 fn too_few_to_share(samples_per_pixel: u32, fewest: u32) -> ApiError {
@@ -243,7 +246,12 @@ async fn read(
 ) -> Result<Arc<SceneBundle>, ApiError> {
     let mut assets = BTreeMap::new();
     for (name, hash) in named {
-        assets.insert(name.clone(), Asset::new(farm.blobs.asset(*hash).await?.to_vec()));
+        let asset = Asset::new(farm.blobs.asset(*hash).await?.to_vec());
+        if asset.hash().as_bytes() != hash.as_bytes() {
+            repair::check_asset(farm, *hash).await?;
+            return Err(missing(vec![*hash]));
+        }
+        assets.insert(name.clone(), asset);
     }
     let description = SceneDescription::clone(description);
     blocking(move || SceneBundle::from_parts(description, assets).map(Arc::new).map_err(of_scene_error)).await

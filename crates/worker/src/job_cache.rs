@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, PoisonError};
 use std::time::Instant;
 
-use clerestory_api::{Client, ClientError, ContentHash, JobId, JobScene, SceneBuilding, WorkerActivity};
+use clerestory_api::{Client, ClientError, ContentHash, JobId, JobScene, ProblemCode, SceneBuilding, WorkerActivity};
 use clerestory_render_core::film::{OpenExrError, PartialHeader, TileGrid, partial};
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneError, SceneMemory, SceneUse};
 use tokio::sync::{Mutex, watch};
@@ -63,6 +63,14 @@ pub(crate) enum PlanError {
     Panic(#[from] tokio::task::JoinError),
     #[error("building the scene was given up")]
     Dropped,
+}
+
+impl PlanError {
+    /// Whether the coordinator lacks a file of the scene. Then it holds the job until somebody uploads it again.
+    pub(crate) fn is_of_lost_asset(&self) -> bool {
+        let Self::Fetch(failure) = self else { return false };
+        failure.problem().is_some_and(|problem| problem.code == ProblemCode::UnknownAsset)
+    }
 }
 
 /// Plans of the last few jobs, and those that are being made. A plan that takes longer than a lease is made to its end, and serves the next

@@ -84,6 +84,10 @@ impl LeaseWork {
         let fetched = self.stop.run_until_cancelled(jobs.plan(self.lease.job)).await;
         let ending = match fetched {
             None => self.interruption(),
+            Some(Err(failure)) if failure.is_of_lost_asset() => {
+                warn!(lease = %self.lease.id, reason = with_causes(&*failure), "a file of the job is lost");
+                Ending::Over
+            }
             Some(Err(failure)) => Ending::Failed(with_causes(&*failure)),
             Some(Ok(plan)) => self.render_nodes(plan, renderer).await,
         };

@@ -1,5 +1,6 @@
 //! Assets: content that scenes name, uploaded once and named by its hash.
 
+use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -8,13 +9,17 @@ use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
+use bytes::Bytes;
 use clerestory_api::{ContentHash, ProblemCode};
+use futures::stream::{self, BoxStream, Stream};
 use tokio_stream::StreamExt;
 
-use super::extract::{PathParameter, too_slow};
+use super::extract::{PathParameter, announced_bytes, too_slow};
 use super::problem::ApiError;
-use crate::blobs::UploadError;
+use crate::blobs::{BlobError, UploadError};
 use crate::farm::Farm;
+use crate::news::News;
+use crate::repair;
 
 /// Longest pause in an upload.
 const LONGEST_PAUSE: Duration = Duration::from_secs(30);
@@ -35,8 +40,7 @@ pub(super) async fn put(
         return Ok(StatusCode::NO_CONTENT);
     }
     let limit = farm.config.max_asset_bytes;
-    let announced = headers.get(CONTENT_LENGTH).and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
-    if announced.is_some_and(|announced| announced > limit) {
+    if announced_bytes(&headers).is_some_and(|announced| announced > limit) {
         return Err(ApiError::body_too_large(limit));
     }
     let size =
@@ -47,8 +51,12 @@ pub(super) async fn put(
             UploadError::HashMismatch { found } => ApiError::hash_mismatch(hash, found),
             UploadError::Store(error) => error.into(),
         })?;
-    farm.store.insert_asset(hash, size, farm.config.clock.now_ms()).await?;
+    let released = farm.store.insert_asset(hash, size, farm.config.clock.now_ms()).await?;
     tracing::info!(asset = %hash, size, "asset stored");
+    for job in released {
+        tracing::info!(%job, asset = %hash, "the job goes on: what it lacked is here");
+        farm.tell(News::Job(job));
+    }
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -61,8 +69,7 @@ pub(super) async fn head(
     State(farm): State<Arc<Farm>>,
     PathParameter(hash): PathParameter<ContentHash>,
 ) -> Result<StatusCode, ApiError> {
-    require(&farm, hash).await?;
-    Ok(StatusCode::OK)
+    if farm.has_asset(hash).await? { Ok(StatusCode::OK) } else { Err(unknown(hash)) }
 }
 
 /// Downloads an asset.
@@ -74,24 +81,55 @@ pub(super) async fn get(
     State(farm): State<Arc<Farm>>,
     PathParameter(hash): PathParameter<ContentHash>,
 ) -> Result<Response, ApiError> {
-    require(&farm, hash).await?;
-    let (size, stream) = farm.blobs.asset_stream(hash).await?;
+    if !farm.store.has_asset(hash).await? {
+        return Err(unknown(hash));
+    }
+    let (size, stream) = match farm.blobs.asset_stream(hash).await {
+        Err(error) if error.is_missing() => {
+            repair::lose_asset(&farm, hash).await?;
+            return Err(unknown(hash));
+        }
+        asset => asset?,
+    };
     let headers = [
         (CONTENT_TYPE, "application/octet-stream".to_owned()),
         (CONTENT_LENGTH, size.to_string()),
         (CACHE_CONTROL, "private, immutable, max-age=31536000".to_owned()),
     ];
-    Ok((headers, Body::from_stream(stream)).into_response())
+    Ok((headers, Body::from_stream(verified(farm, hash, stream))).into_response())
 }
 
-async fn require(farm: &Farm, hash: ContentHash) -> Result<(), ApiError> {
-    if farm.has_asset(hash).await? {
-        return Ok(());
-    }
+/// The bytes of an asset, of which the last come when all have its hash; otherwise they are cut off.
+fn verified(
+    farm: Arc<Farm>,
+    hash: ContentHash,
+    stream: BoxStream<'static, Result<Bytes, BlobError>>,
+) -> impl Stream<Item = io::Result<Bytes>> + Send {
+    let state = Some((farm, stream, blake3::Hasher::new(), Bytes::new()));
+    stream::unfold(state, move |state| async move {
+        let (farm, mut stream, mut hasher, withheld) = state?;
+        match stream.next().await {
+            Some(Ok(piece)) => {
+                hasher.update(&piece);
+                Some((Ok(withheld), Some((farm, stream, hasher, piece))))
+            }
+            Some(Err(error)) => Some((Err(io::Error::other(error)), None)),
+            None if hasher.finalize().as_bytes() == hash.as_bytes() => Some((Ok(withheld), None)),
+            None => {
+                if let Err(error) = repair::check_asset(&farm, hash).await {
+                    tracing::error!(%error, asset = %hash, "a damaged asset could not be looked at");
+                }
+                Some((Err(io::Error::other("the asset is damaged")), None))
+            }
+        }
+    })
+}
+
+fn unknown(hash: ContentHash) -> ApiError {
     let detail = format!(
         "no asset with the hash {hash} is here: it has not been uploaded, or it is lost; upload it, or submit its scene again"
     );
-    Err(ApiError::new(ProblemCode::UnknownAsset, detail).field("hash").value(hash))
+    ApiError::new(ProblemCode::UnknownAsset, detail).field("hash").value(hash)
 }
 
 enum Pause {
@@ -99,7 +137,7 @@ enum Pause {
     CutOff,
 }
 
-fn chunks(body: BodyDataStream) -> impl futures::Stream<Item = Result<bytes::Bytes, Pause>> + Unpin {
+fn chunks(body: BodyDataStream) -> impl Stream<Item = Result<Bytes, Pause>> + Unpin {
     let chunks = body.timeout(LONGEST_PAUSE).map(|chunk| match chunk {
         Ok(Ok(bytes)) => Ok(bytes),
         Ok(Err(_)) => Err(Pause::CutOff),

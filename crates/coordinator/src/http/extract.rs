@@ -186,6 +186,11 @@ async fn read_body(request: Request, limit: u64) -> Result<Bytes, ApiError> {
     Ok(body.freeze())
 }
 
+/// How many bytes a body has, as far as its head says.
+pub(super) fn announced_bytes(headers: &HeaderMap) -> Option<u64> {
+    headers.get(CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
+}
+
 /// A body that fits into memory, on its way.
 pub(crate) struct ArrivingBody {
     stream: BodyDataStream,
@@ -203,8 +208,7 @@ impl ArrivingBody {
     ///
     /// When it is announced to be larger.
     pub(crate) fn new(request: Request, limit: u64) -> Result<Self, ApiError> {
-        let announced = request.headers().get(CONTENT_LENGTH);
-        let announced_bytes = announced.and_then(|length| length.to_str().ok()?.parse::<u64>().ok());
+        let announced_bytes = announced_bytes(request.headers());
         if announced_bytes.is_some_and(|bytes| bytes > limit) {
             return Err(ApiError::body_too_large(limit));
         }

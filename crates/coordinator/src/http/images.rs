@@ -53,7 +53,6 @@ pub(super) async fn exr(
         return Err(lacks_nodes());
     }
     let choice = match images::layers(&farm, &job).await {
-        Err(error) if repair(&farm, job.id, &error).await? => return Err(lacks_nodes()),
         Err(_) if has_lost_nodes_since(&farm, &job).await? => return Err(lacks_nodes()),
         choice => choice?,
     };

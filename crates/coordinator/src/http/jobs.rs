@@ -3,12 +3,11 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::body::HttpBody;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobSubmission, JobView, LiveMeasurement, ProblemCode};
 
-use super::extract::{JsonBody, PathParameter};
+use super::extract::{JsonBody, PathParameter, announced_bytes};
 use super::problem::ApiError;
 use crate::farm::{Farm, to_its_end};
 use crate::news::News;
@@ -24,7 +23,8 @@ pub(super) async fn submit(
     State(farm): State<Arc<Farm>>,
     request: Request,
 ) -> Result<(StatusCode, Json<JobView>), ApiError> {
-    let announced = request.body().size_hint().upper().unwrap_or(super::MAX_SMALL_BODY.into());
+    let most = super::MAX_SMALL_BODY.into();
+    let announced = announced_bytes(request.headers()).map_or(most, |bytes| bytes.min(most));
     let arriving = farm.submissions.for_body(announced).await?;
     let body = JsonBody::receive(request).await?;
     let room = farm.submissions.for_parsing(body.len() as u64).await?;

@@ -13,6 +13,7 @@ use bytes::{Bytes, BytesMut};
 use clerestory_api::{
     ContentHash, FENCING_TOKEN_HEADER, LeaseId, PIECE_MEDIA_TYPE, PartialAnswer, PartialPieces, ProblemCode,
 };
+use futures::stream::{self, StreamExt, TryStreamExt};
 
 use super::extract::{ArrivingBody, PathParameter, PathParameters, StrictJson, number_header, require_media_type};
 use super::leases::{check_core_ms, valid_lease};
@@ -20,6 +21,9 @@ use super::problem::ApiError;
 use super::room::{Room, receive};
 use crate::acceptance;
 use crate::farm::Farm;
+
+/// Pieces that are read at the same time.
+const READS: usize = 8;
 
 /// Most pieces of a partial.
 const MOST_PIECES: usize = 65_536;
@@ -81,11 +85,13 @@ pub(super) async fn assemble(
 /// The pieces in their order, and the memory that they take. Their sizes are looked at before any is read.
 async fn joined<'a>(farm: &'a Farm, lease: LeaseId, pieces: &[ContentHash]) -> Result<(Bytes, Room<'a>), ApiError> {
     let limit = farm.config.max_partial_bytes;
+    let look = |hash: ContentHash| async move { Ok::<_, ApiError>((hash, farm.blobs.piece_size(lease, hash).await?)) };
+    let mut sizes = stream::iter(pieces.iter().copied()).map(look).buffered(READS);
     let (mut bytes, mut missing) = (0_u64, Vec::new());
-    for hash in pieces {
-        match farm.blobs.piece_size(lease, *hash).await? {
+    while let Some((hash, size)) = sizes.try_next().await? {
+        match size {
             Some(size) => bytes = bytes.saturating_add(size),
-            None => missing.push(*hash),
+            None => missing.push(hash),
         }
         if bytes > limit {
             return Err(ApiError::body_too_large(limit));
@@ -98,8 +104,10 @@ async fn joined<'a>(farm: &'a Farm, lease: LeaseId, pieces: &[ContentHash]) -> R
     let mut room = Room::new(farm, Some(bytes));
     room.widen_to(bytes).await?;
     let mut body = BytesMut::with_capacity(usize::try_from(bytes).unwrap_or(0));
-    for hash in pieces {
-        body.extend_from_slice(&farm.blobs.piece(lease, *hash).await?);
+    let read = |hash: ContentHash| farm.blobs.piece(lease, hash);
+    let mut read = stream::iter(pieces.iter().copied()).map(read).buffered(READS);
+    while let Some(piece) = read.try_next().await? {
+        body.extend_from_slice(&piece);
     }
     Ok((body.freeze(), room))
 }

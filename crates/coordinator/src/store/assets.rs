@@ -1,10 +1,13 @@
 //! Assets: which content has been uploaded.
 
-use clerestory_api::ContentHash;
+use std::collections::BTreeSet;
 
-use super::row::big;
+use clerestory_api::{ContentHash, JobHold, JobId};
+
+use super::events::{self, StoredKind};
+use super::row::{big, to_json};
 use super::sql::query;
-use super::{Store, StoreError};
+use super::{Store, StoreError, expiry};
 
 impl Store {
     /// Whether the content has been uploaded.
@@ -26,17 +29,78 @@ impl Store {
         Ok(bytes)
     }
 
-    /// Makes an uploaded blob an asset of the farm.
-    pub(crate) async fn insert_asset(&self, hash: ContentHash, size: u64, now_ms: i64) -> Result<(), StoreError> {
+    /// Makes an uploaded blob an asset of the farm, and releases the jobs that were held for want of it: it answers which.
+    pub(crate) async fn insert_asset(
+        &self,
+        hash: ContentHash,
+        size: u64,
+        now_ms: i64,
+    ) -> Result<Vec<JobId>, StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
                 query("insert into assets (hash, size, created_ms) values ($1, $2, $3) on conflict (hash) do nothing")
                     .bind(hash.to_string())
                     .bind(big(size))
                     .bind(now_ms)
-                    .execute(connection)
+                    .execute(&mut *connection)
                     .await?;
-                Ok(())
+                let held =
+                    query("select id, hold from jobs where hold is not null").fetch_all(&mut *connection).await?;
+                let mut released = Vec::new();
+                for row in &held {
+                    let (job, hold): (JobId, JobHold) = (row.parsed("id")?, row.json("hold")?);
+                    if hold.asset == Some(hash) && expiry::release(connection, job, now_ms).await? {
+                        released.push(job);
+                    }
+                }
+                Ok(released)
+            })
+        })
+        .await
+    }
+
+    /// Contents that jobs need which have not ended: the assets of their scenes, and their references.
+    pub(crate) async fn needed_assets(&self) -> Result<BTreeSet<ContentHash>, StoreError> {
+        let rows = query(
+            "select hash from job_assets join jobs on jobs.id = job where state in ('queued', 'running') \
+             union select reference from jobs where reference is not null and state in ('queued', 'running')",
+        );
+        rows.fetch_all(&self.readers).await?.iter().map(|row| row.parsed("hash")).collect()
+    }
+
+    /// Holds the jobs that need a content which is lost, and answers which.
+    pub(crate) async fn hold_for_lost_asset(&self, hash: ContentHash, now_ms: i64) -> Result<Vec<JobId>, StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                let rows = query(
+                    "select jobs.id, path from jobs left join job_assets on job = jobs.id and hash = $1 \
+                     where hold is null and state in ('queued', 'running') and (hash is not null or reference = $1)",
+                );
+                let rows = rows.bind(hash.to_string()).fetch_all(&mut *connection).await?;
+                let mut held = Vec::new();
+                for row in &rows {
+                    let job: JobId = row.parsed("id")?;
+                    if held.contains(&job) {
+                        continue;
+                    }
+                    let what = match row.optional_text("path")? {
+                        Some(path) => format!("the file `{path}` of its scene"),
+                        None => "its reference".to_owned(),
+                    };
+                    let reason = format!(
+                        "{what} is lost or damaged in the blob store (content hash {hash}): when the file is uploaded again, \
+                         as `clerestory submit` of the same scene does, the job goes on"
+                    );
+                    let hold = JobHold { since_ms: now_ms, reason, node: None, workers: Vec::new(), asset: Some(hash) };
+                    query("update jobs set hold = $2 where id = $1")
+                        .bind(job.to_string())
+                        .bind(to_json(&hold)?)
+                        .execute(&mut *connection)
+                        .await?;
+                    events::record(connection, StoredKind::Job, job, now_ms).await?;
+                    held.push(job);
+                }
+                Ok(held)
             })
         })
         .await

@@ -9,8 +9,14 @@ use super::row::to_json;
 use super::sql::{Kind, query, rows_of};
 use super::{Connection, StoreError};
 
-/// Machines that have to try a node in vain before it is given up.
+/// Machines that try a node in vain before it is given up where no other could try.
 const ENOUGH_MACHINES: usize = 3;
+
+/// Machines that die with a node before it is given up, whoever else could try: each death costs a machine.
+pub(super) const MOST_DEATHS: usize = ENOUGH_MACHINES;
+
+/// Machines that fail on a node before it is given up, whoever else could try: a larger one may have the memory that others lack.
+pub(super) const MOST_FAILURES: usize = 10;
 
 /// Attempts in vain after which a node is given up where fewer machines could render it.
 pub(super) const ENOUGH_ATTEMPTS: u32 = 5;
@@ -24,19 +30,24 @@ pub(super) enum GivenUp {
     ByAttempts,
 }
 
-/// Whether a node is given up that workers of these names have tried so often. A machine is there if one of its workers was heard of since `alive_ms`.
+/// Whether a node is given up that workers of these names have tried so often: at the latest after so many machines. A machine is there if one of
+/// its workers was heard of since `alive_ms`.
 pub(super) async fn given_up(
     connection: &mut Connection,
     job: JobId,
     names: &BTreeSet<&str>,
     attempts: u32,
+    most_machines: usize,
     alive_ms: i64,
 ) -> Result<Option<GivenUp>, StoreError> {
-    if names.len() >= ENOUGH_MACHINES {
-        return Ok(Some(GivenUp::ByMachines));
+    let are_enough = names.len() >= ENOUGH_MACHINES;
+    if names.len() < most_machines {
+        let may_be = are_enough || attempts >= ENOUGH_ATTEMPTS;
+        if !may_be || others_could_try(connection, job, names, alive_ms).await? {
+            return Ok(None);
+        }
     }
-    let is_enough = attempts >= ENOUGH_ATTEMPTS && !others_could_try(connection, job, names, alive_ms).await?;
-    Ok(is_enough.then_some(GivenUp::ByAttempts))
+    Ok(Some(if are_enough { GivenUp::ByMachines } else { GivenUp::ByAttempts }))
 }
 
 /// Whether a machine that has none of these names could render nodes of a job, and was heard of since `alive_ms`.

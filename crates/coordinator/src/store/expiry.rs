@@ -100,6 +100,9 @@ impl Store {
         let mut released = Vec::new();
         for row in &rows {
             let (job, hold): (JobId, JobHold) = (row.parsed("id")?, row.json("hold")?);
+            if !self.are_any_heard_since(&hold).await? {
+                continue;
+            }
             let is_released = self.write(move |connection| {
                 Box::pin(async move {
                     let holders = hold.workers.into_iter().map(|worker| Holder(worker.id, worker.name, hold.since_ms));
@@ -112,9 +115,22 @@ impl Store {
         }
         Ok(released)
     }
+
+    /// Whether one of the workers of a hold was heard of since, as readers see it.
+    async fn are_any_heard_since(&self, hold: &JobHold) -> Result<bool, StoreError> {
+        for worker in &hold.workers {
+            let heard = query("select 1 from workers where id = $1 and seen_ms > $2");
+            let heard = heard.bind(worker.id.to_string()).bind(hold.since_ms).fetch_optional(&self.readers).await?;
+            if heard.is_some() {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
 }
 
-async fn release(connection: &mut Connection, job: JobId, now_ms: i64) -> Result<bool, StoreError> {
+/// Takes the hold from a job that is held. Answers whether it was.
+pub(super) async fn release(connection: &mut Connection, job: JobId, now_ms: i64) -> Result<bool, StoreError> {
     let released = query("update jobs set hold = null where id = $1 and hold is not null").bind(job.to_string());
     let is_released = released.execute(&mut *connection).await? > 0;
     if is_released {
@@ -196,7 +212,8 @@ async fn note_death(
     let attempts = u32::try_from(deaths.len()).unwrap_or(u32::MAX);
     let machines = attempts::machines(deaths.into_iter().map(|Holder(worker, name, _)| (worker, name)));
     let names: BTreeSet<&str> = machines.iter().map(|machine| machine.name.as_str()).collect();
-    let given_up = attempts::given_up(connection, expired.job, &names, attempts, watch.alive_ms).await?;
+    let most = attempts::MOST_DEATHS;
+    let given_up = attempts::given_up(connection, expired.job, &names, attempts, most, watch.alive_ms).await?;
     let Some(given_up) = given_up else { return Ok(None) };
     let (times, others) = match given_up {
         GivenUp::ByMachines => (format!("on {} machines", machines.len()), ""),
@@ -212,7 +229,8 @@ async fn note_death(
         "workers died {times} {with}: {names}{others}; each was leased {what} and was not heard of again, \
          as when a scene needs more memory than the machine has"
     );
-    let hold = JobHold { since_ms: watch.now_ms, reason, node: wire_address(&node), workers: machines };
+    let hold =
+        JobHold { since_ms: watch.now_ms, reason, node: Some(wire_address(&node)), workers: machines, asset: None };
     let held = query("update jobs set hold = $2 where id = $1 and hold is null and state in ('queued', 'running')")
         .bind(expired.job.to_string())
         .bind(to_json(&hold)?)

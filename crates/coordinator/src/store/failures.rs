@@ -71,7 +71,8 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     for (tried, Group { node, failures }) in groups {
         let machines = attempts::machines(tried);
         let names: BTreeSet<&str> = machines.iter().map(|machine| machine.name.as_str()).collect();
-        let given_up = attempts::given_up(connection, lease.job, &names, failures, failure.alive_ms).await?;
+        let most = attempts::MOST_FAILURES;
+        let given_up = attempts::given_up(connection, lease.job, &names, failures, most, failure.alive_ms).await?;
         let Some(given_up) = given_up else { continue };
         let names = attempts::names_in_words(&machines);
         let (times, others) = match given_up {

@@ -54,6 +54,7 @@ use checks::{
 };
 use claims::{
     a_job_of_which_nothing_has_come_is_open_to_other_bits,
+    a_node_that_fails_on_ten_machines_fails_the_job_whoever_is_there,
     a_node_that_fails_on_three_machines_fails_the_job_and_names_them,
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason,
     a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job,
@@ -569,6 +570,7 @@ on_both! {
     a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason
     a_node_that_fails_on_three_machines_fails_the_job_and_names_them
+    a_node_that_fails_on_ten_machines_fails_the_job_whoever_is_there
     one_machine_alone_fails_no_job_that_another_could_render
     machines_that_fail_in_turn_fail_the_job
     failures_count_where_nobody_else_could_try

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
-use clerestory_api::{ClientError, JobId, JobState, JobView, ProblemCode};
+use clerestory_api::{ClientError, ContentHash, JobId, JobState, JobSubmission, JobView, ProblemCode};
 use clerestory_coordinator::Config;
 
 use crate::support::*;
@@ -149,11 +149,119 @@ async fn an_asset_that_is_lost_is_asked_for_again() {
     farm.client.upload_asset(&asset, content.clone(), |_| ()).await.unwrap();
     let stored = files(&farm.directory.path().join("blobs/assets"));
     fs::remove_file(&stored[0]).unwrap();
-    let submission = clerestory_api::JobSubmission { reference: Some(asset), ..submission(1) };
+    let submission = JobSubmission { reference: Some(asset), ..submission(1) };
     let refused = farm.client.submit_job(&submission).await.unwrap_err();
     let ClientError::Problem { problem, .. } = &refused else { panic!("{refused}") };
     assert_eq!((problem.code, problem.missing.as_slice()), (ProblemCode::MissingAssets, &[asset][..]));
     farm.client.upload_asset(&asset, content, |_| ()).await.unwrap();
     assert!(stored[0].is_file());
+    farm.stop().await;
+}
+
+/// A rendered image of the scene, uploaded.
+async fn reference(farm: &TestFarm) -> (ContentHash, Bytes) {
+    let job = farm.submit(1).await;
+    render_until(farm, job.id, |view| view.state == JobState::Done).await;
+    let image = farm.client.image(job.id).await.unwrap();
+    farm.client.upload_asset(&hash(&image), image.clone(), |_| ()).await.unwrap();
+    (hash(&image), image)
+}
+
+/// A submission whose mesh comes from a file, and the content of that file.
+fn with_a_file() -> (JobSubmission, Bytes) {
+    let mut scene = scene();
+    scene["meshes"][0]["source"] = serde_json::json!({"obj": {"file": "floor.obj"}});
+    let content = Bytes::from_static(b"v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nf 4 3 2 1\n");
+    let assets = [("floor.obj".to_owned(), hash(&content))].into();
+    (JobSubmission { scene, assets, ..submission(1) }, content)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_whose_file_is_lost_or_damaged_is_held_until_the_file_is_uploaded_again() {
+    let farm = TestFarm::start().await;
+    let (submission, content) = with_a_file();
+    let asset = hash(&content);
+    farm.client.upload_asset(&asset, content.clone(), |_| ()).await.unwrap();
+    let file = files(&farm.directory.path().join("blobs/assets")).remove(0);
+    let job = farm.client.submit_job(&submission).await.unwrap().id;
+    let worker = farm.worker().await;
+    let harms: [Harm; 2] = [|file| fs::remove_file(file), |file| fs::write(file, "v 1 2")];
+    for harmed in harms {
+        harmed(&file).unwrap();
+        farm.client.asset(&asset).await.unwrap_err();
+        let hold = farm.client.job(job).await.unwrap().hold.expect("nobody can render it");
+        assert_eq!((hold.asset, hold.node, hold.workers.len()), (Some(asset), None, 0));
+        assert!(hold.reason.contains("the file `floor.obj` of its scene is lost or damaged"), "{}", hold.reason);
+        assert!(worker.claim().await.is_none());
+        // Whoever submits the scene again is asked for the file.
+        let refused = farm.client.submit_job(&submission).await.unwrap_err();
+        let ClientError::Problem { problem, .. } = &refused else { panic!("{refused}") };
+        assert_eq!((problem.code, problem.missing.as_slice()), (ProblemCode::MissingAssets, &[asset][..]));
+        farm.client.upload_asset(&asset, content.clone(), |_| ()).await.unwrap();
+        assert_eq!(farm.client.job(job).await.unwrap().hold, None);
+        assert_eq!(farm.client.asset(&asset).await.unwrap(), content);
+    }
+    render_until(&farm, job, |view| view.state == JobState::Done).await;
+    farm.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_submission_whose_file_is_damaged_is_asked_for_it_again() {
+    let farm = TestFarm::start().await;
+    let (submission, content) = with_a_file();
+    let asset = hash(&content);
+    farm.client.upload_asset(&asset, content.clone(), |_| ()).await.unwrap();
+    fs::write(&files(&farm.directory.path().join("blobs/assets"))[0], "v 1 2").unwrap();
+    let refused = farm.client.submit_job(&submission).await.unwrap_err();
+    assert_eq!(refused.problem().map(|problem| problem.missing.clone()), Some(vec![asset]), "{refused}");
+    farm.client.upload_asset(&asset, content, |_| ()).await.unwrap();
+    farm.client.submit_job(&submission).await.unwrap();
+    farm.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_coordinator_that_starts_holds_the_jobs_whose_files_a_backup_lacks() {
+    let farm = TestFarm::start().await;
+    let (with_file, content) = with_a_file();
+    farm.client.upload_asset(&hash(&content), content.clone(), |_| ()).await.unwrap();
+    let (reference, image) = reference(&farm).await;
+    let jobs = [
+        farm.client.submit_job(&with_file).await.unwrap().id,
+        farm.client.submit_job(&JobSubmission { reference: Some(reference), ..submission(1) }).await.unwrap().id,
+    ];
+    let (directory, config) = farm.stop().await;
+    for file in files(&directory.path().join("blobs/assets")) {
+        fs::remove_file(file).unwrap();
+    }
+    let farm = TestFarm::serve(directory, config).await;
+    let lost = [(jobs[0], hash(&content), content), (jobs[1], reference, image)];
+    for (job, asset, content) in lost {
+        let hold = async {
+            loop {
+                if let Some(hold) = farm.client.job(job).await.unwrap().hold {
+                    break hold;
+                }
+                tokio::task::yield_now().await;
+            }
+        };
+        assert_eq!(tokio::time::timeout(Duration::from_secs(30), hold).await.unwrap().asset, Some(asset));
+        farm.client.upload_asset(&asset, content, |_| ()).await.unwrap();
+        render_until(&farm, job, |view| view.state == JobState::Done).await;
+    }
+    farm.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_whose_reference_is_lost_on_the_way_ends_when_it_is_uploaded_again() {
+    let farm = TestFarm::start().await;
+    let (reference, content) = reference(&farm).await;
+    let job = farm.client.submit_job(&JobSubmission { reference: Some(reference), ..submission(1) }).await.unwrap().id;
+    for file in files(&farm.directory.path().join("blobs/assets")) {
+        fs::remove_file(file).unwrap();
+    }
+    render_until(&farm, job, |view| view.hold.is_some()).await;
+    farm.client.upload_asset(&reference, content, |_| ()).await.unwrap();
+    let done = render_until(&farm, job, |view| view.state == JobState::Done).await;
+    assert_eq!(done.hold, None);
     farm.stop().await;
 }

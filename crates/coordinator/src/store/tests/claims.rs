@@ -237,6 +237,9 @@ pub(super) async fn a_node_that_fails_on_three_machines_fails_the_job_and_names_
         assert_eq!(farm.state(job).await, JobState::Running);
     }
     fail(&farm, workers[2], 0, 0).await;
+    assert_eq!(farm.state(job).await, JobState::Running, "the fourth may be larger");
+    farm.store.end_worker(workers[3], 0).await.unwrap();
+    fail(&farm, workers[2], 0, 0).await;
     let record = farm.record(job).await;
     assert_eq!(record.state, JobState::Failed);
     let failure = record.failure.unwrap();
@@ -246,6 +249,19 @@ pub(super) async fn a_node_that_fails_on_three_machines_fails_the_job_and_names_
     );
     let failed: Vec<WorkerId> = record.failed_node.unwrap().workers.into_iter().map(|worker| worker.id).collect();
     assert_eq!(failed, [workers[1], workers[0], workers[2]]);
+}
+
+pub(super) async fn a_node_that_fails_on_ten_machines_fails_the_job_whoever_is_there(farm: Farm) {
+    let job = farm.job(1).await;
+    let mut workers = Vec::new();
+    for name in 0..20 {
+        workers.push(farm.worker_named(&name.to_string()).await.unwrap());
+    }
+    for (attempt, worker) in (0..10).zip(workers) {
+        assert_ne!(farm.state(job).await, JobState::Failed);
+        fail(&farm, worker, attempt * 60_000, 0).await;
+    }
+    assert_eq!(farm.state(job).await, JobState::Failed);
 }
 
 pub(super) async fn machines_that_fail_in_turn_fail_the_job(farm: Farm) {
