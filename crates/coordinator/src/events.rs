@@ -149,14 +149,7 @@ async fn send_news(farm: &Farm, sent: &mut Sent, pending: &mut Changed) -> Resul
     loop {
         let stored = farm.store.events_after(sent.last_id, BATCH).await?;
         for event in &stored {
-            let body = match body_of(farm, event).await {
-                // It would be no other the next time.
-                Err(error @ StoreError::Corrupt { .. }) => {
-                    tracing::error!(%error, id = event.id, "an event cannot be read and is left out");
-                    None
-                }
-                body => body?,
-            };
+            let body = readable_body_of(farm, event).await?;
             sent.last_id = event.id;
             if let Some(body) = body {
                 send(farm, Event { id: Some(event.id), body });
@@ -193,6 +186,17 @@ async fn send_news(farm: &Farm, sent: &mut Sent, pending: &mut Changed) -> Resul
 fn send(farm: &Farm, event: Event) {
     // An error means that nobody listens.
     let _ = farm.events.line.send(event);
+}
+
+/// What an event says, unless it says nothing any more or cannot be read, which would be no other the next time.
+async fn readable_body_of(farm: &Farm, event: &StoredEvent) -> Result<Option<EventBody>, StoreError> {
+    match body_of(farm, event).await {
+        Err(error @ StoreError::Corrupt { .. }) => {
+            tracing::error!(%error, id = event.id, "an event cannot be read and is left out");
+            Ok(None)
+        }
+        body => body,
+    }
 }
 
 /// The stored event with what is true now; `None` when what it is about is gone.
@@ -237,7 +241,7 @@ struct Listener {
 impl Listener {
     async fn catch_up(&mut self, last_id: i64) -> Result<(), StoreError> {
         for event in self.farm.store.missed_events(self.job, last_id, BATCH).await? {
-            if let Some(body) = body_of(&self.farm, &event).await? {
+            if let Some(body) = readable_body_of(&self.farm, &event).await? {
                 self.queue.push_back(Event { id: Some(event.id), body });
             }
         }
