@@ -166,7 +166,6 @@ async fn an_adaptive_job_says_that_its_passes_are_shared_out() {
     let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
     browser.shows("article.job .percent", "100 %").await;
     browser.shows(".sharing", "shared out by noise").await;
-    // More than were asked for: of the last passes, every tile that gets any gets a whole one.
     browser.shows(".samples", "1088 of 1088").await;
     assert_eq!(browser.complaints().await, [""; 0]);
 }

@@ -243,14 +243,14 @@ async fn note_death(
     Ok(Some(hold))
 }
 
-/// Deaths with all nodes of a job, in their order.
+/// Deaths with all nodes of a job.
 async fn all_deaths(connection: &mut Connection, job: JobId) -> Result<Vec<Holder>, StoreError> {
-    let rows = query("select died_on from pending where job = $1 and died_on is not null");
+    let rows =
+        query("select died_on from pending where job = $1 and died_on is not null order by round, frame, tile, idx");
     let mut deaths = Vec::new();
     for row in rows.bind(job.to_string()).fetch_all(connection).await? {
         deaths.extend(row.json::<Vec<Holder>>("died_on")?);
     }
-    deaths.sort_by_key(|Holder(_, _, when)| *when);
     Ok(deaths)
 }
 

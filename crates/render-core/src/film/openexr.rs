@@ -377,6 +377,7 @@ impl<R: Read + Seek> OpenExr<R> {
             let found = FileFormat::of(&beginning).map_or_else(unknown, FileFormat::instead_of_image);
             return Err(OpenExrError::NotOpenExr(found));
         }
+        file.seek(SeekFrom::Start(exr::meta::magic_number::BYTES.len() as u64)).map_err(io)?;
         openexr_header::check(&mut file)?;
         file.seek(SeekFrom::Start(0)).map_err(io)?;
         let reader = block::read(file, false)?;

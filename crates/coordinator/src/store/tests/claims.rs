@@ -238,8 +238,8 @@ pub(super) async fn a_node_that_fails_on_three_machines_fails_the_job_and_names_
     }
     fail(&farm, workers[2], 0, 0).await;
     assert_eq!(farm.state(job).await, JobState::Running, "the fourth may be larger");
-    farm.store.end_worker(workers[3], 0).await.unwrap();
-    fail(&farm, workers[2], 0, 0).await;
+    farm.store.end_worker(workers[3], 600_000).await.unwrap();
+    fail(&farm, workers[2], 600_000, 0).await;
     let record = farm.record(job).await;
     assert_eq!(record.state, JobState::Failed);
     let failure = record.failure.unwrap();
