@@ -127,14 +127,20 @@ fn all_paths_of_a_window_are_found_without_memory_but_for_more_than_four() {
 
 /// A scene of one mesh with this source and material, or of one pane with these faces.
 fn scene_of(source: &Value, material: &Value, panes: &Value, assets: &[(&str, Vec<u8>)]) -> SceneBundle {
+    let mesh = json!({"name": "mesh", "material": "stuff", "source": source});
+    scene_with(&json!([mesh]), &json!({"stuff": material}), panes, assets)
+}
+
+/// A scene of these meshes, or of one pane with these faces.
+fn scene_with(meshes: &Value, materials: &Value, panes: &Value, assets: &[(&str, Vec<u8>)]) -> SceneBundle {
     let scene = json!({
         "version": 1, "name": "memory", "film": {"width": 8, "height": 8},
         "camera": {"perspective": {
             "position": [0, 0, -2], "look_at": [0, 0, 0], "up": [0, 1, 0], "vertical_field_of_view": 40
         }},
         "integrator": {"path": {}},
-        "materials": {"stuff": material},
-        "meshes": [{"name": "mesh", "material": "stuff", "source": source}],
+        "materials": materials,
+        "meshes": meshes,
         "panes": panes,
         "lights": [{"point": {"name": "lamp", "position": [1, 1, -2], "intensity": [5, 5, 5]}}]
     });
@@ -210,11 +216,19 @@ fn a_scene_takes_no_more_memory_than_is_counted_before_it_is_decoded_and_not_far
         "positions": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "triangles": [[0, 1, 2]],
         "texture_coordinates": [[0, 0], [1, 0], [0, 1]]
     }});
+    // Water through which a rough bed reaches everywhere, so that all its triangles are compared with those of the water.
+    let mut bed = waves.clone();
+    bed["waves"]["seed"] = json!(2);
+    let pool = json!([
+        {"name": "bed", "material": "stone", "source": bed}, {"name": "water", "material": "water", "source": waves}
+    ]);
+    let pool_materials = json!({"stone": colour, "water": water});
     let scenes = [
         ("waves", scene_of(&waves, &colour, &none, &[])),
         ("water", scene_of(&waves, &water, &none, &[])),
         ("obj", scene_of(&json!({"obj": {"file": "a.obj"}}), &colour, &none, &files[..1])),
         ("obj with a texture", scene_of(&json!({"obj": {"file": "a.obj"}}), &textured, &none, &with_texture(0))),
+        ("water and its bed", scene_with(&pool, &pool_materials, &none, &[])),
         ("smooth obj", scene_of(&json!({"obj": {"file": "a.obj"}}), &water, &none, &files[..1])),
         ("text ply", scene_of(&json!({"ply": {"file": "a.ply"}}), &colour, &none, &files[1..2])),
         ("binary ply", scene_of(&json!({"ply": {"file": "b.ply"}}), &colour, &none, &files[2..])),

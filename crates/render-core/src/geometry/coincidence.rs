@@ -48,10 +48,7 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
     ) -> Option<([u32; 2], DVec3)> {
         let corners = self.triangles.iter().flat_map(|triangle| (self.corners)(*triangle));
         let largest = corners.map(|corner| corner.abs().max_element()).fold(0.0, f64::max);
-        let mut entries: Vec<(Cell, u32)> = Vec::with_capacity(self.triangles.len());
-        for &triangle in self.triangles {
-            each_cell(&(self.corners)(triangle), largest, |cell| entries.push((cell, triangle)));
-        }
+        let mut entries = self.entries(largest);
         entries.sort_unstable();
         let mut budget = MOST_PAIRS;
         for cell in entries.chunk_by(|a, b| a.0 == b.0) {
@@ -65,6 +62,25 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
             }
         }
         None
+    }
+
+    /// The cells of all triangles. They are counted first, so that they take no more memory than they must; what is beyond [`most_entries`] is left
+    /// out.
+    fn entries(&self, largest: f64) -> Vec<(Cell, u32)> {
+        let mut count = 0;
+        for &triangle in self.triangles {
+            each_cell(&(self.corners)(triangle), largest, |_| count += 1);
+        }
+        let most = count.min(most_entries(self.triangles.len()));
+        let mut entries = Vec::with_capacity(most);
+        for &triangle in self.triangles {
+            each_cell(&(self.corners)(triangle), largest, |cell| {
+                if entries.len() < most {
+                    entries.push((cell, triangle));
+                }
+            });
+        }
+        entries
     }
 
     /// Looks at those pairs of triangles in one cell of which one is smooth, and whose boxes overlap.
@@ -131,9 +147,14 @@ fn each_cell(corners: &[DVec3; 3], largest: f64, mut each: impl FnMut(Cell)) {
     }
 }
 
-/// The cells of a number that may be larger or smaller by the slack.
+/// The cells of a number that may be larger or smaller by the slack. Round numbers, as slopes and offsets often are, lie in the middle of a cell.
 fn cells(value: f64, (edge, slack): (f64, f64)) -> RangeInclusive<i32> {
-    ((value - slack) / edge).floor() as i32..=((value + slack) / edge).floor() as i32
+    ((value - slack) / edge).round() as i32..=((value + slack) / edge).round() as i32
+}
+
+/// Entries for so many triangles: planes that are as steep to three axes have three, and very few of any have more.
+const fn most_entries(triangles: usize) -> usize {
+    3 * triangles + triangles / 16 + 64
 }
 
 /// A point in the middle of what two triangles share, if they lie in one plane.
@@ -212,6 +233,37 @@ mod tests {
                 prop_assert!(found.is_none(), "{other:?} {found:?}");
             }
         }
+    }
+
+    #[test]
+    fn a_face_along_the_axes_is_in_one_cell_and_so_is_one_that_differs_by_rounding() {
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            for height in [0.0, 0.25, 1.0] {
+                let frame = Frame { origin: height * axis, ..Frame::around(axis) };
+                let corners = placed(&frame, [0.0, 0.0], [1.0, 1.0]);
+                let tilted = corners.map(|corner| corner + 1e-13 * corner.x * DVec3::ONE);
+                let of = |corners: &[DVec3; 3]| {
+                    let mut cells = Vec::new();
+                    each_cell(corners, 1.0, |cell| cells.push(cell));
+                    cells
+                };
+                assert_eq!(of(&corners).len(), 1, "{axis} {height}");
+                assert_eq!(of(&corners), of(&tilted), "{axis} {height}");
+            }
+        }
+    }
+
+    #[test]
+    fn entries_are_no_more_than_are_counted_however_planes_lie() {
+        // Slopes and an offset at the borders of cells.
+        let corner = |x: f64, y: f64| dvec3(x, y, 0.5e-6 * (x + y) + 0.5e-6);
+        let corners = vec![[corner(0.0, 0.0), corner(1.0, 0.0), corner(0.0, 1.0)]; 1000];
+        let numbers: Vec<u32> = (0..1000).collect();
+        let mut cells = 0;
+        each_cell(&corners[0], 1.0, |_| cells += 1);
+        assert_eq!(cells, 8);
+        let entries = Faces { triangles: &numbers, corners: |triangle| corners[triangle as usize] }.entries(1.0);
+        assert_eq!((entries.len(), entries.capacity()), (most_entries(1000), most_entries(1000)));
     }
 
     #[test]

@@ -106,6 +106,14 @@ pub(crate) fn overlap(a: &[DVec3; 2], b: &[DVec3; 2]) -> bool {
     a[0].cmple(b[1]).all() && b[0].cmple(a[1]).all()
 }
 
+/// The box around no point.
+pub(crate) const NOWHERE: [DVec3; 2] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+
+/// The box around two boxes.
+pub(crate) fn join(a: [DVec3; 2], b: [DVec3; 2]) -> [DVec3; 2] {
+    [a[0].min(b[0]), a[1].max(b[1])]
+}
+
 /// The glass of a pane without its rim, with faces as thick as rounding errors, in the pane's frame.
 struct Glass<'a> {
     pane: &'a Pane,

@@ -5,7 +5,7 @@
 //! are upper bounds of what building takes at its peak, and of what checking takes, which sorts nothing into hierarchies. The test
 //! `allocations` compares both with what is allocated.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use glam::DVec2;
@@ -16,6 +16,7 @@ use super::build_panes::{face_path, faces};
 use super::bundle::SceneBundle;
 use super::description::{
     MaterialDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription, ReflectanceDescription,
+    SceneDescription,
 };
 use super::error::SceneError;
 use super::limits::{MAX_COEFFICIENTS, MAX_TEXELS, MAX_TRIANGLES};
@@ -77,13 +78,19 @@ impl SceneMemory {
     /// Counts what a scene is made of. Files that cannot be read count as nothing: decoding them says what is wrong.
     pub fn of(bundle: &SceneBundle) -> Self {
         let description = bundle.description();
-        let mut parts = textures(bundle);
-        let mut files = BTreeSet::new();
+        let mut files = Files {
+            bundle,
+            have_smooth_meshes: description.meshes.iter().any(|mesh| is_smooth(description, mesh)),
+            meshes: BTreeMap::new(),
+            pictures: BTreeMap::new(),
+        };
+        let mut parts = textures(&mut files);
         for (index, mesh) in description.meshes.iter().enumerate() {
-            parts.push(mesh_part(bundle, index, mesh, &mut files));
+            parts.push(mesh_part(&mut files, index, mesh));
         }
+        let mut heights = BTreeSet::new();
         for (index, pane) in description.panes.iter().enumerate() {
-            parts.extend(pane_parts(bundle, index, pane, &mut files));
+            parts.extend(pane_parts(&mut files, index, pane, &mut heights));
         }
         Self { asset_bytes: bundle.assets().values().map(|asset| asset.bytes().len() as u64).sum(), parts }
     }
@@ -155,17 +162,46 @@ impl SceneMemory {
     }
 }
 
-fn textures(bundle: &SceneBundle) -> Vec<Part> {
+/// What the files of a scene hold. Each is looked at once, however often the scene names it.
+struct Files<'a> {
+    bundle: &'a SceneBundle,
+    /// Whether any mesh refracts or mirrors, so that all are compared with it.
+    have_smooth_meshes: bool,
+    /// Vertices and triangles.
+    meshes: BTreeMap<(MeshFormat, &'a str), [u64; 2]>,
+    pictures: BTreeMap<&'a str, PictureSize>,
+}
+
+impl<'a> Files<'a> {
+    /// The vertices and triangles of a file, and whether it has not been looked at before.
+    fn mesh(&mut self, format: MeshFormat, file: &'a str) -> ([u64; 2], bool) {
+        if let Some(counts) = self.meshes.get(&(format, file)) {
+            return (*counts, false);
+        }
+        let asset = self.bundle.assets().get(file);
+        let opened = asset.and_then(|asset| MeshFile::open(format, asset.bytes()).ok());
+        let counts = opened.map_or([0; 2], |file| [file.vertices() as u64, file.triangles() as u64]);
+        self.meshes.insert((format, file), counts);
+        (counts, true)
+    }
+
+    fn picture(&mut self, file: &'a str) -> PictureSize {
+        let read = || self.bundle.assets().get(file).and_then(|asset| picture_size(asset.bytes()).ok());
+        *self.pictures.entry(file).or_insert_with(|| read().unwrap_or_default())
+    }
+}
+
+fn textures<'a>(files: &mut Files<'a>) -> Vec<Part> {
     let mut seen = BTreeSet::new();
-    let materials = bundle.description().materials.iter();
+    let materials = files.bundle.description().materials.iter();
     let textures = materials.filter_map(|(name, material)| match material {
         MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Texture { file } } => {
             seen.insert(file.as_str()).then_some((name, file))
         }
         _ => None,
     });
-    let part = |(name, file): (&String, &String)| {
-        let PictureSize { pixels, decoded_bytes, .. } = size(bundle, file);
+    let part = |(name, file): (&String, &'a String)| {
+        let PictureSize { pixels, decoded_bytes } = files.picture(file);
         Part {
             path: texture_path(name),
             count: pixels,
@@ -181,37 +217,22 @@ fn textures(bundle: &SceneBundle) -> Vec<Part> {
 /// Bytes of a decoded texel.
 const TEXEL_BYTES: u64 = 12;
 
-fn size(bundle: &SceneBundle, file: &str) -> PictureSize {
-    bundle.assets().get(file).and_then(|asset| picture_size(asset.bytes()).ok()).unwrap_or_default()
-}
-
-fn mesh_part<'a>(
-    bundle: &'a SceneBundle,
-    index: usize,
-    mesh: &'a MeshDescription,
-    files: &mut BTreeSet<&'a str>,
-) -> Part {
-    let counted = |file: &str, format: MeshFormat| {
-        let opened = bundle.assets().get(file).and_then(|asset| MeshFile::open(format, asset.bytes()).ok());
-        opened.map_or([0; 2], |file| [file.vertices() as u64, file.triangles() as u64])
-    };
-    let (source, [vertices, triangles], decoded) = match &mesh.source {
+fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription) -> Part {
+    let (source, ([vertices, triangles], decoded)) = match &mesh.source {
         MeshSource::Inline { positions, triangles, .. } => {
-            ("inline.triangles", [positions.len() as u64, triangles.len() as u64], true)
+            ("inline.triangles", ([positions.len() as u64, triangles.len() as u64], true))
         }
         MeshSource::Waves(waves) => {
             let [columns, rows] = waves.cells.map(|cells| u64::from(cells) + 1);
-            ("waves.cells", [columns * rows, waves.triangles() as u64], true)
+            ("waves.cells", ([columns * rows, waves.triangles() as u64], true))
         }
-        MeshSource::Ply { file } => ("ply.file", counted(file, MeshFormat::Ply), files.insert(file)),
-        MeshSource::Obj { file } => ("obj.file", counted(file, MeshFormat::Obj), files.insert(file)),
+        MeshSource::Ply { file } => ("ply.file", files.mesh(MeshFormat::Ply, file)),
+        MeshSource::Obj { file } => ("obj.file", files.mesh(MeshFormat::Obj, file)),
     };
-    let is_smooth = match bundle.description().materials.get(&mesh.material) {
-        Some(MaterialDescription::Diffuse { .. }) | None => false,
-        Some(MaterialDescription::Dielectric { .. } | MaterialDescription::Mirror { .. }) => true,
-    };
+    let description = files.bundle.description();
+    let is_smooth = is_smooth(description, mesh);
     let is_textured = matches!(
-        bundle.description().materials.get(&mesh.material),
+        description.materials.get(&mesh.material),
         Some(MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Texture { .. } })
     );
     let from_file = matches!(mesh.source, MeshSource::Ply { .. } | MeshSource::Obj { .. });
@@ -228,6 +249,7 @@ fn mesh_part<'a>(
         (_, true) => TEXTURED_TRIANGLE,
         (false, false) => 0,
     };
+    let compared = if files.have_smooth_meshes { COMPARED_TRIANGLE } else { 0 };
     let passing = KEPT_TRIANGLE * triangles + if is_smooth { SMOOTH_PASSING * triangles + 24 * vertices } else { 0 };
     Part {
         path: format!("meshes[{index}].source.{source}"),
@@ -236,8 +258,15 @@ fn mesh_part<'a>(
         decoding: decoding + passing,
         checked: kept_file
             + GROWTH * (PLACED_VERTEX * vertices + PLACED_TRIANGLE * triangles)
-            + (surface + COMPARED_TRIANGLE) * triangles,
+            + (surface + compared) * triangles,
         sorted: SORTED_TRIANGLE * triangles,
+    }
+}
+
+fn is_smooth(description: &SceneDescription, mesh: &MeshDescription) -> bool {
+    match description.materials.get(&mesh.material) {
+        Some(MaterialDescription::Diffuse { .. }) | None => false,
+        Some(MaterialDescription::Dielectric { .. } | MaterialDescription::Mirror { .. }) => true,
     }
 }
 
@@ -262,8 +291,9 @@ const GROWTH: u64 = 3;
 /// Bytes of a triangle's corners in its file, while it is placed.
 const KEPT_TRIANGLE: u64 = 36;
 
-/// Bytes of a triangle that may lie face to face with another, while they are compared.
-const COMPARED_TRIANGLE: u64 = 52;
+/// Bytes of a triangle that may lie face to face with another, while they are compared: its number, 4 bytes in an array that grows; three entries of 20
+/// bytes and a little; and its number in five arrays of one cell.
+const COMPARED_TRIANGLE: u64 = 4 * GROWTH + 62 + 4 * 5;
 
 /// Bytes of a triangle that refracts or mirrors: its normals, its area.
 const SMOOTH_TRIANGLE: u64 = 72 + 8;
@@ -278,17 +308,17 @@ const TEXTURED_TRIANGLE: u64 = 48;
 const SORTED_TRIANGLE: u64 = 560;
 
 fn pane_parts<'a>(
-    bundle: &'a SceneBundle,
+    files: &mut Files<'a>,
     index: usize,
     pane: &'a PaneDescription,
-    files: &mut BTreeSet<&'a str>,
+    heights: &mut BTreeSet<&'a str>,
 ) -> Vec<Part> {
     let part = |(face, profile, size): (_, &'a ProfileDescription, DVec2)| {
         let path = face_path(index, face);
         let (path, count, decoding, map) = match profile {
             ProfileDescription::HeightMap { file, .. } => {
-                let picture = self::size(bundle, file);
-                let decoded = if files.insert(file) { 1 } else { 0 };
+                let picture = files.picture(file);
+                let decoded = if heights.insert(file) { 1 } else { 0 };
                 let map = MAP_VALUE * picture.pixels * decoded;
                 (path + ".height_map.file", picture.pixels, picture.decoded_bytes * decoded, map)
             }
@@ -327,5 +357,51 @@ impl fmt::Display for Bytes {
         } else {
             write!(formatter, "{:.1} GiB", mib / 1024.0)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::Asset;
+    use super::super::malformed_scenes::valid_scene;
+    use super::*;
+
+    /// The valid scene with this many meshes from one file of a triangle, of a material.
+    fn of_one_file(meshes: usize, material: &str) -> SceneBundle {
+        let mut scene = valid_scene();
+        scene["panes"] = json!([]);
+        scene["materials"]["glass"] = json!({"dielectric": {}});
+        let mesh = |index: usize| {
+            json!({
+                "name": index.to_string(), "material": material, "source": {"obj": {"file": "a.obj"}},
+                "translate": [0, 0, index]
+            })
+        };
+        scene["meshes"] = (0..meshes).map(mesh).collect();
+        let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+        let file = Asset::new(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".to_vec());
+        SceneBundle::from_parts(description, BTreeMap::from([("a.obj".to_owned(), file)])).unwrap()
+    }
+
+    #[test]
+    fn a_file_is_counted_once_however_many_meshes_name_it() {
+        let bundle = of_one_file(1000, "stone");
+        let memory = SceneMemory::of(&bundle);
+        assert!(memory.parts.iter().all(|part| part.count == 1));
+        let decoded = memory.parts.iter().filter(|part| part.checked > memory.parts[1].checked);
+        assert_eq!(decoded.map(|part| part.path.as_str()).collect::<Vec<_>>(), ["meshes[0].source.obj.file"]);
+        let mut files =
+            Files { bundle: &bundle, have_smooth_meshes: false, meshes: BTreeMap::new(), pictures: BTreeMap::new() };
+        let looked_at: Vec<_> = (0..3).map(|_| files.mesh(MeshFormat::Obj, "a.obj")).collect();
+        assert_eq!(looked_at, [([3, 1], true), ([3, 1], false), ([3, 1], false)]);
+    }
+
+    #[test]
+    fn triangles_are_compared_only_where_something_refracts_or_mirrors() {
+        let [stone, glass] = ["stone", "glass"].map(|material| SceneMemory::of(&of_one_file(1000, material)));
+        let more = glass.bytes(SceneUse::Check) - stone.bytes(SceneUse::Check);
+        assert!(more >= 1000 * (COMPARED_TRIANGLE + SMOOTH_TRIANGLE), "{more}");
     }
 }

@@ -33,6 +33,7 @@ mod picture_samples;
 mod picture_size;
 mod ply;
 mod png_colour;
+mod png_metadata;
 mod polygon;
 mod profile;
 mod random;

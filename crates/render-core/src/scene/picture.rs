@@ -9,6 +9,7 @@ use image::{DynamicImage, ImageDecoder, Limits};
 
 use super::error::AssetProblem;
 use super::limits::{MAX_IMAGE_EDGE, MAX_PICTURE_BYTES};
+use super::png_metadata::profile;
 use crate::file_format::FileFormat;
 use crate::film::{ChannelKind, DecodeBudget, InputPart, OpenExr, OpenExrError, Plane};
 
@@ -81,16 +82,16 @@ pub(super) fn decode_picture(bytes: &[u8]) -> Result<Picture, AssetProblem> {
 
 fn decode_png(bytes: &[u8]) -> Result<PngPicture, AssetProblem> {
     let malformed = |error| AssetProblem::malformed(format_args!("is not a readable PNG file: {error}"));
+    let profile = profile(bytes)?;
     let mut limits = Limits::no_limits();
     limits.max_alloc = Some(MAX_PICTURE_BYTES);
-    let mut decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(malformed)?;
+    let decoder = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(malformed)?;
     let (width, height) = decoder.dimensions();
     check_size([u64::from(width), u64::from(height)])?;
     if decoder.total_bytes() > MAX_PICTURE_BYTES {
         let [found, limit] = [decoder.total_bytes(), MAX_PICTURE_BYTES].map(|bytes| format!("{bytes} bytes of pixels"));
         return Err(AssetProblem::TooLarge { found, limit });
     }
-    let profile = decoder.icc_profile().map_err(malformed)?;
     let image = DynamicImage::from_decoder(decoder).map_err(malformed)?;
     Ok(PngPicture { image, profile })
 }

@@ -1,6 +1,7 @@
 //! What a PNG file says of its colours. They are taken as sRGB, so a file that says otherwise is refused.
 
 use super::error::AssetProblem;
+use super::png_metadata::{Chunks, number};
 
 /// Chromaticities of white, red, green and blue, x and y of each.
 const REC_709: [f64; 8] = [0.3127, 0.329, 0.64, 0.33, 0.3, 0.6, 0.15, 0.06];
@@ -22,8 +23,9 @@ pub(super) fn check(png: &[u8], profile: Option<&[u8]>, is_grey: bool) -> Result
             "is a PNG file with {found}, must be sRGB: convert it, or save it as EXR"
         )))
     };
+    let chunk = |name| Chunks::of(png).find_content(name);
     // As the PNG specification orders them: the first that is there counts.
-    if let Some(&[primaries, transfer, ..]) = chunk(png, b"cICP") {
+    if let Some(&[primaries, transfer, ..]) = chunk(b"cICP") {
         return match (primaries, transfer) {
             (1, 13) => Ok(()),
             (_, 13) if is_grey => Ok(()),
@@ -37,16 +39,16 @@ pub(super) fn check(png: &[u8], profile: Option<&[u8]>, is_grey: bool) -> Result
             false => refuse(format!("the colour profile \"{}\"", profile.name())),
         };
     }
-    if chunk(png, b"sRGB").is_some() {
+    if chunk(b"sRGB").is_some() {
         return Ok(());
     }
-    if let Some(gamma) = chunk(png, b"gAMA").and_then(|chunk| number(chunk, 0)) {
+    if let Some(gamma) = chunk(b"gAMA").and_then(|chunk| number(chunk, 0)) {
         let gamma = f64::from(gamma) / 1e5;
         if (gamma - 1.0 / 2.2).abs() > TOLERANCE {
             return refuse(format!("a gamma (gAMA) of {gamma}"));
         }
     }
-    if let Some(chunk) = chunk(png, b"cHRM").filter(|_| !is_grey) {
+    if let Some(chunk) = chunk(b"cHRM").filter(|_| !is_grey) {
         let found: Vec<f64> =
             (0..8).filter_map(|index| number(chunk, 4 * index)).map(|value| f64::from(value) / 1e5).collect();
         if found.len() != 8 || REC_709.iter().zip(&found).any(|(right, found)| (right - found).abs() > TOLERANCE) {
@@ -54,29 +56,6 @@ pub(super) fn check(png: &[u8], profile: Option<&[u8]>, is_grey: bool) -> Result
         }
     }
     Ok(())
-}
-
-/// The content of a chunk before the pixels.
-fn chunk<'a>(png: &'a [u8], name: &[u8; 4]) -> Option<&'a [u8]> {
-    let mut rest = png.get(8..)?;
-    loop {
-        let length = number(rest, 0)? as usize;
-        let kind = rest.get(4..8)?;
-        let content = rest.get(8..8_usize.checked_add(length)?)?;
-        if kind == name {
-            return Some(content);
-        }
-        if kind == b"IDAT" {
-            return None;
-        }
-        // Its checksum follows.
-        rest = rest.get(length + 12..)?;
-    }
-}
-
-/// The number at a place, most significant byte first, as PNG and colour profiles have them.
-fn number(bytes: &[u8], place: usize) -> Option<u32> {
-    bytes.get(place..)?.first_chunk().map(|bytes| u32::from_be_bytes(*bytes))
 }
 
 /// An ICC profile.

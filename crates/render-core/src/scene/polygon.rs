@@ -7,7 +7,7 @@ use super::error::AssetProblem;
 /// Cuts the polygons of a file. A polygon of which a fan around its first corner covers nothing twice becomes that fan;
 /// every convex polygon is one. From any other, ears are cut.
 pub(super) struct Cutter {
-    /// Tests of a corner against an ear that are left for this file: intricate polygons take time beyond their size.
+    /// Looks at a corner, for itself and against an ear, that are left for this file: intricate polygons take time beyond their size.
     tests: u32,
 }
 
@@ -53,6 +53,8 @@ impl Cutter {
         let mut at = 0;
         let mut without_ear = 0;
         while left > 3 {
+            // Corners on a straight edge are passed again and again until it has become short.
+            self.count(1)?;
             let [a, c] = [previous[at], next[at]];
             // A polygon that crosses itself may have no ear: then any corner is cut.
             let is_ear = without_ear > left || turn(a, at, c) > 0.0 && self.is_empty(corners, [a, at, c], &reflex)?;
@@ -77,9 +79,7 @@ impl Cutter {
     /// Whether no reflex corner lies in a triangle. Corners at the same place as one of the triangle's are none that lie
     /// in it: holes are joined to their polygon along an edge that is there twice.
     fn is_empty(&mut self, corners: &[DVec2], triangle: [usize; 3], reflex: &[usize]) -> Result<bool, AssetProblem> {
-        self.tests = self.tests.checked_sub(reflex.len() as u32).ok_or_else(|| {
-            AssetProblem::malformed("has polygons that are too intricate: cut them into triangles before exporting")
-        })?;
+        self.count(reflex.len() as u32)?;
         let [a, b, c] = triangle.map(|corner| corners[corner]);
         let lies_inside = |point: DVec2| {
             ![a, b, c].contains(&point)
@@ -88,6 +88,14 @@ impl Cutter {
                 && (a - c).perp_dot(point - c) >= 0.0
         };
         Ok(!reflex.iter().any(|&corner| lies_inside(corners[corner])))
+    }
+
+    /// Takes tests from those that are left.
+    fn count(&mut self, tests: u32) -> Result<(), AssetProblem> {
+        self.tests = self.tests.checked_sub(tests).ok_or_else(|| {
+            AssetProblem::malformed("has polygons that are too intricate: cut them into triangles before exporting")
+        })?;
+        Ok(())
     }
 }
 
@@ -198,6 +206,28 @@ mod tests {
         let outline: Vec<[f64; 2]> = (0..teeth).rev().flat_map(tooth).chain([[0.0, 0.0], [2000.0, 0.0]]).collect();
         let mut cutter = Cutter { tests: 1000 };
         let error = cutter.cut(&flat(&outline), |_| {}).unwrap_err().to_string();
+        assert!(error.contains("too intricate"), "{error}");
+    }
+
+    /// An L with corners along the edge before its dent.
+    fn with_straight_edge(corners: u32) -> Vec<DVec3> {
+        let along = |corner: u32| [4.0 - 3.0 * f64::from(corner) / f64::from(corners), 1.0];
+        let others = [[1.0, 4.0], [0.0, 4.0], [0.0, 0.0], [4.0, 0.0], [4.0, 1.0]];
+        flat(&(1..=corners).map(along).chain(others).collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn corners_on_a_straight_edge_are_counted_however_often_they_are_passed() {
+        let few = cut(&with_straight_edge(4));
+        assert_eq!(few, [[3, 4, 5], [3, 5, 6], [3, 6, 7], [3, 7, 8], [8, 0, 1], [1, 2, 3], [1, 3, 8]]);
+        // A thousand corners on the edge are passed half a million times.
+        for (tests, is_cut) in [(600_000, true), (500_000, false)] {
+            let mut triangles = 0;
+            let result = Cutter { tests }.cut(&with_straight_edge(1000), |_| triangles += 1);
+            assert_eq!(result.is_ok(), is_cut, "{triangles} triangles");
+        }
+        let mut cutter = Cutter { tests: 1 << 20 };
+        let error = cutter.cut(&with_straight_edge(1_000_000), |_| {}).unwrap_err().to_string();
         assert!(error.contains("too intricate"), "{error}");
     }
 }

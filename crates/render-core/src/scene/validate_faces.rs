@@ -9,10 +9,13 @@ use super::json_path::JsonPath;
 use super::validate::{Check, Quoted};
 use super::validate_places::{Metres, further};
 use crate::geometry::coincidence::{Faces, area_normal};
-use crate::geometry::contact::overlap;
+use crate::geometry::contact::{NOWHERE, Shape, join, overlap};
 
 /// In meshes of more triangles, such as water, faces are compared with those of other meshes alone.
 const MOST_OWN_TRIANGLES: u32 = 1 << 18;
+
+/// Boxes that are compared to find out which faces are, a second's work: faces beyond that are all compared.
+const MOST_BOX_TESTS: u64 = 1 << 29;
 
 /// Checks that no face of a dielectric lies in one place with another face, and no mirror in the surface of another mesh.
 pub(super) fn check_faces(corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Check {
@@ -51,39 +54,71 @@ pub(super) fn check_faces(corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSur
     Err(SceneError::value(&path, found, expected))
 }
 
-/// The triangles of smooth meshes that may lie where others do, and those others.
+/// The triangles of smooth meshes that may lie where others do, and those others. Where that takes too long to find out, some more.
 fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Vec<u32> {
-    const NOWHERE: [DVec3; 2] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-    let join = |a: [DVec3; 2], b: [DVec3; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-    let around = |triangle: u32| {
-        let [a, b, c] = corners(triangle);
-        [a.min(b).min(c), a.max(b).max(c)]
-    };
-    let smooth: Vec<(usize, [DVec3; 2])> = (meshes.iter().enumerate())
-        .filter(|(_, mesh)| mesh.is_smooth())
-        .map(|(index, mesh)| (index, mesh.triangle_range().map(around).fold(NOWHERE, join)))
-        .collect();
-    let meets_smooth = |index: usize, bounds: &[DVec3; 2]| {
-        smooth.iter().any(|(other, other_bounds)| *other != index && overlap(bounds, other_bounds))
-    };
+    if !meshes.iter().any(MeshSurface::is_smooth) {
+        return Vec::new();
+    }
+    let around = |triangle: u32| Shape::Polygon(&corners(triangle)).bounds();
+    let bounds = meshes.iter().map(|mesh| mesh.triangle_range().map(around).fold(NOWHERE, join)).collect();
+    let mut near = Near { meshes, bounds, tests: MOST_BOX_TESTS };
     let mut faces = Vec::new();
     let mut others = NOWHERE;
     for (index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| !mesh.is_smooth()) {
-        for triangle in mesh.triangle_range().filter(|triangle| meets_smooth(index, &around(*triangle))) {
-            others = join(others, around(triangle));
-            faces.push(triangle);
+        let boxes = near.smooth_meshes(index);
+        let whole = boxes.iter().copied().fold(NOWHERE, join);
+        for triangle in mesh.triangle_range() {
+            let bounds = around(triangle);
+            if overlap(&bounds, &whole) && near.meets(&boxes, &bounds) {
+                others = join(others, bounds);
+                faces.push(triangle);
+            }
         }
     }
-    for (index, _) in &smooth {
-        let mesh = &meshes[*index];
-        let is_compared_with_itself = mesh.is_dielectric() && mesh.triangles() <= MOST_OWN_TRIANGLES;
-        let is_candidate = |triangle: &u32| {
+    for (index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_smooth()) {
+        if mesh.is_dielectric() && mesh.triangles() <= MOST_OWN_TRIANGLES {
+            faces.extend(mesh.triangle_range());
+            continue;
+        }
+        let boxes = near.smooth_meshes(index);
+        let whole = boxes.iter().copied().fold(NOWHERE, join);
+        faces.extend(mesh.triangle_range().filter(|triangle| {
             let bounds = around(*triangle);
-            is_compared_with_itself || overlap(&bounds, &others) || meets_smooth(*index, &bounds)
-        };
-        faces.extend(mesh.triangle_range().filter(is_candidate));
+            overlap(&bounds, &others) || overlap(&bounds, &whole) && near.meets(&boxes, &bounds)
+        }));
     }
     faces
+}
+
+/// Finds the smooth meshes near something.
+struct Near<'a> {
+    meshes: &'a [MeshSurface],
+    /// Boxes around all meshes.
+    bounds: Vec<[DVec3; 2]>,
+    /// Boxes that may still be compared.
+    tests: u64,
+}
+
+impl Near<'_> {
+    /// The boxes around the other smooth meshes that overlap that around a mesh.
+    fn smooth_meshes(&mut self, index: usize) -> Vec<[DVec3; 2]> {
+        let Some(left) = self.tests.checked_sub(self.meshes.len() as u64) else {
+            return vec![[DVec3::NEG_INFINITY, DVec3::INFINITY]];
+        };
+        self.tests = left;
+        let others = self.meshes.iter().zip(&self.bounds).enumerate();
+        let near = others.filter(|(other, (mesh, bounds))| {
+            *other != index && mesh.is_smooth() && overlap(&self.bounds[index], bounds)
+        });
+        near.map(|(_, (_, bounds))| *bounds).collect()
+    }
+
+    /// Whether a box overlaps one of some, as far as there is time to find out.
+    fn meets(&mut self, boxes: &[[DVec3; 2]], bounds: &[DVec3; 2]) -> bool {
+        let Some(left) = self.tests.checked_sub(boxes.len() as u64) else { return true };
+        self.tests = left;
+        boxes.iter().any(|other| overlap(bounds, other))
+    }
 }
 
 #[cfg(test)]
@@ -167,6 +202,44 @@ mod tests {
         // Side by side in one plane, as slabs in a floor.
         let slab = mesh("slab", "stone", &[block([0.000_001, -0.1, 0.1], [0.2, 0.1, 0.3])]);
         build(&[mesh("left", "glass", &[left]), slab]).unwrap();
+    }
+
+    #[test]
+    fn only_faces_near_other_smooth_meshes_are_compared_and_all_when_there_is_no_time_to_find_out() {
+        let cube = |x: f64| block([x, 0.1, 0.1], [x + 0.2, 0.3, 0.3]);
+        let mut scene = valid_scene();
+        scene["panes"] = json!([]);
+        scene["materials"] = json!({
+            "stone": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}}, "glass": {"dielectric": {}}, "mirror": {"mirror": {}}
+        });
+        // Stone and a mirror, each with one part that reaches into the cube of glass and one far away.
+        scene["meshes"] = json!([
+            mesh("stone", "stone", &[cube(0.05), cube(5.0)]),
+            mesh("glass", "glass", &[cube(0.1)]),
+            mesh("mirror", "mirror", &[cube(0.15), cube(-7.0)]),
+            mesh("far", "mirror", &[cube(9.0)]),
+        ]);
+        for (index, mesh) in scene["meshes"].as_array_mut().unwrap().iter_mut().enumerate() {
+            mesh["translate"] = json!([0, 0.01 * index as f64, 0.01 * index as f64]);
+        }
+        let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+        let scene = Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap();
+        let corners = |triangle: u32| *scene.accelerator().corners(triangle);
+        let found = candidates(&corners, scene.meshes());
+        let around = |triangle: u32| Shape::Polygon(&corners(triangle)).bounds();
+        let whole = |mesh: &MeshSurface| mesh.triangle_range().map(around).fold(NOWHERE, join);
+        let is_near = |triangle: &u32| {
+            let mesh = scene.mesh_of(*triangle);
+            let others = scene.meshes().iter().enumerate().filter(|(other, _)| *other != mesh as usize);
+            others.filter(|(_, mesh)| mesh.is_smooth()).any(|(_, mesh)| overlap(&around(*triangle), &whole(mesh)))
+        };
+        let expected: Vec<u32> = (0..72).filter(|triangle| (24..36).contains(triangle) || is_near(triangle)).collect();
+        assert_eq!(found, expected);
+        assert!(expected.len() > 20 && !expected.iter().any(|k| (12..24).contains(k) || *k >= 48), "{expected:?}");
+        let bounds = vec![NOWHERE; 4];
+        let mut near = Near { meshes: scene.meshes(), bounds, tests: 3 };
+        let everywhere = near.smooth_meshes(0);
+        assert!(near.meets(&everywhere, &[DVec3::ZERO, DVec3::ONE]));
     }
 
     #[test]

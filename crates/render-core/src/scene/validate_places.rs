@@ -4,6 +4,7 @@
 //! Opaque meshes may stand in glass, as leading and masonry do: where they do, they are black.
 
 use std::fmt;
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -14,7 +15,7 @@ use super::json_path::JsonPath;
 use super::validate::{Check, Quoted};
 use super::{Camera, MeshSurface};
 use crate::geometry::Pane;
-use crate::geometry::contact::{Shape, contact, overlap, way_out};
+use crate::geometry::contact::{NOWHERE, Shape, contact, join, overlap, way_out};
 use crate::optics::Light;
 use crate::optics::light::Body;
 
@@ -24,14 +25,37 @@ const MOST_PARTS: u32 = 1 << 21;
 /// So much of a distance may be rounding, micrometres.
 const ROUNDING_MICROMETRES: f64 = 1e-3;
 
-/// Triangles whose boxes are compared with that of a pane for the price of one part.
-const TRIANGLES_FOR_A_PART: u32 = 64;
+/// Boxes that are compared with that of a pane for the price of one part.
+const BOXES_FOR_A_PART: usize = 64;
+
+/// Triangles that share a box: in most meshes, those that follow each other lie side by side.
+const TRIANGLES_IN_A_BOX: usize = 64;
 
 /// Bodies that must be apart, with a bound on the work of all comparisons.
 struct Places<'a> {
     description: &'a SceneDescription,
     panes: &'a [Pane],
     budget: u32,
+}
+
+/// Boxes around a mesh.
+struct Boxes {
+    whole: [DVec3; 2],
+    /// Those around some of its triangles each, and which these are.
+    parts: Vec<(Range<u32>, [DVec3; 2])>,
+}
+
+impl Boxes {
+    fn around(mesh: &MeshSurface, corners: impl Fn(u32) -> [DVec3; 3]) -> Self {
+        let all = mesh.triangle_range();
+        let part = |first: u32| {
+            let triangles = first..all.end.min(first + TRIANGLES_IN_A_BOX as u32);
+            let bounds = triangles.clone().map(|triangle| Shape::Polygon(&corners(triangle)).bounds());
+            (triangles, bounds.fold(NOWHERE, join))
+        };
+        let parts: Vec<(Range<u32>, [DVec3; 2])> = all.clone().step_by(TRIANGLES_IN_A_BOX).map(part).collect();
+        Self { whole: parts.iter().map(|(_, bounds)| *bounds).fold(NOWHERE, join), parts }
+    }
 }
 
 /// Checks that panes stand apart from one another and from smooth meshes.
@@ -112,31 +136,52 @@ impl Places<'_> {
     }
 
     fn check_meshes(&mut self, corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Check {
+        if self.panes.is_empty() {
+            return Ok(());
+        }
+        let smooth = meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_smooth());
+        let smooth: Vec<(usize, Boxes)> = smooth.map(|(index, mesh)| (index, Boxes::around(mesh, &corners))).collect();
         for (pane_index, pane) in self.panes.iter().enumerate() {
             let around = pane.world_bounds();
-            for (mesh_index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_smooth()) {
-                self.budget = self.budget.saturating_sub(mesh.triangles() / TRIANGLES_FOR_A_PART);
-                for triangle in mesh.triangle_range() {
-                    let corners = corners(triangle);
-                    let shape = Shape::Polygon(&corners);
-                    if !overlap(&around, &shape.bounds()) {
+            self.count_boxes(smooth.len());
+            for (mesh_index, Boxes { whole, parts }) in &smooth {
+                if !overlap(&around, whole) {
+                    continue;
+                }
+                self.count_boxes(parts.len());
+                for (triangles, part) in parts {
+                    if self.budget == 0 {
+                        return Ok(());
+                    }
+                    if !overlap(&around, part) {
                         continue;
                     }
-                    let Some(at) = contact(pane, &shape, &mut self.budget) else { continue };
+                    self.count_boxes(triangles.len());
+                    let meets = |triangle| {
+                        let corners = corners(triangle);
+                        let shape = Shape::Polygon(&corners);
+                        overlap(&around, &shape.bounds()).then(|| contact(pane, &shape, &mut self.budget)).flatten()
+                    };
+                    let Some(at) = triangles.clone().find_map(meets) else { continue };
                     let root = JsonPath::Root;
-                    let meshes = root.member("meshes");
+                    let path = root.member("meshes");
                     let found = format!(
                         "mesh {} in or against the glass of pane {} (panes[{pane_index}]) at {}",
-                        Quoted(mesh.name()),
+                        Quoted(meshes[*mesh_index].name()),
                         Quoted(&pane.name),
                         Metres(at)
                     );
                     let expected = "apart from it: a dielectric or mirror that stands in glass would be black";
-                    return Err(SceneError::value(&meshes.element(mesh_index).member("source"), found, expected));
+                    return Err(SceneError::value(&path.element(*mesh_index).member("source"), found, expected));
                 }
             }
         }
         Ok(())
+    }
+
+    /// Pays for boxes that are compared with that of a pane.
+    fn count_boxes(&mut self, boxes: usize) {
+        self.budget = self.budget.saturating_sub(boxes.div_ceil(BOXES_FOR_A_PART) as u32);
     }
 
     fn check_lights(&mut self, lights: &[Light]) -> Check {
@@ -402,6 +447,37 @@ mod tests {
         }
         check_allowed(wall(stone(), 1.001, across));
         check_allowed(wall(stone(), 0.5, standing));
+    }
+
+    #[test]
+    fn a_mesh_of_many_triangles_that_most_panes_are_far_from_uses_up_no_budget() {
+        let mut scene = valid_scene();
+        let pane = |i: u32| {
+            json!({
+                "name": i.to_string(), "centre": [f64::from(i), 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+                "width": 0.1, "height": 0.1, "thickness": 0.002
+            })
+        };
+        scene["panes"] = (0..20).map(pane).collect();
+        scene["materials"]["water"] = json!({"dielectric": {"index_of_refraction": 1.33}});
+        scene["meshes"] = json!([{
+            "name": "sea", "material": "water", "rotate": [90, 0, 0], "translate": [0, -9, 0],
+            "source": {"waves": {"size": [60, 60], "cells": [80, 80], "wavelengths": [3, 5], "height": 0.01, "seed": 1}}
+        }]);
+        let scene = build(&scene).unwrap();
+        let found = |rise: f64, x: f64| {
+            let corners =
+                |triangle: u32| scene.accelerator().corners(triangle).map(|corner| corner + DVec3::new(x, rise, 0.0));
+            let mut places = Places { description: scene.description(), panes: scene.panes(), budget: 2000 };
+            let result = places.check_meshes(corners, scene.meshes());
+            (places.budget, result.err().map(|error| error.to_string()))
+        };
+        // Below all panes, around all of them, and around the last alone.
+        let (left, message) = found(0.0, 0.0);
+        assert!(left > 1900 && message.is_none(), "{left} {message:?}");
+        assert!(found(9.0, 0.0).1.unwrap().contains("pane \"0\""));
+        let message = found(9.0, 48.99).1.unwrap();
+        assert!(message.contains("mesh \"sea\" in or against the glass of pane \"19\""), "{message}");
     }
 
     #[test]

@@ -33,11 +33,12 @@ impl<'a> ObjFile<'a> {
         self.counts.triangles
     }
 
-    /// A vertex is a position with a texture coordinate and a normal, as corners name them. There are no more than of these together, but in files
-    /// that mix a few of each in all ways.
+    /// A vertex is a position with a texture coordinate and a normal, as corners in one group name them. In each group there are no more than of these
+    /// together, but in files that mix a few of each in all ways.
     pub(super) fn vertices(&self) -> usize {
-        let Counts { positions, texture_coordinates, normals, triangles } = self.counts;
-        positions.max((3 * triangles).min(positions + texture_coordinates + normals))
+        let Counts { positions, texture_coordinates, normals, triangles, groups } = self.counts;
+        let named = positions + texture_coordinates + normals;
+        positions.max((3 * triangles).min(named.saturating_mul(groups)))
     }
 
     /// Decodes it.
@@ -56,19 +57,26 @@ struct Counts {
     texture_coordinates: usize,
     normals: usize,
     triangles: usize,
+    /// Groups with faces.
+    groups: usize,
 }
 
 impl Counts {
     fn of(bytes: &[u8]) -> Self {
         let mut counts = Self::default();
+        let mut is_new_group = true;
         let mut statements = Statements::new(bytes);
         while let Some(statement) = statements.next() {
             match statement.kind {
                 Kind::Position => counts.positions += 1,
                 Kind::TextureCoordinate => counts.texture_coordinates += 1,
                 Kind::Normal => counts.normals += 1,
-                Kind::Face => counts.triangles += Words(statement.arguments).count().saturating_sub(2),
-                Kind::Group => {}
+                Kind::Face => {
+                    counts.triangles += Words(statement.arguments).count().saturating_sub(2);
+                    counts.groups += usize::from(is_new_group);
+                    is_new_group = false;
+                }
+                Kind::Group => is_new_group = true,
             }
         }
         counts

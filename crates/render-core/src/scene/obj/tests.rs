@@ -6,6 +6,7 @@ fn decode(text: impl AsRef<[u8]>) -> Result<TriangleMesh, AssetProblem> {
     let file = ObjFile::open(text.as_ref())?;
     let mesh = file.decode()?;
     assert_eq!(mesh.triangles.len(), file.triangles(), "the count before decoding");
+    assert!(mesh.positions.len() <= file.vertices(), "the count before decoding");
     Ok(mesh)
 }
 
@@ -41,6 +42,20 @@ fn a_vertex_is_one_corner_of_one_group() {
     let mesh = decode(groups).unwrap();
     assert_eq!(mesh.triangles, [[0, 1, 2], [0, 2, 3], [4, 5, 6], [7, 5, 6]]);
     assert!(mesh.normals.is_empty(), "some corners have none");
+}
+
+#[test]
+fn vertices_that_every_group_has_for_itself_are_counted_before_decoding() {
+    let vertices = |text: &str| ObjFile::open(text.as_bytes()).unwrap().vertices();
+    let faces = "f 1 2 3\nf 1 3 4\nf 2 3 4\n";
+    assert_eq!(vertices(&format!("o a\n{SQUARE}g b\n{faces}g c\n")), 4);
+    let twice = format!("{SQUARE}o a\n{faces}o b\n{faces}");
+    assert_eq!(vertices(&twice), 8);
+    assert_eq!(decode(&twice).unwrap().positions.len(), 8);
+    // No more than corners of triangles.
+    let often = format!("{SQUARE}{}", "g\nf 1 2 3\n".repeat(100));
+    assert_eq!(vertices(&often), 300);
+    assert_eq!(decode(&often).unwrap().positions.len(), 300);
 }
 
 #[test]

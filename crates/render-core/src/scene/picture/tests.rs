@@ -5,7 +5,11 @@ use exr::prelude::Vec2;
 use glam::{DVec2, DVec3};
 
 use super::super::height_map::HeightMap;
-use super::super::picture_samples::{encode_exr, encode_exr_with, encode_whole_numbers, png_of, profile_chunk};
+use super::super::picture_samples::{
+    encode_exr, encode_exr_with, encode_png, encode_whole_numbers, png_of, profile_chunk,
+};
+use super::super::picture_size::picture_size;
+use super::super::png_metadata::number;
 use super::super::texture::Texture;
 
 const HEIGHTS: [f32; 6] = [0.0, 0.125, 0.25, 0.375, 0.5, 0.625];
@@ -287,6 +291,63 @@ fn png_files_of_other_colours_are_refused() {
     assert!(grey(&[chunk(profile(&[(b"desc", name("Gray Gamma 2.2")), (b"kTRC", gamma(2.2))]))]).is_ok());
     let message = grey(&[chunk(profile(&[(b"desc", name("Gray Gamma 1.0")), (b"kTRC", gamma(1.0))]))]).unwrap_err();
     assert!(message.contains("Gray Gamma 1.0"), "{message}");
+}
+
+/// A grey picture with a profile of zeros, about as many as there are in these rows, compressed.
+fn with_zeros_for_a_profile(rows: u32) -> Vec<u8> {
+    let zeros = encode_png(image::DynamicImage::new_luma8(1 << 12, rows));
+    let mut profile = b"zeros\0\0".to_vec();
+    let mut place = 8;
+    while let Some(length) = number(&zeros, place) {
+        let content = place + 8..place + 8 + length as usize;
+        if zeros[place + 4..place + 8] == *b"IDAT" {
+            profile.extend(&zeros[content.clone()]);
+        }
+        place = content.end + 4;
+    }
+    png_of([1, 1], [16, 0, 0], &[(b"iCCP", profile), (b"IDAT", vec![0, 1, 2])])
+}
+
+#[test]
+fn a_colour_profile_that_grows_without_bound_is_refused_and_counted_as_what_is_read_of_it() {
+    let refused = |png: &[u8]| Texture::decode(png).unwrap_err().to_string();
+    let large = with_zeros_for_a_profile(1 << 11);
+    assert!(large.len() < 1 << 16);
+    check_both_refused(&large, &["a PNG file with a colour profile (iCCP) that is larger than 4 MiB", "must be sRGB"]);
+    let size = picture_size(&large).unwrap();
+    assert_eq!(size.pixels, 1);
+    assert!(size.decoded_bytes < 32 << 20, "{size:?}");
+    // Some megabytes are read.
+    assert!(refused(&with_zeros_for_a_profile(1 << 9)).contains("the colour profile \"without a name\""));
+    // One that is damaged counts for nothing.
+    let chunk = profile_chunk(&[7; 100]);
+    let damaged = png_of([1, 1], [16, 0, 0], &[(b"iCCP", chunk[..50].to_vec()), (b"IDAT", vec![0, 1, 2])]);
+    assert!(Texture::decode(&damaged).is_ok());
+}
+
+#[test]
+fn the_header_of_a_png_file_says_how_much_its_pixels_take() {
+    let kinds = [
+        ([16, 0, 0], false, 2),
+        ([16, 0, 0], true, 4),
+        ([1, 0, 0], false, 1),
+        ([16, 2, 0], false, 6),
+        ([8, 2, 0], true, 4),
+        ([4, 3, 0], false, 3),
+        ([4, 3, 0], true, 4),
+        ([8, 4, 0], false, 2),
+        ([16, 6, 1], false, 8),
+    ];
+    for (kind, is_transparent, pixel_bytes) in kinds {
+        let mut chunks: Vec<(&[u8; 4], Vec<u8>)> = vec![(b"tRNS", vec![0, 1]), (b"IDAT", vec![])];
+        if !is_transparent {
+            chunks.remove(0);
+        }
+        let size = picture_size(&png_of([300, 200], kind, &chunks)).unwrap();
+        assert_eq!(size.pixels, 60_000);
+        let pixel_bytes = pixel_bytes * size.pixels;
+        assert!((pixel_bytes..pixel_bytes + 1000).contains(&size.decoded_bytes), "{kind:?} {size:?}");
+    }
 }
 
 #[test]
