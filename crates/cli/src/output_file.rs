@@ -177,8 +177,12 @@ fn keep_access(content: &File, replaced: &Metadata) -> io::Result<()> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::{MetadataExt, fchown};
-        // Another owner's file becomes this user's, as with any program that replaces files.
-        let _ = fchown(content, Some(replaced.uid()), Some(replaced.gid()));
+        let (owner, group) = (replaced.uid(), replaced.gid());
+        if fchown(content, Some(owner), Some(group)).is_err() {
+            // Another owner's file becomes this user's, as with any program that replaces files. The group is tried alone, because a
+            // system that refuses the owner changes neither.
+            let _ = fchown(content, None, Some(group));
+        }
     }
     content.set_permissions(replaced.permissions())
 }
