@@ -209,3 +209,12 @@ fn an_image_that_replaces_one_of_another_user_keeps_its_group() {
     assert!(written.len() > 3);
     assert_eq!((written.uid(), written.gid(), written.mode() & 0o7777), (user, group, 0o660));
 }
+
+#[test]
+fn a_comparison_says_why_the_relative_error_can_rise() {
+    let folder = Folder::new();
+    folder.succeeds(&["render", "scene.json", "--spp", "4"]);
+    let text = folder.succeeds(&["compare", "scene.exr", "scene.exr"]);
+    let row = text.lines().find(|row| row.starts_with("relMSE")).unwrap();
+    assert!(row.contains("it rises when a bright sample arrives"), "{text}");
+}
