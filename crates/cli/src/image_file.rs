@@ -3,8 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use clerestory_render_core::film::{DecodeBudget, FrameImage};
+use clerestory_render_core::film::{DecodeBudget, FrameImage, ImageMetadata};
 use clerestory_render_core::scene::description::FilmDescription;
+use exr::meta::MetaData;
+use exr::meta::attribute::{AttributeValue, Text};
 
 use crate::failure::Failure;
 
@@ -30,6 +32,16 @@ pub(crate) fn read_reference(file: &Path, film: FilmDescription) -> Result<(Vec<
         )));
     }
     Ok((bytes, image))
+}
+
+/// What an image of this program says of how it was made. Its header is enough of it.
+pub(crate) fn metadata(head: &[u8]) -> Option<ImageMetadata> {
+    let parts = MetaData::read_from_buffered(head, false).ok()?.headers;
+    let name = Text::from("clerestory");
+    match parts.iter().find_map(|part| part.own_attributes.other.get(&name))? {
+        AttributeValue::Text(json) => serde_json::from_str(&json.to_string()).ok(),
+        _ => None,
+    }
 }
 
 fn read_with_bytes(file: &Path) -> Result<(Vec<u8>, FrameImage), Failure> {

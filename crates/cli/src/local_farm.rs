@@ -34,6 +34,8 @@ pub(crate) struct FarmPlan {
     pub(crate) workers: usize,
     /// Threads of each worker.
     pub(crate) threads: usize,
+    /// MiB of memory that the scenes of each worker may take; `None` for all that the machine has.
+    pub(crate) memory_mib: Option<u64>,
     /// Folder for the logs of each process; without one they go to standard error.
     pub(crate) logs: Option<PathBuf>,
     /// What the processes see of the settings in the environment.
@@ -65,9 +67,7 @@ impl LocalFarm {
         let mut workers = JoinSet::new();
         for number in 1..=plan.workers {
             let name = format!("worker-{number}");
-            let threads = plan.threads.to_string();
-            let mut arguments = words(&["worker", "--coordinator", &address, "--name", &name, "--threads", &threads]);
-            arguments.extend(token_option(plan));
+            let arguments = worker_arguments(plan, &address, &name);
             workers.spawn(supervise(name, arguments, plan.clone(), stop_workers.clone()));
         }
         Ok(Self { address, coordinator, stop_coordinator, workers, stop_workers })
@@ -177,6 +177,17 @@ async fn supervise(name: String, arguments: Vec<OsString>, plan: FarmPlan, stop:
     info!(name, "stopped");
 }
 
+/// The arguments of a worker.
+fn worker_arguments(plan: &FarmPlan, address: &str, name: &str) -> Vec<OsString> {
+    let threads = plan.threads.to_string();
+    let mut arguments = words(&["worker", "--coordinator", address, "--name", name, "--threads", &threads]);
+    if let Some(memory) = plan.memory_mib {
+        arguments.extend(words(&["--memory-mib", &memory.to_string()]));
+    }
+    arguments.extend(token_option(plan));
+    arguments
+}
+
 fn words(words: &[&str]) -> Vec<OsString> {
     words.iter().map(OsString::from).collect()
 }
@@ -193,7 +204,36 @@ fn log_file(plan: &FarmPlan, name: &str) -> Option<PathBuf> {
 
 #[cfg(test)]
 mod tests {
+    use clerestory_worker::machine_memory;
+
     use super::*;
+    use crate::commands::farm::share_of_memory;
+
+    #[test]
+    fn workers_of_one_machine_share_its_memory() {
+        let memory_of = |workers| {
+            let plan = FarmPlan {
+                listen: String::new(),
+                data: PathBuf::new(),
+                token_file: None,
+                workers,
+                threads: 1,
+                memory_mib: share_of_memory(workers),
+                logs: None,
+                environment: Environment::Inherited,
+            };
+            let arguments = worker_arguments(&plan, "http://127.0.0.1:7171", "worker-1");
+            let at = arguments.iter().position(|argument| argument == "--memory-mib")?;
+            arguments[at + 1].to_str().unwrap().parse::<u64>().ok()
+        };
+        assert_eq!(memory_of(1), None, "it may take all");
+        let Some(machine) = machine_memory() else { return };
+        for workers in [2, 3, 8] {
+            let each = memory_of(workers).unwrap() << 20;
+            let all = each * workers as u64;
+            assert!(all <= machine && machine - all < (workers as u64) << 20, "{workers} of {each} in {machine}");
+        }
+    }
 
     #[test]
     fn a_coordinator_listens_again_where_it_did() {

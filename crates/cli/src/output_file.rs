@@ -3,7 +3,7 @@
 mod destination;
 
 use std::collections::BTreeSet;
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fs::{self, File, Metadata};
 use std::io::{self, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -32,13 +32,24 @@ pub(crate) fn write(file: &Path, content: &[u8]) -> Result<(), Failure> {
 pub(crate) fn write_or_keep(file: &Path, content: &[u8]) -> Result<(), Failure> {
     write(file, content).map_err(|failure| {
         let Failure::Write { file, source } = failure else { return failure };
-        let name = file.file_name().and_then(OsStr::to_str).unwrap_or("image");
-        let kept = std::env::temp_dir().join(format!("clerestory-{}-{name}", std::process::id()));
-        match write(&kept, content) {
-            Ok(()) => Failure::WrittenElsewhere { file, kept, source },
+        match keep(file.file_name().unwrap_or(OsStr::new("image")), content) {
+            Ok(kept) => Failure::WrittenElsewhere { file, kept, source },
             Err(_) => Failure::Write { file, source },
         }
     })
+}
+
+/// Writes a new file into the folder for temporary files, and returns its path. Others write to that folder too: a name that they
+/// can guess may be a link of theirs.
+fn keep(name: &OsStr, content: &[u8]) -> io::Result<PathBuf> {
+    let mut suffix = OsString::from("-");
+    suffix.push(if name.len() <= LONGEST_PREFIX { name } else { OsStr::new("image") });
+    let mut file = Builder::new().prefix("clerestory-").suffix(&suffix).tempfile()?;
+    let place = file.path().to_owned();
+    unfinished().insert(place.clone());
+    let kept = file.write_all(content).and_then(|()| file.as_file().sync_all()).and_then(|()| Ok(file.keep()?.1));
+    unfinished().remove(&place);
+    kept
 }
 
 /// Removes the unfinished files of this process, which is about to end at once.
@@ -177,8 +188,12 @@ fn keep_access(content: &File, replaced: &Metadata) -> io::Result<()> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::{MetadataExt, fchown};
-        // Another owner's file becomes this user's, as with any program that replaces files.
-        let _ = fchown(content, Some(replaced.uid()), Some(replaced.gid()));
+        let (owner, group) = (replaced.uid(), replaced.gid());
+        if fchown(content, Some(owner), Some(group)).is_err() {
+            // Another owner's file becomes this user's, as with any program that replaces files. The group is tried alone, because a
+            // system that refuses the owner changes neither.
+            let _ = fchown(content, None, Some(group));
+        }
     }
     content.set_permissions(replaced.permissions())
 }

@@ -39,6 +39,11 @@ pub(crate) fn gaps(metadata: &ImageMetadata) -> Option<String> {
     })
 }
 
+/// [`gaps`], as a line of its own.
+pub(crate) fn note_of_gaps(metadata: &ImageMetadata) -> Option<String> {
+    gaps(metadata).map(|gaps| format!("Standard error: {gaps}"))
+}
+
 /// Says that the noise of a reference is known in some of its tiles only, so that too little of it is taken off the error.
 pub(crate) fn reference_gaps(reference: &FrameImage) -> Option<String> {
     let metadata = reference.metadata().filter(|metadata| metadata.tiles_with_standard_error() > 0)?;

@@ -17,9 +17,8 @@ const BAR_STEPS: u64 = 1000;
 /// Time between lines of progress where there is no terminal to draw a bar on.
 pub(crate) const LINE_PERIOD: Duration = Duration::from_secs(5);
 
-/// Said once, when relMSE rises from one round to the next.
-const REL_MSE_RISES: &str =
-    "  (relMSE weighs dark pixels most: it rises when a bright sample arrives, and falls again with more samples)";
+/// Why relMSE can rise although the image gets better.
+pub(crate) const REL_MSE_NOTE: &str = "weighs dark pixels most: it rises when a bright sample arrives";
 
 /// A text of others as a part of a line: what would steer the terminal or begin another line is written as an escape.
 pub(crate) fn printable(text: &str) -> Cow<'_, str> {
@@ -179,7 +178,7 @@ impl Progress {
         self.note(&columns.row(point));
         let rises = self.last_rel_mse.zip(point.rel_mse).is_some_and(|(last, now)| now > last);
         if rises && !std::mem::replace(&mut self.has_explained_rise, true) {
-            self.note(REL_MSE_RISES);
+            self.note(&format!("  (relMSE {REL_MSE_NOTE}, and falls again with more samples)"));
         }
         self.last_rel_mse = point.rel_mse;
     }

@@ -13,6 +13,8 @@ pub struct Config {
     pub name: String,
     /// Threads that render.
     pub threads: NonZeroUsize,
+    /// Bytes of memory that scenes may take together; `None` for all that the machine has.
+    pub memory: Option<u64>,
     /// Which build of Clerestory this is; written into every partial.
     pub build: String,
 }

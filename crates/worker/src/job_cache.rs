@@ -1,7 +1,7 @@
 //! The scenes of the last few jobs, built or being built, and the assets they are made of.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
 use clerestory_api::{Client, ClientError, ContentHash, JobId, JobScene, ProblemCode, SceneBuilding, WorkerActivity};
@@ -11,11 +11,11 @@ use tokio::sync::{Mutex, watch};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, info};
 
-use crate::machine::machine_memory;
 use crate::renderer::RenderedNode;
 use crate::retry::until_answered;
+use crate::scene_budget::{MemoryLimit, Reservation, SceneBudget};
 
-/// Jobs whose scenes are kept.
+/// Jobs whose scenes are kept, as far as they fit into memory.
 const KEPT_JOBS: usize = 4;
 
 /// Bytes of assets that are kept for the scenes to come, which often differ in a few numbers only.
@@ -32,6 +32,8 @@ pub(crate) struct JobPlan {
     pub(crate) scene: Scene,
     /// How its image is cut into tiles.
     pub(crate) grid: TileGrid,
+    /// The memory of the scene, given back after it.
+    _memory: Reservation,
 }
 
 impl JobPlan {
@@ -77,8 +79,31 @@ impl PlanError {
 /// lease of its job.
 pub(crate) struct JobCache {
     maker: Arc<Maker>,
+    plans: Arc<Plans>,
+}
+
+/// The plans themselves. What makes one drops others.
+#[derive(Default)]
+struct Plans {
     /// Last used first.
-    entries: VecDeque<Entry>,
+    entries: std::sync::Mutex<VecDeque<Entry>>,
+}
+
+impl Plans {
+    fn lock(&self) -> MutexGuard<'_, VecDeque<Entry>> {
+        self.entries.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Drops the plan that was not used for longest, of those that are made; false when there is none.
+    fn drop_oldest(&self) -> bool {
+        let mut entries = self.lock();
+        let oldest = entries.iter().rposition(Entry::is_made).and_then(|at| entries.remove(at));
+        drop(entries);
+        if let Some(entry) = &oldest {
+            info!(job = %entry.job, "dropping a scene to make room for another");
+        }
+        oldest.is_some()
+    }
 }
 
 /// A plan that is made or being made.
@@ -101,6 +126,10 @@ impl Entry {
         Self { job, outcome, _making: AbortOnDropHandle::new(making) }
     }
 
+    fn is_made(&self) -> bool {
+        matches!(*self.outcome.borrow(), Some(Ok(_)))
+    }
+
     fn has_failed(&self) -> bool {
         let gone = self.outcome.has_changed().is_err();
         self.outcome.borrow().as_ref().map_or(gone, Result::is_err)
@@ -108,31 +137,40 @@ impl Entry {
 }
 
 impl JobCache {
-    pub(crate) fn new(client: Client) -> Self {
+    pub(crate) fn new(client: Client, budget: SceneBudget) -> Self {
+        let plans = Arc::new(Plans::default());
         let assets = Mutex::new(AssetCache::default());
-        Self { maker: Arc::new(Maker { client, assets, activity: Activity::default() }), entries: VecDeque::new() }
+        let maker = Maker { client, assets, budget, plans: Arc::downgrade(&plans), activity: Activity::default() };
+        Self { maker: Arc::new(maker), plans }
     }
 
     /// The plan of a job, fetched and built unless it is at hand. Dropping the future loses nothing: the plan is made all the same.
     pub(crate) async fn plan(&mut self, job: JobId) -> Outcome {
-        let known = self.entries.iter().position(|entry| entry.job == job).and_then(|at| self.entries.remove(at));
-        let entry = known.filter(|entry| !entry.has_failed());
-        let entry = entry.unwrap_or_else(|| Entry::begin(Arc::clone(&self.maker), job));
-        let mut outcome = entry.outcome.clone();
-        self.entries.push_front(entry);
-        let building = self.maker.activity.job();
-        let mut kept = 0;
-        self.entries.retain(|entry| {
-            kept += 1;
-            kept <= KEPT_JOBS || building == Some(entry.job)
-        });
+        let mut outcome = self.entry(job);
         let made = outcome.wait_for(Option::is_some).await;
         made.ok().and_then(|made| made.clone()).unwrap_or_else(|| Err(Arc::new(PlanError::Dropped)))
     }
 
+    /// What comes or came of the plan of a job, which is begun unless it is known.
+    fn entry(&self, job: JobId) -> watch::Receiver<Option<Outcome>> {
+        let mut entries = self.plans.lock();
+        let known = entries.iter().position(|entry| entry.job == job).and_then(|at| entries.remove(at));
+        let entry = known.filter(|entry| !entry.has_failed());
+        let entry = entry.unwrap_or_else(|| Entry::begin(Arc::clone(&self.maker), job));
+        let outcome = entry.outcome.clone();
+        entries.push_front(entry);
+        let building = self.maker.activity.job();
+        let mut kept = 0;
+        entries.retain(|entry| {
+            kept += 1;
+            kept <= KEPT_JOBS || building == Some(entry.job)
+        });
+        outcome
+    }
+
     /// The jobs whose plans are at hand or being made.
     pub(crate) fn jobs(&self) -> Vec<JobId> {
-        self.entries.iter().filter(|entry| !entry.has_failed()).map(|entry| entry.job).collect()
+        self.plans.lock().iter().filter(|entry| !entry.has_failed()).map(|entry| entry.job).collect()
     }
 
     /// What is being built, for whoever reports it.
@@ -179,6 +217,9 @@ struct Maker {
     client: Client,
     /// Held while a plan is made: two scenes at a time may take more memory than the machine has.
     assets: Mutex<AssetCache>,
+    budget: SceneBudget,
+    /// Where there are plans to be dropped. Weak, since they hold what is being made here.
+    plans: Weak<Plans>,
     activity: Activity,
 }
 
@@ -196,7 +237,12 @@ impl Maker {
         for (name, hash) in &order.assets {
             assets.insert(name.clone(), self.asset(&mut cache, name, hash).await?);
         }
-        let plan = tokio::task::spawn_blocking(move || build(&order, assets)).await??;
+        let (limit, tile_size) = (self.budget.limit(), order.tile_size);
+        let (bundle, bytes) = tokio::task::spawn_blocking(move || bundle(&order, assets, limit)).await??;
+        let drop_plan = || self.plans.upgrade().is_some_and(|plans| plans.drop_oldest());
+        let memory = self.budget.reserve(bytes, drop_plan).await;
+        cache.keep(usize::try_from(self.budget.spare()).unwrap_or(usize::MAX));
+        let plan = tokio::task::spawn_blocking(move || build(job, &bundle, tile_size, memory)).await??;
         info!(%job, scene = %plan.scene.hash(), seconds = begun.elapsed().as_secs_f64(), "built a scene");
         Ok(plan)
     }
@@ -217,19 +263,29 @@ impl Maker {
     }
 }
 
-fn build(order: &JobScene, assets: BTreeMap<String, Asset>) -> Result<JobPlan, PlanError> {
+/// Puts a scene together, and counts the bytes that building it takes.
+fn bundle(
+    order: &JobScene,
+    assets: BTreeMap<String, Asset>,
+    limit: Option<MemoryLimit>,
+) -> Result<(SceneBundle, u64), PlanError> {
     let description = SceneDescription::parse(order.scene.to_string().as_bytes())?;
     let bundle = SceneBundle::from_parts(description, assets)?;
     let found = bundle.scene_hash().to_string();
     if found != order.scene_hash {
         return Err(PlanError::WrongScene { found, expected: order.scene_hash.clone() });
     }
-    if let Some(memory) = machine_memory() {
-        SceneMemory::of(&bundle).check(SceneUse::Build, memory, "a machine with more memory")?;
+    let memory = SceneMemory::of(&bundle);
+    if let Some(limit) = limit {
+        memory.check(SceneUse::Build, limit.bytes, limit.way_out)?;
     }
+    Ok((bundle, memory.bytes(SceneUse::Build)))
+}
+
+fn build(job: JobId, bundle: &SceneBundle, tile_size: u32, memory: Reservation) -> Result<JobPlan, PlanError> {
     let film = bundle.description().film;
-    let grid = TileGrid { width: film.width, height: film.height, tile_size: order.tile_size };
-    Ok(JobPlan { job: order.job, scene: Scene::build(&bundle)?, grid })
+    let grid = TileGrid { width: film.width, height: film.height, tile_size };
+    Ok(JobPlan { job, scene: Scene::build(bundle)?, grid, _memory: memory })
 }
 
 /// Assets by content hash, the least recently used dropped first.
@@ -250,10 +306,15 @@ impl AssetCache {
 
     fn put(&mut self, hash: ContentHash, asset: Asset) {
         self.entries.push_front((hash, asset));
+        self.keep(KEPT_ASSET_BYTES);
+    }
+
+    /// Drops what is more than so many bytes.
+    fn keep(&mut self, most_bytes: usize) {
         let mut bytes = 0;
         self.entries.retain(|(_, asset)| {
             bytes += asset.bytes().len();
-            bytes <= KEPT_ASSET_BYTES
+            bytes <= most_bytes
         });
     }
 }

@@ -10,6 +10,7 @@
 //! - `renderer`: nodes of a lease, rendered on a pool of threads, interruptible between passes;
 //! - `uploader`: partials on their way, kept until the coordinator has answered, and cut smaller where a proxy refuses them;
 //! - `machine`: how much memory there is;
+//! - `scene_budget`: how much of it scenes take together;
 //! - `lease`: one lease from its nodes to its end;
 //! - `retry`: what happens while the coordinator is away.
 //!
@@ -29,6 +30,7 @@ mod registration;
 mod renderer;
 mod retry;
 mod run;
+mod scene_budget;
 mod uploader;
 
 pub use config::Config;

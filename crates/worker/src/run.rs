@@ -17,6 +17,7 @@ use crate::lease::{Ending, LeaseWork};
 use crate::registration::{Registration, is_unknown_worker};
 use crate::renderer::Renderer;
 use crate::retry::{pauses, until_answered};
+use crate::scene_budget::SceneBudget;
 use crate::uploader::uploader;
 use crate::{Config, WorkerError};
 
@@ -74,7 +75,7 @@ async fn work_until(config: Config, shutdown: Boxed<()>) -> Result<(), WorkerErr
         true => WorkerError::Connection(error),
         false => WorkerError::Refused(error),
     })?;
-    let mut jobs = JobCache::new(client.clone());
+    let mut jobs = JobCache::new(client.clone(), SceneBudget::new(config.memory));
     let activity = jobs.activity();
     let worker = Worker { client, registration, renderer, build: config.build, stop: stop.clone() };
     tokio::select! {

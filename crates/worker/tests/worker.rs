@@ -39,6 +39,8 @@ struct Fake {
     failing_uploads: VecDeque<Response>,
     /// Workers that are known; a claim of another is refused.
     known: Vec<WorkerId>,
+    /// Jobs whose scenes the worker had when it claimed last, the last used first.
+    built: Vec<JobId>,
     lease_is_over: bool,
     /// Renewals of the first lease are told that nothing of it is wanted.
     nothing_is_wanted: bool,
@@ -107,6 +109,11 @@ impl Farm {
 
     /// Starts the coordinator and a worker.
     async fn start(&self) -> RunningWorker {
+        self.start_with(None).await
+    }
+
+    /// Starts the coordinator, and a worker whose scenes may take so many bytes.
+    async fn start_with(&self, memory: Option<u64>) -> RunningWorker {
         let router = Router::new()
             .route("/api/v1/workers", post(register))
             .route("/api/v1/workers/{id}", delete(end))
@@ -120,7 +127,7 @@ impl Farm {
             .route("/api/v1/jobs/{id}/scene", get(scene))
             .layer(DefaultBodyLimit::disable())
             .with_state(self.clone());
-        RunningWorker::at(router).await
+        RunningWorker::at(router, memory).await
     }
 }
 
@@ -131,7 +138,7 @@ struct RunningWorker {
 
 impl RunningWorker {
     /// Starts a server and a worker.
-    async fn at(router: Router) -> Self {
+    async fn at(router: Router, memory: Option<u64>) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let coordinator = format!("http://{}", listener.local_addr().unwrap());
         tokio::spawn(async { axum::serve(listener, router).await });
@@ -140,6 +147,7 @@ impl RunningWorker {
             token: None,
             name: "test".into(),
             threads: NonZeroUsize::new(2).unwrap(),
+            memory,
             build: "test build".into(),
         };
         let (stop, stopped) = oneshot::channel::<()>();
@@ -256,6 +264,8 @@ async fn claim(State(farm): State<Farm>, Json(request): Json<Value>) -> Response
     if !fake.known.contains(&worker) {
         return problem(404, "unknown_worker");
     }
+    fake.built = serde_json::from_value(request["built"].clone()).unwrap_or_default();
+    farm.changed.notify_waiters();
     match fake.claims.pop_front() {
         Some(Claim::Lease(lease)) => {
             fake.outstanding.insert(lease.id, lease.nodes.len() as u32);
@@ -423,7 +433,7 @@ async fn a_result_is_kept_until_the_coordinator_can_take_it() {
 
 #[tokio::test]
 async fn a_worker_whose_address_is_not_that_of_a_coordinator_ends_and_says_what_answered() {
-    let worker = RunningWorker::at(Router::new().fallback(async || login_page())).await;
+    let worker = RunningWorker::at(Router::new().fallback(async || login_page()), None).await;
     let ended = tokio::time::timeout(PATIENCE, worker.ended).await.expect("the worker does not end").unwrap();
     let WorkerError::Connection(answer) = ended.unwrap_err() else { panic!("the coordinator has refused nothing") };
     assert!(answer.to_string().contains("text/html, `<html>Please sign in"), "{answer}");
@@ -517,6 +527,36 @@ async fn a_scene_that_cannot_be_built_is_reported_and_the_worker_goes_on() {
     let (id, returned) = &fake.returns[0];
     assert_eq!(*id, broken.id);
     assert!(returned.failure.as_ref().is_some_and(|failure| failure.contains("gold")), "{returned:?}");
+}
+
+#[tokio::test]
+async fn a_scene_that_takes_more_than_the_worker_may_have_is_given_back_with_a_way_out() {
+    let farm = farm();
+    farm.lock().claims.push_back(Claim::Lease(lease(1, wave(0, 0))));
+    let worker = farm.start_with(Some(10 << 10)).await;
+    farm.until(|fake| !fake.returns.is_empty()).await;
+    worker.stop().await;
+    let fake = farm.lock();
+    let reason = fake.returns[0].1.failure.as_deref().unwrap_or_default();
+    assert!(reason.contains("to build") && reason.contains("a worker that may take more memory"), "{reason}");
+}
+
+#[tokio::test]
+async fn a_scene_is_kept_unless_the_next_does_not_fit_beside_it() {
+    // A small scene counts for a little more than 64 KiB.
+    for (memory, keeps_first) in [(200 << 10, true), (100 << 10, false)] {
+        let farm = farm();
+        let first = lease(1, wave(0, 0));
+        let other: JobId = "00000000-0000-7000-8000-00000000000b".parse().unwrap();
+        let second = Lease { job: other, ..lease(2, wave(0, 0)) };
+        farm.lock().claims = VecDeque::from([Claim::Lease(first.clone()), Claim::Lease(second.clone())]);
+        let worker = farm.start_with(Some(memory)).await;
+        farm.until(|fake| uploaded(fake, &first) == first.nodes && uploaded(fake, &second) == second.nodes).await;
+        let expected = if keeps_first { vec![other, first.job] } else { vec![other] };
+        farm.until(|fake| fake.built == expected).await;
+        worker.stop().await;
+        assert_eq!(farm.lock().returns, [], "both are rendered with {memory} bytes");
+    }
 }
 
 #[tokio::test]

@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::failure::Failure;
 use crate::image_file::read;
 use crate::standard_error::reference_gaps;
-use crate::terminal::{Progress, print_json, print_line};
+use crate::terminal::{Progress, REL_MSE_NOTE, print_json, print_line};
 
 /// Options of `clerestory compare`.
 #[derive(Debug, Args)]
@@ -55,7 +55,7 @@ fn rows(Measures { metrics, flip }: &Measures) -> Vec<String> {
     vec![
         row("MSE", Some(metrics.mse)),
         row("corrected MSE", metrics.corrected_mse),
-        row("relMSE", metrics.rel_mse),
+        row("relMSE", metrics.rel_mse) + &metrics.rel_mse.map(|_| format!("  ({REL_MSE_NOTE})")).unwrap_or_default(),
         format!("{:<16} {}", "PSNR (dB)", metrics.psnr.map_or_else(|| "-".to_owned(), |value| format!("{value:.2}"))),
         format!("{:<16} {flip:.4}", "FLIP"),
         row("mean ratio", metrics.mean_ratio),

@@ -12,7 +12,7 @@ use clerestory_render_core::scene::description::{FilmDescription, SamplingDescri
 use tempfile::TempDir;
 
 use crate::child::Environment;
-use crate::commands::farm::share_of_cores;
+use crate::commands::farm::{share_of_cores, share_of_memory};
 use crate::commands::submit::{Order, download, reference_asset, submit};
 use crate::commands::watch::{check_done, check_image};
 use crate::connection::Connection;
@@ -110,6 +110,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
         token_file: None,
         workers: WORKERS,
         threads: share_of_cores(WORKERS),
+        memory_mib: share_of_memory(WORKERS),
         logs: Some(arguments.output.clone()),
         environment: Environment::WithoutSettings,
     };

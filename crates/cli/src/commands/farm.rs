@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use clerestory_worker::machine_memory;
 
 use crate::arguments::whole;
 use crate::child::Environment;
@@ -49,6 +50,7 @@ pub(crate) async fn run(arguments: FarmArguments) -> Result<(), Failure> {
         token_file: arguments.token_file,
         workers,
         threads,
+        memory_mib: share_of_memory(workers),
         logs: None,
         environment: Environment::Inherited,
     };
@@ -79,4 +81,11 @@ fn threads(arguments: &FarmArguments) -> Result<usize, Failure> {
 /// Threads for each of `workers` workers, so that together they use every core.
 pub(crate) fn share_of_cores(workers: usize) -> usize {
     (ThreadCount::of_cores().get().get() / workers).max(1)
+}
+
+/// MiB of memory for each of `workers` workers, so that all of them can build a scene at once. `None` for one, which may take all that
+/// there is, and where the system does not say how much that is.
+pub(crate) fn share_of_memory(workers: usize) -> Option<u64> {
+    let memory = machine_memory().filter(|_| workers > 1)?;
+    Some(((memory / workers as u64) >> 20).max(1))
 }

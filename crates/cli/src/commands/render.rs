@@ -124,7 +124,7 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     if let Some(file) = &arguments.stats {
         write_stats(file, &work)?;
     }
-    let gaps = image.metadata().and_then(standard_error::gaps).filter(|_| order.absence.is_none());
+    let metadata = image.metadata().filter(|_| order.absence.is_none());
     if arguments.json {
         print_json(&summary)?;
     } else if is_standard_output(&output) {
@@ -134,11 +134,11 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         print_line(&summary.text())?;
     }
     if rendering.is_interrupted {
-        let gaps = gaps.map(|gaps| format!("; {gaps}")).unwrap_or_default();
+        let gaps = metadata.and_then(standard_error::gaps).map(|gaps| format!("; {gaps}")).unwrap_or_default();
         return Err(Failure::Job(format!("interrupted; {} holds what was complete{gaps}", output.display())));
     }
-    if let Some(gaps) = gaps {
-        Progress::new().note(&format!("Standard error: {gaps}"));
+    if let Some(note) = metadata.and_then(standard_error::note_of_gaps) {
+        Progress::new().note(&note);
     }
     Ok(())
 }

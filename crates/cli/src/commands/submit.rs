@@ -9,6 +9,7 @@ use bytes::Bytes;
 use clap::Args;
 use clerestory_api::{ClientError, ContentHash, JobId, JobSubmission, JobView, PreviewQuery, ProblemCode};
 use clerestory_coordinator::Targets;
+use clerestory_render_core::film::{ImageMetadata, Sampling};
 use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
 use tracing::{info, warn};
 
@@ -18,11 +19,12 @@ use crate::commands::watch::{check_done, check_image};
 use crate::connection::{Connection, ConnectionArguments};
 use crate::failure::Failure;
 use crate::follow::{follow, until_answered};
-use crate::image_file::read_reference;
+use crate::image_file::{metadata, read_reference};
 use crate::output_file::{OutputFile, check_image_name, check_outputs, png_beside, write, write_stats};
 use crate::render_limits::RenderLimits;
 use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
 use crate::shutdown::{self, Parent};
+use crate::standard_error;
 use crate::terminal::{Progress, print_json, print_line, upload_bar};
 
 /// How often an upload is repeated, with pauses of one second and more.
@@ -30,6 +32,9 @@ const UPLOAD_REPETITIONS: usize = 5;
 
 /// How often a submission is repeated to a coordinator that is busy, with pauses of five seconds and more: for about half an hour.
 const BUSY_REPETITIONS: usize = 30;
+
+/// Bytes that the header of an image may take: a few for each of its tiles, of which a job has 65536 at most.
+const MOST_HEADER_BYTES: usize = 4 << 20;
 
 /// Options of `clerestory submit`.
 #[derive(Debug, Args)]
@@ -102,6 +107,10 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         priority: arguments.priority,
         reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
     };
+    let sampling = bundle.description().sampling;
+    // A scene with others is refused by the coordinator.
+    let sampling = Sampling::new(sampling.samples_per_pass, sampling.samples_per_block).ok();
+    let absence = sampling.and_then(|sampling| standard_error::absence(sampling, order.samples_per_pixel));
     let stop = shutdown::token(Parent::None);
     let files = Files { exr: arguments.output, png, stats: arguments.stats };
     let submitted = OnceLock::new();
@@ -112,7 +121,14 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         let mut progress = Progress::new();
         progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
         progress.missing_light(&job.missing_light, &job.left_to_chance);
-        if arguments.wait { wait(&connection, job.id, &files, &mut progress).await } else { Ok(job) }
+        absence.iter().for_each(|absence| progress.note(absence));
+        if !arguments.wait {
+            return Ok(job);
+        }
+        let (job, metadata) = wait(&connection, job.id, &files, &mut progress).await?;
+        let metadata = metadata.filter(|_| absence.is_none());
+        metadata.as_ref().and_then(standard_error::note_of_gaps).iter().for_each(|note| progress.note(note));
+        Ok::<_, Failure>(job)
     };
     let job = tokio::select! {
         job = work => job?,
@@ -129,17 +145,22 @@ struct Files {
     stats: Option<PathBuf>,
 }
 
-/// Waits for a job to end, and fetches its results.
-async fn wait(connection: &Connection, job: JobId, files: &Files, progress: &mut Progress) -> Result<JobView, Failure> {
+/// Waits for a job to end, and fetches its results. Returns the job as it ended, and how its image was made if it was fetched.
+async fn wait(
+    connection: &Connection,
+    job: JobId,
+    files: &Files,
+    progress: &mut Progress,
+) -> Result<(JobView, Option<ImageMetadata>), Failure> {
     let Files { exr, png, stats } = files;
     let job = follow(connection, job, progress).await?;
     check_image(&job)?;
-    download(connection, &job, exr.as_deref(), png.as_deref(), progress).await?;
+    let metadata = download(connection, &job, exr.as_deref(), png.as_deref(), progress).await?;
     if let Some(file) = stats {
         write_stats(file, &job.counters)?;
     }
     [exr, png, stats].into_iter().flatten().for_each(|file| progress.note(&format!("Wrote {}", file.display())));
-    Ok(job)
+    Ok((job, metadata))
 }
 
 /// What an interruption leaves.
@@ -253,39 +274,48 @@ async fn send(connection: &Connection, submission: &JobSubmission) -> Result<Job
         .await
 }
 
-/// Fetches the image of a job into files. A coordinator that goes away is waited for.
+/// Fetches the image of a job into files, and returns how it was made. A coordinator that goes away is waited for.
 pub(crate) async fn download(
     connection: &Connection,
     job: &JobView,
     exr: Option<&Path>,
     png: Option<&Path>,
     progress: &Progress,
-) -> Result<(), Failure> {
+) -> Result<Option<ImageMetadata>, Failure> {
+    let mut metadata = None;
     if let Some(file) = exr {
         // What fails here is a disk, and no call is repeated for it.
-        until_answered(connection, progress, || fetch_image(connection, job.id, file)).await??;
+        metadata = until_answered(connection, progress, || fetch_image(connection, job.id, file)).await??;
     }
     if let Some(file) = png {
         let query = PreviewQuery::default();
         let preview = until_answered(connection, progress, || connection.client.preview(job.id, &query)).await?;
         write(file, &preview.png)?;
     }
-    Ok(())
+    Ok(metadata)
 }
 
-/// Fetches an image into a file, piece by piece.
-async fn fetch_image(connection: &Connection, job: JobId, file: &Path) -> Result<Result<(), Failure>, ClientError> {
+/// Fetches an image into a file, piece by piece, and returns how it was made. The file may be a pipe, so its header is looked at on
+/// the way.
+async fn fetch_image(
+    connection: &Connection,
+    job: JobId,
+    file: &Path,
+) -> Result<Result<Option<ImageMetadata>, Failure>, ClientError> {
     let mut download = connection.client.image_download(job).await?;
     let mut output = match OutputFile::create(file) {
         Ok(output) => output,
         Err(failure) => return Ok(Err(failure)),
     };
+    let mut head = Vec::new();
     while let Some(piece) = download.piece().await? {
+        let rest = MOST_HEADER_BYTES - head.len();
+        head.extend_from_slice(&piece[..piece.len().min(rest)]);
         if let Err(failure) = output.write(&piece) {
             return Ok(Err(failure));
         }
     }
-    Ok(output.finish())
+    Ok(output.finish().map(|()| metadata(&head)))
 }
 
 fn wire_hash(asset: &Asset) -> ContentHash {

@@ -1,11 +1,13 @@
 //! `clerestory worker`: a worker in this process.
 
 use std::fs;
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::Args;
 use serde::Deserialize;
 
+use crate::arguments::positive;
 use crate::connection::{DEFAULT_LISTEN, token};
 use crate::failure::Failure;
 use crate::settings;
@@ -33,6 +35,9 @@ pub(crate) struct WorkerArguments {
     /// Threads that render [default: one for each core].
     #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
     threads: Option<ThreadCount>,
+    /// Memory that scenes may take together, MiB [default: all that the machine has].
+    #[arg(long, value_name = "N", env = "CLERESTORY_MEMORY_MIB", value_parser = positive)]
+    memory_mib: Option<NonZeroU32>,
     /// Stop when standard input ends; for workers that belong to another process.
     #[arg(long, hide = true)]
     stop_with_stdin: bool,
@@ -46,6 +51,7 @@ struct WorkerFile {
     token_file: Option<PathBuf>,
     name: Option<String>,
     threads: Option<ThreadCount>,
+    memory_mib: Option<NonZeroU32>,
 }
 
 pub(crate) async fn run(arguments: WorkerArguments) -> Result<(), Failure> {
@@ -63,6 +69,7 @@ fn interpret(arguments: WorkerArguments) -> Result<clerestory_worker::Config, Fa
         token: token(arguments.token_file.as_deref(), file.token_file.as_deref())?,
         name: arguments.name.or(file.name).unwrap_or_else(machine_name),
         threads: arguments.threads.or(file.threads).unwrap_or_else(ThreadCount::of_cores).get(),
+        memory: arguments.memory_mib.or(file.memory_mib).map(|mib| u64::from(mib.get()) << 20),
         build: BUILD.to_owned(),
     })
 }
@@ -93,9 +100,12 @@ mod tests {
     fn options_win_over_the_file_and_the_file_over_defaults() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("worker.toml");
-        fs::write(&file, "name = \"from the file\"\nthreads = 3\n").unwrap();
+        fs::write(&file, "name = \"from the file\"\nthreads = 3\nmemory_mib = 512\n").unwrap();
         let config = interpret(parse(&["--config", file.to_str().unwrap(), "--threads", "5"])).unwrap();
         assert_eq!((config.name.as_str(), config.threads.get()), ("from the file", 5));
+        assert_eq!(config.memory, Some(512 << 20));
+        let config = interpret(parse(&["--config", file.to_str().unwrap(), "--memory-mib", "64"])).unwrap();
+        assert_eq!(config.memory, Some(64 << 20));
         assert_eq!(config.coordinator, "http://127.0.0.1:7171");
     }
 

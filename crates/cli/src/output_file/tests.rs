@@ -230,11 +230,29 @@ fn what_is_protected_is_noticed_before_the_work() {
 #[cfg(target_os = "linux")]
 #[test]
 fn an_image_that_does_not_fit_on_the_disk_is_kept_elsewhere() {
-    let failure = write_or_keep(Path::new("/dev/full"), b"an image").unwrap_err();
-    let Failure::WrittenElsewhere { kept, .. } = &failure else { panic!("{failure:?}") };
-    assert_eq!(fs::read(kept).unwrap(), b"an image");
-    fs::remove_file(kept).unwrap();
+    use std::os::unix::fs::PermissionsExt;
+
+    // Somebody guesses a name, to have another file overwritten.
+    let folder = tempfile::tempdir().unwrap();
+    let victim = folder.path().join("victim");
+    let guess = std::env::temp_dir().join(format!("clerestory-{}-full", std::process::id()));
+    std::os::unix::fs::symlink(&victim, &guess).unwrap();
+    let keep = || {
+        let failure = write_or_keep(Path::new("/dev/full"), b"an image").unwrap_err();
+        let Failure::WrittenElsewhere { kept, .. } = &failure else { panic!("{failure:?}") };
+        (kept.clone(), failure)
+    };
+    let [(first, failure), (second, _)] = [keep(), keep()];
+    fs::remove_file(&guess).unwrap();
+    assert!(!victim.exists() && first != second);
+    for kept in [&first, &second] {
+        assert_eq!(fs::read(kept).unwrap(), b"an image");
+        assert_eq!(fs::metadata(kept).unwrap().permissions().mode() & 0o077, 0, "it is for this user alone");
+        assert!(!unfinished().contains(kept));
+        fs::remove_file(kept).unwrap();
+    }
     let text: Vec<String> = failure.causes().map(ToString::to_string).collect();
-    assert!(text[0].contains("/dev/full") && text[1].contains("No space left"), "{text:?}");
+    assert!(text[0].contains("/dev/full") && text[0].contains(&*first.to_string_lossy()), "{text:?}");
+    assert!(text[1].contains("No space left"), "{text:?}");
     assert!(failure.advice().unwrap().contains("disk is full"), "{:?}", failure.advice());
 }

@@ -118,11 +118,33 @@ fn a_cancelled_job_leaves_its_image_and_fails_those_who_wait() {
     assert!(messages.contains(&format!("job {job} was cancelled; its image")), "{messages}");
     assert!(messages.contains("Wrote image.exr\nWrote image.png"), "{messages}");
     assert!(folder.path("image.png").is_file());
+    assert!(!messages.contains("No standard error"), "enough samples were ordered: {messages}");
     assert_eq!(folder.comparison("image.exr", "image.exr")["bit_identical"], true);
 
     let watched = folder.run(&["watch", &job, "--coordinator", farm.address()]);
     assert_eq!(watched.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&watched.stderr).contains("was cancelled"));
+}
+
+#[test]
+fn an_image_of_a_farm_without_a_standard_error_says_why_and_in_which_tiles() {
+    let folder = Folder::new();
+    let farm = folder.farm();
+    let submit = ["submit", "scene.json", "--wait", "--tile", "8", "-o", "image.exr", "--coordinator", farm.address()];
+    let messages = |options: &[&str]| {
+        let output = folder.run(&[&submit[..], options].concat());
+        let messages = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{messages}");
+        messages
+    };
+    let few = messages(&["--spp", "8"]);
+    assert!(few.contains("No standard error: 8 samples in each pixel") && few.contains("--spp 16 or more"), "{few}");
+    assert!(!few.contains("Standard error:"), "said once: {few}");
+    assert!(!messages(&["--spp", "16"]).contains("tandard error"));
+    // More is ordered than there is time for.
+    let stopped = messages(&["--spp", "1000000", "--samples-per-block", "65536", "--time", "2"]);
+    assert!(stopped.contains("Standard error: no tile has a standard error"), "{stopped}");
+    assert!(stopped.contains("less than two blocks of 65536 samples"), "{stopped}");
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
+#[cfg(target_os = "linux")]
+mod demo;
 mod experiments;
 mod failures;
 mod jobs;

@@ -184,3 +184,37 @@ fn what_the_image_will_lack_is_said() {
     assert!(messages.contains("left out of the mesh \"wall\": 1\n"), "{messages}");
     assert!(messages.contains("Light that this image lacks:\n  - paths of more than 4 vertices"), "{messages}");
 }
+
+#[cfg(unix)]
+#[test]
+fn an_image_that_replaces_one_of_another_user_keeps_its_group() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt, chown};
+    use std::os::unix::process::CommandExt;
+
+    let (user, group, other_group) = (54_321, 54_322, 54_323);
+    let folder = Folder::new();
+    let (place, image) = (folder.path("."), folder.path("scene.exr"));
+    fs::write(&image, "old").unwrap();
+    // Only the superuser can act as another user, and only where that one may run the binary.
+    if chown(&image, Some(0), Some(group)).and_then(|()| chown(&place, None, Some(other_group))).is_err() {
+        return;
+    }
+    fs::set_permissions(&image, fs::Permissions::from_mode(0o660)).unwrap();
+    // What is made in the folder gets the folder's group.
+    fs::set_permissions(&place, fs::Permissions::from_mode(0o2777)).unwrap();
+    let mut command = folder.command(&["render", "scene.json", "--spp", "4"]);
+    let Ok(output) = command.uid(user).gid(group).output() else { return };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let written = fs::metadata(&image).unwrap();
+    assert!(written.len() > 3);
+    assert_eq!((written.uid(), written.gid(), written.mode() & 0o7777), (user, group, 0o660));
+}
+
+#[test]
+fn a_comparison_says_why_the_relative_error_can_rise() {
+    let folder = Folder::new();
+    folder.succeeds(&["render", "scene.json", "--spp", "4"]);
+    let text = folder.succeeds(&["compare", "scene.exr", "scene.exr"]);
+    let row = text.lines().find(|row| row.starts_with("relMSE")).unwrap();
+    assert!(row.contains("it rises when a bright sample arrives"), "{text}");
+}
