@@ -124,6 +124,7 @@ impl Near<'_> {
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
+    use std::slice::from_ref;
 
     use serde_json::{Value, json};
 
@@ -131,14 +132,17 @@ mod tests {
     use super::super::{Scene, SceneBundle, SceneDescription};
     use super::*;
 
-    /// The corners of a box, and its triangles, from outside counterclockwise.
-    fn block(min: [f64; 3], max: [f64; 3]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+    /// Corners, and triangles of them.
+    type Triangles = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
+    /// A box, from outside counterclockwise.
+    fn block(min: [f64; 3], max: [f64; 3]) -> Triangles {
         let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { max[axis] } else { min[axis] });
         let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
         ((0..8).map(corner).collect(), sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect())
     }
 
-    fn mesh(name: &str, material: &str, parts: &[(Vec<[f64; 3]>, Vec<[u32; 3]>)]) -> Value {
+    fn mesh(name: &str, material: &str, parts: &[Triangles]) -> Value {
         let (mut positions, mut triangles) = (Vec::new(), Vec::new());
         for (corners, sides) in parts {
             let first = positions.len() as u32;
@@ -191,7 +195,7 @@ mod tests {
     fn two_blocks_of_glass_that_share_a_face_are_refused_in_two_meshes_and_in_one() {
         let [left, right] = [-0.2, 0.0].map(|x| block([x, -0.1, 0.1], [x + 0.2, 0.1, 0.3]));
         let apart = block([1e-6, -0.1, 0.1], [0.2, 0.1, 0.3]);
-        let pair = [mesh("left", "glass", &[left.clone()]), mesh("right", "glass", &[right.clone()])];
+        let pair = [mesh("left", "glass", from_ref(&left)), mesh("right", "glass", from_ref(&right))];
         check_refused("meshes[1].source", &["\"right\" face to face with mesh \"left\"", "along [1, 0, 0]"], &pair);
         check_refused(
             "meshes[0].source",
