@@ -489,6 +489,11 @@ mod tests {
             (answer("204 No Content", &[], ""), true, "status 204"),
             (answer("502 Bad Gateway", &[html, "server: nginx/1.2"], page), true, "status 502 of nginx/1.2, text/html"),
             (answer("401 Unauthorized", &["www-authenticate: Basic realm=farm"], page), false, "status 401"),
+            (
+                answer("413 Request Entity Too Large", &["server: nginx"], ""),
+                false,
+                "status 413 of nginx; a proxy in between refuses a body of this size: raise its limit",
+            ),
             (answer("404 Not Found", &problem, "{\"title\": \"lost\"}"), false, "`{\"title\": \"lost\"}`"),
             (answer("302 Found", &["location: /login"], ""), true, "redirects to http://127.0.0.1"),
             (

@@ -14,10 +14,10 @@ use clerestory_api::{
 };
 use clerestory_test_servers::Faults;
 use clerestory_tests::calls::{Caller, content_hash};
-use clerestory_tests::farm::Farm;
+use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::hand_worker::{Delivery, HandWorker};
 use clerestory_tests::malformed_scenes::{sound_files, sound_scene, write_scene};
-use clerestory_tests::system_calls::{Acknowledgement, Roles, is_sync, replayed, without};
+use clerestory_tests::system_calls::{Acknowledgement, Roles, is_sync, replayed, traced, without};
 
 /// A coordinator that gives out four nodes with each lease, and has no second worker check them.
 const OPTIONS: [&str; 4] = ["--lease-nodes", "4", "--checked-fraction", "0"];
@@ -104,6 +104,26 @@ fn traced_work(folder: &Path, trace: &Path) -> (PathBuf, usize) {
         thread::sleep(Duration::from_millis(20));
     }
     (data, deliveries.len())
+}
+
+#[test]
+fn an_image_is_on_disk_before_it_takes_its_name_and_its_name_before_the_end() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [scene, image, file] = ["scene", "image.exr", "trace"].map(|name| folder.path().join(name));
+    fs::create_dir(&scene).expect("a folder");
+    let scene = write_scene(&scene, &sound_scene(), &sound_files());
+    let mut render = clerestory();
+    render.arg("render").arg(scene).args(["--size", "8x8", "--spp", "4", "-o"]).arg(&image);
+    succeeded(&mut traced(&render, &file));
+    assert!(image.is_file());
+    let trace = fs::read_to_string(&file).expect("a trace: is `strace` installed?");
+    let calls: Vec<&str> = trace.lines().collect();
+    let named =
+        calls.iter().position(|call| call.contains("rename") && call.contains("image.exr\"")).expect("its name");
+    let synced = |calls: &[&str], what: &str| calls.iter().any(|call| call.contains("sync(") && call.contains(what));
+    let folder = folder.path().display().to_string();
+    assert!(synced(&calls[..named], &format!("<{folder}/")), "{}", calls[..named].join("\n"));
+    assert!(synced(&calls[named..], &format!("<{folder}>")), "{}", calls[named..].join("\n"));
 }
 
 #[test]

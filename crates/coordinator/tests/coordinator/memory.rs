@@ -121,6 +121,41 @@ async fn files_that_would_not_even_fit_as_they_are_are_not_read() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn what_would_kill_a_coordinator_is_refused_by_its_usual_limits() {
+    let farm = TestFarm::start().await;
+    let mut lakes = scene();
+    lakes["meshes"] = (0..8)
+        .map(|index| json!({"name": format!("lake {index}"), "material": "stone", "source": waves(4096)}))
+        .collect();
+    let submitted = farm.client.submit_job(&JobSubmission { scene: lakes, ..submission(1) }).await;
+    refused(submitted, "scene.meshes");
+    let submitted = farm.client.submit_job(&with_source(waves(3162))).await;
+    let problem = refused(submitted, "scene.meshes[0].source.waves.cells");
+    assert!(problem.value.unwrap().contains("19996488 triangles"));
+
+    // A picture of 16384 pixels by 16384, all black, is a small file. What its header says is enough.
+    let mut header = b"IHDR\0\0\x40\0\0\0\x40\0\x08\x02\0\0\0".to_vec();
+    header.extend(crc32(&header).to_be_bytes());
+    let picture = [&b"\x89PNG\r\n\x1a\n\0\0\0\x0d"[..], &header].concat();
+    let mut textured = scene();
+    textured["materials"]["stone"] = json!({"diffuse": {"reflectance": {"texture": {"file": "black.png"}}}});
+    textured["meshes"][0]["source"]["inline"]["texture_coordinates"] = json!([[0, 0], [1, 0], [1, 1], [0, 1]]);
+    let submitted = JobSubmission { scene: textured, ..submission(1) };
+    let submitted = with_asset(&farm.client, submitted, "black.png", picture).await;
+    let problem = refused(farm.client.submit_job(&submitted).await, "scene.materials");
+    assert!(problem.value.unwrap().contains("268435456 texels"));
+    farm.stop().await;
+}
+
+/// The checksum of a PNG chunk (ISO 3309).
+fn crc32(bytes: &[u8]) -> u32 {
+    let step = |sum: u32, byte: &u8| {
+        (0..8).fold(sum ^ u32::from(*byte), |sum, _| if sum & 1 == 1 { 0xedb8_8320 ^ (sum >> 1) } else { sum >> 1 })
+    };
+    !bytes.iter().fold(u32::MAX, step)
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_submission_does_not_wait_for_others_that_stop_on_their_way() {
     let farm = TestFarm::start().await;
     let mut stopped = Vec::new();
