@@ -21,6 +21,7 @@ use futures::stream::{self, BoxStream, Stream, StreamExt, TryStreamExt};
 use object_store::local::LocalFileSystem;
 use object_store::path::Path;
 use object_store::{ObjectStore, ObjectStoreExt, PutMode, PutPayload, WriteMultipart};
+use tokio::sync::Mutex;
 use uuid::Uuid;
 
 use crate::bucket::Bucket;
@@ -38,6 +39,8 @@ pub(crate) struct Blobs {
     /// Where they are files: the folders in which they lie. `LocalFileSystem` makes these too, but does not sync the name of one that a
     /// process made which was killed before it had done so.
     folders: Option<Arc<Folders>>,
+    /// Held while an asset takes its place, and while one that is damaged is looked at and removed.
+    assets: Arc<Mutex<()>>,
 }
 
 /// Where the bytes of a node lie.
@@ -146,12 +149,12 @@ impl Blobs {
         directory::create(&directory)?;
         remove_unfinished(&directory)?;
         let store = LocalFileSystem::new_with_prefix(&directory).map_err(io::Error::other)?.with_fsync(true);
-        Ok(Self { store: Arc::new(store), folders: Some(Arc::new(Folders::below(directory))) })
+        Ok(Self { store: Arc::new(store), folders: Some(Arc::new(Folders::below(directory))), assets: Arc::default() })
     }
 
     /// Opens the store in a bucket, which has to be there.
     pub(crate) fn in_bucket(bucket: &Bucket) -> Result<Self, BlobError> {
-        Ok(Self { store: Arc::new(bucket.client()?), folders: None })
+        Ok(Self { store: Arc::new(bucket.client()?), folders: None, assets: Arc::default() })
     }
 
     /// Makes sure that the store is this farm's, whose database names the nodes in `known`. It is marked when it is nobody's: when it holds
@@ -261,6 +264,7 @@ impl Blobs {
         let outcome = outcome.and(if found == hash { Ok(()) } else { Err(UploadError::HashMismatch { found }) });
         match outcome {
             Ok(()) => {
+                let _turn = self.assets.lock().await;
                 upload.finish().await?;
                 Ok(size)
             }
@@ -287,8 +291,9 @@ impl Blobs {
         Ok((asset.meta.size, asset.into_stream().map_err(BlobError).boxed()))
     }
 
-    /// Whether an asset is there and has its content.
-    pub(crate) async fn asset_is_whole(&self, hash: ContentHash) -> Result<bool, BlobError> {
+    /// Removes an asset that has not its content. Answers whether it is there and has it.
+    pub(crate) async fn keep_if_whole(&self, hash: ContentHash) -> Result<bool, BlobError> {
+        let _turn = self.assets.lock().await;
         let mut stream = match self.asset_stream(hash).await {
             Ok((_, stream)) => stream,
             Err(error) if error.is_missing() => return Ok(false),
@@ -298,12 +303,11 @@ impl Blobs {
         while let Some(piece) = stream.try_next().await? {
             hasher.update(&piece);
         }
-        Ok(hasher.finalize().as_bytes() == hash.as_bytes())
-    }
-
-    /// Removes an asset.
-    pub(crate) async fn remove_asset(&self, hash: ContentHash) {
-        self.remove(vec![asset_path(hash).to_string()]).await;
+        let is_whole = hasher.finalize().as_bytes() == hash.as_bytes();
+        if !is_whole {
+            self.remove(vec![asset_path(hash).to_string()]).await;
+        }
+        Ok(is_whole)
     }
 
     /// An asset as a file that is read in pieces.

@@ -69,17 +69,17 @@ pub(crate) async fn replace_all_missing(farm: &Farm) -> Result<(), FilmError> {
     Ok(())
 }
 
-/// Holds the open jobs whose files or references are missing from the blob store.
-pub(crate) async fn hold_for_missing_assets(farm: &Farm) -> Result<(), FilmError> {
+/// Holds the open jobs whose files or references are missing from the blob store, and lets those go on that were held for one which is there.
+pub(crate) async fn look_for_assets(farm: &Farm) -> Result<(), FilmError> {
     let needed = farm.store.needed_assets().await?;
     let look = |hash: ContentHash| async move { Ok::<_, BlobError>((hash, farm.blobs.has_asset(hash).await?)) };
     let found: Vec<_> = stream::iter(needed).map(look).buffered(LOOKS).try_collect().await?;
-    let missing: Vec<ContentHash> = found.into_iter().filter(|(_, is_there)| !is_there).map(|(hash, _)| hash).collect();
-    if missing.is_empty() || !farm.blobs.is_of(farm.store.identity().await?.farm).await? {
-        return Ok(());
-    }
-    for hash in missing {
-        lose_asset(farm, hash).await?;
+    for (hash, is_there) in found {
+        if is_there {
+            release_for_asset(farm, hash).await?;
+        } else {
+            lose_asset(farm, hash).await?;
+        }
     }
     Ok(())
 }
@@ -87,17 +87,30 @@ pub(crate) async fn hold_for_missing_assets(farm: &Farm) -> Result<(), FilmError
 /// Looks at an asset that did not have its content when it was read. If it still has not, it is removed, so that it can be uploaded again, and
 /// the jobs that need it are held.
 pub(crate) async fn check_asset(farm: &Farm, hash: ContentHash) -> Result<(), FilmError> {
-    if farm.blobs.asset_is_whole(hash).await? {
-        return Ok(());
-    }
-    farm.blobs.remove_asset(hash).await;
-    Ok(lose_asset(farm, hash).await?)
+    if farm.blobs.keep_if_whole(hash).await? { Ok(()) } else { lose_asset(farm, hash).await }
 }
 
 /// Holds the open jobs that need an asset which is not there.
-pub(crate) async fn lose_asset(farm: &Farm, hash: ContentHash) -> Result<(), StoreError> {
+pub(crate) async fn lose_asset(farm: &Farm, hash: ContentHash) -> Result<(), FilmError> {
+    if !farm.blobs.is_of(farm.store.identity().await?.farm).await? {
+        // Another folder or bucket, in which nothing of the farm is.
+        return Ok(());
+    }
     for job in farm.store.hold_for_lost_asset(hash, farm.config.clock.now_ms()).await? {
         tracing::error!(%job, asset = %hash, "a file of the job is lost or damaged; the job is held until it is uploaded again");
+        farm.tell(News::Job(job));
+    }
+    // It may have been uploaded meanwhile.
+    if farm.blobs.has_asset(hash).await? {
+        release_for_asset(farm, hash).await?;
+    }
+    Ok(())
+}
+
+/// Lets the jobs go on that were held for an asset which is there.
+pub(crate) async fn release_for_asset(farm: &Farm, hash: ContentHash) -> Result<(), StoreError> {
+    for job in farm.store.release_for_asset(hash, farm.config.clock.now_ms()).await? {
+        tracing::info!(%job, asset = %hash, "the job goes on: what it lacked is here");
         farm.tell(News::Job(job));
     }
     Ok(())

@@ -60,7 +60,13 @@ pub(crate) async fn job(farm: &Farm, mut submission: JobSubmission, room: Parsin
     check_uploaded(farm, named.values().copied().chain(submission.reference)).await?;
 
     if let Some(hash) = submission.reference {
-        let noise = check_reference(farm, grid, hash).await?;
+        let noise = match check_reference(farm, grid, hash).await {
+            Err(_) if !farm.blobs.keep_if_whole(hash).await? => {
+                repair::lose_asset(farm, hash).await?;
+                return Err(missing(vec![hash]));
+            }
+            noise => noise?,
+        };
         targets.check(true, noise).map_err(of_target)?;
     }
     let scene = checked(farm, description, &named).await?;
@@ -244,14 +250,17 @@ async fn read(
     description: &Arc<SceneDescription>,
     named: &BTreeMap<String, ContentHash>,
 ) -> Result<Arc<SceneBundle>, ApiError> {
-    let mut assets = BTreeMap::new();
+    let (mut assets, mut damaged) = (BTreeMap::new(), Vec::new());
     for (name, hash) in named {
         let asset = Asset::new(farm.blobs.asset(*hash).await?.to_vec());
         if asset.hash().as_bytes() != hash.as_bytes() {
             repair::check_asset(farm, *hash).await?;
-            return Err(missing(vec![*hash]));
+            damaged.push(*hash);
         }
         assets.insert(name.clone(), asset);
+    }
+    if !damaged.is_empty() {
+        return Err(missing(damaged));
     }
     let description = SceneDescription::clone(description);
     blocking(move || SceneBundle::from_parts(description, assets).map(Arc::new).map_err(of_scene_error)).await

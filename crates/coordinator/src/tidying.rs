@@ -43,7 +43,7 @@ pub(crate) async fn run(farm: Arc<Farm>) {
             tracing::error!(%error, "lost nodes could not be looked for");
         }
         if ticks.is_multiple_of(SWEEPING)
-            && let Err(error) = repair::hold_for_missing_assets(&farm).await
+            && let Err(error) = repair::look_for_assets(&farm).await
         {
             tracing::error!(%error, "lost assets could not be looked for");
         }

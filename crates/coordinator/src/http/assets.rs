@@ -18,7 +18,6 @@ use super::extract::{PathParameter, announced_bytes, too_slow};
 use super::problem::ApiError;
 use crate::blobs::{BlobError, UploadError};
 use crate::farm::Farm;
-use crate::news::News;
 use crate::repair;
 
 /// Longest pause in an upload.
@@ -37,6 +36,7 @@ pub(super) async fn put(
     body: Body,
 ) -> Result<StatusCode, ApiError> {
     if farm.has_asset(hash).await? {
+        repair::release_for_asset(&farm, hash).await?;
         return Ok(StatusCode::NO_CONTENT);
     }
     let limit = farm.config.max_asset_bytes;
@@ -51,12 +51,9 @@ pub(super) async fn put(
             UploadError::HashMismatch { found } => ApiError::hash_mismatch(hash, found),
             UploadError::Store(error) => error.into(),
         })?;
-    let released = farm.store.insert_asset(hash, size, farm.config.clock.now_ms()).await?;
+    farm.store.insert_asset(hash, size, farm.config.clock.now_ms()).await?;
     tracing::info!(asset = %hash, size, "asset stored");
-    for job in released {
-        tracing::info!(%job, asset = %hash, "the job goes on: what it lacked is here");
-        farm.tell(News::Job(job));
-    }
+    repair::release_for_asset(&farm, hash).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -91,6 +88,11 @@ pub(super) async fn get(
         }
         asset => asset?,
     };
+    // Of an empty file nothing would be read that could be seen to be wrong.
+    if size != farm.store.asset_bytes(std::iter::once(hash)).await? {
+        repair::check_asset(&farm, hash).await?;
+        return Err(unknown(hash));
+    }
     let headers = [
         (CONTENT_TYPE, "application/octet-stream".to_owned()),
         (CONTENT_LENGTH, size.to_string()),

@@ -29,34 +29,35 @@ impl Store {
         Ok(bytes)
     }
 
-    /// Makes an uploaded blob an asset of the farm, and releases the jobs that were held for want of it: it answers which.
-    pub(crate) async fn insert_asset(
-        &self,
-        hash: ContentHash,
-        size: u64,
-        now_ms: i64,
-    ) -> Result<Vec<JobId>, StoreError> {
+    /// Makes an uploaded blob an asset of the farm.
+    pub(crate) async fn insert_asset(&self, hash: ContentHash, size: u64, now_ms: i64) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
                 query("insert into assets (hash, size, created_ms) values ($1, $2, $3) on conflict (hash) do nothing")
                     .bind(hash.to_string())
                     .bind(big(size))
                     .bind(now_ms)
-                    .execute(&mut *connection)
+                    .execute(connection)
                     .await?;
-                let held =
-                    query("select id, hold from jobs where hold is not null").fetch_all(&mut *connection).await?;
-                let mut released = Vec::new();
-                for row in &held {
-                    let (job, hold): (JobId, JobHold) = (row.parsed("id")?, row.json("hold")?);
-                    if hold.asset == Some(hash) && expiry::release(connection, job, now_ms).await? {
-                        released.push(job);
-                    }
-                }
-                Ok(released)
+                Ok(())
             })
         })
         .await
+    }
+
+    /// Releases the jobs that are held for want of a content, and answers which.
+    pub(crate) async fn release_for_asset(&self, hash: ContentHash, now_ms: i64) -> Result<Vec<JobId>, StoreError> {
+        let rows = query("select id, hold from jobs where hold is not null").fetch_all(&self.readers).await?;
+        let mut released = Vec::new();
+        for row in &rows {
+            let (job, hold): (JobId, JobHold) = (row.parsed("id")?, row.json("hold")?);
+            if hold.asset != Some(hash) {
+                continue;
+            }
+            let is_released = self.write(move |connection| Box::pin(expiry::release(connection, job, now_ms)));
+            released.extend(is_released.await?.then_some(job));
+        }
+        Ok(released)
     }
 
     /// Contents that jobs need which have not ended: the assets of their scenes, and their references.

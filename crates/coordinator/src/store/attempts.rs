@@ -21,6 +21,9 @@ pub(super) const MOST_FAILURES: usize = 10;
 /// Attempts in vain after which a node is given up where fewer machines could render it.
 pub(super) const ENOUGH_ATTEMPTS: u32 = 5;
 
+/// Attempts in vain after which a node is given up, whoever else could try: those may have other work for ever.
+const MOST_ATTEMPTS: u32 = 50;
+
 /// Why a node is given up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum GivenUp {
@@ -41,7 +44,7 @@ pub(super) async fn given_up(
     alive_ms: i64,
 ) -> Result<Option<GivenUp>, StoreError> {
     let are_enough = names.len() >= ENOUGH_MACHINES;
-    if names.len() < most_machines {
+    if names.len() < most_machines && attempts < MOST_ATTEMPTS {
         let may_be = are_enough || attempts >= ENOUGH_ATTEMPTS;
         if !may_be || others_could_try(connection, job, names, alive_ms).await? {
             return Ok(None);

@@ -185,7 +185,7 @@ async fn a_job_whose_file_is_lost_or_damaged_is_held_until_the_file_is_uploaded_
     let file = files(&farm.directory.path().join("blobs/assets")).remove(0);
     let job = farm.client.submit_job(&submission).await.unwrap().id;
     let worker = farm.worker().await;
-    let harms: [Harm; 2] = [|file| fs::remove_file(file), |file| fs::write(file, "v 1 2")];
+    let harms: [Harm; 3] = [|file| fs::remove_file(file), |file| fs::write(file, "v 1 2"), |file| fs::write(file, "")];
     for harmed in harms {
         harmed(&file).unwrap();
         farm.client.asset(&asset).await.unwrap_err();
@@ -201,7 +201,29 @@ async fn a_job_whose_file_is_lost_or_damaged_is_held_until_the_file_is_uploaded_
         assert_eq!(farm.client.job(job).await.unwrap().hold, None);
         assert_eq!(farm.client.asset(&asset).await.unwrap(), content);
     }
+    // Somebody puts it back, and whoever uploads it finds it there.
+    fs::remove_file(&file).unwrap();
+    farm.client.asset(&asset).await.unwrap_err();
+    assert!(farm.client.job(job).await.unwrap().hold.is_some());
+    fs::write(&file, &content).unwrap();
+    farm.client.upload_asset(&asset, content, |_| ()).await.unwrap();
+    assert_eq!(farm.client.job(job).await.unwrap().hold, None);
     render_until(&farm, job, |view| view.state == JobState::Done).await;
+    farm.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_submission_whose_reference_is_damaged_is_asked_for_it_again() {
+    let farm = TestFarm::start().await;
+    let (reference, image) = reference(&farm).await;
+    for file in files(&farm.directory.path().join("blobs/assets")) {
+        fs::write(file, "no image").unwrap();
+    }
+    let submission = JobSubmission { reference: Some(reference), ..submission(1) };
+    let refused = farm.client.submit_job(&submission).await.unwrap_err();
+    assert_eq!(refused.problem().map(|problem| problem.missing.clone()), Some(vec![reference]), "{refused}");
+    farm.client.upload_asset(&reference, image, |_| ()).await.unwrap();
+    farm.client.submit_job(&submission).await.unwrap();
     farm.stop().await;
 }
 
