@@ -80,7 +80,7 @@ impl FileFormat {
     pub(crate) fn instead_of_image(self) -> String {
         let way_out = match self.content {
             Content::Nothing => return format!("it is {self}"),
-            Content::Picture => "rendered images are compared in linear light: save it as OpenEXR",
+            Content::Picture => "rendered images are OpenEXR files, in linear light",
             Content::Archive => "unpack it",
             _ => "rendered images are OpenEXR files",
         };

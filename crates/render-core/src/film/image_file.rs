@@ -258,10 +258,7 @@ mod tests {
             let error = FrameImage::decode(bytes, BUDGET).unwrap_err().to_string();
             assert!(error.contains(message), "{error:?} does not say {message:?}");
         };
-        check(
-            b"\x89PNG",
-            "not an OpenEXR file: it looks like a PNG picture; rendered images are compared in linear light",
-        );
+        check(b"\x89PNG", "not an OpenEXR file: it looks like a PNG picture; rendered images are OpenEXR files");
         check(b"\xff\xd8\xff\xe0", "it looks like a JPEG picture");
         check(b"", "not an OpenEXR file: it is an empty file");
         check(b"\x76\x2f", "not an OpenEXR file: it does not begin with");
