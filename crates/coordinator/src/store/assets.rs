@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use clerestory_api::{ContentHash, JobHold, JobId};
 
 use super::events::{self, StoredKind};
-use super::row::{big, to_json};
+use super::row::{Row, big, to_json};
 use super::sql::query;
 use super::{Store, StoreError, expiry};
 
@@ -47,17 +47,25 @@ impl Store {
 
     /// Releases the jobs that are held for want of a content, and answers which.
     pub(crate) async fn release_for_asset(&self, hash: ContentHash, now_ms: i64) -> Result<Vec<JobId>, StoreError> {
-        let rows = query("select id, hold from jobs where hold is not null").fetch_all(&self.readers).await?;
-        let mut released = Vec::new();
-        for row in &rows {
-            let (job, hold): (JobId, JobHold) = (row.parsed("id")?, row.json("hold")?);
-            if hold.asset != Some(hash) {
-                continue;
-            }
-            let is_released = self.write(move |connection| Box::pin(expiry::release(connection, job, now_ms)));
-            released.extend(is_released.await?.then_some(job));
+        let held = "select id, hold from jobs where hold is not null";
+        let of_it = move |row: &Row| Ok::<_, StoreError>(row.json::<JobHold>("hold")?.asset == Some(hash));
+        let seen = query(held).fetch_all(&self.readers).await?;
+        if !seen.iter().map(of_it).collect::<Result<Vec<_>, _>>()?.contains(&true) {
+            return Ok(Vec::new());
         }
-        Ok(released)
+        self.write(move |connection| {
+            Box::pin(async move {
+                let mut released = Vec::new();
+                for row in &query(held).fetch_all(&mut *connection).await? {
+                    let job = row.parsed("id")?;
+                    if of_it(row)? && expiry::release(connection, job, now_ms).await? {
+                        released.push(job);
+                    }
+                }
+                Ok(released)
+            })
+        })
+        .await
     }
 
     /// Contents that jobs need which have not ended: the assets of their scenes, and their references.

@@ -76,6 +76,7 @@ use deaths::{
     a_lease_that_has_brought_a_node_is_no_death, a_node_with_which_one_machine_died_goes_to_another_that_is_there,
     a_worker_that_comes_back_has_not_died, a_worker_that_dies_with_a_node_that_another_took_over_counts_too,
     deaths_side_by_side_count_together_until_the_job_has_brought_a_node,
+    jobs_whose_content_is_lost_are_held_until_it_is_here,
 };
 use farm::{Farm, TTL_MS, delivered, merge, place};
 use refused::a_database_of_another_program_is_refused_and_left_as_it_is;
@@ -580,6 +581,7 @@ on_both! {
     deaths_side_by_side_count_together_until_the_job_has_brought_a_node
     a_node_with_which_one_machine_died_goes_to_another_that_is_there
     a_worker_that_comes_back_has_not_died
+    jobs_whose_content_is_lost_are_held_until_it_is_here
     a_lease_that_has_brought_a_node_is_no_death
     a_worker_that_dies_with_a_node_that_another_took_over_counts_too
     a_check_that_workers_die_with_again_and_again_is_given_up

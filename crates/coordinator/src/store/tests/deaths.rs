@@ -1,6 +1,6 @@
 //! Workers that die with what they were leased, and jobs that are held for it.
 
-use clerestory_api::{JobState, WorkerActivity, WorkerId};
+use clerestory_api::{ContentHash, JobState, WorkerActivity, WorkerId};
 use clerestory_render_core::film::{NodeAddress, TileGrid};
 
 use super::{DeliveredNode, Farm, Grant, TTL_MS, delivered};
@@ -174,4 +174,28 @@ pub(super) async fn a_check_that_workers_die_with_again_and_again_is_given_up(fa
     }
     assert!(farm.next_wave(job).await.is_some());
     assert_eq!(farm.record(job).await.hold, None);
+}
+
+pub(super) async fn jobs_whose_content_is_lost_are_held_until_it_is_here(farm: Farm) {
+    let [file, reference] = [1, 2].map(|byte| ContentHash::from([byte; 32]));
+    for content in [file, reference] {
+        farm.store.insert_asset(content, 1, 0).await.unwrap();
+    }
+    let assets = ["a.obj", "b.obj"].map(|name| (name.to_owned(), file)).into();
+    let with_file = farm.job_like(|job| NewJob { assets, reference: Some(reference), ..job }).await;
+    let with_reference = farm.job_like(|job| NewJob { reference: Some(reference), ..job }).await;
+    let other = farm.job(1).await;
+    assert_eq!(farm.store.needed_assets().await.unwrap(), [file, reference].into());
+    assert_eq!(farm.store.hold_for_lost_asset(file, 5).await.unwrap(), [with_file]);
+    assert_eq!(farm.store.hold_for_lost_asset(reference, 6).await.unwrap(), [with_reference], "one is held already");
+    let hold = farm.record(with_file).await.hold.unwrap();
+    assert_eq!((hold.since_ms, hold.asset), (5, Some(file)));
+    assert!(hold.reason.contains("the file `") && hold.reason.contains("of its scene is lost"), "{}", hold.reason);
+    assert!(farm.record(with_reference).await.hold.unwrap().reason.starts_with("its reference is lost"));
+    let worker = farm.worker().await;
+    assert_eq!(farm.claim(worker, 1, 7).await.unwrap().lease.job, other);
+    assert_eq!(farm.store.release_for_asset(file, 8).await.unwrap(), [with_file]);
+    assert_eq!(farm.store.release_for_asset(file, 8).await.unwrap(), []);
+    assert_eq!(farm.record(with_file).await.hold, None);
+    assert!(farm.record(with_reference).await.hold.is_some());
 }
