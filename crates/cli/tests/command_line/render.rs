@@ -195,15 +195,21 @@ fn an_image_that_replaces_one_of_another_user_keeps_its_group() {
     let folder = Folder::new();
     let (place, image) = (folder.path("."), folder.path("scene.exr"));
     fs::write(&image, "old").unwrap();
-    // Only the superuser can act as another user, and only where that one may run the binary.
-    if chown(&image, Some(0), Some(group)).and_then(|()| chown(&place, None, Some(other_group))).is_err() {
+    // Only the superuser can act as another user.
+    if let Err(error) = chown(&image, Some(0), Some(group)).and_then(|()| chown(&place, None, Some(other_group))) {
+        println!("NOT TESTED, run it as root: files that change hands: {error}");
         return;
     }
     fs::set_permissions(&image, fs::Permissions::from_mode(0o660)).unwrap();
     // What is made in the folder gets the folder's group.
     fs::set_permissions(&place, fs::Permissions::from_mode(0o2777)).unwrap();
-    let mut command = folder.command(&["render", "scene.json", "--spp", "4"]);
-    let Ok(output) = command.uid(user).gid(group).output() else { return };
+    let command = folder.command(&["render", "scene.json", "--spp", "4"]);
+    // The other user may not reach where it was built.
+    let binary = folder.path("clerestory");
+    fs::copy(command.get_program(), &binary).unwrap();
+    let mut copied = std::process::Command::new(&binary);
+    copied.args(command.get_args()).current_dir(&place);
+    let output = copied.uid(user).gid(group).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let written = fs::metadata(&image).unwrap();
     assert!(written.len() > 3);
