@@ -7,6 +7,7 @@ mod chaos;
 mod durability;
 mod farm;
 mod large_frames;
+mod readiness;
 mod stop_rules;
 mod stored_farms;
 mod trust;

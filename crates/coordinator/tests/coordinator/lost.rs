@@ -13,13 +13,13 @@ use clerestory_coordinator::Config;
 use crate::support::*;
 
 /// Passes of the jobs here; rounds end at 1, 2, 4 and 8.
-const PASSES: u32 = 8;
+pub(crate) const PASSES: u32 = 8;
 
 /// What happens to a file.
 type Harm = fn(&Path) -> io::Result<()>;
 
 /// Keeps nothing in memory, so that every read is one of the disk, and cuts work finely.
-fn forgetful(config: &mut Config) {
+pub(crate) fn forgetful(config: &mut Config) {
     config.node_cache_bytes = 0;
     config.lease_nodes = Some(1);
 }
@@ -34,7 +34,7 @@ fn node_files(farm: &TestFarm) -> Vec<PathBuf> {
 }
 
 /// Renders whatever is asked for until a job is as it should be.
-async fn render_until(farm: &TestFarm, job: JobId, is_right: impl Fn(&JobView) -> bool) -> JobView {
+pub(crate) async fn render_until(farm: &TestFarm, job: JobId, is_right: impl Fn(&JobView) -> bool) -> JobView {
     let worker = farm.worker().await;
     let deadline = Instant::now() + Duration::from_secs(60);
     loop {
@@ -168,7 +168,7 @@ async fn reference(farm: &TestFarm) -> (ContentHash, Bytes) {
 }
 
 /// A submission whose mesh comes from a file, and the content of that file.
-fn with_a_file() -> (JobSubmission, Bytes) {
+pub(crate) fn with_a_file() -> (JobSubmission, Bytes) {
     let mut scene = scene();
     scene["meshes"][0]["source"] = serde_json::json!({"obj": {"file": "floor.obj"}});
     let content = Bytes::from_static(b"v -1 0 -1\nv 1 0 -1\nv 1 0 1\nv -1 0 1\nf 4 3 2 1\n");
@@ -213,31 +213,22 @@ async fn a_job_whose_file_is_lost_or_damaged_is_held_until_the_file_is_uploaded_
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_submission_whose_reference_is_damaged_is_asked_for_it_again() {
+async fn a_submission_whose_file_or_reference_is_damaged_is_asked_for_it_again() {
     let farm = TestFarm::start().await;
     let (reference, image) = reference(&farm).await;
-    for file in files(&farm.directory.path().join("blobs/assets")) {
-        fs::write(file, "no image").unwrap();
+    let (with_file, content) = with_a_file();
+    let file = hash(&content);
+    farm.client.upload_asset(&file, content.clone(), |_| ()).await.unwrap();
+    for stored in files(&farm.directory.path().join("blobs/assets")) {
+        fs::write(stored, "neither image nor mesh").unwrap();
     }
-    let submission = JobSubmission { reference: Some(reference), ..submission(1) };
-    let refused = farm.client.submit_job(&submission).await.unwrap_err();
-    assert_eq!(refused.problem().map(|problem| problem.missing.clone()), Some(vec![reference]), "{refused}");
-    farm.client.upload_asset(&reference, image, |_| ()).await.unwrap();
-    farm.client.submit_job(&submission).await.unwrap();
-    farm.stop().await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_submission_whose_file_is_damaged_is_asked_for_it_again() {
-    let farm = TestFarm::start().await;
-    let (submission, content) = with_a_file();
-    let asset = hash(&content);
-    farm.client.upload_asset(&asset, content.clone(), |_| ()).await.unwrap();
-    fs::write(&files(&farm.directory.path().join("blobs/assets"))[0], "v 1 2").unwrap();
-    let refused = farm.client.submit_job(&submission).await.unwrap_err();
-    assert_eq!(refused.problem().map(|problem| problem.missing.clone()), Some(vec![asset]), "{refused}");
-    farm.client.upload_asset(&asset, content, |_| ()).await.unwrap();
-    farm.client.submit_job(&submission).await.unwrap();
+    let with_reference = JobSubmission { reference: Some(reference), ..submission(1) };
+    for (submission, asset, content) in [(with_file, file, content), (with_reference, reference, image)] {
+        let refused = farm.client.submit_job(&submission).await.unwrap_err();
+        assert_eq!(refused.problem().map(|problem| problem.missing.clone()), Some(vec![asset]), "{refused}");
+        farm.client.upload_asset(&asset, content, |_| ()).await.unwrap();
+        farm.client.submit_job(&submission).await.unwrap();
+    }
     farm.stop().await;
 }
 

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
 mod adaptive;
+mod backups;
 mod bad_requests;
 mod farm;
 mod frames;

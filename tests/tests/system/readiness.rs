@@ -1,0 +1,64 @@
+//! A coordinator says that it is not ready (`/readyz`) while what it stores cannot be stored, and why.
+
+use std::thread;
+use std::time::{Duration, Instant};
+
+use clerestory_api::Problem;
+use clerestory_test_servers::S3Server;
+use clerestory_tests::farm::Farm;
+use tokio::runtime::Runtime;
+
+/// Longest wait: outcomes of a bucket hold for ten seconds, and a silent one is given four.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Asks until the answer is as expected: `None` when the coordinator is ready, otherwise why not.
+fn wait_until(farm: &Farm, what: &str, is_expected: impl Fn(Option<&str>) -> bool) {
+    let runtime = Runtime::new().expect("a runtime");
+    let http = reqwest::Client::builder().no_proxy().build().expect("a client");
+    let url = format!("{}/readyz", farm.address());
+    let start = Instant::now();
+    loop {
+        let (status, body) = runtime.block_on(async {
+            let answer = http.get(&url).send().await.expect("a coordinator that serves");
+            (answer.status().as_u16(), answer.bytes().await.expect("a whole answer"))
+        });
+        let reason = match status {
+            204 => None,
+            503 => Some(serde_json::from_slice::<Problem>(&body).expect("a problem document").detail),
+            _ => panic!("{status}"),
+        };
+        if is_expected(reason.as_deref()) {
+            return;
+        }
+        assert!(start.elapsed() < PATIENCE, "{what}: {reason:?}");
+        thread::sleep(Duration::from_millis(20));
+    }
+}
+
+#[test]
+fn a_full_disk_and_an_object_store_that_is_away_are_named_until_they_are_mended() {
+    let mut objects = S3Server::start().expect("an S3 server");
+    // They would be logged.
+    let silent = [("CLERESTORY_LOG".to_owned(), "off".to_owned())];
+    let environment = [&objects.environment()[..], &silent].concat();
+    let bucket = format!("s3://{}", objects.new_bucket());
+    let farm = Farm::start_with_faults(1, &environment, &["--object-store", &bucket]);
+    let ready = |reason: Option<&str>| reason.is_none();
+    let says = |words: &'static str| move |reason: Option<&str>| reason.is_some_and(|reason| reason.contains(words));
+    wait_until(&farm, "ready", ready);
+
+    let faults = farm.faults(0).expect("a disk that can be full");
+    faults.fill_disk(true);
+    wait_until(&farm, "not ready with a full disk", says("the database cannot be written"));
+    faults.fill_disk(false);
+    wait_until(&farm, "ready when there is room", ready);
+
+    objects.kill();
+    wait_until(&farm, "not ready without its object store", says("the blob store"));
+    objects.restart().expect("an S3 server");
+    wait_until(&farm, "ready when its object store is back", ready);
+    objects.suspend(true);
+    wait_until(&farm, "not ready while its object store is silent", says("the blob store"));
+    objects.suspend(false);
+    wait_until(&farm, "ready when its object store answers", ready);
+}
