@@ -1,11 +1,12 @@
 //! `clerestory farm`: a coordinator and workers on this machine.
 
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::Args;
 use clerestory_worker::machine_memory;
 
-use crate::arguments::whole;
+use crate::arguments::{positive, whole};
 use crate::child::Environment;
 use crate::commands::coordinator::DEFAULT_DATA;
 use crate::connection::DEFAULT_LISTEN;
@@ -30,6 +31,9 @@ pub(crate) struct FarmArguments {
     /// Threads of each worker [default: the cores, shared evenly].
     #[arg(long, value_name = "N")]
     threads: Option<ThreadCount>,
+    /// Memory that the scenes of each worker may take together, MiB [default: the machine's, shared evenly].
+    #[arg(long, value_name = "N", env = "CLERESTORY_MEMORY_MIB", value_parser = positive)]
+    memory_mib: Option<NonZeroU32>,
     /// Address on which the coordinator listens.
     #[arg(long, value_name = "HOST:PORT", default_value = DEFAULT_LISTEN, env = "CLERESTORY_LISTEN")]
     listen: String,
@@ -50,7 +54,7 @@ pub(crate) async fn run(arguments: FarmArguments) -> Result<(), Failure> {
         token_file: arguments.token_file,
         workers,
         threads,
-        memory_mib: share_of_memory(workers),
+        memory_mib: arguments.memory_mib.map(|mib| mib.get().into()).or_else(|| share_of_memory(workers)),
         logs: None,
         environment: Environment::Inherited,
     };

@@ -111,13 +111,43 @@ fn a_farm_starts_its_coordinator_again_where_it_was_and_goes_on_with_the_job() {
 
 /// The number of the process that is a farm's coordinator.
 fn coordinator_of(farm: &Service) -> u32 {
+    children_of(farm).into_iter().find(|(_, words)| words[1] == "coordinator").unwrap().0
+}
+
+/// The processes that a farm has started, with their words.
+fn children_of(farm: &Service) -> Vec<(u32, Vec<String>)> {
     let threads = std::fs::read_dir(format!("/proc/{}/task", farm.id())).unwrap();
     let children = threads.map(|thread| std::fs::read_to_string(thread.unwrap().path().join("children")).unwrap());
     let children: Vec<String> = children.collect();
     let numbers = children.iter().flat_map(|numbers| numbers.split_whitespace());
-    let is_coordinator = |number: &&str| {
-        let words = std::fs::read(format!("/proc/{number}/cmdline")).unwrap_or_default();
-        words.split(|byte| *byte == 0).nth(1) == Some(b"coordinator")
+    let with_words = |number: &str| {
+        let words = std::fs::read_to_string(format!("/proc/{number}/cmdline")).unwrap_or_default();
+        let words: Vec<String> = words.split('\0').map(str::to_owned).collect();
+        // One that has ended has none, nor has one that is just being started.
+        (words.len() > 1).then(|| (number.parse().unwrap(), words))
     };
-    numbers.filter(is_coordinator).map(|number| number.parse().unwrap()).next().unwrap()
+    numbers.filter_map(with_words).collect()
+}
+
+#[test]
+fn the_workers_of_a_farm_have_the_memory_that_it_is_told() {
+    let folder = Folder::new();
+    let mut farm = folder.command(&["farm", "--workers", "2", "--threads", "1", "--listen", "127.0.0.1:0"]);
+    let farm = Service::start(farm.args(["--data", "data"]).env("CLERESTORY_MEMORY_MIB", "300"));
+    let memory_of = |words: &[String]| {
+        let at = words.iter().position(|word| word == "--memory-mib")?;
+        words.get(at + 1).cloned()
+    };
+    let is_worker = |words: &[String]| words[1] == "worker";
+    let deadline = Instant::now() + Duration::from_secs(60);
+    let workers = loop {
+        let workers: Vec<_> = children_of(&farm).into_iter().filter(|(_, words)| is_worker(words)).collect();
+        if workers.len() == 2 {
+            break workers;
+        }
+        assert!(Instant::now() < deadline, "{workers:?}");
+    };
+    for (_, words) in workers {
+        assert_eq!(memory_of(&words).as_deref(), Some("300"), "{words:?}");
+    }
 }

@@ -100,7 +100,7 @@ pub(crate) struct Service {
 
 impl Service {
     /// Starts it, and waits until it listens.
-    fn start(command: &mut Command) -> Self {
+    pub(crate) fn start(command: &mut Command) -> Self {
         let command = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut process = command.spawn().unwrap();
         let mut address = String::new();
