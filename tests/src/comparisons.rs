@@ -7,8 +7,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{NodeAddress, TileGrid};
+use clerestory_film::counters::Counters;
+use clerestory_film::{NodeAddress, TileGrid};
 use clerestory_render_core::integrator::render_node;
 use clerestory_render_core::scene::description::{
     CameraDescription, LightDescription, SamplingDescription, SceneDescription,

@@ -5,8 +5,8 @@
 
 use std::time::{Duration, Instant};
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::scene::description::{
     FneeSolver, ManifoldConstraint, ManifoldEstimator, PaneSelection, ProfileDescription, WalkSteps,

@@ -6,7 +6,7 @@ use std::io::{BufReader, Cursor};
 use std::ops::Range;
 use std::path::Path;
 
-use clerestory_render_core::film::ImageMetadata;
+use clerestory_film::ImageMetadata;
 use exr::block::UncompressedBlock;
 use exr::image::write::layers::WritableLayers;
 use exr::meta::attribute::{AttributeValue, Text};

@@ -1,6 +1,6 @@
 //! Paths of light over panes, found without a specular method or by the complete search, as the path tracer describes them.
 
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Face, Leaving, PaneBoundary, Ray, Surface};
 use clerestory_render_core::optics::{
     Source, SourceSample,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
 use clerestory_api::{ClientError, JobId, Lease, LeaseRequest, LeaseReturn, WorkerId, WorkerRegistration};
-use clerestory_render_core::film::{Node, NodeAddress, PartialHeader, Rendered, TileGrid, partial};
+use clerestory_film::{Node, NodeAddress, PartialHeader, Rendered, TileGrid, partial};
 use clerestory_render_core::integrator::render_node;
 use clerestory_render_core::probe;
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};

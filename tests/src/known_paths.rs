@@ -1,7 +1,7 @@
 //! What is known of the paths between a shading point and a point of a light through all panes of a scene: those that the complete
 //! search of `fnee` lists, an estimate of what it may have missed, and how often searches from uniform seeds find them.
 
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 use clerestory_render_core::optics::light_sampling::SourceSample;
 use clerestory_render_core::scene::{
     Scene,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use clerestory_render_core::film::{FilmTile, ImageRows, LayerChoice, NodeAddress, Sampling, TileGrid, TileSum};
+use clerestory_film::{FilmTile, ImageRows, LayerChoice, NodeAddress, Sampling, TileGrid, TileSum};
 use clerestory_render_core::integrator::render_node;
 use clerestory_render_core::scene::{self, Scene};
 use rayon::prelude::*;

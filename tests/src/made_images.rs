@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clerestory_api::JobState;
-use clerestory_render_core::film::{DecodeBudget, FrameImage, ImageMetadata};
+use clerestory_film::{DecodeBudget, FrameImage, ImageMetadata};
 
 use crate::exr_files::same_samples;
 use crate::farm::{Farm, clerestory, succeeded};

@@ -7,8 +7,8 @@
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::integrator::specular_method;
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use clerestory_render_core::film::{DecodeBudget, FrameImage, ImageLayers};
+use clerestory_film::{DecodeBudget, FrameImage, ImageLayers};
 
 /// A picture in short.
 #[derive(Clone, Debug, PartialEq, Eq)]

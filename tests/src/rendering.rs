@@ -2,9 +2,9 @@
 
 use std::sync::atomic::AtomicBool;
 
+use clerestory_film::counters::Counters;
+use clerestory_film::{NodeAddress, TileGrid};
 use clerestory_render_core::{
-    counters::Counters,
-    film::{NodeAddress, TileGrid},
     integrator::{RenderError, render_node},
     scene::Scene,
 };

@@ -20,8 +20,8 @@
 
 use std::fmt;
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving, Ray, Surface};
 use clerestory_render_core::integrator::specular_method;
 use clerestory_render_core::optics::{LightKind, Source};

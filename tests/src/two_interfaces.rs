@@ -10,7 +10,7 @@
 //!
 //! What is found is complete to the resolution of the grid: of two paths on one curve within a cell, neither is seen.
 
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Frame, Leaving, Ray, Surface};
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::specular::ShadingPoint;

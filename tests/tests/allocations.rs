@@ -7,7 +7,7 @@ use std::hint::black_box;
 use std::io::Cursor;
 
 use allocation_counter::measure;
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::{LightKind, Source};
 use clerestory_render_core::scene::description::{FneeSolver, ManifoldConstraint, WalkSteps};

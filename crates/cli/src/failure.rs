@@ -7,7 +7,7 @@ use std::process::ExitCode;
 
 use clerestory_api::{ClientError, ProblemCode};
 use clerestory_coordinator::RunError;
-use clerestory_render_core::film::{CompareError, ImageError, PreviewError};
+use clerestory_film::{CompareError, ImageError, PreviewError};
 use clerestory_render_core::scene::SceneError;
 use clerestory_worker::WorkerError;
 

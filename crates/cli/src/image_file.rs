@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use clerestory_render_core::film::{DecodeBudget, FrameImage, ImageMetadata};
+use clerestory_film::{DecodeBudget, FrameImage, ImageMetadata};
 use clerestory_render_core::scene::description::FilmDescription;
 use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, Text};

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use clerestory_render_core::film::{FrameImage, ImageMetadata, TileGrid};
+use clerestory_film::{FrameImage, ImageMetadata, TileGrid};
 use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};
 use clerestory_render_core::scene::{self, SceneBundle};
 

@@ -8,9 +8,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use clerestory_coordinator::{PILOT_ROUND, Rounds};
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::adaptive::{noise, shares};
-use clerestory_render_core::film::{
+use clerestory_film::adaptive::{noise, shares};
+use clerestory_film::counters::Counters;
+use clerestory_film::{
     Adaptation, FilmTile, FrameImage, ImageError, ImageMetadata, InsertError, NodeAddress, Sampling, Share, SumError,
     TileGrid, TileSum,
 };
@@ -300,7 +300,7 @@ mod tests {
     use std::path::Path;
 
     use clerestory_coordinator::{Targets, adaptation};
-    use clerestory_render_core::film::decomposition::{mean, standard_error};
+    use clerestory_film::decomposition::{mean, standard_error};
     use clerestory_render_core::scene;
     use clerestory_render_core::scene::SceneBundle;
     use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};

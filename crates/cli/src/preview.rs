@@ -1,7 +1,7 @@
 //! Options that decide how an image looks as a PNG.
 
 use clap::{Args, ValueEnum};
-use clerestory_render_core::film::{Exposure, PreviewSettings, ToneCurve};
+use clerestory_film::{Exposure, PreviewSettings, ToneCurve};
 
 /// Largest exposure, up or down, as on a farm.
 const MOST_STOPS: f64 = 32.0;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use clap::Args;
 use clerestory_coordinator::{InvalidTarget, Targets, adaptation};
-use clerestory_render_core::film::{Adaptation, Sampling};
+use clerestory_film::{Adaptation, Sampling};
 
 use crate::arguments::whole;
 use crate::failure::Failure;

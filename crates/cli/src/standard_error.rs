@@ -1,6 +1,6 @@
 //! What is said of the standard error of an image: where it is not known, why, and what would be done about it.
 
-use clerestory_render_core::film::{FrameImage, ImageMetadata, Sampling};
+use clerestory_film::{FrameImage, ImageMetadata, Sampling};
 
 use crate::terminal::counted;
 
@@ -71,8 +71,8 @@ fn ways_out(sampling: Sampling, samples: u32) -> String {
 
 #[cfg(test)]
 mod tests {
-    use clerestory_render_core::counters::Counters;
-    use clerestory_render_core::film::ImageLayers;
+    use clerestory_film::ImageLayers;
+    use clerestory_film::counters::Counters;
 
     use super::*;
 

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, ProblemCode, Quarantine};
-use clerestory_render_core::film::{self, Expectation, NodeAddress, Rendered, partial};
+use clerestory_film::{Expectation, NodeAddress, Rendered, partial};
 
 use crate::blobs::Place;
 use crate::farm::{DECODED_BYTES, Farm, permits, to_its_end};
@@ -119,7 +119,8 @@ async fn store(
 ) -> Result<PartialAnswer, ApiError> {
     let (id, check_key, checked_fraction) = (job.id, farm.check_key, farm.config.checked_fraction);
     let encode = move || {
-        let encoded: Vec<Vec<u8>> = rendered.iter().map(|rendered| film::store::encode(&rendered.node)).collect();
+        let encoded: Vec<Vec<u8>> =
+            rendered.iter().map(|rendered| clerestory_film::store::encode(&rendered.node)).collect();
         let digests: Vec<String> = encoded.iter().map(|bytes| blake3::hash(bytes).to_hex().to_string()).collect();
         (rendered, encoded, digests)
     };

@@ -1,6 +1,6 @@
 //! Adaptive jobs: the passes of a round are shared out among the tiles by their noise.
 //!
-//! How noisy a tile is, its pilot says: a few passes that no image contains ([`clerestory_render_core::film::adaptive`]). The pilot is
+//! How noisy a tile is, its pilot says: a few passes that no image contains ([`clerestory_film::adaptive`]). The pilot is
 //! work of the round [`PILOT_ROUND`], of nodes like any others. When that round is complete, the keeper of the film reads the pilot, stores
 //! the share of each tile, and throws the pilot away; then it records the round. Rounds beyond the passes that every tile gets are cut
 //! into nodes when the shares are there, and not before. What is decided depends on the scene, its tiles and the samples of the job alone,
@@ -9,8 +9,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use clerestory_render_core::film::adaptive::{noise, shares};
-use clerestory_render_core::film::{Adaptation, Sampling, Share};
+use clerestory_film::adaptive::{noise, shares};
+use clerestory_film::{Adaptation, Sampling, Share};
 use futures::stream::{self, StreamExt, TryStreamExt};
 
 use crate::farm::Farm;

@@ -6,9 +6,9 @@
 use std::ops::Range;
 
 use clerestory_api::{ContentHash, ConvergencePoint};
-use clerestory_render_core::film::{
-    self, Comparison, DecodeBudget, FlipComparison, ImageLayers, LayerChoice, MeanLuminance, NoiseMeasure,
-    ReferenceMeasure, ReferenceSummary, TileGrid, ToneCurve,
+use clerestory_film::{
+    Comparison, DecodeBudget, FlipComparison, ImageLayers, LayerChoice, MeanLuminance, NoiseMeasure, ReferenceMeasure,
+    ReferenceSummary, TileGrid, ToneCurve,
 };
 use tokio::sync::SemaphorePermit;
 
@@ -77,12 +77,12 @@ impl Reference {
     /// Pixels across and down the image of an asset.
     pub(crate) async fn size(farm: &Farm, hash: ContentHash) -> Result<[u32; 2], FilmError> {
         let file = farm.blobs.asset_file(hash).await?;
-        Ok(tokio::task::spawn_blocking(move || film::picture_size(file)).await??)
+        Ok(tokio::task::spawn_blocking(move || clerestory_film::picture_size(file)).await??)
     }
 
     async fn rows(&self, rows: Range<u32>) -> Result<ImageLayers, FilmError> {
         let (file, budget) = (self.blobs.asset_file(self.hash).await?, self.budget);
-        Ok(tokio::task::spawn_blocking(move || film::picture_rows(file, rows, budget)).await??)
+        Ok(tokio::task::spawn_blocking(move || clerestory_film::picture_rows(file, rows, budget)).await??)
     }
 }
 

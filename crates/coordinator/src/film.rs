@@ -9,8 +9,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use bytes::Bytes;
 use clerestory_api::JobId;
-use clerestory_render_core::film::{
-    self, FilmTile, ImageError, ImageMetadata, InsertError, Node, NodeAddress, Sampling, SamplingError, SumError,
+use clerestory_film::{
+    FilmTile, ImageError, ImageMetadata, InsertError, Node, NodeAddress, Sampling, SamplingError, SumError,
 };
 use futures::stream::{self, StreamExt, TryStreamExt};
 
@@ -40,7 +40,7 @@ pub(crate) enum FilmError {
         /// Name of its blob.
         blob: String,
         /// What is wrong, unless it is cut off or another node altogether.
-        source: Option<film::StoreError>,
+        source: Option<clerestory_film::StoreError>,
     },
     /// A stored node is not there.
     #[error("the stored node {node} is not there: {blob} is missing")]
@@ -66,13 +66,13 @@ pub(crate) enum FilmError {
     Image(#[from] ImageError),
     /// A file could not be written.
     #[error("the image cannot be written")]
-    Write(#[from] film::OpenExrError),
+    Write(#[from] clerestory_film::OpenExrError),
     /// A frame and its reference do not have the same rows.
     #[error("the image and its reference cannot be compared")]
-    Flip(#[from] film::FlipError),
+    Flip(#[from] clerestory_film::FlipError),
     /// A preview could not be written.
     #[error("the preview cannot be written")]
-    Preview(#[from] film::PreviewError),
+    Preview(#[from] clerestory_film::PreviewError),
     /// A file for what is being made cannot be written or read.
     #[error("a temporary file in the data directory failed")]
     Scratch(#[from] std::io::Error),
@@ -197,7 +197,7 @@ impl FilmReader {
         let decoded = tokio::task::spawn_blocking(move || {
             let decode = |(address, bytes): (NodeAddress, Bytes)| {
                 let damaged = |source| FilmError::Damaged { node: address, blob: name.clone(), source };
-                let node = film::store::decode(&bytes).map_err(|error| damaged(Some(error)))?;
+                let node = clerestory_film::store::decode(&bytes).map_err(|error| damaged(Some(error)))?;
                 if node.address() == address { Ok(Arc::new(node)) } else { Err(damaged(None)) }
             };
             addresses.into_iter().zip(bytes).map(decode).collect::<Result<Vec<_>, FilmError>>()

@@ -6,9 +6,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use clerestory_render_core::film::{
-    ImageMetadata, ImageRows, LayerChoice, Node, ROWS_PER_BLOCK, SumError, TileGrid, TileSum,
-};
+use clerestory_film::{ImageMetadata, ImageRows, LayerChoice, Node, ROWS_PER_BLOCK, SumError, TileGrid, TileSum};
 
 use crate::adaptive::TilePasses;
 use crate::farm::Farm;

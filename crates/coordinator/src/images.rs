@@ -6,7 +6,7 @@
 use std::fs::File;
 use std::io::{Seek, SeekFrom};
 
-use clerestory_render_core::film::{self, ImageWriter, LayerChoice};
+use clerestory_film::{ImageWriter, LayerChoice};
 
 use crate::farm::{Farm, permits};
 use crate::film::FilmError;
@@ -39,8 +39,8 @@ pub(crate) async fn layers(farm: &Farm, job: &JobRecord) -> Result<LayerChoice, 
 
 /// The first bytes of the file of an image with these layers, before anything is read of it.
 pub(crate) fn first_bytes(job: &JobRecord, choice: LayerChoice) -> Result<Vec<u8>, FilmError> {
-    let nothing = film::ImageRows::new(job.grid, 0..0, choice);
-    Ok(film::first_bytes(job.grid.width, job.grid.height, nothing.layers())?)
+    let nothing = clerestory_film::ImageRows::new(job.grid, 0..0, choice);
+    Ok(clerestory_film::first_bytes(job.grid.width, job.grid.height, nothing.layers())?)
 }
 
 /// Makes the image of a job's first frame: every tile as far as it is complete. Few large images are made at the same time.

@@ -9,7 +9,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use clerestory_api::{ContentHash, JobId, LiveMeasurement};
-use clerestory_render_core::film::{
+use clerestory_film::{
     DecodeBudget, ImageLayers, ImageRows, LayerChoice, ROWS_PER_BLOCK, Tile, TileGrid, picture_rows,
 };
 use tokio::sync::{Mutex as AsyncMutex, Semaphore, SemaphorePermit};

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use clerestory_api::JobId;
-use clerestory_render_core::film::{PreviewSettings, ReducedImage};
+use clerestory_film::{PreviewSettings, ReducedImage};
 use tokio::sync::{Mutex as AsyncMutex, OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
 
 use crate::farm::{Farm, permits};

@@ -4,7 +4,7 @@
 //! at 1, 2, 4, 8, 16 passes and then at every 16th, so that early rounds come fast and later ones at a steady price. The
 //! wave's range is cut into aligned nodes of the merge tree. How finely is free: every cut has the same sum, bit for bit.
 
-use clerestory_render_core::film::PassRange;
+use clerestory_film::PassRange;
 
 /// Passes between late boundaries; a power of two.
 const LATE_STEP: u32 = 16;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::thread::available_parallelism;
 
 use clerestory_api::{ContentHash, JobId, JobSubmission, ProblemCode};
-use clerestory_render_core::film::{ImageError, OpenExrError, TileGrid};
+use clerestory_film::{ImageError, OpenExrError, TileGrid};
 use clerestory_render_core::scene::{
     self, Asset, CheckedScene, Scene, SceneBundle, SceneDescription, SceneError, SceneHash, SceneMemory, SceneUse,
 };

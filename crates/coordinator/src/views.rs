@@ -1,7 +1,7 @@
 //! What callers see of jobs and workers.
 
 use clerestory_api::{ConvergencePoint, JobState, JobView, WorkerId, WorkerView};
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 
 use crate::farm::Farm;
 use crate::store::{JobRecord, StoreError, WorkerError};

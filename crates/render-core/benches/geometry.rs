@@ -4,7 +4,7 @@
 
 use std::hint::black_box;
 
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Accelerator, Face, Frame, HeightField, Leaving, Pane, PaneBoundary, Ray};
 use divan::Bencher;
 use divan::counter::ItemsCount;

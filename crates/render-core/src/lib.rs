@@ -1,4 +1,4 @@
-//! Specular light transport through old glass: from a scene to a node of the film.
+//! Specular light transport through old glass: from a scene to a node of the [film](clerestory_film).
 //!
 //! Light and data travel through the modules in this order:
 //!
@@ -6,8 +6,7 @@
 //! - [`geometry`]: height-field panes, triangles and the hierarchy over both;
 //! - [`optics`]: Snell, Fresnel, materials and lights;
 //! - [`specular`]: how light from a light reaches a shading point through glass, one file for each method;
-//! - [`integrator`]: the path tracer, which asks [`specular`] for the light that next event estimation cannot see;
-//! - [`film`]: sampler, passes, tiles, nodes, the merge tree, OpenEXR and error metrics.
+//! - [`integrator`]: the path tracer, which asks [`specular`] for the light that next event estimation cannot see.
 //!
 //! [`probe`] renders a small scene in all ways, to tell machines and builds apart that compute other bits.
 //!
@@ -17,9 +16,6 @@
 //! - Nothing here reads a clock, the environment, the network or a database; only [`scene::load`] reads files.
 //! - Transcendental functions come from `libm`, so that every machine computes the same bits.
 
-pub mod counters;
-mod file_format;
-pub mod film;
 pub mod geometry;
 pub mod integrator;
 mod lanes;

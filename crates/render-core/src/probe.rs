@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
-use crate::film::{NodeAddress, TileGrid, store};
 use crate::integrator::{RenderError, render_node};
 use crate::scene::{Scene, SceneBundle, SceneDescription, SceneError};
+use clerestory_film::{NodeAddress, TileGrid, store};
 
 /// The scene, without an integrator.
 const SCENE: &str = include_str!("probe.json");

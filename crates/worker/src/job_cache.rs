@@ -5,7 +5,7 @@ use std::sync::{Arc, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
 use clerestory_api::{Client, ClientError, ContentHash, JobId, JobScene, ProblemCode, SceneBuilding, WorkerActivity};
-use clerestory_render_core::film::{OpenExrError, PartialHeader, TileGrid, partial};
+use clerestory_film::{OpenExrError, PartialHeader, TileGrid, partial};
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneError, SceneMemory, SceneUse};
 use tokio::sync::{Mutex, watch};
 use tokio_util::task::AbortOnDropHandle;

@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use clerestory_render_core::film::{NodeAddress, Rendered};
+use clerestory_film::{NodeAddress, Rendered};
 use clerestory_render_core::integrator::{RenderError, render_node};
 use clerestory_render_core::probe::{self, ProbeError};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};

@@ -18,7 +18,7 @@ use clerestory_api::{
     NodeVerdict, PROBLEM_MEDIA_TYPE, PartialAnswer, PartialPieces, WorkerActivity, WorkerId, WorkerRegistration,
     WorkerState, WorkerView,
 };
-use clerestory_render_core::film::{self, DecodeBudget, Expectation, Rendered, Sampling, TileGrid, partial};
+use clerestory_film::{DecodeBudget, Expectation, Rendered, Sampling, TileGrid, partial};
 use clerestory_render_core::scene::{self, SceneBundle, SceneDescription};
 use clerestory_worker::{Config, WorkerError, run};
 use serde_json::{Value, json};
@@ -657,7 +657,7 @@ async fn nonsense_from_the_coordinator_does_not_end_the_worker() {
 
 /// The nodes in a partial, which must be some of those leased.
 fn nodes_of(body: &[u8], scene_hash: &str, lease: &Lease, edge: u32) -> Vec<NodeAddress> {
-    let leased = |node: &NodeAddress| film::NodeAddress {
+    let leased = |node: &NodeAddress| clerestory_film::NodeAddress {
         frame: node.frame,
         tile: node.tile,
         level: node.level,
@@ -672,7 +672,7 @@ fn nodes_of(body: &[u8], scene_hash: &str, lease: &Lease, edge: u32) -> Vec<Node
     };
     let nodes = partial::decode(body, &expected, DecodeBudget { pixel_bytes: 1 << 30 }).unwrap();
     let wire = |rendered: &Rendered| {
-        let film::NodeAddress { frame, tile, level, index } = rendered.node.address();
+        let clerestory_film::NodeAddress { frame, tile, level, index } = rendered.node.address();
         NodeAddress { frame, tile, level, index }
     };
     nodes.iter().map(wire).collect()

@@ -11,10 +11,8 @@ use std::{
 };
 
 use clap::Parser;
-use clerestory_render_core::{
-    film::decomposition::{Decomposition, decompose, mean},
-    scene::{self, Scene},
-};
+use clerestory_film::decomposition::{Decomposition, decompose, mean};
+use clerestory_render_core::scene::{self, Scene};
 use clerestory_tests::{
     reference::{Image, Reference},
     rendering::Rendering,

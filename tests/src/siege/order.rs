@@ -6,8 +6,8 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use clerestory_api::{JobState, JobView};
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{DecodeBudget, FrameImage};
+use clerestory_film::counters::Counters;
+use clerestory_film::{DecodeBudget, FrameImage};
 
 use super::blows::below;
 use crate::exr_files::same_samples;

@@ -1,4 +1,4 @@
-//! The arrows of the architecture: `cli -> {coordinator, worker} -> {api, render-core}`, and what each crate never names.
+//! The arrows of the architecture: `cli -> {coordinator, worker} -> {api, render-core} -> film`, and what each crate never names.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot read its own workspace has failed")]
 
@@ -8,12 +8,16 @@ use std::path::{Path, PathBuf};
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand};
 
 /// Which crates of the workspace each of them may depend on.
-const ARROWS: [(&str, &[&str]); 6] = [
+const ARROWS: [(&str, &[&str]); 7] = [
     ("clerestory-api", &[]),
-    ("clerestory-render-core", &[]),
-    ("clerestory-coordinator", &["clerestory-api", "clerestory-render-core"]),
-    ("clerestory-worker", &["clerestory-api", "clerestory-render-core"]),
-    ("clerestory", &["clerestory-api", "clerestory-coordinator", "clerestory-render-core", "clerestory-worker"]),
+    ("clerestory-film", &[]),
+    ("clerestory-render-core", &["clerestory-film"]),
+    ("clerestory-coordinator", &["clerestory-api", "clerestory-film", "clerestory-render-core"]),
+    ("clerestory-worker", &["clerestory-api", "clerestory-film", "clerestory-render-core"]),
+    (
+        "clerestory",
+        &["clerestory-api", "clerestory-coordinator", "clerestory-film", "clerestory-render-core", "clerestory-worker"],
+    ),
     ("clerestory-test-faults", &[]),
 ];
 
@@ -25,7 +29,7 @@ const FOREIGN_TO_RENDER_CORE: [&str; 9] =
     ["tokio", "reqwest", "axum", "hyper", "rusqlite", "sqlx", "object_store", "chrono", "time"];
 
 /// What the coordinator may use of the render core: it merges and validates, and never renders.
-const RENDER_CORE_MODULES_OF_COORDINATOR: [&str; 3] = ["counters", "film", "scene"];
+const RENDER_CORE_MODULES_OF_COORDINATOR: [&str; 1] = ["scene"];
 
 fn workspace_root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
@@ -110,7 +114,7 @@ fn every_way_of_naming_a_module_is_seen() {
     }
     check("use core_crate::film::Node;", &["film"]);
     check("let n = core_crate :: integrator::render_node(s);", &["integrator"]);
-    check("use core_crate::{film::{Node, tree}, scene, specular::fnee};", &["film", "scene", "specular"]);
+    check("use core_crate::{clerestory_film::{Node, tree}, scene, specular::fnee};", &["film", "scene", "specular"]);
     check("use core_crate::*;", &["*"]);
     check("use core_crate as other;", &["(an alias)"]);
     check("// core_crate::integrator\n/// [core_crate::specular]\nuse core_crate::scene;", &["scene"]);

@@ -5,7 +5,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Leaving, Pane};
 use clerestory_render_core::optics::Source;
 use clerestory_render_core::scene::{Scene, description::FneeSolver};

@@ -5,7 +5,7 @@
 //! their indices to be one; a sum of another value says that some are missing. The converse does not hold: pairs born at
 //! a fold have the sum zero.
 
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Leaving, Pane};
 use clerestory_render_core::optics::Source;
 use clerestory_render_core::scene::description::FneeSolver;

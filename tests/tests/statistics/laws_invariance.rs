@@ -1,6 +1,6 @@
 //! Light does not depend on the unit of length (T9), and light through many panes is the sum of the light through each (T10).
 
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::specular::ShadingPoint;
 use clerestory_tests::estimate::check_agreement;

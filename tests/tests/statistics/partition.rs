@@ -1,7 +1,7 @@
 //! Every path of light is found once: by the specular method that owns it, or by chance.
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving};
 use clerestory_render_core::integrator::specular_method;
 use clerestory_render_core::optics::{LightKind, Source, SourceSample};

@@ -1,6 +1,6 @@
 //! Every path of light in a closed room is found once: by the specular method that owns it, or by chance.
 
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Leaving, Pane};
 use clerestory_render_core::integrator::specular_method;
 use clerestory_render_core::specular::{ShadingPoint, SpecularEvent, side::PaneSide};

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use clerestory_render_core::film::{FilmTile, ImageRows, LayerChoice, NodeAddress, TileGrid};
+use clerestory_film::{FilmTile, ImageRows, LayerChoice, NodeAddress, TileGrid};
 use clerestory_render_core::integrator::render_node;
 use clerestory_render_core::scene::description::{
     FilmDescription, IntegratorDescription, MaterialDescription, SamplingDescription, SceneDescription,

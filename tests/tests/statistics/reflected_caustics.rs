@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_render_core::counters::Counters;
+use clerestory_film::counters::Counters;
 use clerestory_render_core::scene::{Scene, SceneBundle, SceneDescription};
 use clerestory_render_core::specular::ShadingPoint;
 use clerestory_tests::estimate::{Estimate, check_agreement};

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Leaving, Pane};
 use clerestory_render_core::optics::Source;
 use clerestory_render_core::scene::description::{

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving, Pane};
 use clerestory_render_core::optics::{LightKind, Source};
 use clerestory_render_core::scene::description::{

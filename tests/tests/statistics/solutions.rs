@@ -1,7 +1,7 @@
 //! Every connection of a receiver point to a point light through old glass, against lists found by brute force.
 
+use clerestory_film::counters::Counters;
 use clerestory_render_core::{
-    counters::Counters,
     geometry::Face,
     optics::{LightKind, Source},
     scene::{Scene, description::FneeSolver},

@@ -1,8 +1,8 @@
 //! The paths through both faces of old glass that curves lead to, against lists found by brute force, and against those that
 //! random walks find through the same glass as a mesh.
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
 use clerestory_render_core::optics::LightKind;
 use clerestory_render_core::scene::Scene;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{SampleStream, SamplerSettings};
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Leaving, Ray, Surface};
 use clerestory_render_core::integrator::specular_method;
 use clerestory_render_core::scene::description::SceneDescription;

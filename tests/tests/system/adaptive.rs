@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clerestory_api::{JobState, JobView, StopReason};
-use clerestory_render_core::film::ImageMetadata;
+use clerestory_film::ImageMetadata;
 use clerestory_test_servers::{postgres, s3};
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::made_images::{assert_made_alike, assert_same_bits, metadata, rendered_alone};

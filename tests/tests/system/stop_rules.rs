@@ -6,7 +6,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use clerestory_api::{ConvergencePoint, JobState, JobView, StopReason};
-use clerestory_render_core::film::{DecodeBudget, FrameImage, mean_squared_standard_error};
+use clerestory_film::{DecodeBudget, FrameImage, mean_squared_standard_error};
 use clerestory_test_servers::postgres;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::made_images::{assert_made_alike, rendered_alone};

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use clerestory_render_core::film::{FrameImage, Metrics, ToneCurve, compare, mean_flip};
+use clerestory_film::{FrameImage, Metrics, ToneCurve, compare, mean_flip};
 use serde::Serialize;
 
 use crate::failure::Failure;

@@ -10,8 +10,8 @@ use std::time::{Duration, Instant, SystemTime};
 use clap::Args;
 use clerestory_api::{ConvergencePoint, StopReason};
 use clerestory_coordinator::{Targets, smallest_tile};
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{
+use clerestory_film::counters::Counters;
+use clerestory_film::{
     FrameImage, ImageError, ImageMetadata, TileGrid, TileSum, encode_png, mean_squared_standard_error,
 };
 use clerestory_render_core::scene::Scene;

@@ -9,7 +9,7 @@ use bytes::Bytes;
 use clap::Args;
 use clerestory_api::{ClientError, ContentHash, JobId, JobSubmission, JobView, PreviewQuery, ProblemCode};
 use clerestory_coordinator::Targets;
-use clerestory_render_core::film::{ImageMetadata, Sampling};
+use clerestory_film::{ImageMetadata, Sampling};
 use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
 use tracing::{info, warn};
 

@@ -1,7 +1,7 @@
 //! `adaptive`: what it gains to share out the passes of a round among the tiles by their noise.
 
-use clerestory_render_core::film::compare;
-use clerestory_render_core::film::decomposition::{mean, standard_error};
+use clerestory_film::compare;
+use clerestory_film::decomposition::{mean, standard_error};
 use clerestory_render_core::scene::SceneBundle;
 use clerestory_render_core::scene::description::SamplingDescription;
 use serde::Serialize;

@@ -2,7 +2,7 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use clerestory_render_core::film::{Exposure, FrameImage, PreviewSettings, ToneCurve, encode_png};
+use clerestory_film::{Exposure, FrameImage, PreviewSettings, ToneCurve, encode_png};
 use clerestory_render_core::geometry::Rect;
 use glam::DVec2;
 

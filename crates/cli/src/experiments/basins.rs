@@ -3,8 +3,8 @@
 //! The starts are the points of the pane with `u1 = u2`, `v1 = v2`, as in the paper: a plane through the four-dimensional
 //! space of starts. Beside the shares of that plane stand those of the seeds that each method really draws.
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{FrameImage, ImageLayers, SampleStream, SamplerSettings};
+use clerestory_film::counters::Counters;
+use clerestory_film::{FrameImage, ImageLayers, SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Rect;
 use clerestory_render_core::optics::{Source, SourceSample};
 use clerestory_render_core::scene::Scene;

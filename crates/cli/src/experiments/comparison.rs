@@ -1,9 +1,9 @@
 //! Variants compared on one scene: renders with several seeds to the same times, and what they say about error, bias and
 //! cost in each part of the picture.
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::decomposition::{Decomposition, decompose, mean, standard_error};
-use clerestory_render_core::film::{FrameImage, RelativeNoise, compare, relative_noise};
+use clerestory_film::counters::Counters;
+use clerestory_film::decomposition::{Decomposition, decompose, mean, standard_error};
+use clerestory_film::{FrameImage, RelativeNoise, compare, relative_noise};
 use clerestory_render_core::scene::SceneBundle;
 use serde::Serialize;
 

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use clerestory_coordinator::{Targets, adaptation, smallest_tile};
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{FrameImage, TileGrid};
+use clerestory_film::counters::Counters;
+use clerestory_film::{FrameImage, TileGrid};
 use clerestory_render_core::scene::description::FilmDescription;
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle};
 

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use clerestory_render_core::film::{Exposure, PreviewSettings, ToneCurve, encode_png};
+use clerestory_film::{Exposure, PreviewSettings, ToneCurve, encode_png};
 use serde_json::Value;
 
 use super::Experiment;

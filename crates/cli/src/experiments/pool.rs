@@ -5,9 +5,9 @@
 
 mod equal;
 
-use clerestory_render_core::film::FrameImage;
-use clerestory_render_core::film::decomposition::{decompose, mean};
-use clerestory_render_core::film::preview::automatic_stops;
+use clerestory_film::FrameImage;
+use clerestory_film::decomposition::{decompose, mean};
+use clerestory_film::preview::automatic_stops;
 use clerestory_render_core::scene::SceneBundle;
 use serde::Serialize;
 

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clerestory_render_core::film::{FrameImage, ImageLayers};
+use clerestory_film::{FrameImage, ImageLayers};
 use clerestory_render_core::scene::description::{IntegratorDescription, LightDescription, SamplingDescription};
 use clerestory_render_core::scene::{Asset, SceneBundle, SceneDescription};
 use serde::Serialize;

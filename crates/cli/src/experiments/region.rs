@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{FrameImage, ImageLayers};
+use clerestory_film::counters::Counters;
+use clerestory_film::{FrameImage, ImageLayers};
 use clerestory_render_core::geometry::{Leaving, Surface};
 use clerestory_render_core::optics::Source;
 use clerestory_render_core::scene::Scene;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clerestory_render_core::film::{FrameImage, encode_png, preview};
+use clerestory_film::{FrameImage, encode_png, preview};
 use clerestory_render_core::scene::SceneBundle;
 use serde_json::{Map, Value, json};
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use clerestory_api::WorkerId;
-use clerestory_render_core::film::TileGrid;
+use clerestory_film::TileGrid;
 use futures::stream::{self, StreamExt, TryStreamExt};
 use tokio::task::JoinSet;
 use tokio::time::Instant;

@@ -3,8 +3,8 @@
 //! The coordinator checks every byte of a partial, down to a hash over address and pixels, so each is encoded by the same code as a
 //! real one. What is saved is the rendering: the pixels are drawn once and are the same in all nodes.
 
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{
+use clerestory_film::counters::Counters;
+use clerestory_film::{
     FirstHitLayers, Node, NodeAddress, NodeError, NodeLayers, OpenExrError, PartialHeader, Rendered, Sampling,
     TileGrid, partial,
 };
@@ -101,7 +101,7 @@ fn uniform(state: &mut u64) -> f32 {
 mod tests {
     use std::collections::BTreeSet;
 
-    use clerestory_render_core::film::Expectation;
+    use clerestory_film::Expectation;
 
     use super::*;
 

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use clerestory_api::{JobId, JobState};
 use clerestory_coordinator::Targets;
-use clerestory_render_core::film::{Sampling, TileGrid};
+use clerestory_film::{Sampling, TileGrid};
 use clerestory_render_core::scene::{SceneBundle, SceneDescription};
 use serde_json::json;
 use tokio::time::Instant;

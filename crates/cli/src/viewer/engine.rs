@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use clerestory_coordinator::smallest_tile;
-use clerestory_render_core::film::{Exposure, PreviewSettings, TileGrid, ToneCurve, encode_png};
+use clerestory_film::{Exposure, PreviewSettings, TileGrid, ToneCurve, encode_png};
 use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription, SceneDescription};
 use clerestory_render_core::scene::{Obstacles, Scene, SceneBundle, SceneError};
 use rayon::ThreadPool;

@@ -13,7 +13,7 @@ use bytes::Bytes;
 use clerestory_api::{
     ACCEPTED_NODES_HEADER, EXR_MEDIA_TYPE, JobId, JobState, PreviewExposure, PreviewQuery, ToneCurve,
 };
-use clerestory_render_core::film::{self, Exposure, LayerChoice, PreviewSettings};
+use clerestory_film::{Exposure, LayerChoice, PreviewSettings};
 use futures::stream::{self, Stream, StreamExt};
 use tokio_util::io::ReaderStream;
 
@@ -160,8 +160,8 @@ pub(super) async fn preview(
         }
     };
     let curve = match query.curve {
-        ToneCurve::Srgb => film::ToneCurve::Srgb,
-        ToneCurve::Filmic => film::ToneCurve::Filmic,
+        ToneCurve::Srgb => clerestory_film::ToneCurve::Srgb,
+        ToneCurve::Filmic => clerestory_film::ToneCurve::Filmic,
     };
     let job = find(&farm, job).await?;
     let (id, settings) = (job.id, PreviewSettings { exposure, curve });

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use clerestory_render_core::film::{Node, NodeAddress, store as stored_form};
+use clerestory_film::{Node, NodeAddress, store as stored_form};
 use futures::stream::{self, StreamExt, TryStreamExt};
 
 use crate::adaptive::TilePasses;

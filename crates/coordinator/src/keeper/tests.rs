@@ -1,6 +1,6 @@
 //! Of several coordinators one keeps a film, and what another does to it meanwhile is no damage.
 
-use clerestory_render_core::film::TileGrid;
+use clerestory_film::TileGrid;
 use uuid::Uuid;
 
 use super::*;

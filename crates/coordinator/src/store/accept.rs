@@ -10,8 +10,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{JobId, LeaseId, NodeVerdict, WorkerId};
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
+use clerestory_film::counters::Counters;
 
 use super::checks::{self, Brought, Outcome};
 use super::jobs;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use clerestory_api::JobId;
-use clerestory_render_core::film::{PassRange, Share};
+use clerestory_film::{PassRange, Share};
 
 use super::jobs::JobRecord;
 use super::nodes::{self, Removed};

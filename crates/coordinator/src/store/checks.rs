@@ -11,7 +11,7 @@
 use std::collections::BTreeMap;
 
 use clerestory_api::{JobId, LeaseId, Quarantine, WorkerId};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 use uuid::Uuid;
 
 use super::claim::HAS_BITS;

@@ -16,7 +16,7 @@
 use std::collections::BTreeSet;
 
 use clerestory_api::{JobId, LeaseId, WorkerId};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 
 use super::checks::{self, HeldSince};
 use super::expiry::{self, Suspects};

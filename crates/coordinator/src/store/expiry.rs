@@ -10,7 +10,7 @@
 use std::collections::BTreeSet;
 
 use clerestory_api::{JobHold, JobId, LeaseId, WorkerId};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 
 use super::attempts::{self, ENOUGH_ATTEMPTS, GivenUp};
 use super::claim::ClaimTerms;

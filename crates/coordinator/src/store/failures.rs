@@ -5,7 +5,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{FailedNode, JobId, LeaseId, WorkerId};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 
 use super::attempts::{self, GivenUp};
 use super::jobs::{self, Ending};

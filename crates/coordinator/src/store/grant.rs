@@ -3,7 +3,7 @@
 //! A lease gets a fencing token beyond all that there are, and its nodes are marked as leased where they lie: in the queue, or among the
 //! [checks](super::checks). The first grant of a job starts it, and notes which bits its workers have to compute.
 
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 
 use super::claim::ClaimTerms;
 use super::events::{self, StoredKind};

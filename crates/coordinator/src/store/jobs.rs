@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use clerestory_api::{ContentHash, FailedNode, JobHold, JobId, JobState, StopReason};
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{Adaptation, NodeAddress, PassRange, TileGrid};
+use clerestory_film::counters::Counters;
+use clerestory_film::{Adaptation, NodeAddress, PassRange, TileGrid};
 
 use super::events::{self, StoredKind};
 use super::row::{Row, big, to_json};

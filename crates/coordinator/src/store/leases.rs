@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 
 use clerestory_api::{JobId, LeaseId, WorkerId};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 use serde::{Deserialize, Serialize};
 
 use super::jobs::{self, JobRecord};

@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 
 use clerestory_api::{JobId, JobState};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 
 use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};

@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::{AddAssign, Range};
 
 use clerestory_api::JobId;
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
+use clerestory_film::counters::Counters;
 
 use super::leases::address;
 use super::row::{Row, is_of_nodes, nodes_json, to_json};

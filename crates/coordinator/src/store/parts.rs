@@ -1,7 +1,7 @@
 //! Parts of nodes in the queue. A node is the sum of its two halves, so a row can become two, as often as the pace of the workers asks, at any
 //! moment before it is accepted. Who was given the whole may still bring the whole: [acceptance](super::accept) takes all of its parts for it.
 
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 
 use super::jobs::JobRecord;
 use super::row::to_json;

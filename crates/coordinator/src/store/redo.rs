@@ -10,7 +10,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{JobId, WorkerId};
-use clerestory_render_core::film::{NodeAddress, PassRange};
+use clerestory_film::{NodeAddress, PassRange};
 
 use super::events::{self, StoredKind};
 use super::jobs::{self, JobRecord};

@@ -3,7 +3,7 @@
 use std::str::FromStr;
 use std::sync::Arc;
 
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 

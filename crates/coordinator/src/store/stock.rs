@@ -4,7 +4,7 @@
 //! stands (a round, a frame, and a tile), as large as they may be by what is known then, and enough for many leases at once. A wave is opened when the first of its tiles is cut. Nodes
 //! that are to be done [again](super::redo) come into the queue as well.
 
-use clerestory_render_core::film::{NodeAddress, PassRange};
+use clerestory_film::{NodeAddress, PassRange};
 
 use super::adaptive::{self, WaveTiles, wave_tiles};
 use super::jobs::JobRecord;

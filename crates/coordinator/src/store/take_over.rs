@@ -9,7 +9,7 @@ use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
 use clerestory_api::{JobId, LeaseId};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 
 use super::claim::{ClaimTerms, OpenJob, first_of, last_round, most_samples};
 use super::jobs::JobRecord;

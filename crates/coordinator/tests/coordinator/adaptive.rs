@@ -1,9 +1,9 @@
 //! Jobs whose passes are shared out among the tiles by their noise.
 
 use clerestory_api::{JobId, JobState, JobSubmission, LeaseRequest, NodeVerdict, ProblemCode, StopReason};
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::adaptive::{noise, shares};
-use clerestory_render_core::film::{
+use clerestory_film::adaptive::{noise, shares};
+use clerestory_film::counters::Counters;
+use clerestory_film::{
     Adaptation, FilmTile, FrameImage, Node, NodeAddress, NodeLayers, Rendered, TileSum, mean_squared_standard_error,
 };
 

@@ -9,7 +9,7 @@ use clerestory_api::{
     EventBody, JobState, LeaseRequest, LeaseReturn, NodeVerdict, PreviewExposure, PreviewQuery, ProblemCode, ToneCurve,
 };
 use clerestory_coordinator::{Clock, Config, RunError, run};
-use clerestory_render_core::film::{self, Exposure, PreviewSettings, Rendered, encode_png};
+use clerestory_film::{Exposure, PreviewSettings, Rendered, encode_png};
 use futures::{StreamExt, stream};
 use serde_json::json;
 use tokio::io::AsyncWriteExt;
@@ -337,10 +337,10 @@ async fn a_cancelled_job_keeps_its_image() {
     passes[lease.nodes[0].tile as usize] = 1;
     assert_eq!(image.metadata().unwrap().tile_passes, passes);
     assert_eq!(image.metadata().unwrap().counters, noise_counters(addresses(&lease)[0]));
-    let (automatic, filmic) = (PreviewQuery::default(), film::ToneCurve::Filmic);
+    let (automatic, filmic) = (PreviewQuery::default(), clerestory_film::ToneCurve::Filmic);
     let darker = PreviewQuery { exposure: PreviewExposure::Stops(-1.5), curve: ToneCurve::Srgb };
     for (query, exposure, curve) in
-        [(automatic, Exposure::Automatic, filmic), (darker, Exposure::Stops(-1.5), film::ToneCurve::Srgb)]
+        [(automatic, Exposure::Automatic, filmic), (darker, Exposure::Stops(-1.5), clerestory_film::ToneCurve::Srgb)]
     {
         let expected = encode_png(&image, &PreviewSettings { exposure, curve }).unwrap();
         assert!(farm.client.preview(job.id, &query).await.unwrap().png == expected, "{query:?}");

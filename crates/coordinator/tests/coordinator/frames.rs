@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clerestory_api::{JobId, JobSubmission, PreviewQuery, ProblemCode};
 use clerestory_coordinator::{Clock, Config};
-use clerestory_render_core::film::{
+use clerestory_film::{
     Exposure, FrameImage, Node, NodeAddress, NodeLayers, PreviewSettings, Rendered, ToneCurve, compare, encode_png,
     mean_flip, mean_squared_standard_error,
 };

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use clerestory_api::JobSubmission;
 use clerestory_coordinator::Clock;
-use clerestory_render_core::film::FrameImage;
+use clerestory_film::FrameImage;
 
 use crate::support::*;
 

@@ -9,8 +9,8 @@ use clerestory_api::{
     PartialAnswer, PartialUpload, WorkerId, WorkerRegistration,
 };
 use clerestory_coordinator::{Config, run};
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{
+use clerestory_film::counters::Counters;
+use clerestory_film::{
     DecodeBudget, FilmTile, FirstHitSums, FrameImage, Node, NodeAddress, PartialHeader, PassSums, Rendered, Sampling,
     Tile, TileGrid, partial,
 };

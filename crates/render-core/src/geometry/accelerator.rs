@@ -19,7 +19,7 @@ use super::hierarchy::{Hierarchy, MOST_LEVELS};
 use super::sheet::Sheet;
 use super::triangle::{ShearedRay, coplanar};
 use super::{Face, Leaving, Pane, PaneHit, Ray};
-use crate::counters::Counters;
+use clerestory_film::counters::Counters;
 
 /// Why there can be no hierarchy over a scene.
 #[derive(Clone, Debug, Error, PartialEq)]

@@ -17,7 +17,7 @@ use glam::{DVec2, DVec3, dvec2};
 
 use super::bernstein::first_descent;
 use super::{HeightField, Interval, Ray, Rect, SurfaceJet};
-use crate::counters::Counters;
+use clerestory_film::counters::Counters;
 
 /// A border of cells this close to the end of a stretch, in cells, is no reason to cut it. The polynomial of a cell
 /// continued over so little differs from the surface by 1e-18 of its third differences, which is below rounding; and a

@@ -16,7 +16,7 @@ use super::crossing::{Crossing, Side, Start};
 use super::height_field::HeightField;
 use super::thickness::thin_spot;
 use super::{Face, Frame, Interval, Ray, Rect};
-use crate::counters::Counters;
+use clerestory_film::counters::Counters;
 
 /// A pane of glass.
 #[derive(Clone, Debug)]

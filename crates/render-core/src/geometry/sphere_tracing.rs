@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::crossing::{Crossing, Side, Start};
 use super::{HeightField, Interval, Ray};
-use crate::counters::Counters;
+use clerestory_film::counters::Counters;
 
 /// A ray that is so near to the surface, metres, has arrived.
 const ARRIVED: f64 = 1e-9;

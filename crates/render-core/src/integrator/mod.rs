@@ -7,4 +7,4 @@ pub mod render;
 pub use path_filter::PathFilter;
 pub use render::{RenderError, render_node, specular_method};
 
-pub use crate::film::Rendered;
+pub use clerestory_film::Rendered;

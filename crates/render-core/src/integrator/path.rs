@@ -9,8 +9,6 @@ use glam::DVec3;
 
 use super::path_filter::{FilterState, PathEvent, PathFilter};
 use crate::{
-    counters::Counters,
-    film::SampleStream,
     geometry::{Face, Frame, Hit, Leaving, PaneBoundary, Ray, Surface},
     optics::{
         Interface, Source,
@@ -20,6 +18,8 @@ use crate::{
     scene::{Scene, description::MOST_SPECULAR_VERTICES, visibility::SAME_PLACE},
     specular::{Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, side::unit_normal},
 };
+use clerestory_film::SampleStream;
+use clerestory_film::counters::Counters;
 
 /// What one camera sample sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

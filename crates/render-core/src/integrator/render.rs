@@ -8,13 +8,13 @@ use thiserror::Error;
 
 use super::path::{PathSample, PathTracer};
 use crate::{
-    counters::Counters,
-    film::{
-        FirstHitSums, MergeError, Node, NodeAddress, NodeError, PassSums, Rendered, SampleStream, SamplerSettings,
-        Sampling, Tile, TileGrid,
-    },
     scene::{Scene, description::IntegratorDescription},
     specular::{SpecularMethod, cone::Cone, conic::Conic, fnee::Fnee, mnee::Mnee, scope::Scope, sms::Sms},
+};
+use clerestory_film::counters::Counters;
+use clerestory_film::{
+    FirstHitSums, MergeError, Node, NodeAddress, NodeError, PassSums, Rendered, SampleStream, SamplerSettings,
+    Sampling, Tile, TileGrid,
 };
 
 /// Why a node was not rendered.

@@ -18,11 +18,11 @@ use super::memory::SceneMemory;
 use super::surface::MeshSurface;
 use super::validate_faces::check_faces;
 use super::validate_places::{Obstacles, check_panes};
-use crate::film::Sampling;
 use crate::geometry::{Accelerator, Pane};
 use crate::integrator::PathFilter;
 use crate::optics::Light;
 use crate::specular::{conic::FacetTree, conic::Neighbours, pane_tree::PaneTree};
+use clerestory_film::Sampling;
 
 /// What is known of a scene that has been checked and not built.
 #[derive(Clone, Debug)]
@@ -340,8 +340,8 @@ mod tests {
     use super::super::picture_samples::{encode_exr, encode_png};
     use super::super::{Asset, SceneBundle, SceneDescription};
     use super::*;
-    use crate::counters::Counters;
     use crate::geometry::{Leaving, Surface};
+    use clerestory_film::counters::Counters;
 
     fn build(scene: &Value, assets: &[(&str, Vec<u8>)]) -> Result<Scene, SceneError> {
         let description = SceneDescription::parse(scene.to_string().as_bytes())?;

@@ -5,7 +5,7 @@ use super::error::AssetProblem;
 use super::mesh::TriangleMesh;
 use super::obj::ObjFile;
 use super::ply::PlyFile;
-use crate::file_format::FileFormat;
+use clerestory_film::file_format::FileFormat;
 
 /// The format that a scene file states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

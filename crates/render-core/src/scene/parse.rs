@@ -13,7 +13,7 @@ use super::error::SceneError;
 use super::json_path::JsonPath;
 use super::limits::MAX_SCENE_BYTES;
 use super::syntax::{not_utf_8, refuse_other_formats, with_hint};
-use crate::file_format::without_byte_order_mark;
+use clerestory_film::file_format::without_byte_order_mark;
 
 impl SceneDescription {
     /// Reads and validates a scene file.

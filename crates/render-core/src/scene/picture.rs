@@ -10,8 +10,8 @@ use image::{DynamicImage, ImageDecoder, Limits};
 use super::error::AssetProblem;
 use super::limits::{MAX_IMAGE_EDGE, MAX_PICTURE_BYTES};
 use super::png_metadata::profile;
-use crate::file_format::FileFormat;
-use crate::film::{ChannelKind, DecodeBudget, InputPart, OpenExr, OpenExrError, Plane};
+use clerestory_film::file_format::FileFormat;
+use clerestory_film::openexr::{ChannelKind, DecodeBudget, InputPart, OpenExr, OpenExrError, Plane};
 
 /// The channels of EXR files that mean something here: colours, or one value.
 const CHANNELS: [&str; 4] = ["R", "G", "B", "Y"];

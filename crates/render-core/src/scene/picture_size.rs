@@ -3,7 +3,7 @@
 use super::error::AssetProblem;
 use super::picture::check_size;
 use super::png_metadata::{Chunks, metadata_bytes, number};
-use crate::film::OpenExr;
+use clerestory_film::openexr::OpenExr;
 
 /// What a header says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! What is wrong with a text that is not JSON, and what its author may have meant.
 
 use super::error::SceneError;
-use crate::file_format::FileFormat;
+use clerestory_film::file_format::FileFormat;
 
 /// Refuses a file that is known to hold something other than a scene.
 pub(super) fn refuse_other_formats(bytes: &[u8]) -> Result<(), SceneError> {

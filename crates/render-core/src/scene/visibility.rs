@@ -4,11 +4,11 @@ use glam::DVec3;
 
 use super::Scene;
 use crate::{
-    counters::Counters,
     geometry::{Face, Leaving, Ray, Surface},
     optics::Source,
     specular::ShadingPoint,
 };
+use clerestory_film::counters::Counters;
 
 /// Things on one ray whose distances differ by less than this part are in the same place.
 pub(crate) const SAME_PLACE: f64 = 1e-9;

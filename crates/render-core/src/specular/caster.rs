@@ -4,11 +4,11 @@ use glam::DVec3;
 
 use super::{Link, ShadingPoint, coverage, side::PaneSide};
 use crate::{
-    counters::Counters,
-    film::TrialStream,
     geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface},
     scene::Scene,
 };
+use clerestory_film::TrialStream;
+use clerestory_film::counters::Counters;
 
 /// A specular thing, by its index in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -15,7 +15,6 @@ use super::{
     side::unit_normal,
 };
 use crate::{
-    counters::Counters,
     geometry::{Hit, Leaving, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential},
     optics::{
         Source,
@@ -23,6 +22,7 @@ use crate::{
     },
     scene::{Scene, description::ManifoldConstraint, visibility::straight},
 };
+use clerestory_film::counters::Counters;
 
 /// A value for each vertex of a chain. The two of a pane fit inline, so that a search through panes allocates nothing, and moving a
 /// chain, which walks do in every step, moves little. More go to the heap.

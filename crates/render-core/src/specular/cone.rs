@@ -12,7 +12,9 @@ use super::{
     Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage,
     view::{Effort, View},
 };
-use crate::{counters::Counters, film::SampleStream, scene::Scene};
+use crate::scene::Scene;
+use clerestory_film::SampleStream;
+use clerestory_film::counters::Counters;
 
 /// Forward sampling of the cone from which a light's rays can come through each pane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

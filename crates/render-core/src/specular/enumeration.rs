@@ -19,10 +19,10 @@ use super::{
     window::Window,
 };
 use crate::{
-    counters::Counters,
     geometry::Rect,
     lanes::{Instructions, LANES, LaneRects, Lanes, Mask},
 };
+use clerestory_film::counters::Counters;
 
 /// The paths that were found.
 #[derive(Clone, Debug)]

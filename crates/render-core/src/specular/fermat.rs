@@ -17,10 +17,10 @@ use glam::{DMat2, DVec2, DVec3};
 
 use super::side::{PaneSide, unit_normal};
 use crate::{
-    counters::Counters,
     geometry::{HeightField, SurfaceJet},
     optics::{Source, dielectric::refract},
 };
+use clerestory_film::counters::Counters;
 
 /// The two vertices: `[X1, X2]` in tangential coordinates.
 pub type Theta = [DVec2; 2];

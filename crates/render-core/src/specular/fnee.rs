@@ -41,8 +41,6 @@ use super::{
     window::{SourceBounds, Window},
 };
 use crate::{
-    counters::Counters,
-    film::{SampleStream, TrialStream},
     geometry::Rect,
     optics::{LightKind, Source, SourceSample},
     scene::{
@@ -50,6 +48,8 @@ use crate::{
         description::{FneeSolver, PaneSelection},
     },
 };
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, TrialStream};
 
 /// Fermat next event estimation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -20,7 +20,6 @@ use super::{
     constraint::Residual,
 };
 use crate::{
-    counters::Counters,
     geometry::{Leaving, Ray},
     optics::{Source, SourceSample},
     scene::{
@@ -28,6 +27,7 @@ use crate::{
         description::{ManifoldConstraint, WalkSteps},
     },
 };
+use clerestory_film::counters::Counters;
 
 /// Zeltner et al. 2020, the published configuration.
 const MAX_ITERATIONS: usize = 20;

@@ -16,14 +16,14 @@ use super::{
     scope::Scope,
 };
 use crate::{
-    counters::Counters,
-    film::SampleStream,
     optics::Source,
     scene::{
         Scene,
         description::{ManifoldConstraint, MissedPaths, WalkSteps},
     },
 };
+use clerestory_film::SampleStream;
+use clerestory_film::counters::Counters;
 
 /// Manifold next event estimation.
 #[derive(Clone, Debug)]

@@ -37,7 +37,9 @@ pub mod window;
 
 use glam::DVec3;
 
-use crate::{counters::Counters, film::SampleStream, geometry::Leaving, scene::Scene};
+use crate::{geometry::Leaving, scene::Scene};
+use clerestory_film::SampleStream;
+use clerestory_film::counters::Counters;
 
 pub use coverage::{Link, SpecularPath};
 

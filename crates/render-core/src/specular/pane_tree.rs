@@ -250,13 +250,13 @@ mod tests {
 
     use super::*;
     use crate::{
-        counters::Counters,
         geometry::{Frame, Ray, testing::Glass},
         specular::{
             side::{PaneSide, unit_normal},
             testing::{between, pair, random},
         },
     };
+    use clerestory_film::counters::Counters;
 
     /// A wall of panes in one plane, and some that hang about.
     fn panes() -> Vec<Pane> {

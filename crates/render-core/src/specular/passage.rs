@@ -5,11 +5,11 @@ use glam::DVec3;
 
 use super::{Arrival, ShadingPoint, coverage, fermat::Connection, newton::Root, side::PaneSide, side::Transmission};
 use crate::{
-    counters::Counters,
     geometry::{Frame, Leaving, Ray},
     optics::{Source, SourceSample},
     scene::Scene,
 };
+use clerestory_film::counters::Counters;
 
 /// The vertices replayed by tracing may differ from the solved ones by this part of the pane's thickness.
 const REPLAY_TOLERANCE: f64 = 1e-3;

@@ -29,12 +29,12 @@ use super::{
     trials::RandomSearch,
 };
 use crate::{
-    counters::Counters,
-    film::TrialStream,
     geometry::{Leaving, PaneBoundary, Ray, Rect, Surface, SurfaceJet},
     optics::{Source, SourceSample, dielectric::refract},
     scene::{Scene, description::FneeSolver},
 };
+use clerestory_film::TrialStream;
+use clerestory_film::counters::Counters;
 
 /// Share of the seeds that lie anywhere on the pane.
 const ANYWHERE: f64 = 0.125;

@@ -2,11 +2,11 @@
 
 use super::{ShadingPoint, caster::Caster};
 use crate::{
-    counters::Counters,
-    film::SampleStream,
     optics::Source,
     scene::{Scene, description::PaneSelection, visibility::straight},
 };
+use clerestory_film::SampleStream;
+use clerestory_film::counters::Counters;
 
 /// The casters to search.
 pub(super) enum Choice {

@@ -2,11 +2,11 @@
 
 use super::fermat::{Connection, Theta};
 use crate::{
-    counters::Counters,
     geometry::FacePoints,
     lanes::{Instructions, LANES, Lanes, Lanes2, Lanes3, Mask},
     optics::Source,
 };
+use clerestory_film::counters::Counters;
 
 /// Four shots.
 #[derive(Clone, Copy, Debug)]

@@ -3,13 +3,13 @@
 use glam::{DVec2, DVec3};
 
 use crate::{
-    counters::Counters,
     geometry::{Face, HeightField, Pane, PaneBoundary, Ray},
     optics::{
         Source,
         dielectric::{absorption, refract},
     },
 };
+use clerestory_film::counters::Counters;
 
 /// Rays that cross a pane's plane at less than this cosine belong to the path tracer: at 89.9 degrees the bounds on
 /// deflection grow past every pane.

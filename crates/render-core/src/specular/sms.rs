@@ -15,14 +15,14 @@ use super::{
     trials::RandomSearch,
 };
 use crate::{
-    counters::Counters,
-    film::{SampleStream, TrialStream},
     optics::Source,
     scene::{
         Scene,
         description::{ManifoldConstraint, ManifoldEstimator, PaneSelection, WalkSteps},
     },
 };
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, TrialStream};
 
 /// Specular manifold sampling.
 #[derive(Clone, Debug)]

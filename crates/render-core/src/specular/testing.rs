@@ -2,10 +2,8 @@
 
 use glam::{DVec2, DVec3, dvec2};
 
-use crate::{
-    film::{SampleStream, SamplerSettings, TrialStream},
-    geometry::{Frame, Pane, testing::Glass},
-};
+use crate::geometry::{Frame, Pane, testing::Glass};
+use clerestory_film::{SampleStream, SamplerSettings, TrialStream};
 
 /// A pane of 0.3 m x 0.24 m x 3 mm whose faces have reliefs of `amplitude` metres.
 pub(crate) fn pane(glass: Glass, amplitude: f64) -> Pane {

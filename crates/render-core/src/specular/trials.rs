@@ -7,7 +7,8 @@
 //! - **biased**: the distinct paths that a fixed number M of runs finds, each counted once. Its expectation lacks the part
 //!   `(1 - p_k)^M` of each path's light: too dark, never too bright.
 
-use crate::{counters::Counters, film::TrialStream};
+use clerestory_film::TrialStream;
+use clerestory_film::counters::Counters;
 
 /// A search for the paths of one connection from random seeds.
 pub(crate) trait RandomSearch {

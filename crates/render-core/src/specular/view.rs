@@ -16,11 +16,11 @@ use super::{
     window::{SourceBounds, Window},
 };
 use crate::{
-    counters::Counters,
     geometry::{Frame, Leaving, Ray, Rect},
     optics::{Light, LightKind, light_sampling::LightHit},
     scene::Scene,
 };
+use clerestory_film::counters::Counters;
 
 /// What is spent on the light that arrives at one point.
 #[derive(Clone, Copy, Debug)]

@@ -177,13 +177,13 @@ fn ends(side: &PaneSide<'_>, origin: DVec3, source: &SourceBounds) -> Option<(En
 mod tests {
     use super::*;
     use crate::{
-        counters::Counters,
         geometry::{Ray, testing::Glass},
         specular::{
             coverage,
             testing::{between, pair, pane, random},
         },
     };
+    use clerestory_film::counters::Counters;
 
     /// Traces random rays through panes; whatever light they come from, the window must hold them.
     #[track_caller]

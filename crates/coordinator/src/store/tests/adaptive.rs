@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{ConvergencePoint, JobId, JobState, StopReason, WorkerId};
-use clerestory_render_core::film::Share;
+use clerestory_film::Share;
 
 use super::Farm;
 use crate::blobs::Place;

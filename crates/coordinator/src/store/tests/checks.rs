@@ -1,7 +1,7 @@
 //! Nodes that a second worker renders too, and what follows when the bits differ.
 
 use clerestory_api::{ConvergencePoint, JobId, JobState, NodeVerdict, WorkerActivity, WorkerId, WorkerState};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 
 use super::adaptive::some_shares;
 use super::claims::fail;

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{JobId, JobState, NamedWorker, WorkerId};
-use clerestory_render_core::film::{NodeAddress, TileGrid};
+use clerestory_film::{NodeAddress, TileGrid};
 use uuid::Uuid;
 
 use super::farm::terms;

@@ -1,7 +1,7 @@
 //! Workers that die with what they were leased, and jobs that are held for it.
 
 use clerestory_api::{ContentHash, JobState, WorkerActivity, WorkerId};
-use clerestory_render_core::film::{NodeAddress, TileGrid};
+use clerestory_film::{NodeAddress, TileGrid};
 
 use super::{DeliveredNode, Farm, Grant, TTL_MS, delivered};
 use crate::store::expiry::Expiry;

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use clerestory_api::{JobId, JobState, LeaseId, WorkerId, WorkerRegistration};
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::{NodeAddress, TileGrid};
+use clerestory_film::counters::Counters;
+use clerestory_film::{NodeAddress, TileGrid};
 use clerestory_test_servers::postgres;
 use tempfile::TempDir;
 use uuid::Uuid;

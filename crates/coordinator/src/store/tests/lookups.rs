@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use clerestory_api::{WorkerActivity, WorkerId};
-use clerestory_render_core::film::{NodeAddress, TileGrid};
+use clerestory_film::{NodeAddress, TileGrid};
 
 use super::{DeliveredNode, Farm, delivered, merge, place};
 use crate::store::sql::query;

@@ -1,7 +1,7 @@
 //! A database that the first build has left in the middle of a job.
 
 use clerestory_api::{ConvergencePoint, JobId, JobState};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 use clerestory_test_servers::postgres;
 
 use super::Farm;

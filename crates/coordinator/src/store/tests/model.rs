@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
 
 use clerestory_api::{ConvergencePoint, JobId, JobState, LeaseId, WorkerId};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 use proptest::prelude::ProptestConfig;
 use proptest::test_runner::{RngSeed, TestRunner};
 use uuid::Uuid;

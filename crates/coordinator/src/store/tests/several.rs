@@ -1,7 +1,7 @@
 //! Several coordinators on one PostgreSQL database, and how they write to it.
 
 use clerestory_api::{JobState, NodeVerdict};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 use clerestory_test_servers::postgres;
 use futures::future::{BoxFuture, join_all};
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use clerestory_api::{JobId, NodeVerdict, WorkerId};
-use clerestory_render_core::film::{NodeAddress, TileGrid};
+use clerestory_film::{NodeAddress, TileGrid};
 
 use super::farm::terms;
 use super::{Farm, delivered};

@@ -6,9 +6,9 @@ use std::sync::atomic::AtomicBool;
 use serde_json::{Value, json};
 
 use super::*;
-use crate::film::{NodeAddress, TileGrid};
 use crate::integrator::render_node;
 use crate::scene::{SceneBundle, SceneDescription};
+use clerestory_film::{NodeAddress, TileGrid};
 
 /// Edge of the images, pixels.
 const EDGE: u32 = 16;

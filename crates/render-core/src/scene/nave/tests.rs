@@ -7,10 +7,10 @@ use glam::{DVec2, DVec3};
 
 use super::stonework::OPENING;
 use super::*;
-use crate::counters::Counters;
 use crate::geometry::{Frame, Leaving, Ray, Surface};
 use crate::optics::LightKind;
 use crate::scene::{Scene, SceneBundle};
+use clerestory_film::counters::Counters;
 
 fn built(description: SceneDescription) -> Scene {
     Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()

@@ -13,7 +13,7 @@ use super::mesh::TriangleMesh;
 use super::mesh_file::refuse_other_formats;
 use super::polygon::Cutter;
 use super::text::{Lines, Words, decimal, expected_number, is_not_finite, quoted};
-use crate::file_format::without_byte_order_mark;
+use clerestory_film::file_format::without_byte_order_mark;
 
 /// A file of which only the statements are counted.
 pub(super) struct ObjFile<'a> {

@@ -3,7 +3,7 @@
 use super::super::error::AssetProblem;
 use super::super::mesh_file::refuse_other_formats;
 use super::super::text::{Lines, Words, quoted};
-use crate::file_format::without_byte_order_mark;
+use clerestory_film::file_format::without_byte_order_mark;
 
 /// How numbers are written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

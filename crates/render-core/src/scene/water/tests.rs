@@ -7,10 +7,10 @@ use std::sync::atomic::AtomicBool;
 use rayon::prelude::*;
 
 use super::*;
-use crate::film::{NodeAddress, TileGrid};
 use crate::integrator::render_node;
 use crate::scene::description::FilmDescription;
 use crate::scene::{Scene, SceneBundle, SceneDescription};
+use clerestory_film::{NodeAddress, TileGrid};
 
 type Water = fn(&WaterSettings) -> SceneDescription;
 

@@ -16,8 +16,6 @@ use super::{
     walk::first_path,
 };
 use crate::{
-    counters::Counters,
-    film::{SampleStream, SamplerSettings, TrialStream},
     geometry::{Leaving, Ray, Surface},
     optics::{LightKind, Source},
     scene::{
@@ -30,6 +28,8 @@ use crate::{
         testing::{between, pair, random},
     },
 };
+use clerestory_film::counters::Counters;
+use clerestory_film::{SampleStream, SamplerSettings, TrialStream};
 
 /// Something of a small lattice, or anything.
 fn coordinate(random: &mut TrialStream, on_lattice: bool) -> f64 {

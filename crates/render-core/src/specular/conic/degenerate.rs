@@ -13,11 +13,11 @@ use super::{
     walk::first_path,
 };
 use crate::{
-    film::TrialStream,
     geometry::bernstein::roots,
     optics::Source,
     specular::testing::{between, pair, random},
 };
+use clerestory_film::TrialStream;
 
 /// A triangle of some extent whose normals are tilted by up to `tilt`, as tangents.
 pub(super) fn any_facet(random: &mut TrialStream, tilt: f64) -> Facet {

@@ -49,8 +49,6 @@ use super::{
     window::SourceBounds,
 };
 use crate::{
-    counters::Counters,
-    film::SampleStream,
     geometry::{Frame, Leaving, PaneBoundary, Ray, Surface},
     optics::{Interface, Light, Source, SourceSample},
     scene::{
@@ -59,6 +57,8 @@ use crate::{
         visibility::straight,
     },
 };
+use clerestory_film::SampleStream;
+use clerestory_film::counters::Counters;
 
 pub(crate) use self::{facet::Facet, facet_tree::FacetTree, neighbours::Neighbours};
 

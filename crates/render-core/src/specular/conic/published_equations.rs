@@ -14,8 +14,6 @@ use super::{
     testing::WATER,
 };
 use crate::{
-    counters::Counters,
-    film::TrialStream,
     geometry::Leaving,
     optics::{Source, SourceSample, dielectric::refract},
     scene::{
@@ -29,6 +27,8 @@ use crate::{
         testing::{between, pair, random},
     },
 };
+use clerestory_film::TrialStream;
+use clerestory_film::counters::Counters;
 
 /// A bent facet, and ends below and above it.
 fn bent(random: &mut TrialStream) -> (Facet, Ends) {

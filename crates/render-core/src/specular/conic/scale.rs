@@ -12,10 +12,10 @@ use super::{
     testing::{WATER, distinct, found, problem, water},
 };
 use crate::{
-    film::TrialStream,
     optics::Source,
     specular::testing::{between, pair, random},
 };
+use clerestory_film::TrialStream;
 
 /// The paths of each triangle by itself.
 fn of_all(facets: &[Facet], ends: &Ends) -> Vec<DVec3> {

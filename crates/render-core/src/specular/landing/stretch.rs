@@ -5,11 +5,11 @@ use glam::{DMat2, DVec2};
 
 use super::{Landing, Lever, SlopeWeight, radius};
 use crate::{
-    counters::Counters,
     geometry::{Rect, ShapeBounds, Symmetric},
     lanes::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask},
     specular::direction_bounds::Box2,
 };
+use clerestory_film::counters::Counters;
 
 /// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part: terms of
 /// the size of a slope times the sine of an angle of incidence times what is kept. This multiple of it is an estimate and

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{JobState, LeaseId};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 
 use super::super::farm::terms;
 use super::seen::Event;

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 
 use clerestory_api::NodeVerdict;
-use clerestory_render_core::counters::Counters;
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
+use clerestory_film::counters::Counters;
 use uuid::Uuid;
 
 use super::seen::Event;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use clerestory_api::{JobState, NodeVerdict};
-use clerestory_render_core::film::NodeAddress;
+use clerestory_film::NodeAddress;
 
 use super::super::farm::terms;
 use super::deliveries::rendered;

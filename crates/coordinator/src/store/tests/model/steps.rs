@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use clerestory_render_core::film::{NodeAddress, TileGrid};
+use clerestory_film::{NodeAddress, TileGrid};
 use proptest::prelude::*;
 
 use super::WORKERS;

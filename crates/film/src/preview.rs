@@ -160,7 +160,7 @@ fn code(radiance: f32, scale: f64, curve: ToneCurve) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::image::ImageLayers;
+    use crate::image::ImageLayers;
 
     fn image(mean: Vec<[f32; 3]>) -> FrameImage {
         let width = mean.len() as u32;

@@ -48,6 +48,7 @@ pub struct SampleStream {
 
 impl SampleStream {
     /// The numbers of sample `sample` at `pixel` (column, row) of `frame`.
+    #[inline]
     pub fn new(settings: &SamplerSettings, frame: u32, pixel: [u32; 2], sample: u32) -> Self {
         let seed_key = [settings.seed as u32, (settings.seed >> 32) as u32];
         let [key_low, key_high, ..] = philox(seed_key, [pixel[0], pixel[1], frame, 0]);
@@ -72,6 +73,7 @@ impl SampleStream {
     }
 
     /// The next dimension, in [0, 1).
+    #[inline]
     pub fn next_1d(&mut self) -> f64 {
         let dimension = self.take_dimension();
         if dimension >= NUM_DIMENSIONS {
@@ -87,12 +89,14 @@ impl SampleStream {
     }
 
     /// The next two dimensions, each in [0, 1).
+    #[inline]
     pub fn next_2d(&mut self) -> DVec2 {
         let x = self.next_1d();
         DVec2::new(x, self.next_1d())
     }
 
     /// An endless stream of its own, which takes one dimension whatever is drawn from it.
+    #[inline]
     pub fn trials(&mut self) -> TrialStream {
         TrialStream {
             pixel_key: self.pixel_key,
@@ -122,6 +126,7 @@ pub struct TrialStream {
 
 impl TrialStream {
     /// The next number, in [0, 1), with 53 random bits.
+    #[inline]
     pub fn next_f64(&mut self) -> f64 {
         let [first, second] = if self.drawn.is_multiple_of(2) {
             let count = self.drawn / 2;

@@ -168,11 +168,11 @@ fn output_part(window: Tile, layers: &ImageLayers) -> OutputPart<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::address::TileGrid;
-    use crate::film::image::FrameImage;
-    use crate::film::rows::{ImageRows, LayerChoice};
-    use crate::film::test_nodes::noise_node;
-    use crate::film::{FilmTile, NodeAddress, Sampling, TileSum};
+    use crate::address::TileGrid;
+    use crate::image::FrameImage;
+    use crate::rows::{ImageRows, LayerChoice};
+    use crate::test_nodes::noise_node;
+    use crate::{FilmTile, NodeAddress, Sampling, TileSum};
 
     const GRID: TileGrid = TileGrid { width: 21, height: 53, tile_size: 12 };
 
@@ -189,7 +189,7 @@ mod tests {
     }
 
     fn metadata() -> ImageMetadata {
-        ImageMetadata { tile_size: 0, ..crate::film::image::tests::image().metadata().unwrap().clone() }
+        ImageMetadata { tile_size: 0, ..crate::image::tests::image().metadata().unwrap().clone() }
     }
 
     #[test]

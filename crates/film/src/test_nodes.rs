@@ -1,11 +1,17 @@
-//! Nodes for tests.
+//! Nodes for tests, and property tests with a fixed seed.
 
 use glam::DVec3;
+use proptest::test_runner::{Config, RngSeed};
 
 use super::address::{NodeAddress, Tile};
 use super::node::{FirstHitLayers, FirstHitSums, Node, NodeLayers, PassSums};
 use super::sampler::{SampleStream, SamplerSettings};
 use super::sampling::Sampling;
+
+/// A run of `cases` cases that is the same every time.
+pub(crate) fn fixed_seed(cases: u32) -> Config {
+    Config { cases, rng_seed: RngSeed::Fixed(0x6c61_7373), failure_persistence: None, ..Config::default() }
+}
 
 /// A pass of noise that is a pure function of (tile, pass, pixel), as a renderer's is; seldom very bright.
 pub(super) fn noise_pass(address: NodeAddress, tile: Tile, sampling: Sampling) -> Node {

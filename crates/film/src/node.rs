@@ -412,7 +412,7 @@ fn check_finite(value: f64, layer: &'static str, tile: &Tile, pixel: usize) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::test_nodes::{noise_node, noise_pass};
+    use crate::test_nodes::{noise_node, noise_pass};
 
     const TILE: Tile = Tile { x: 10, y: 20, width: 5, height: 3 };
 

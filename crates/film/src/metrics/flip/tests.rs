@@ -1,9 +1,9 @@
 use super::perception::{BLUE_YELLOW, EDGE_WIDTH, FEATURE_RADIUS, PIXELS_PER_DEGREE};
 use super::*;
-use crate::film::exposure::MeanLuminance;
-use crate::film::image::ImageLayers;
-use crate::film::preview::{Exposure, PreviewSettings, encode_png};
-use crate::film::sampler::{SampleStream, SamplerSettings};
+use crate::exposure::MeanLuminance;
+use crate::image::ImageLayers;
+use crate::preview::{Exposure, PreviewSettings, encode_png};
+use crate::sampler::{SampleStream, SamplerSettings};
 
 type Pixels = Vec<[f32; 3]>;
 

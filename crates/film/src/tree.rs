@@ -291,8 +291,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::film::address::TileGrid;
-    use crate::film::test_nodes::noise_node;
+    use crate::address::TileGrid;
+    use crate::test_nodes::noise_node;
 
     fn sampling() -> Sampling {
         Sampling::new(4, 16).unwrap()
@@ -456,7 +456,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(crate::geometry::testing::fixed_seed(64))]
+        #![proptest_config(crate::test_nodes::fixed_seed(64))]
 
         #[test]
         fn any_cut_and_any_order_of_arrival_give_the_bits_of_a_single_process(

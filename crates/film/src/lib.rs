@@ -3,17 +3,21 @@
 //! The film of a frame is a fixed binary tree for each tile, anchored at pass 0. Its leaves are the passes; a node is
 //! the sum of its two children in that order, whoever computes it. A tile with P passes is the sum of its maximal
 //! aligned nodes, from left to right. So the image does not depend on who rendered what, or when.
+//!
+//! Nothing here knows of scenes or of rendering.
 
 pub mod adaptive;
 pub mod address;
+pub mod counters;
 pub mod decomposition;
 pub mod exposure;
+pub mod file_format;
 pub mod image;
 mod image_file;
 mod image_writer;
 pub mod metrics;
 pub mod node;
-mod openexr;
+pub mod openexr;
 mod openexr_header;
 pub mod partial;
 mod partial_error;
@@ -31,6 +35,7 @@ pub mod tree;
 
 pub use adaptive::{Adaptation, Share};
 pub use address::{NodeAddress, PassRange, Tile, TileGrid};
+pub use counters::Counters;
 pub use decomposition::{Decomposition, decompose};
 pub use exposure::{LogLuminance, MeanLuminance};
 pub use image::{FrameImage, ImageError, ImageLayers, ImageMetadata};
@@ -41,7 +46,6 @@ pub use metrics::{
     mean_squared_standard_error, relative_noise,
 };
 pub use node::{FirstHitLayers, FirstHitSums, MergeError, Node, NodeError, NodeLayers, NonFinite, PassSums};
-pub(crate) use openexr::{ChannelKind, InputPart, OpenExr, Plane};
 pub use openexr::{DecodeBudget, OpenExrError};
 pub use partial::{Expectation, PartialHeader, Rendered};
 pub use partial_error::PartialError;

@@ -223,9 +223,9 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::film::address::Tile;
-    use crate::film::openexr::tests::{TESTS_BESIDE, address_space_bytes, attribute, patch};
-    use crate::film::test_nodes::{bits, noise_node, odd_node};
+    use crate::address::Tile;
+    use crate::openexr::tests::{TESTS_BESIDE, address_space_bytes, attribute, patch};
+    use crate::test_nodes::{bits, noise_node, odd_node};
 
     const GRID: TileGrid = TileGrid { width: 7, height: 6, tile_size: 4 };
     const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 1 << 20 };
@@ -500,7 +500,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(crate::geometry::testing::fixed_seed(2000))]
+        #![proptest_config(crate::test_nodes::fixed_seed(2000))]
 
         #[test]
         fn a_changed_partial_is_an_error_or_the_same_nodes_never_a_crash(

@@ -182,7 +182,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::film::test_nodes::{bits, noise_node, odd_node};
+    use crate::test_nodes::{bits, noise_node, odd_node};
 
     const TILE: Tile = Tile { x: 16, y: 32, width: 5, height: 3 };
 

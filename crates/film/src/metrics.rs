@@ -319,8 +319,8 @@ pub fn relative_noise(reference: &FrameImage) -> Option<RelativeNoise> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::image::ImageLayers;
-    use crate::film::sampler::{SampleStream, SamplerSettings};
+    use crate::image::ImageLayers;
+    use crate::sampler::{SampleStream, SamplerSettings};
 
     fn image(mean: Vec<[f32; 3]>, standard_error: Option<Vec<[f32; 3]>>) -> FrameImage {
         let width = mean.len() as u32;

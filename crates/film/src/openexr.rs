@@ -147,7 +147,7 @@ impl<'a> OutputPart<'a> {
 
 /// The header of a part that is read.
 #[derive(Clone, Debug)]
-pub(crate) struct InputPart {
+pub struct InputPart {
     /// The JSON of its attribute, if it has one.
     pub(super) json: Option<String>,
     /// Column and row of its top left pixel in the image.
@@ -157,27 +157,27 @@ pub(crate) struct InputPart {
     /// The primaries of its colours, where it states them.
     chromaticities: Option<Chromaticities>,
     /// Pixels across and down.
-    pub(crate) size: [u64; 2],
+    pub size: [u64; 2],
     /// The names of its channels and what they hold, in the order of the file.
-    pub(crate) channels: Vec<(String, ChannelKind)>,
+    pub channels: Vec<(String, ChannelKind)>,
     /// How its blocks are compressed.
     pub(super) compression: Compression,
 }
 
 impl InputPart {
     /// Whether it has a channel of this name.
-    pub(crate) fn has(&self, name: &str) -> bool {
+    pub fn has(&self, name: &str) -> bool {
         self.channels.iter().any(|(found, _)| found == name)
     }
 
     /// The names of its channels.
-    pub(crate) fn channel_names(&self) -> impl Iterator<Item = &str> {
+    pub fn channel_names(&self) -> impl Iterator<Item = &str> {
         self.channels.iter().map(|(name, _)| name.as_str())
     }
 
     /// Checks that its pixels are the whole picture. Where its windows lie does not matter, since programs count from
     /// different corners.
-    pub(crate) fn check_windows(&self) -> Result<(), OpenExrError> {
+    pub fn check_windows(&self) -> Result<(), OpenExrError> {
         let [width, height] = [self.display.size.width() as u64, self.display.size.height() as u64];
         if self.size == [width, height] {
             return Ok(());
@@ -190,7 +190,7 @@ impl InputPart {
     }
 
     /// Checks that its colours are those of Rec. 709, which a file that says nothing has.
-    pub(crate) fn check_primaries(&self) -> Result<(), OpenExrError> {
+    pub fn check_primaries(&self) -> Result<(), OpenExrError> {
         let Some(Chromaticities { red, green, blue, white }) = self.chromaticities else { return Ok(()) };
         let found = [red, green, blue, white].map(|Vec2(x, y)| [x, y]);
         let are = |known: &[[f32; 2]; 4]| {
@@ -221,7 +221,7 @@ const PRIMARIES: [(&str, [[f32; 2]; 4]); 7] = [
 
 /// What a channel holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum ChannelKind {
+pub enum ChannelKind {
     /// 32-bit floats.
     Float,
     /// 16-bit floats.
@@ -232,7 +232,7 @@ pub(crate) enum ChannelKind {
 
 /// The values of a channel that was read.
 #[derive(Clone, Debug)]
-pub(crate) enum Plane {
+pub enum Plane {
     /// Floats of 32 bits, or of 16 bits widened.
     Float(Vec<f32>),
     /// 32-bit unsigned integers.
@@ -345,7 +345,7 @@ pub(super) fn ascii_json<T: serde::Serialize>(value: &T) -> Result<String, serde
 
 /// A file of which only the header has been read.
 #[derive(Debug)]
-pub(crate) struct OpenExr<R> {
+pub struct OpenExr<R> {
     reader: Reader<R>,
     parts: Vec<InputPart>,
 }
@@ -356,7 +356,7 @@ impl<'a> OpenExr<Cursor<&'a [u8]>> {
     /// # Errors
     ///
     /// [`OpenExrError`] when it is not one.
-    pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, OpenExrError> {
+    pub fn open(bytes: &'a [u8]) -> Result<Self, OpenExrError> {
         Self::read(Cursor::new(bytes))
     }
 }
@@ -367,7 +367,7 @@ impl<R: Read + Seek> OpenExr<R> {
     /// # Errors
     ///
     /// [`OpenExrError`] when it is not one.
-    pub(crate) fn read(mut file: R) -> Result<Self, OpenExrError> {
+    pub fn read(mut file: R) -> Result<Self, OpenExrError> {
         let io = |error: std::io::Error| OpenExrError::Read(error.kind());
         file.seek(SeekFrom::Start(0)).map_err(io)?;
         let mut beginning = Vec::new();
@@ -386,7 +386,7 @@ impl<R: Read + Seek> OpenExr<R> {
     }
 
     /// The headers of the parts.
-    pub(crate) fn parts(&self) -> &[InputPart] {
+    pub fn parts(&self) -> &[InputPart] {
         &self.parts
     }
 
@@ -395,7 +395,7 @@ impl<R: Read + Seek> OpenExr<R> {
     /// # Errors
     ///
     /// [`OpenExrError`] when they need more than the budget or the data are damaged or incomplete.
-    pub(crate) fn decode(
+    pub fn decode(
         self,
         budget: DecodeBudget,
         is_wanted: impl Fn(usize, &str) -> bool,
@@ -425,7 +425,7 @@ impl<R: Read + Seek> OpenExr<R> {
     /// # Errors
     ///
     /// [`OpenExrError`] when they need more than the budget or the data are damaged or incomplete.
-    pub(crate) fn decode_rows(
+    pub fn decode_rows(
         self,
         part: usize,
         rows: Range<u32>,

@@ -1,11 +1,11 @@
 use glam::DVec3;
 
 use super::*;
-use crate::film::address::NodeAddress;
-use crate::film::decomposition::{mean, standard_error};
-use crate::film::node::{FirstHitSums, PassSums};
-use crate::film::sampler::{SampleStream, SamplerSettings};
-use crate::film::tree::FilmTile;
+use crate::address::NodeAddress;
+use crate::decomposition::{mean, standard_error};
+use crate::node::{FirstHitSums, PassSums};
+use crate::sampler::{SampleStream, SamplerSettings};
+use crate::tree::FilmTile;
 
 /// Four passes in a block.
 fn sampling() -> Sampling {

@@ -123,11 +123,11 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::film::address::Tile;
-    use crate::film::image::tests::image;
-    use crate::film::openexr::tests::{TESTS_BESIDE, address_space_bytes, attribute, patch};
-    use crate::film::openexr::{OutputPart, Samples};
-    use crate::film::{picture_rows, picture_size};
+    use crate::address::Tile;
+    use crate::image::tests::image;
+    use crate::openexr::tests::{TESTS_BESIDE, address_space_bytes, attribute, patch};
+    use crate::openexr::{OutputPart, Samples};
+    use crate::{picture_rows, picture_size};
 
     const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 1 << 20 };
 
@@ -288,7 +288,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(crate::geometry::testing::fixed_seed(1000))]
+        #![proptest_config(crate::test_nodes::fixed_seed(1000))]
 
         #[test]
         fn a_changed_image_is_an_error_or_an_image_never_a_crash(

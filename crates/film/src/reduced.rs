@@ -97,11 +97,11 @@ impl ReducedImage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::address::NodeAddress;
-    use crate::film::preview::{Exposure, ToneCurve};
-    use crate::film::rows::{ImageRows, LayerChoice};
-    use crate::film::test_nodes::noise_node;
-    use crate::film::{FilmTile, Sampling};
+    use crate::address::NodeAddress;
+    use crate::preview::{Exposure, ToneCurve};
+    use crate::rows::{ImageRows, LayerChoice};
+    use crate::test_nodes::noise_node;
+    use crate::{FilmTile, Sampling};
 
     fn sum(grid: TileGrid, index: u32) -> TileSum {
         let (tile, sampling) = (grid.tile(index).unwrap(), Sampling::new(4, 16).unwrap());

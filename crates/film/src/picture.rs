@@ -57,8 +57,8 @@ mod tests {
     use exr::prelude::{WritableImage, f16};
 
     use super::*;
-    use crate::film::image::tests::image;
-    use crate::film::openexr::OpenExrError;
+    use crate::image::tests::image;
+    use crate::openexr::OpenExrError;
 
     const BUDGET: DecodeBudget = DecodeBudget { pixel_bytes: 1 << 20 };
 
@@ -130,7 +130,7 @@ mod tests {
     fn a_value_that_is_no_number_is_named_by_its_place_in_the_picture() {
         let mut image = image().layers().clone();
         image.mean[3 * 7 + 5][1] = f32::NAN;
-        let mut writer = crate::film::ImageWriter::new(7, 5, Vec::new());
+        let mut writer = crate::ImageWriter::new(7, 5, Vec::new());
         writer.write_rows(&image).unwrap();
         let (head, blocks) = writer.finish(None).unwrap();
         let file = [head, blocks].concat();

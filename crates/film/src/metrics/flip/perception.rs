@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use crate::film::preview::{ToneCurve, filmic};
+use crate::preview::{ToneCurve, filmic};
 
 /// Metres from the eye to the screen.
 const VIEWING_DISTANCE: f64 = 0.7;

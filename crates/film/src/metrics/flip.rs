@@ -21,8 +21,8 @@ use thiserror::Error;
 
 use self::perception::{Observer, Perceived, RADIUS, SIGNALS, Window, perceived_color};
 use super::CompareError;
-use crate::film::image::FrameImage;
-use crate::film::preview::{ToneCurve, automatic_stops};
+use crate::image::FrameImage;
+use crate::preview::{ToneCurve, automatic_stops};
 
 /// The exponent of the difference in color, `q_c`.
 const COLOR_EXPONENT: f64 = 0.7;
@@ -68,7 +68,7 @@ pub struct FlipComparison {
 impl FlipComparison {
     /// A comparison of images `width` pixels wide (at least 1), both shown at an exposure of `stops` and with a tone curve.
     ///
-    /// The stops should be those of the reference alone ([`MeanLuminance`](crate::film::MeanLuminance), [`automatic_stops`]): images of one scene can
+    /// The stops should be those of the reference alone ([`MeanLuminance`](crate::MeanLuminance), [`automatic_stops`]): images of one scene can
     /// then be compared.
     pub fn new(width: u32, stops: f64, curve: ToneCurve) -> Self {
         Self {

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// A kind of file, with an article: "a PNG picture".
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct FileFormat {
+pub struct FileFormat {
     name: &'static str,
     content: Content,
 }
@@ -31,23 +31,23 @@ impl fmt::Display for FileFormat {
 
 impl FileFormat {
     /// The format of a file that begins with these bytes, or is these bytes; `None` when it is none that is known.
-    pub(crate) fn of(bytes: &[u8]) -> Option<Self> {
+    pub fn of(bytes: &[u8]) -> Option<Self> {
         let known = |(name, content)| Self { name, content };
         of_signature(bytes).or_else(|| of_structure(bytes)).or_else(|| of_text(bytes)).map(known)
     }
 
     /// Whether it is JSON of no known kind, which may be a scene.
-    pub(crate) fn is_json(self) -> bool {
+    pub fn is_json(self) -> bool {
         self.content == Content::Json
     }
 
     /// Whether it is the format of meshes of this name.
-    pub(crate) fn is_mesh(self, name: &'static str) -> bool {
+    pub fn is_mesh(self, name: &'static str) -> bool {
         self.content == Content::Mesh(Some(name))
     }
 
     /// What to tell someone who gives this file as a scene.
-    pub(crate) fn instead_of_scene(self) -> String {
+    pub fn instead_of_scene(self) -> String {
         let scene = "a scene is a JSON file, see docs/scene-format.md";
         let way_out = match self.content {
             Content::Nothing => return format!("this is {self}; {scene}"),
@@ -63,7 +63,7 @@ impl FileFormat {
     }
 
     /// What to tell someone who gives this file as a mesh.
-    pub(crate) fn instead_of_mesh(self) -> String {
+    pub fn instead_of_mesh(self) -> String {
         let way_out = match self.content {
             Content::Nothing => return format!("it is {self}"),
             Content::Mesh(Some(name)) => {
@@ -77,7 +77,7 @@ impl FileFormat {
     }
 
     /// What to tell someone who gives this file as a rendered image.
-    pub(crate) fn instead_of_image(self) -> String {
+    pub fn instead_of_image(self) -> String {
         let way_out = match self.content {
             Content::Nothing => return format!("it is {self}"),
             Content::Picture => "rendered images are OpenEXR files, in linear light",
@@ -88,7 +88,7 @@ impl FileFormat {
     }
 
     /// What to tell someone who gives this file as a picture.
-    pub(crate) fn instead_of_picture(self) -> String {
+    pub fn instead_of_picture(self) -> String {
         let way_out = match self.content {
             Content::Nothing => return format!("it is {self}"),
             Content::Picture => "save it as PNG (heights with 16 bits) or OpenEXR",
@@ -248,7 +248,7 @@ fn of_text(bytes: &[u8]) -> Option<(&'static str, Content)> {
 }
 
 /// A text without the byte-order mark of UTF-8, which some editors put first.
-pub(crate) fn without_byte_order_mark(bytes: &[u8]) -> &[u8] {
+pub fn without_byte_order_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
 }
 

@@ -102,7 +102,7 @@ fn mean_squared_difference(first: &[f64], second: impl Iterator<Item = f64>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::sampler::{SampleStream, SamplerSettings};
+    use crate::sampler::{SampleStream, SamplerSettings};
 
     #[test]
     fn three_renders_of_two_numbers_are_taken_apart_as_by_hand() {

@@ -294,11 +294,11 @@ pub(super) mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::film::address::NodeAddress;
-    use crate::film::node::{Node, PassSums};
-    use crate::film::sampler::{SampleStream, SamplerSettings};
-    use crate::film::test_nodes::noise_node;
-    use crate::film::tree::FilmTile;
+    use crate::address::NodeAddress;
+    use crate::node::{Node, PassSums};
+    use crate::sampler::{SampleStream, SamplerSettings};
+    use crate::test_nodes::noise_node;
+    use crate::tree::FilmTile;
 
     const GRID: TileGrid = TileGrid { width: 7, height: 5, tile_size: 4 };
 
@@ -382,7 +382,7 @@ pub(super) mod tests {
                 [0, 1].map(|_| DVec3::from_array([0; 3].map(|_| trials.next_f64()))).into_iter().sum::<DVec3>()
             };
             let beauty = (0..tile.pixels()).map(|index| tile.pixel(index)).map(|(x, y)| noise(x, y)).collect();
-            let first_hit = sampling.is_in_first_block(pass).then(|| crate::film::node::FirstHitSums {
+            let first_hit = sampling.is_in_first_block(pass).then(|| crate::node::FirstHitSums {
                 albedo: vec![DVec3::ZERO; tile.pixels()],
                 normal: vec![DVec3::ZERO; tile.pixels()],
                 depth: vec![0.0; tile.pixels()],
