@@ -114,7 +114,7 @@ fn every_way_of_naming_a_module_is_seen() {
     }
     check("use core_crate::film::Node;", &["film"]);
     check("let n = core_crate :: integrator::render_node(s);", &["integrator"]);
-    check("use core_crate::{clerestory_film::{Node, tree}, scene, specular::fnee};", &["film", "scene", "specular"]);
+    check("use core_crate::{film::{Node, tree}, scene, specular::fnee};", &["film", "scene", "specular"]);
     check("use core_crate::*;", &["*"]);
     check("use core_crate as other;", &["(an alias)"]);
     check("// core_crate::integrator\n/// [core_crate::specular]\nuse core_crate::scene;", &["scene"]);
