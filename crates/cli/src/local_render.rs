@@ -7,12 +7,11 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use clerestory_coordinator::{PILOT_ROUND, Rounds};
 use clerestory_film::adaptive::{noise, shares};
 use clerestory_film::counters::Counters;
 use clerestory_film::{
-    Adaptation, FilmTile, FrameImage, ImageError, ImageMetadata, InsertError, NodeAddress, Sampling, Share, SumError,
-    TileGrid, TileSum,
+    Adaptation, FilmTile, FrameImage, ImageError, ImageMetadata, InsertError, NodeAddress, PILOT_ROUND, Rounds,
+    Sampling, Share, SumError, TileGrid, TileSum,
 };
 use clerestory_render_core::integrator::{RenderError, Rendered, render_node};
 use clerestory_render_core::scene::Scene;
@@ -299,7 +298,7 @@ pub(crate) fn image(
 mod tests {
     use std::path::Path;
 
-    use clerestory_coordinator::{Targets, adaptation};
+    use clerestory_film::Targets;
     use clerestory_film::decomposition::{mean, standard_error};
     use clerestory_render_core::scene;
     use clerestory_render_core::scene::SceneBundle;
@@ -323,7 +322,7 @@ mod tests {
     /// Mean radiance of the image, with passes shared out or not, and passes of the tiles.
     fn light(scene: &Scene, is_adaptive: bool) -> (f64, Vec<u32>) {
         let grid = TileGrid { width: 16, height: 16, tile_size: 4 };
-        let adaptation = is_adaptive.then(|| adaptation(scene.sampling(), PASSES, &Targets::default()).unwrap());
+        let adaptation = is_adaptive.then(|| Targets::default().adaptation(scene.sampling(), PASSES).unwrap());
         let plan = PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![PASSES; 16], adaptation };
         let control = Control::default();
         let outcome = render(scene, &plan, &control, |_| ControlFlow::Continue(())).unwrap();

@@ -3,8 +3,7 @@
 use std::time::Duration;
 
 use clap::Args;
-use clerestory_coordinator::{InvalidTarget, Targets, adaptation};
-use clerestory_film::{Adaptation, Sampling};
+use clerestory_film::{Adaptation, InvalidTarget, Sampling, Targets};
 
 use crate::arguments::whole;
 use crate::failure::Failure;
@@ -80,7 +79,7 @@ impl RenderLimits {
 
     /// How so many passes are shared out among tiles, if they are to be.
     pub(crate) fn adaptation(&self, sampling: Sampling, passes: u32) -> Result<Option<Adaptation>, Failure> {
-        let adaptation = self.adaptive.then(|| adaptation(sampling, passes, &self.targets())).transpose();
+        let adaptation = self.adaptive.then(|| self.targets().adaptation(sampling, passes)).transpose();
         adaptation.map_err(|fewest| {
             Failure::Usage(format!(
                 "--adaptive with {} samples in each pixel has nothing to share out: expected --spp of at least {fewest} beside it, \

@@ -1,7 +1,7 @@
 //! Adaptive jobs: the passes of a round are shared out among the tiles by their noise.
 //!
 //! How noisy a tile is, its pilot says: a few passes that no image contains ([`clerestory_film::adaptive`]). The pilot is
-//! work of the round [`PILOT_ROUND`], of nodes like any others. When that round is complete, the keeper of the film reads the pilot, stores
+//! work of the round [`clerestory_film::PILOT_ROUND`], of nodes like any others. When that round is complete, the keeper of the film reads the pilot, stores
 //! the share of each tile, and throws the pilot away; then it records the round. Rounds beyond the passes that every tile gets are cut
 //! into nodes when the shares are there, and not before. What is decided depends on the scene, its tiles and the samples of the job alone,
 //! so it is the same whoever decides it, and as often as it is decided: `clerestory render` comes to the same.
@@ -10,31 +10,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use clerestory_film::adaptive::{noise, shares};
-use clerestory_film::{Adaptation, Sampling, Share};
+use clerestory_film::{Adaptation, Share};
 use futures::stream::{self, StreamExt, TryStreamExt};
 
 use crate::farm::Farm;
 use crate::film::{FilmError, runs};
 use crate::news::News;
-use crate::stop::Targets;
 use crate::store::{JobRecord, NodeRow};
-
-/// The round whose work the pilot is: the second, so that there is an image of one pass before.
-pub const PILOT_ROUND: u32 = 1;
 
 /// Tiles whose pilot is read at the same time.
 const TILES: usize = 4;
-
-/// How the passes of a job are shared out.
-///
-/// # Errors
-///
-/// The fewest samples in a pixel that would leave something to share out, where `passes` are too few.
-pub fn adaptation(sampling: Sampling, passes: u32, targets: &Targets) -> Result<Adaptation, u32> {
-    let blocks = targets.fewest_blocks();
-    let too_few = || blocks.saturating_mul(sampling.samples_per_block()).saturating_add(1);
-    Adaptation::new(sampling, passes, blocks).ok_or_else(too_few)
-}
 
 /// How many passes each tile of a job has at a round.
 #[derive(Clone, Debug, Default)]

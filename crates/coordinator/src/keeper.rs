@@ -19,13 +19,14 @@ use tokio::task::JoinSet;
 
 use self::claim::{Claim, TERM_MS};
 use self::merging::merge;
-use crate::adaptive::{self, PILOT_ROUND};
+use crate::adaptive;
 use crate::convergence::{self, Reference};
 use crate::farm::Farm;
 use crate::film::FilmError;
 use crate::news::News;
 use crate::repair::repair;
 use crate::store::{CompleteWave, Ending, JobRecord, Keeping, StoreError};
+use clerestory_film::PILOT_ROUND;
 
 /// Jobs whose rounds are recorded at the same time.
 const ADVANCING: usize = 16;

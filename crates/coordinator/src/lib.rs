@@ -54,12 +54,8 @@ mod tasks;
 mod tidying;
 mod views;
 
-pub use adaptive::{PILOT_ROUND, adaptation};
 pub use config::{
     Bucket, Clock, Config, ExposedWithoutToken, InvalidBucket, InvalidPostgresUrl, InvalidToken, PostgresUrl, Token,
 };
-pub use schedule::Rounds;
 pub use server::{RunError, run};
-pub use stop::{InvalidTarget, Targets};
 pub use store::SchemaError;
-pub use submit::smallest_tile;

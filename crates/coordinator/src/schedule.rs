@@ -6,9 +6,6 @@
 
 use clerestory_film::PassRange;
 
-/// Passes between late boundaries; a power of two.
-const LATE_STEP: u32 = 16;
-
 /// A lease may go on without an accepted node for so many times as long as its work should take.
 const PATIENCE: f64 = 3.0;
 
@@ -17,37 +14,6 @@ pub(crate) const SHORTEST_GATHERING_SECONDS: f64 = 1.0;
 
 /// Longest time for which a lease may, in seconds: a week.
 const LONGEST_PATIENCE: f64 = 7.0 * 24.0 * 3600.0;
-
-/// The round boundaries of a job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Rounds {
-    passes: u32,
-}
-
-impl Rounds {
-    /// The rounds of a job of `passes` passes.
-    pub fn new(passes: u32) -> Self {
-        Self { passes }
-    }
-
-    /// Passes that are complete after `round`; `None` when the job ends earlier.
-    pub fn end(&self, round: u32) -> Option<u32> {
-        let doublings = LATE_STEP.ilog2();
-        let boundary = |round: u32| match round.checked_sub(doublings) {
-            None => 1 << round,
-            Some(late) => LATE_STEP.saturating_mul(late.saturating_add(1)),
-        };
-        let first = if round == 0 { 0 } else { boundary(round - 1) };
-        (first < self.passes).then(|| boundary(round).min(self.passes))
-    }
-
-    /// The passes of wave `round`; `None` when the job ends earlier.
-    pub(crate) fn wave(&self, round: u32) -> Option<PassRange> {
-        let end = self.end(round)?;
-        let first = round.checked_sub(1).and_then(|previous| self.end(previous)).unwrap_or(0);
-        Some(PassRange { first, count: end - first })
-    }
-}
 
 /// Cuts a range of passes into aligned runs of `2^level` passes, from left to right, each as long as alignment, the range
 /// and `largest_level` allow. Yields `(level, index)`.
@@ -129,21 +95,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn boundaries_double_up_to_sixteen_and_then_follow_every_sixteen() {
-        #[track_caller]
-        fn check(passes: u32, expected: &[u32]) {
-            let rounds = Rounds::new(passes);
-            let ends: Vec<u32> = (0..).map_while(|round| rounds.end(round)).collect();
-            assert_eq!(ends, expected);
-        }
-        check(1, &[1]);
-        check(3, &[1, 2, 3]);
-        check(16, &[1, 2, 4, 8, 16]);
-        check(23, &[1, 2, 4, 8, 16, 23]);
-        check(53, &[1, 2, 4, 8, 16, 32, 48, 53]);
-    }
-
-    #[test]
     fn nodes_wait_for_others_no_longer_than_their_lease_should_take() {
         let pace = |samples_per_second| Pace { samples_per_second, target_seconds: 10.0, workers: 1 };
         let gathering = |rate, longest| pace(rate).gathering_seconds(2, 1000.0, longest);
@@ -151,19 +102,6 @@ mod tests {
         assert_eq!([0.5, 4.0, 30.0].map(|longest| gathering(Some(10_000.0), longest)), [1.0; 3]);
         assert_eq!(gathering(None, 30.0), 30.0, "nobody knows how long it takes");
         assert_eq!(pace(Some(200.0)).gathering_seconds(1, 1000.0, 30.0), 1.0, "there are no others");
-    }
-
-    #[test]
-    fn waves_cover_every_pass_once() {
-        for passes in 1..200 {
-            let rounds = Rounds::new(passes);
-            let mut next = 0;
-            for wave in (0..).map_while(|round| rounds.wave(round)) {
-                assert_eq!(wave.first, next);
-                next += wave.count;
-            }
-            assert_eq!(next, passes);
-        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::thread::available_parallelism;
 
 use clerestory_api::{ContentHash, JobId, JobSubmission, ProblemCode};
-use clerestory_film::{ImageError, OpenExrError, TileGrid};
+use clerestory_film::{ImageError, LARGEST_TILE, OpenExrError, TileGrid, smallest_tile};
 use clerestory_render_core::scene::{
     self, Asset, CheckedScene, Scene, SceneBundle, SceneDescription, SceneError, SceneHash, SceneMemory, SceneUse,
 };
@@ -14,24 +14,17 @@ use futures::stream::{self, StreamExt, TryStreamExt};
 use rayon::ThreadPoolBuilder;
 use uuid::Uuid;
 
-use crate::adaptive::adaptation;
 use crate::convergence::Reference;
 use crate::farm::Farm;
 use crate::film::FilmError;
 use crate::http::ApiError;
 use crate::repair;
-use crate::stop::{InvalidTarget, Targets};
 use crate::store::NewJob;
 use crate::submissions::ParsingRoom;
+use clerestory_film::targets::{InvalidTarget, Targets};
 
 /// Longest name.
 const LONGEST_NAME: usize = 200;
-
-/// Largest tile edge.
-const LARGEST_TILE: u32 = 1024;
-
-/// Most tiles in a frame: each is a row for every node.
-const MOST_TILES: u64 = 65_536;
 
 /// Longest time limit, in milliseconds: ten years.
 const LONGEST_TIME_MS: i64 = 10 * 365 * 24 * 3600 * 1000;
@@ -75,7 +68,8 @@ pub(crate) async fn job(farm: &Farm, mut submission: JobSubmission, room: Parsin
     let name = submission.name.unwrap_or_else(|| description.name.clone());
     let passes = submission.samples_per_pixel.div_ceil(sampling.samples_per_pass.max(1));
     if submission.adaptive {
-        adaptation(facts.sampling, passes, &targets)
+        targets
+            .adaptation(facts.sampling, passes)
             .map_err(|fewest| too_few_to_share(submission.samples_per_pixel, fewest))?;
     }
     Ok(NewJob {
@@ -117,12 +111,6 @@ fn check_numbers(submission: &JobSubmission) -> Result<(), ApiError> {
         return Err(ApiError::invalid_field("time_limit_ms", limit_ms, expected));
     }
     Ok(())
-}
-
-/// Smallest edge of a tile, in pixels, with which an image of this size has no more tiles than a farm renders.
-pub fn smallest_tile(width: u32, height: u32) -> u32 {
-    let tiles = |edge: u32| u64::from(width.div_ceil(edge)) * u64::from(height.div_ceil(edge));
-    (1..=LARGEST_TILE).find(|edge| tiles(*edge) <= MOST_TILES).unwrap_or(LARGEST_TILE)
 }
 
 fn grid(submission: &JobSubmission, description: &SceneDescription) -> Result<TileGrid, ApiError> {

@@ -4,6 +4,7 @@ use clerestory_api::{ConvergencePoint, JobState, JobView, WorkerId, WorkerView};
 use clerestory_film::counters::Counters;
 
 use crate::farm::Farm;
+use crate::stop::round_error;
 use crate::store::{JobRecord, StoreError, WorkerError};
 
 /// For how long listeners are told of workers that have ended.
@@ -20,7 +21,7 @@ pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreErr
     let started_ms = job.started_ms.filter(|_| is_running);
     let samples_per_second = started_ms.and_then(|started_ms| farm.rates.rate(job.id, started_ms, now_ms));
     let expected_samples = expected_samples(&job, latest.as_ref());
-    let is_end_known = job.targets.is_end_known(job.samples_per_block, latest.as_ref());
+    let is_end_known = job.targets.is_end_known(job.samples_per_block, latest.as_ref().map(round_error).as_ref());
     let remaining_ms = samples_per_second.and_then(|rate| {
         let by_rate = |samples: u64| (samples.saturating_sub(job.samples) as f64 / rate * 1000.0) as i64;
         let by_limit = started_ms.zip(limit_ms(&job)).map(|(started_ms, limit_ms)| {
@@ -83,7 +84,7 @@ fn first_pass_samples(job: &JobRecord) -> u64 {
 
 /// Camera samples after which a job is expected to end: all, or as many as its targets take as far as its last round tells.
 fn expected_samples(job: &JobRecord, latest: Option<&ConvergencePoint>) -> u64 {
-    let by_targets = latest.and_then(|point| job.targets.expected_samples(job.samples_per_block, point));
+    let by_targets = latest.and_then(|point| job.targets.expected_samples(job.samples_per_block, &round_error(point)));
     let in_a_pixel = u64::from(job.passes) * u64::from(job.samples_per_pass);
     let fraction = by_targets.map_or(1.0, |samples| (samples / in_a_pixel.max(1) as f64).min(1.0));
     (job.total_samples() as f64 * fraction) as u64

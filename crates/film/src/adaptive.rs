@@ -19,6 +19,9 @@ use super::sampling::Sampling;
 /// The first sample of the pilot, and so the first that no image may contain: more than an image has, and half of all.
 const FIRST_PILOT_SAMPLE: u32 = 1 << 31;
 
+/// The round whose work the pilot is: the second, so that an image of one pass comes before it.
+pub const PILOT_ROUND: u32 = 1;
+
 /// Most passes of a pilot. More would cost more than they tell.
 const MOST_PILOT_PASSES: u32 = 8;
 

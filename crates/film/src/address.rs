@@ -56,6 +56,18 @@ impl Tile {
     }
 }
 
+/// Largest tile edge, in pixels.
+pub const LARGEST_TILE: u32 = 1024;
+
+/// Most tiles of a frame: a farm keeps a row for each node of each.
+pub const MOST_TILES: u64 = 65_536;
+
+/// Smallest tile edge, in pixels, with which an image of this size has at most [`MOST_TILES`] tiles.
+pub fn smallest_tile(width: u32, height: u32) -> u32 {
+    let tiles = |edge: u32| u64::from(width.div_ceil(edge)) * u64::from(height.div_ceil(edge));
+    (1..=LARGEST_TILE).find(|edge| tiles(*edge) <= MOST_TILES).unwrap_or(LARGEST_TILE)
+}
+
 /// How an image is cut into tiles: squares of `tile_size`, smaller at the right and bottom borders, numbered in rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TileGrid {

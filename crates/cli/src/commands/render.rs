@@ -9,10 +9,10 @@ use std::time::{Duration, Instant, SystemTime};
 
 use clap::Args;
 use clerestory_api::{ConvergencePoint, StopReason};
-use clerestory_coordinator::{Targets, smallest_tile};
 use clerestory_film::counters::Counters;
 use clerestory_film::{
-    FrameImage, ImageError, ImageMetadata, TileGrid, TileSum, encode_png, mean_squared_standard_error,
+    FrameImage, ImageError, ImageMetadata, RoundError, Target, Targets, TileGrid, TileSum, encode_png,
+    mean_squared_standard_error, smallest_tile,
 };
 use clerestory_render_core::scene::Scene;
 use rayon::ThreadPoolBuilder;
@@ -226,7 +226,8 @@ async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
             let mut reached = None;
             let on_round = |round: &Round<'_>| {
                 let point = order.point(round, control.samples.load(Ordering::Relaxed), clocks.spent(threads));
-                reached = order.targets.reached(order.plan.sampling.samples_per_block(), std::slice::from_ref(&point));
+                let errors = [round_error(&point)];
+                reached = order.targets.reached(order.plan.sampling.samples_per_block(), &errors).map(reason);
                 // Nobody listens any more only when the process ends.
                 let _ = rounds.send(point);
                 if reached.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
@@ -320,7 +321,9 @@ impl Order {
         let most = self.plan.tile_passes.iter().copied().max().unwrap_or(0);
         let in_a_pixel = f64::from(most) * f64::from(self.plan.sampling.samples_per_pass());
         let samples_per_block = self.plan.sampling.samples_per_block();
-        let by_targets = latest.and_then(|point| self.targets.expected_samples(samples_per_block, point));
+        let latest = latest.map(round_error);
+        let latest = latest.as_ref();
+        let by_targets = latest.and_then(|error| self.targets.expected_samples(samples_per_block, error));
         let part = by_targets.map_or(1.0, |samples| (samples / in_a_pixel.max(1.0)).min(1.0));
         let expected = part * control.planned.load(Ordering::Relaxed) as f64;
         let by_samples = samples as f64 / expected.max(1.0);
@@ -332,6 +335,20 @@ impl Order {
         let remaining = remaining.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
         let samples_per_second = (samples > 0).then(|| samples as f64 / elapsed.as_secs_f64());
         Advance { fraction, samples_per_second, remaining, ..Advance::default() }
+    }
+}
+
+/// The errors of a round that targets are compared with.
+fn round_error(point: &ConvergencePoint) -> RoundError {
+    let ConvergencePoint { samples_per_pixel, mse, corrected_mse, estimated_mse, .. } = *point;
+    RoundError { samples_per_pixel, mse, corrected_mse, estimated_mse }
+}
+
+/// Why a render stops that has reached a target.
+fn reason(target: Target) -> StopReason {
+    match target {
+        Target::Mse => StopReason::Mse,
+        Target::EstimatedMse => StopReason::EstimatedMse,
     }
 }
 

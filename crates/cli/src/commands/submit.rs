@@ -8,8 +8,7 @@ use backon::{ExponentialBuilder, Retryable};
 use bytes::Bytes;
 use clap::Args;
 use clerestory_api::{ClientError, ContentHash, JobId, JobSubmission, JobView, PreviewQuery, ProblemCode};
-use clerestory_coordinator::Targets;
-use clerestory_film::{ImageMetadata, Sampling};
+use clerestory_film::{ImageMetadata, Sampling, Targets};
 use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
 use tracing::{info, warn};
 

@@ -4,8 +4,7 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clerestory_api::{JobId, JobView};
-use clerestory_coordinator::smallest_tile;
-use clerestory_film::FrameImage;
+use clerestory_film::{FrameImage, smallest_tile};
 use clerestory_render_core::scene::{Asset, SceneBundle};
 use serde_json::{Value, json};
 use tokio::runtime::Handle;

@@ -3,9 +3,8 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use clerestory_coordinator::{Targets, adaptation, smallest_tile};
 use clerestory_film::counters::Counters;
-use clerestory_film::{FrameImage, TileGrid};
+use clerestory_film::{FrameImage, Targets, TileGrid, smallest_tile};
 use clerestory_render_core::scene::description::FilmDescription;
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle};
 
@@ -144,7 +143,7 @@ pub(super) fn shared(
     let grid = TileGrid { width, height, tile_size: SHARED_TILE.max(smallest_tile(width, height)) };
     let adaptation = match sharing {
         Sharing::Even => None,
-        Sharing::ByNoise => adaptation(sampling, passes, &Targets::default()).ok(),
+        Sharing::ByNoise => Targets::default().adaptation(sampling, passes).ok(),
     };
     let plan = PassPlan { grid, sampling, tile_passes: vec![passes; grid.len() as usize], adaptation };
     let clocks = Clocks::now();

@@ -9,7 +9,7 @@ use std::collections::btree_map::Entry;
 use std::time::Duration;
 
 use clerestory_api::{Client, JobId, NodeAddress};
-use clerestory_coordinator::Rounds;
+use clerestory_film::Rounds;
 use tokio::time::Instant;
 
 use super::supply::PASSES;

@@ -5,8 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use clerestory_api::{JobId, JobState};
-use clerestory_coordinator::Targets;
-use clerestory_film::{Sampling, TileGrid};
+use clerestory_film::{Sampling, Targets, TileGrid};
 use clerestory_render_core::scene::{SceneBundle, SceneDescription};
 use serde_json::json;
 use tokio::time::Instant;

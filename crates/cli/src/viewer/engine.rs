@@ -7,8 +7,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use bytes::Bytes;
-use clerestory_coordinator::smallest_tile;
-use clerestory_film::{Exposure, PreviewSettings, TileGrid, ToneCurve, encode_png};
+use clerestory_film::{Exposure, PreviewSettings, TileGrid, ToneCurve, encode_png, smallest_tile};
 use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription, SceneDescription};
 use clerestory_render_core::scene::{Obstacles, Scene, SceneBundle, SceneError};
 use rayon::ThreadPool;

@@ -104,7 +104,7 @@ pub(super) struct OpenJob {
 impl OpenJob {
     /// Whether the next nodes of it can be put into the queue.
     fn can_be_cut(&self) -> bool {
-        self.job.boundaries().wave(self.job.cursor[0]).is_some_and(|wave| !self.job.waits_for_shares(wave))
+        self.job.boundaries().passes(self.job.cursor[0]).is_some_and(|wave| !self.job.waits_for_shares(wave))
     }
 
     /// How fast the worker renders it, as if no other did.

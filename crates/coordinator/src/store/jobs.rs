@@ -10,9 +10,9 @@ use super::events::{self, StoredKind};
 use super::row::{Row, big, to_json};
 use super::sql::query;
 use super::{Connection, Store, StoreError, checks};
-use crate::adaptive::{PILOT_ROUND, adaptation};
-use crate::schedule::Rounds;
-use crate::stop::Targets;
+use clerestory_film::PILOT_ROUND;
+use clerestory_film::Rounds;
+use clerestory_film::Targets;
 
 /// A job to be stored.
 #[derive(Clone, Debug)]
@@ -139,7 +139,7 @@ impl JobRecord {
     /// How its passes are shared out among the tiles; `None` where all get the same.
     pub(crate) fn adaptation(&self) -> Option<Adaptation> {
         let sampling = self.sampling().ok().filter(|_| self.adaptive)?;
-        adaptation(sampling, self.passes, &self.targets).ok()
+        self.targets.adaptation(sampling, self.passes).ok()
     }
 
     /// Whether a wave cannot be cut yet: its passes are to be shared out first.

@@ -21,8 +21,9 @@ use super::sql::query;
 use super::stock::insert_pending;
 use super::workers::OF_THE_SAME_NAME;
 use super::{Connection, StoreError, adaptive, checks};
-use crate::adaptive::{PILOT_ROUND, TilePasses};
+use crate::adaptive::TilePasses;
 use crate::schedule::cut;
+use clerestory_film::PILOT_ROUND;
 
 /// What is rendered again.
 #[derive(Debug, Default)]
@@ -136,7 +137,7 @@ fn rounds_of(
     let (passes, boundaries) = (node.passes(), job.boundaries());
     let end = passes.first + passes.count;
     let (tile_passes, NodeAddress { frame, tile, .. }) = (tile_passes.clone(), *node);
-    let in_images = (0..).map_while(move |round| Some((round, boundaries.wave(round)?)));
+    let in_images = (0..).map_while(move |round| Some((round, boundaries.passes(round)?)));
     let in_images = in_images.filter_map(move |(round, wave)| {
         let first = tile_passes.at(frame, tile, wave.first).max(passes.first);
         let wave_end = tile_passes.at(frame, tile, wave.first + wave.count);

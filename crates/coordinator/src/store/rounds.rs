@@ -9,6 +9,7 @@ use super::nodes::{self, Removed};
 use super::row::{Row, big};
 use super::sql::query;
 use super::{Connection, Store, StoreError};
+use crate::stop;
 
 /// The wave whose completion is to be recorded as the next round.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,7 +88,8 @@ impl Store {
         let (id, round, redone) = (job.id, job.rounds, job.redone_nodes);
         let passes = job.boundaries().end(round).unwrap_or(job.passes);
         let last = (passes == job.passes).then_some(StopReason::Samples);
-        let reason = job.targets.reached(job.samples_per_block, &points).or(last);
+        let errors: Vec<_> = points.iter().map(stop::round_error).collect();
+        let reason = job.targets.reached(job.samples_per_block, &errors).map(stop::reason).or(last);
         let job = job.clone();
         self.write(move |connection| {
             Box::pin(async move {

@@ -31,7 +31,7 @@ pub(super) async fn stock(
     let [mut round, mut frame, mut tile] = job.cursor;
     let mut pending = Vec::new();
     while free < STOCK && i64::from(round) <= last_round {
-        let Some(wave) = job.boundaries().wave(round) else { break };
+        let Some(wave) = job.boundaries().passes(round) else { break };
         if job.waits_for_shares(wave) {
             break;
         }

@@ -7,9 +7,9 @@ use clerestory_film::Share;
 
 use super::Farm;
 use crate::blobs::Place;
-use crate::stop::Targets;
 use crate::store::jobs::Ending;
 use crate::store::{JobRecord, NewJob, NodeRow, Removed, StoreError};
+use clerestory_film::Targets;
 
 /// Passes of a job; a block has 16.
 const PASSES: u32 = 80;

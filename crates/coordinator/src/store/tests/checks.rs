@@ -6,8 +6,8 @@ use clerestory_film::NodeAddress;
 use super::adaptive::some_shares;
 use super::claims::fail;
 use super::{DeliveredNode, Farm, Grant, LeaseError, Merge, TTL_MS, WorkerError, delivered, merge, place};
-use crate::stop::Targets;
 use crate::store::{Outcome, Removed};
+use clerestory_film::Targets;
 
 /// Nodes with these bits, all of which are checked.
 fn with_bits(nodes: &[NodeAddress], bits: &str) -> Vec<DeliveredNode> {

@@ -10,12 +10,12 @@ use tempfile::TempDir;
 use uuid::Uuid;
 
 use crate::blobs::Place;
-use crate::stop::Targets;
 use crate::store::accept::Acceptance;
 use crate::store::{
     ClaimTerms, CompleteWave, DeliveredNode, Delivery, Grant, LeaseError, Merge, NewJob, Source, Store, Watch,
     WorkerError,
 };
+use clerestory_film::Targets;
 
 pub(super) const TTL_MS: i64 = 1000;
 

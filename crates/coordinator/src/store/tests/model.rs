@@ -17,11 +17,11 @@ use proptest::test_runner::{RngSeed, TestRunner};
 use uuid::Uuid;
 
 use super::{Farm, merge, place};
-use crate::schedule::Rounds;
 use crate::store::leases::{LeaseState, address};
 use crate::store::row::Row;
 use crate::store::sql::query;
 use crate::store::{CompleteWave, Grant, LeaseError, NewJob};
+use clerestory_film::Rounds;
 
 mod claims;
 mod deliveries;
@@ -246,7 +246,7 @@ impl Model {
 
     /// Whether there is a wave, and all of its passes are accepted.
     fn is_wave_complete(&self, round: u32) -> bool {
-        let Some(wave) = self.boundaries().wave(round) else { return false };
+        let Some(wave) = self.boundaries().passes(round) else { return false };
         let mut tiles = 0..self.shape.grid.len();
         tiles.all(|tile| (wave.first..wave.first + wave.count).all(|pass| self.done.contains(&(tile, pass))))
     }

@@ -35,7 +35,7 @@ async fn eight_claimants_share_a_job_and_none_is_sent_away_while_there_is_work()
             let free = query("select 1 from pending where job = $1 and lease is null").bind(job.to_string());
             assert!(free.fetch_optional(&farm.store.readers).await.unwrap().is_none(), "sent away from free work");
             let record = farm.store.job(job).await.unwrap().unwrap();
-            assert!(record.boundaries().wave(record.cursor[0]).is_none(), "sent away before all work was cut");
+            assert!(record.boundaries().passes(record.cursor[0]).is_none(), "sent away before all work was cut");
             nodes
         }
     });

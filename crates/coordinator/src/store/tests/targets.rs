@@ -6,10 +6,10 @@ use clerestory_api::{ConvergencePoint, JobId, JobState, StopReason};
 
 use super::Farm;
 use crate::blobs::Place;
-use crate::stop::Targets;
 use crate::store::jobs::Ending;
 use crate::store::rounds::RecordedRound;
 use crate::store::{Grant, LeaseError, NewJob, Removed};
+use clerestory_film::Targets;
 
 impl Farm {
     /// A job of 3 passes that a measured error of 1e-3 ends, all of which is delivered but for the last tile of the last pass.

@@ -177,7 +177,7 @@ impl Model {
         } else {
             let first = free[0];
             assert_eq!((node.tile, round_of(first_pass)), (first.tile, round_of(first.passes().first)));
-            assert_eq!(Some(first_pass), self.boundaries().wave(round_of(first_pass)).map(|wave| wave.first));
+            assert_eq!(Some(first_pass), self.boundaries().passes(round_of(first_pass)).map(|wave| wave.first));
         }
     }
 
@@ -225,7 +225,7 @@ impl Model {
             self.pending.insert(*node, Pending::new(*round));
         }
         for ((round, tile), level) in levels {
-            let wave = self.boundaries().wave(round).unwrap();
+            let wave = self.boundaries().passes(round).unwrap();
             let mut wave_passes = wave.first..wave.first + wave.count;
             assert!(wave_passes.all(|pass| self.cut.contains(&(tile, pass))), "wave {round} of tile {tile} has gaps");
             // Where a node may have been split, its size is not what it was cut to.
