@@ -7,12 +7,13 @@ use std::process::ExitCode;
 
 use clerestory_api::{ClientError, ProblemCode};
 use clerestory_coordinator::RunError;
+use clerestory_experiments::ExperimentError;
 use clerestory_film::{CompareError, ImageError, PreviewError};
+use clerestory_local_render::LocalRenderError;
 use clerestory_render_core::scene::SceneError;
 use clerestory_worker::WorkerError;
 
 use crate::connection::TOKEN_VARIABLE;
-use crate::local_render::LocalRenderError;
 use crate::shutdown::INTERRUPTED;
 use crate::terminal::cause_text;
 
@@ -76,12 +77,9 @@ pub(crate) enum Failure {
     /// The PNG cannot be made.
     #[error("cannot make the PNG")]
     Preview(#[source] PreviewError),
-    /// A table cannot be written as CSV.
-    #[error("cannot write a table as CSV")]
-    Table(#[source] io::Error),
-    /// A figure cannot be drawn.
-    #[error("cannot draw a figure: {0}")]
-    Figure(String),
+    /// An experiment failed.
+    #[error(transparent)]
+    Experiment(ExperimentError),
     /// The coordinator could not be asked, or refused.
     #[error("the coordinator at {address}")]
     Coordinator { address: String, source: ClientError },
@@ -122,6 +120,19 @@ pub(crate) enum Failure {
     /// A job or a render ended before it was done.
     #[error("{0}")]
     Job(String),
+}
+
+impl From<ExperimentError> for Failure {
+    /// A failure of the program around the experiment is that failure; any other is the experiment's.
+    fn from(error: ExperimentError) -> Self {
+        match error {
+            ExperimentError::Host(cause) => match cause.downcast::<Self>() {
+                Ok(failure) => *failure,
+                Err(cause) => Self::Experiment(ExperimentError::Host(cause)),
+            },
+            error => Self::Experiment(error),
+        }
+    }
 }
 
 /// What would be right instead of an address on which a coordinator cannot listen.

@@ -8,15 +8,28 @@ use std::path::{Path, PathBuf};
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand};
 
 /// Which crates of the workspace each of them may depend on.
-const ARROWS: [(&str, &[&str]); 7] = [
+const ARROWS: [(&str, &[&str]); 9] = [
     ("clerestory-api", &[]),
     ("clerestory-film", &[]),
     ("clerestory-render-core", &["clerestory-film"]),
+    ("clerestory-local-render", &["clerestory-film", "clerestory-render-core"]),
+    (
+        "clerestory-experiments",
+        &["clerestory-api", "clerestory-film", "clerestory-local-render", "clerestory-render-core"],
+    ),
     ("clerestory-coordinator", &["clerestory-api", "clerestory-film", "clerestory-render-core"]),
     ("clerestory-worker", &["clerestory-api", "clerestory-film", "clerestory-render-core"]),
     (
         "clerestory",
-        &["clerestory-api", "clerestory-coordinator", "clerestory-film", "clerestory-render-core", "clerestory-worker"],
+        &[
+            "clerestory-api",
+            "clerestory-coordinator",
+            "clerestory-experiments",
+            "clerestory-film",
+            "clerestory-local-render",
+            "clerestory-render-core",
+            "clerestory-worker",
+        ],
     ),
     ("clerestory-test-faults", &[]),
 ];

@@ -7,17 +7,18 @@ use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::{Args, Subcommand};
+use clerestory_experiments::{self as experiments, Experiment, Session, Settings, Surroundings};
+use clerestory_local_render::Control;
 use rayon::ThreadPoolBuilder;
 use tokio::runtime::Handle;
 
 use crate::arguments::{positive, whole};
+use crate::commands::worker::BUILD;
 use crate::connection::ConnectionArguments;
-use crate::experiments::farm::Farm;
-use crate::experiments::session::{Session, Settings};
-use crate::experiments::{self, Experiment};
+use crate::experiment_host::ExperimentHost;
 use crate::failure::Failure;
 use crate::load;
-use crate::local_render::Control;
+use crate::local_scene;
 use crate::output_file::{check_outputs, create_folder};
 use crate::render_limits::parse_seconds;
 use crate::scene_overrides::Size;
@@ -155,16 +156,19 @@ async fn run_experiment(arguments: ExperimentArguments) -> Result<(), Failure> {
     let Some(experiment) = arguments.experiment else { return list() };
     let settings = interpret(experiment, &arguments)?;
     let folder = arguments.output.unwrap_or_else(|| PathBuf::from(format!("experiment-{}", experiment.name)));
-    let farm = if arguments.farm { Some(Farm::new(arguments.connection.open()?, Handle::current())) } else { None };
+    let farm = if arguments.farm { Some((arguments.connection.open()?, Handle::current())) } else { None };
     create_folder(&folder)?;
     let pool = ThreadPoolBuilder::new().num_threads(settings.threads.get()).build().map_err(Failure::Threads)?;
     let control = Arc::new(Control::default());
-    let mut session = Session::new(settings, folder, pool, control.clone(), farm);
-    let mut work = tokio::task::spawn_blocking(move || {
-        let result = (experiment.run)(&mut session).and_then(|report| report.write(experiment, &session));
-        session.finish();
-        result
-    });
+    let surroundings = Surroundings {
+        folder,
+        pool,
+        control: control.clone(),
+        build_scene: |bundle| local_scene::build(bundle, &mut |_| ()),
+        build: BUILD,
+        host: Box::new(ExperimentHost::new(farm)),
+    };
+    let mut work = tokio::task::spawn_blocking(move || experiment.run(&mut Session::new(settings, surroundings)));
     let stop = shutdown::token(Parent::None);
     let result = loop {
         tokio::select! {

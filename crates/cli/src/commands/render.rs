@@ -14,6 +14,9 @@ use clerestory_film::{
     FrameImage, ImageError, ImageMetadata, RoundError, Target, Targets, TileGrid, TileSum, encode_png,
     mean_squared_standard_error, smallest_tile,
 };
+use clerestory_local_render::{
+    self as local_render, Clocks, Control, LocalRenderError, Outcome, PassPlan, Provenance, Round, Spent,
+};
 use clerestory_render_core::scene::Scene;
 use rayon::ThreadPoolBuilder;
 use serde::Serialize;
@@ -21,12 +24,11 @@ use tokio::sync::mpsc;
 
 use crate::activity::Activity;
 use crate::arguments::whole;
-use crate::clocks::{Clocks, Spent};
 use crate::commands::compare::Measures;
+use crate::commands::worker::BUILD;
 use crate::failure::Failure;
 use crate::image_file::read_reference;
 use crate::like::{self, Recipe};
-use crate::local_render::{self, Control, LocalRenderError, Outcome, PassPlan, Round};
 use crate::output_file::{
     check_image_name, check_outputs, is_standard_output, png_beside, write, write_or_keep, write_stats,
 };
@@ -282,7 +284,7 @@ impl Order {
     }
 
     fn image(&self, sums: &[TileSum], counters: Counters, elapsed: Option<Duration>) -> Result<FrameImage, ImageError> {
-        local_render::image(&self.scene, &self.plan, sums, counters, elapsed)
+        local_render::image(&self.scene, &self.plan, sums, &Provenance { build: BUILD, counters, elapsed })
     }
 
     fn measures(&self, image: &FrameImage) -> Result<Option<Measures>, Failure> {

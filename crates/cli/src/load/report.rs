@@ -8,9 +8,10 @@ use serde::Serialize;
 use super::ceilings::Ceilings;
 use super::statistics::Latency;
 use super::{CHECKED_FRACTION, Settings};
-use crate::experiments::machine::Machine;
+use crate::commands::worker::BUILD;
 use crate::failure::Failure;
 use crate::output_file;
+use clerestory_experiments::Machine;
 
 /// Characters of the names and of the numbers of the table.
 const WIDTHS: [usize; 2] = [46, 11];
@@ -137,7 +138,7 @@ impl Report {
         let state = if settings.database.is_some() { "postgres" } else { "sqlite" };
         let blobs = if settings.object_store.is_some() { "bucket" } else { "folder" };
         Self {
-            machine: Machine::this(),
+            machine: Machine::this(BUILD),
             state,
             blobs,
             file_system,

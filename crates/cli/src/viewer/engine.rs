@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use bytes::Bytes;
 use clerestory_film::{Exposure, PreviewSettings, TileGrid, ToneCurve, encode_png, smallest_tile};
+use clerestory_local_render::{self as local_render, Control, LocalFilm, PassPlan, Provenance};
 use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription, SceneDescription};
 use clerestory_render_core::scene::{Obstacles, Scene, SceneBundle, SceneError};
 use rayon::ThreadPool;
@@ -15,8 +16,8 @@ use serde::Serialize;
 use tokio::sync::{oneshot, watch};
 
 use super::look::Look;
+use crate::commands::worker::BUILD;
 use crate::failure::Failure;
-use crate::local_render::{self, Control, LocalFilm, PassPlan};
 
 /// A first frame takes about so long.
 const FIRST_FRAME: Duration = Duration::from_millis(60);
@@ -232,7 +233,8 @@ impl Engine {
             }
             if pass == 0 || pass + 1 == most || shown.elapsed() >= FRAME_PERIOD {
                 let sums = rendered.sums().map_err(Failure::Render)?;
-                let image = local_render::image(&scene, &plan, &sums, rendered.counters, None);
+                let provenance = Provenance { build: BUILD, counters: rendered.counters, elapsed: None };
+                let image = local_render::image(&scene, &plan, &sums, &provenance);
                 let settings = PreviewSettings { exposure: Exposure::Automatic, curve: ToneCurve::Filmic };
                 let png = encode_png(&image.map_err(Failure::BadImage)?, &settings).map_err(Failure::Preview)?;
                 number.frame += 1;

@@ -1,0 +1,24 @@
+//! How a render is stopped and watched from another thread.
+
+use std::sync::atomic::{AtomicBool, AtomicU64};
+use std::time::Instant;
+
+/// Stops a render early and tells its progress. The threads that render share it with the thread that watches.
+#[derive(Default)]
+pub struct Control {
+    /// When to stop. The first pass of every tile is rendered in any case, because an image has at least one.
+    pub deadline: Option<Instant>,
+    /// Whether to stop now.
+    pub cancelled: AtomicBool,
+    /// Camera samples rendered so far.
+    pub samples: AtomicU64,
+    /// Camera samples of the whole render, once that is known.
+    pub planned: AtomicU64,
+}
+
+impl Control {
+    /// Whether the deadline has passed.
+    pub(crate) fn is_late(&self) -> bool {
+        self.deadline.is_some_and(|deadline| Instant::now() >= deadline)
+    }
+}
