@@ -9,7 +9,7 @@ use std::time::Duration;
 use subtle::ConstantTimeEq;
 use url::Url;
 
-pub use crate::bucket::{Bucket, InvalidBucket};
+pub use crate::blobs::{Bucket, InvalidBucket};
 pub use crate::clock::Clock;
 
 /// Shortest token that is accepted: 16 characters of a hexadecimal token are 64 bits.

@@ -6,36 +6,30 @@ use std::time::{Duration, Instant};
 
 use clerestory_api::{ContentHash, JobId};
 use tokio::sync::{Notify, Semaphore, mpsc};
-use tokio::task::JoinError;
 use tokio_util::sync::CancellationToken;
-use tracing::Instrument;
 use uuid::Uuid;
 
 use crate::blobs::Blobs;
 use crate::config::Config;
-use crate::events::Events;
-use crate::film::FilmReader;
-use crate::http::ApiError;
-use crate::idle::Idle;
-use crate::live::LiveValues;
-use crate::news::News;
-use crate::previews::Previews;
-use crate::rate::Rates;
-use crate::readiness::Readiness;
-use crate::schedule::SHORTEST_GATHERING_SECONDS;
-use crate::store::{CheckKey, Removed, Store};
-use crate::submissions::Submissions;
+use crate::films::FilmReader;
+use crate::films::live::LiveValues;
+use crate::films::previews::Previews;
+use crate::http::problem::ApiError;
+use crate::jobs::idle_workers::Idle;
+use crate::jobs::submission_memory::Submissions;
+use crate::memory::permits;
+use crate::model::{CheckKey, Removed, SHORTEST_LINGER_SECONDS};
+use crate::store::Store;
+use crate::watch::events::Events;
+use crate::watch::notifications::News;
+use crate::watch::rates::Rates;
+use crate::watch::readiness::Readiness;
 
 /// Bytes of partials that are received at the same time, but for one that goes on beyond them.
 pub(crate) const RECEIVED_BYTES: u64 = 32 << 20;
 
 /// Memory for partials that are decoded at the same time, and for their nodes until they are accepted. One that takes more is decoded alone.
 pub(crate) const DECODED_BYTES: u64 = 64 << 20;
-
-/// Permits for so many bytes of memory, one for each kibibyte.
-pub(crate) fn permits(bytes: u64) -> u32 {
-    u32::try_from(bytes >> 10).unwrap_or(u32::MAX).max(1)
-}
 
 /// Batches of tiles that are merged at the same time, of whichever jobs: while one is computed, another waits for the disk.
 pub(crate) const MERGES: usize = 2;
@@ -209,7 +203,7 @@ impl Farm {
 
     /// Lets go of what has been taken out of films.
     pub(crate) async fn let_go(&self, removed: Removed) {
-        self.film.forget(&removed.places);
+        self.film.forget(&removed.blob_ranges);
         self.blobs.remove(removed.blobs).await;
     }
 
@@ -248,7 +242,7 @@ impl Farm {
     /// all of a coordinator's time.
     pub(crate) fn gathering_time(&self) -> Duration {
         let shared = Duration::from_secs(1) * self.active_leases.load(Ordering::Relaxed) / PARTIALS_PER_SECOND;
-        shared.clamp(Duration::from_secs_f64(SHORTEST_GATHERING_SECONDS), LONGEST_GATHERING)
+        shared.clamp(Duration::from_secs_f64(SHORTEST_LINGER_SECONDS), LONGEST_GATHERING)
     }
 
     /// Workers may have said that they are there, up to now, without having been heard.
@@ -285,18 +279,6 @@ impl Farm {
         // The keeper is gone only when the coordinator stops; it looks at all open jobs when it starts again.
         let _ = self.keeper.send(job);
     }
-}
-
-/// Carries out to its end what must not be cut short, such as a write with the news of it: the future of a request is dropped wherever it
-/// stands when its caller hangs up.
-///
-/// # Errors
-///
-/// When the work panics.
-pub(crate) async fn to_its_end<T: Send + 'static>(
-    work: impl Future<Output = T> + Send + 'static,
-) -> Result<T, JoinError> {
-    tokio::spawn(work.in_current_span()).await
 }
 
 fn milliseconds(duration: Duration) -> i64 {

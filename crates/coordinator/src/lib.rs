@@ -20,39 +20,23 @@
 //! - A node is accepted only under a valid lease, and only if no accepted node of its tile shares a pass with it.
 //! - Nothing here renders: of the render core only its film and its scenes are used.
 
-mod acceptance;
-mod adaptive;
 mod background;
 mod blobs;
-mod bucket;
-mod causes;
 mod clock;
 pub mod config;
-mod convergence;
+mod dashboard;
 mod directory;
-mod events;
+mod error_chain;
 mod farm;
-mod film;
-mod frame;
+mod films;
 mod http;
-mod idle;
-mod images;
-mod keeper;
-mod live;
-mod news;
-mod previews;
-mod rate;
-mod readiness;
-mod repair;
-mod schedule;
+mod jobs;
+mod memory;
+mod model;
 pub mod server;
-mod stop;
 mod store;
-mod submissions;
-mod submit;
 mod tasks;
-mod tidying;
-mod views;
+mod watch;
 
 pub use config::{
     Bucket, Clock, Config, ExposedWithoutToken, InvalidBucket, InvalidPostgresUrl, InvalidToken, PostgresUrl, Token,

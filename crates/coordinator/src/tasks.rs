@@ -8,6 +8,7 @@ use std::future::Future;
 
 use tokio::task::{JoinError, JoinSet};
 use tokio_util::task::AbortOnDropHandle;
+use tracing::Instrument;
 
 /// A task that is needed has ended.
 #[derive(Debug, PartialEq, Eq)]
@@ -57,6 +58,18 @@ impl Tasks {
             }
         }
     }
+}
+
+/// Carries out to its end what must not be cut short, such as a write with the news of it: the future of a request is dropped wherever it
+/// stands when its caller hangs up.
+///
+/// # Errors
+///
+/// When the work panics.
+pub(crate) async fn to_completion<T: Send + 'static>(
+    work: impl Future<Output = T> + Send + 'static,
+) -> Result<T, JoinError> {
+    tokio::spawn(work.in_current_span()).await
 }
 
 fn problem(error: JoinError) -> String {

@@ -2,13 +2,21 @@
 //!
 //! Each test that takes [`Blobs`] runs on both (`in_both!`); buckets are those of a real server that the tests start.
 
+use std::collections::BTreeSet;
+use std::fs;
+
+use bytes::Bytes;
+use clerestory_api::{ContentHash, JobId};
 use clerestory_test_servers::s3;
+use futures::stream::{self, Stream, StreamExt, TryStreamExt};
 use tempfile::TempDir;
+use uuid::Uuid;
 
-use super::*;
+use crate::blobs::{BlobError, Blobs, Bucket, ClaimError, UploadError};
+use crate::model::{BlobRange, Identity};
 
-async fn read(blobs: &Blobs, place: &Place) -> Result<Bytes, BlobError> {
-    Ok(blobs.nodes(&place.blob, &[place]).await?.remove(0))
+async fn read(blobs: &Blobs, blob_range: &BlobRange) -> Result<Bytes, BlobError> {
+    Ok(blobs.nodes(&blob_range.blob, &[blob_range]).await?.remove(0))
 }
 
 fn source(pieces: &[&'static str]) -> impl Stream<Item = Result<Bytes, String>> + Unpin {
@@ -65,18 +73,18 @@ async fn an_asset_of_many_pieces_comes_back_whole(blobs: Blobs) {
     assert!(blobs.asset(hash(&content)).await.unwrap() == content);
 }
 
-async fn put(blobs: &Blobs, node: &str) -> Place {
-    let mut places = blobs.put_nodes(JobId::from(Uuid::now_v7()), vec![node.as_bytes().to_vec()]).await.unwrap();
-    places.pop().unwrap()
+async fn put(blobs: &Blobs, node: &str) -> BlobRange {
+    let mut blob_ranges = blobs.put_nodes(JobId::from(Uuid::now_v7()), vec![node.as_bytes().to_vec()]).await.unwrap();
+    blob_ranges.pop().unwrap()
 }
 
 async fn nodes_that_are_stored_together_are_read_one_by_one(blobs: Blobs) {
     let nodes = ["nave", "", "choir"].map(|node| node.as_bytes().to_vec());
-    let places = blobs.put_nodes(JobId::from(Uuid::now_v7()), nodes.to_vec()).await.unwrap();
-    assert_eq!(names(&blobs).await, BTreeSet::from([places[0].blob.clone()]));
-    assert_eq!(read(&blobs, &places[2]).await.unwrap(), "choir");
-    assert_eq!(read(&blobs, &places[0]).await.unwrap(), "nave");
-    let whole = Place { offset: 0, length: None, ..places[0].clone() };
+    let blob_ranges = blobs.put_nodes(JobId::from(Uuid::now_v7()), nodes.to_vec()).await.unwrap();
+    assert_eq!(names(&blobs).await, BTreeSet::from([blob_ranges[0].blob.clone()]));
+    assert_eq!(read(&blobs, &blob_ranges[2]).await.unwrap(), "choir");
+    assert_eq!(read(&blobs, &blob_ranges[0]).await.unwrap(), "nave");
+    let whole = BlobRange { offset: 0, length: None, ..blob_ranges[0].clone() };
     assert_eq!(read(&blobs, &whole).await.unwrap(), "navechoir");
 }
 

@@ -14,11 +14,11 @@ use clerestory_api::{ContentHash, ProblemCode};
 use futures::stream::{self, BoxStream, Stream};
 use tokio_stream::StreamExt;
 
-use super::extract::{PathParameter, announced_bytes, too_slow};
-use super::problem::ApiError;
 use crate::blobs::{BlobError, UploadError};
 use crate::farm::Farm;
-use crate::repair;
+use crate::films::repair;
+use crate::http::extract::{PathParameter, announced_bytes, too_slow};
+use crate::http::problem::ApiError;
 
 /// Longest pause in an upload.
 const LONGEST_PAUSE: Duration = Duration::from_secs(30);

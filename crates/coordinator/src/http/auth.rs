@@ -17,10 +17,10 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use clerestory_api::{API_PREFIX, ProblemCode, SessionRequest};
 
-use super::extract::StrictJson;
-use super::problem::ApiError;
 use crate::config::Token;
 use crate::farm::Farm;
+use crate::http::extract::StrictJson;
+use crate::http::problem::ApiError;
 
 const SESSION_COOKIE: &str = "clerestory_session";
 

@@ -14,7 +14,7 @@ use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
 use tokio_util::sync::CancellationToken;
 
-use super::lingering::Lingering;
+use crate::http::lingering::Lingering;
 
 /// Bytes that are read from a connection at a time, and so the most that the head of a request may have.
 const BUFFER: usize = 8 << 10;

@@ -7,7 +7,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use clerestory_api::ProblemCode;
 
-use super::problem::ApiError;
+use crate::http::problem::ApiError;
 
 /// The only encoding that is read, which changes nothing.
 const IDENTITY: &str = "identity";

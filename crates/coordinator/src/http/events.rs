@@ -12,11 +12,11 @@ use axum::response::{IntoResponse, Response};
 use clerestory_api::{EventBody, JobId};
 use futures::StreamExt;
 
-use super::extract::PathParameter;
-use super::jobs::find;
-use super::problem::ApiError;
-use crate::events;
 use crate::farm::Farm;
+use crate::http::extract::PathParameter;
+use crate::http::jobs::find;
+use crate::http::problem::ApiError;
+use crate::watch::events;
 
 /// Longest silence of a stream: then a comment is sent, so that a listener knows that nothing holds the stream back.
 const SILENCE: Duration = Duration::from_secs(5);

@@ -16,8 +16,8 @@ use serde_json::Value;
 use serde_path_to_error::Segment;
 use tokio::time::Instant;
 
-use super::problem::ApiError;
-use super::strict_object::StrictObject;
+use crate::http::problem::ApiError;
+use crate::http::strict_object::StrictObject;
 
 /// How long a body that fits into memory may be waited for, all in all.
 const BODY_TIMEOUT: Duration = Duration::from_secs(120);

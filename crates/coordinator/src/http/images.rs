@@ -17,15 +17,15 @@ use clerestory_film::{Exposure, LayerChoice, PreviewSettings};
 use futures::stream::{self, Stream, StreamExt};
 use tokio_util::io::ReaderStream;
 
-use super::extract::{PathParameter, StrictQuery};
-use super::jobs::find;
-use super::problem::ApiError;
 use crate::farm::Farm;
-use crate::film::FilmError;
-use crate::images::{self, ImageFile};
-use crate::previews;
-use crate::repair::repair;
-use crate::store::{JobRecord, StoreError};
+use crate::films::images::{self, ImageFile};
+use crate::films::repair::repair;
+use crate::films::{FilmError, previews};
+use crate::http::extract::{PathParameter, StrictQuery};
+use crate::http::jobs::find;
+use crate::http::problem::ApiError;
+use crate::model::JobRecord;
+use crate::store::StoreError;
 
 /// Largest exposure, up or down.
 const MOST_STOPS: f64 = 32.0;

@@ -7,13 +7,17 @@ use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobSubmission, JobView, LiveMeasurement, ProblemCode};
 
-use super::extract::{JsonBody, PathParameter, announced_bytes};
-use super::problem::ApiError;
-use crate::farm::{Farm, to_its_end};
-use crate::news::News;
-use crate::repair::repair;
-use crate::store::{Ending, JobRecord, StoreError};
-use crate::{live, submit, views};
+use crate::farm::Farm;
+use crate::films::live;
+use crate::films::repair::repair;
+use crate::http::extract::{JsonBody, PathParameter, announced_bytes};
+use crate::http::problem::ApiError;
+use crate::jobs::submission as submit;
+use crate::model::{Ending, JobRecord};
+use crate::store::StoreError;
+use crate::tasks::to_completion;
+use crate::watch::notifications::News;
+use crate::watch::views;
 
 /// Submits a job. When content is missing the answer is a problem with status 409 whose `missing` lists the hashes.
 #[utoipa::path(
@@ -34,7 +38,7 @@ pub(super) async fn submit(
     let id = job.id;
     tracing::info!(job = %id, name = job.name, scene = job.scene_hash, passes = job.passes, "job submitted");
     let told = Arc::clone(&farm);
-    let inserted = to_its_end(async move {
+    let inserted = to_completion(async move {
         told.store.insert_job(job).await?;
         told.tell(News::Job(id));
         Ok::<_, StoreError>(())
@@ -71,7 +75,7 @@ pub(super) async fn cancel(
 ) -> Result<Json<JobView>, ApiError> {
     find(&farm, job).await?;
     let told = Arc::clone(&farm);
-    let cancelled = to_its_end(async move {
+    let cancelled = to_completion(async move {
         if told.store.end_job(job, Ending::Cancelled, told.config.clock.now_ms()).await? {
             tracing::info!(%job, "job cancelled");
             told.tell(News::Job(job));
@@ -93,7 +97,7 @@ pub(super) async fn release(
 ) -> Result<Json<JobView>, ApiError> {
     find(&farm, job).await?;
     let told = Arc::clone(&farm);
-    let released = to_its_end(async move {
+    let released = to_completion(async move {
         if told.store.release_job(job, told.config.clock.now_ms()).await? {
             tracing::info!(%job, "job released");
             told.tell(News::Job(job));

@@ -14,13 +14,14 @@ use clerestory_api::{
 use tokio::time::Instant;
 use uuid::Uuid;
 
-use super::extract::{ArrivingBody, PathParameter, StrictJson, number_header, require_media_type};
-use super::problem::ApiError;
-use super::room::receive;
-use crate::acceptance;
 use crate::farm::Farm;
-use crate::news::News;
-use crate::store::{ClaimTerms, Grant, LeaseError, LeaseRecord, WorkFailure};
+use crate::films::acceptance;
+use crate::http::extract::{ArrivingBody, PathParameter, StrictJson, number_header, require_media_type};
+use crate::http::problem::ApiError;
+use crate::http::receiving::receive;
+use crate::model::{ClaimTerms, Grant, LeaseRecord, WorkFailure, wire_address};
+use crate::store::LeaseError;
+use crate::watch::notifications::News;
 
 /// Longest wait for work to appear.
 const LONGEST_WAIT_MS: u32 = 20_000;
@@ -96,7 +97,7 @@ fn terms(farm: &Farm, request: &LeaseRequest) -> ClaimTerms {
         max_nodes: request.max_nodes,
         fixed_nodes: farm.config.lease_nodes,
         target_ms: request.wanted_ms.map_or_else(|| milliseconds(farm.config.lease_target), i64::from),
-        gather_ms: milliseconds(farm.gathering_time()),
+        upload_linger_ms: milliseconds(farm.gathering_time()),
         ttl_ms: milliseconds(farm.config.lease_ttl),
         alive_ms: farm.alive_ms(),
         now_ms: farm.config.clock.now_ms(),
@@ -108,7 +109,7 @@ fn milliseconds(duration: Duration) -> i64 {
 }
 
 fn lease(farm: &Farm, grant: Grant) -> Lease {
-    let Grant { lease, scene_hash, nodes, gather_ms } = grant;
+    let Grant { lease, scene_hash, nodes, upload_linger_ms } = grant;
     tracing::debug!(lease = %lease.id, job = %lease.job, worker = %lease.worker, nodes = nodes.len(), "lease granted");
     farm.tell(News::Lease(lease.job));
     Lease {
@@ -116,10 +117,10 @@ fn lease(farm: &Farm, grant: Grant) -> Lease {
         token: lease.token,
         job: lease.job,
         scene_hash,
-        nodes: nodes.iter().map(acceptance::wire_address).collect(),
+        nodes: nodes.iter().map(wire_address).collect(),
         deadline_ms: lease.deadline_ms,
         expires_in_ms: milliseconds(farm.config.lease_ttl),
-        gather_ms: u32::try_from(gather_ms).unwrap_or(u32::MAX),
+        gather_ms: u32::try_from(upload_linger_ms).unwrap_or(u32::MAX),
     }
 }
 

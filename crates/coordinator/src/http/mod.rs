@@ -1,6 +1,6 @@
 //! The HTTP API and the dashboard.
 //!
-//! A request passes these layers, from the outside in: [`leftover`] (bodies that nobody has read to their end),
+//! A request passes these layers, from the outside in: [`drain`] (bodies that nobody has read to their end),
 //! [`problem::explain`] (request id, span, problem documents), panics caught, [`auth::authorise`] (token, or the name of
 //! this machine), requests from other sites' pages refused, [`encoding`] (encoded bodies), [`queries`] (parameters that no
 //! endpoint has), limits on bodies. Handlers read with [`extract`], which names the field that is wrong, and return an
@@ -9,20 +9,19 @@
 mod assets;
 mod auth;
 mod connections;
-mod dashboard;
+mod drain;
 mod encoding;
 mod events;
 mod extract;
 mod images;
 mod jobs;
 mod leases;
-mod leftover;
 mod lingering;
 mod openapi;
 mod pieces;
-mod problem;
+pub(crate) mod problem;
 mod queries;
-mod room;
+mod receiving;
 mod strict_object;
 mod workers;
 
@@ -39,8 +38,9 @@ use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::csrf::CsrfLayer;
 use tower_http::set_header::SetResponseHeaderLayer;
 
+use crate::dashboard;
 use crate::farm::Farm;
-use crate::readiness;
+use crate::watch::readiness;
 
 pub(crate) use connections::serve;
 pub(crate) use problem::ApiError;
@@ -75,7 +75,7 @@ pub(crate) fn router(farm: Arc<Farm>) -> Router {
         .route("/readyz", get(ready))
         .layer(CatchPanicLayer::new())
         .layer(from_fn(problem::explain))
-        .layer(from_fn(leftover::drop_leftover))
+        .layer(from_fn(drain::drop_leftover))
         .layer(fixed(X_CONTENT_TYPE_OPTIONS, "nosniff"))
         .layer(fixed(REFERRER_POLICY, "no-referrer"))
         .layer(fixed(CONTENT_SECURITY_POLICY, PAGE_POLICY))

@@ -9,8 +9,8 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, ResponseBuilder};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use super::{assets, auth, events, images, jobs, leases, pieces, workers};
 use crate::farm::Farm;
+use crate::http::{assets, auth, events, images, jobs, leases, pieces, workers};
 
 #[derive(OpenApi)]
 #[openapi(

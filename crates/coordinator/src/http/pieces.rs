@@ -15,12 +15,14 @@ use clerestory_api::{
 };
 use futures::stream::{self, StreamExt, TryStreamExt};
 
-use super::extract::{ArrivingBody, PathParameter, PathParameters, StrictJson, number_header, require_media_type};
-use super::leases::{check_core_ms, valid_lease};
-use super::problem::ApiError;
-use super::room::{Room, receive};
-use crate::acceptance;
 use crate::farm::Farm;
+use crate::films::acceptance;
+use crate::http::extract::{
+    ArrivingBody, PathParameter, PathParameters, StrictJson, number_header, require_media_type,
+};
+use crate::http::leases::{check_core_ms, valid_lease};
+use crate::http::problem::ApiError;
+use crate::http::receiving::{Room, receive};
 
 /// Pieces that are read at the same time.
 const READS: usize = 8;

@@ -17,7 +17,7 @@ use tracing::Instrument;
 use uuid::Uuid;
 
 use crate::blobs::BlobError;
-use crate::film::FilmError;
+use crate::films::FilmError;
 use crate::store::{LeaseError, StoreError, WorkerError};
 
 /// Longest value that is repeated to the caller.

@@ -4,7 +4,7 @@ use axum::extract::Request;
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use super::extract::{query_pairs, unknown_parameter};
+use crate::http::extract::{query_pairs, unknown_parameter};
 
 /// The layer.
 pub(super) async fn refuse(request: Request, next: Next) -> Response {

@@ -9,12 +9,13 @@ use axum::http::header::CONTENT_TYPE;
 use clerestory_api::{WorkerActivity, WorkerId, WorkerRegistration, WorkerView};
 use uuid::Uuid;
 
-use super::extract::{PathParameter, StrictJson};
-use super::problem::ApiError;
-use crate::farm::{Farm, to_its_end};
-use crate::news::News;
+use crate::farm::Farm;
+use crate::http::extract::{PathParameter, StrictJson};
+use crate::http::problem::ApiError;
 use crate::store::WorkerError;
-use crate::views;
+use crate::tasks::to_completion;
+use crate::watch::notifications::News;
+use crate::watch::views;
 
 /// Longest name or build.
 const LONGEST_TEXT: usize = 200;
@@ -85,7 +86,7 @@ pub(super) async fn end(
     State(farm): State<Arc<Farm>>,
     PathParameter(worker): PathParameter<WorkerId>,
 ) -> Result<StatusCode, ApiError> {
-    let ended = to_its_end(async move {
+    let ended = to_completion(async move {
         if farm.store.end_worker(worker, farm.config.clock.now_ms()).await? {
             tracing::info!(%worker, "worker ended");
             farm.tell(News::Work);
@@ -106,7 +107,7 @@ pub(super) async fn release(
     PathParameter(worker): PathParameter<WorkerId>,
 ) -> Result<Json<WorkerView>, ApiError> {
     let told = Arc::clone(&farm);
-    let released = to_its_end(async move {
+    let released = to_completion(async move {
         told.store.release_worker(worker).await?;
         tracing::info!(%worker, "worker released");
         told.tell(News::Work);

@@ -4,10 +4,14 @@ use std::collections::BTreeSet;
 
 use clerestory_api::{ContentHash, JobHold, JobId};
 
-use super::events::{self, StoredKind};
-use super::row::{Row, big, to_json};
-use super::sql::query;
-use super::{Store, StoreError, expiry};
+use crate::model::StoredKind;
+use crate::store::database::Store;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::lists::{big, to_json};
+use crate::store::engine::row::Row;
+use crate::store::engine::sql::query;
+use crate::store::events;
+use crate::store::leases::expiry;
 
 impl Store {
     /// Whether the content has been uploaded.

@@ -18,20 +18,20 @@ use std::collections::BTreeSet;
 use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_film::NodeAddress;
 
-use super::checks::{self, HeldSince};
-use super::expiry::{self, Suspects};
-use super::grant::{Grant, Leased, Offer, grant};
-use super::jobs::{self, JobRecord};
-use super::leases::{self, address};
-use super::parts::{Side, split_off};
-use super::row::{Row, to_json};
-use super::sql::{Kind, query, rows_of};
-use super::stock::{STOCK, stock};
-use super::take_over::{self, HeldLease, TakenOver};
-use super::workers::{self, Claimant};
-use super::writer::Turn;
-use super::{Connection, Store, StoreError, WorkerError};
 use crate::schedule::Pace;
+use crate::store::{Connection, Store, StoreError, WorkerError};
+use crate::store::checks::{self, HeldSince};
+use crate::store::expiry::{self, Suspects};
+use crate::store::grant::{Grant, Leased, Offer, grant};
+use crate::store::jobs::{self, JobRecord};
+use crate::store::leases::{self, address};
+use crate::store::parts::{Side, split_off};
+use crate::store::row::{Row, to_json};
+use crate::store::sql::{Kind, query, rows_of};
+use crate::store::stock::{STOCK, stock};
+use crate::store::take_over::{self, HeldLease, TakenOver};
+use crate::store::workers::{self, Claimant};
+use crate::store::writer::Turn;
 
 /// A check that another has had for so many times as long as a lease should take is given to one more, whatever else there is to do, and also when two
 /// have had it for so long: only what has stopped may seem to.

@@ -4,43 +4,19 @@
 //! transaction of the change itself, so no change is ever without its event.
 
 use clerestory_api::JobId;
-use serde::{Deserialize, Serialize};
 
-use super::row::Row;
-use super::sql::query;
-use super::{Connection, Store, StoreError};
+use crate::model::{StoredEvent, StoredKind};
+use crate::store::database::Store;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::row::Row;
+use crate::store::engine::source::Connection;
+use crate::store::engine::sql::query;
 
 /// Events that are kept for listeners who come back.
 const KEPT: i64 = 100_000;
 
-/// What happened.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum StoredKind {
-    /// The job was submitted or changed its state.
-    Job,
-    /// A round was recorded.
-    Round {
-        /// The frame.
-        frame: u32,
-        /// The round.
-        round: u32,
-    },
-}
-
-/// An event as stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct StoredEvent {
-    /// Its sequence number.
-    pub(crate) id: i64,
-    /// The job.
-    pub(crate) job: JobId,
-    /// What happened.
-    pub(crate) kind: StoredKind,
-}
-
 /// Stores an event.
-pub(super) async fn record(
+pub(in crate::store) async fn record(
     connection: &mut Connection,
     kind: StoredKind,
     job: JobId,

@@ -7,12 +7,14 @@ use clerestory_film::NodeAddress;
 use clerestory_film::counters::Counters;
 use uuid::Uuid;
 
-use super::sql::query;
-use super::{
-    DeliveredNode, Delivery, Ending, Grant, Keeping, LeaseError, Merge, SchemaError, Source, Store, StoreError, Work,
-    WorkerError,
-};
-use crate::blobs::Place;
+use crate::model::{BlobRange, DeliveredNode, Delivery, Ending, FilmLease, Grant, Merge, Work};
+use crate::store::database::Store;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::schema::SchemaError;
+use crate::store::engine::source::Source;
+use crate::store::engine::sql::query;
+use crate::store::leases::table::LeaseError;
+use crate::store::workers::table::WorkerError;
 
 mod adaptive;
 mod checks;
@@ -78,7 +80,7 @@ use deaths::{
     deaths_side_by_side_count_together_until_the_job_has_brought_a_node,
     jobs_whose_content_is_lost_are_held_until_it_is_here,
 };
-use farm::{Farm, TTL_MS, delivered, merge, place};
+use farm::{Farm, TTL_MS, blob_range, delivered, merge};
 use refused::a_database_of_another_program_is_refused_and_left_as_it_is;
 use stragglers::{
     a_node_is_not_leased_again_without_end, a_single_node_is_taken_over_by_its_passes,
@@ -242,7 +244,7 @@ async fn a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_
     let children: Vec<NodeAddress> = outside.children().unwrap().to_vec();
     farm.deliver(&grant, &children, 0).await.unwrap();
     let counters = Counters { rays: 1 + 2, ..Counters::default() };
-    farm.store.replace(job, 0, vec![merge(outside, place("parent", 0))]).await.unwrap();
+    farm.store.replace(job, 0, vec![merge(outside, blob_range("parent", 0))]).await.unwrap();
     assert_eq!(farm.addresses(job).await, [outside]);
     let answer = farm.deliver(&grant, &[children[1], outside], 0).await.unwrap();
     assert_eq!(answer.verdicts, [NodeVerdict::Duplicate, NodeVerdict::Duplicate]);
@@ -259,7 +261,7 @@ async fn a_parent_replaces_two_children_or_nothing(farm: Farm) {
     let parent = NodeAddress { frame: 0, tile: 0, level: 1, index: 0 };
     let [left, _] = parent.children().unwrap();
     farm.deliver(&grant, &[left], 0).await.unwrap();
-    let replaced = farm.store.replace(job, 0, vec![merge(parent, place("parent", 0))]).await;
+    let replaced = farm.store.replace(job, 0, vec![merge(parent, blob_range("parent", 0))]).await;
     assert!(replaced.is_err());
     assert_eq!(farm.addresses(job).await, [left]);
 }
@@ -271,20 +273,20 @@ async fn a_blob_is_needed_until_the_last_of_its_nodes_has_been_replaced(farm: Fa
     let parents = [0, 1].map(|tile| NodeAddress { frame: 0, tile, level: 1, index: 0 });
     let children: Vec<NodeAddress> = parents.iter().flat_map(|parent| parent.children().unwrap()).collect();
     let together = |(address, offset): (&NodeAddress, u64)| DeliveredNode {
-        place: place("together", offset),
+        blob_range: blob_range("together", offset),
         ..delivered(*address)
     };
     let nodes: Vec<DeliveredNode> = children.iter().zip((0..).step_by(10)).map(together).collect();
-    let places: Vec<Place> = nodes.iter().map(|node| node.place.clone()).collect();
+    let blob_ranges: Vec<BlobRange> = nodes.iter().map(|node| node.blob_range.clone()).collect();
     assert_eq!(farm.bring(&grant, nodes, 0).await.unwrap().verdicts, [NodeVerdict::Accepted; 4]);
     let rows = farm.store.nodes(job, 0, 0..u32::MAX, u32::MAX).await.unwrap();
-    assert!(rows.iter().map(|row| &row.place).eq(&places));
+    assert!(rows.iter().map(|row| &row.blob_range).eq(&blob_ranges));
 
-    let [first, second] = parents.map(|parent| merge(parent, place("merged", u64::from(parent.tile) * 10)));
+    let [first, second] = parents.map(|parent| merge(parent, blob_range("merged", u64::from(parent.tile) * 10)));
     let removed = farm.store.replace(job, 0, vec![first]).await.unwrap();
-    assert_eq!((removed.places.as_slice(), removed.blobs), (&places[..2], vec![]));
+    assert_eq!((removed.blob_ranges.as_slice(), removed.blobs), (&blob_ranges[..2], vec![]));
     let removed = farm.store.replace(job, 0, vec![second]).await.unwrap();
-    assert_eq!((removed.places.as_slice(), removed.blobs), (&places[2..], vec!["together".to_owned()]));
+    assert_eq!((removed.blob_ranges.as_slice(), removed.blobs), (&blob_ranges[2..], vec!["together".to_owned()]));
     assert_eq!(farm.addresses(job).await, parents);
     assert_eq!(farm.store.node_blobs().await.unwrap(), BTreeSet::from(["merged".to_owned()]));
 }
@@ -323,13 +325,13 @@ async fn rounds_complete_in_order_and_the_last_ends_the_job(farm: Farm) {
     let all = farm.claim(worker, 256, 0).await.unwrap();
     let (first, rest): (Vec<_>, Vec<_>) = all.nodes.iter().partition(|node| node.passes().first == 0);
     farm.deliver(&all, &rest, 100).await.unwrap();
-    assert_eq!(farm.next_wave(job).await, None, "the first wave is missing");
+    assert_eq!(farm.next_complete_round(job).await, None, "the first wave is missing");
     farm.deliver(&all, &first[1..], 200).await.unwrap();
-    assert_eq!(farm.next_wave(job).await, None, "one tile is missing");
+    assert_eq!(farm.next_complete_round(job).await, None, "one tile is missing");
     farm.deliver(&all, &first[..1], 300).await.unwrap();
     for (round, passes) in [(0, 1), (1, 2), (2, 3)] {
-        let wave = farm.next_wave(job).await.unwrap();
-        assert_eq!((wave.round, wave.passes, wave.completed_ms), (round, passes, 300));
+        let complete = farm.next_complete_round(job).await.unwrap();
+        assert_eq!((complete.round, complete.passes, complete.completed_ms), (round, passes, 300));
         let record = farm.store.job(job).await.unwrap().unwrap();
         assert_eq!(record.state, JobState::Running);
         assert!(farm.store.record_round(&record, Vec::new(), 400).await.unwrap().is_some());
@@ -349,7 +351,7 @@ async fn times_beyond_all_numbers_leave_the_farm_usable(farm: Farm) {
         farm.store.accept(delivery).await.unwrap();
     }
     for _ in 0..2 {
-        assert_eq!(farm.next_wave(job).await.unwrap().core_ms, i64::MAX);
+        assert_eq!(farm.next_complete_round(job).await.unwrap().core_ms, i64::MAX);
         let record = farm.store.job(job).await.unwrap().unwrap();
         assert_eq!(record.core_ms, i64::MAX);
         farm.store.record_round(&record, Vec::new(), 0).await.unwrap();
@@ -388,7 +390,7 @@ async fn a_time_limit_ends_no_job_before_its_first_round_and_then_nothing_else_i
     assert!(rest.nodes.iter().all(|node| node.passes().first == 0), "{:?}", rest.nodes);
     assert!(farm.claim(worker, 1, 20_000).await.is_none(), "nothing but the first round");
     farm.deliver(&rest, &rest.nodes, 20_100).await.unwrap();
-    assert_eq!(farm.next_wave(job).await.unwrap().round, 0);
+    assert_eq!(farm.next_complete_round(job).await.unwrap().round, 0);
     farm.store.record_round(&farm.store.job(job).await.unwrap().unwrap(), Vec::new(), 20_200).await.unwrap();
     assert_eq!(farm.store.end_jobs_out_of_time(20_300).await.unwrap(), [job]);
     assert_eq!(farm.state(job).await, JobState::Done);
@@ -433,19 +435,23 @@ async fn a_lost_connection_fails_what_was_under_way_and_nothing_after_it(farm: F
 async fn a_film_is_kept_by_one_coordinator_until_its_term_is_over(farm: Farm) {
     let job = farm.job(1).await;
     let [one, other] = [(); 2].map(|()| Uuid::now_v7());
-    let keep = |coordinator, now_ms| farm.store.keep(job, coordinator, now_ms, now_ms + 100);
-    assert_eq!(keep(one, 0).await.unwrap(), Keeping::Ours);
-    assert_eq!(keep(other, 50).await.unwrap(), Keeping::Theirs { until_ms: 100 });
-    assert_eq!(keep(one, 60).await.unwrap(), Keeping::Ours);
-    assert_eq!(keep(other, 159).await.unwrap(), Keeping::Theirs { until_ms: 160 });
-    assert_eq!(keep(other, 160).await.unwrap(), Keeping::Ours);
-    assert_eq!(keep(one, 170).await.unwrap(), Keeping::Theirs { until_ms: 260 });
-    farm.store.keep_nothing(one).await.unwrap();
-    assert_eq!(keep(one, 180).await.unwrap(), Keeping::Theirs { until_ms: 260 });
-    farm.store.keep_nothing(other).await.unwrap();
-    assert_eq!(keep(one, 190).await.unwrap(), Keeping::Ours);
+    let keep = |coordinator, now_ms| farm.store.acquire_film_lease(job, coordinator, now_ms, now_ms + 100);
+    assert_eq!(keep(one, 0).await.unwrap(), FilmLease::Held);
+    assert_eq!(keep(other, 50).await.unwrap(), FilmLease::HeldElsewhere { until_ms: 100 });
+    assert_eq!(keep(one, 60).await.unwrap(), FilmLease::Held);
+    assert_eq!(keep(other, 159).await.unwrap(), FilmLease::HeldElsewhere { until_ms: 160 });
+    assert_eq!(keep(other, 160).await.unwrap(), FilmLease::Held);
+    assert_eq!(keep(one, 170).await.unwrap(), FilmLease::HeldElsewhere { until_ms: 260 });
+    farm.store.release_film_leases(one).await.unwrap();
+    assert_eq!(keep(one, 180).await.unwrap(), FilmLease::HeldElsewhere { until_ms: 260 });
+    farm.store.release_film_leases(other).await.unwrap();
+    assert_eq!(keep(one, 190).await.unwrap(), FilmLease::Held);
     let gone = JobId::from(Uuid::now_v7());
-    assert_eq!(farm.store.keep(gone, one, 0, 100).await.unwrap(), Keeping::Ours, "a job that is gone is no obstacle");
+    assert_eq!(
+        farm.store.acquire_film_lease(gone, one, 0, 100).await.unwrap(),
+        FilmLease::Held,
+        "a job that is gone is no obstacle"
+    );
 }
 
 async fn missed_events_are_the_newest_of_the_job_that_is_asked_for(farm: Farm) {

@@ -3,13 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{ConvergencePoint, JobId, JobState, StopReason, WorkerId};
-use clerestory_film::Share;
+use clerestory_film::{Share, Targets};
 
-use super::Farm;
-use crate::blobs::Place;
-use crate::store::jobs::Ending;
-use crate::store::{JobRecord, NewJob, NodeRow, Removed, StoreError};
-use clerestory_film::Targets;
+use crate::model::{BlobRange, Ending, JobRecord, NewJob, NodeRow, Removed};
+use crate::store::engine::error::StoreError;
+use crate::store::tests::Farm;
 
 /// Passes of a job; a block has 16.
 const PASSES: u32 = 80;
@@ -63,7 +61,7 @@ impl Farm {
     pub(super) async fn record_rounds(&self, job: JobId, count: u32, error: f64) {
         for _ in 0..count {
             let record = self.record(job).await;
-            assert!(self.next_wave(job).await.is_some(), "round {} is not complete", record.rounds);
+            assert!(self.next_complete_round(job).await.is_some(), "round {} is not complete", record.rounds);
             let point = ConvergencePoint {
                 round: record.rounds,
                 samples_per_pixel: 1 << 20,
@@ -106,8 +104,8 @@ pub(super) async fn passes_beyond_those_that_all_get_wait_until_they_are_shared_
     let job = farm.record(job.id).await;
     assert!(farm.store.share_out(&job, some_shares(&job)).await.unwrap());
     let removed = farm.discard_pilot(&job).await;
-    let places: BTreeSet<Place> = pilot.into_iter().map(|node| node.place).collect();
-    assert_eq!(removed.places.into_iter().collect::<BTreeSet<_>>(), places);
+    let blob_ranges: BTreeSet<BlobRange> = pilot.into_iter().map(|node| node.blob_range).collect();
+    assert_eq!(removed.blob_ranges.into_iter().collect::<BTreeSet<_>>(), blob_ranges);
     assert!(farm.pilot(&job).await.unwrap().is_empty());
 
     // What has been decided stays.
@@ -186,7 +184,7 @@ pub(super) async fn a_job_that_ends_before_its_pilot_leaves_none_of_it(farm: Far
     let kept = farm.addresses(job.id).await;
     assert_eq!(farm.store.unsettled_jobs().await.unwrap(), [job.id]);
     let removed = farm.discard_pilot(&job).await;
-    assert_eq!(removed.places.len() as u32, job.grid.len() * job.adaptation().unwrap().pilot_passes());
+    assert_eq!(removed.blob_ranges.len() as u32, job.grid.len() * job.adaptation().unwrap().pilot_passes());
     assert_eq!(farm.addresses(job.id).await, kept);
     assert!(farm.pilot(&job).await.unwrap().is_empty());
     assert_eq!(farm.store.unsettled_jobs().await.unwrap(), []);
@@ -202,8 +200,8 @@ pub(super) async fn a_pilot_that_was_not_thrown_away_goes_when_the_job_has_ended
     // A coordinator dies after the first portion.
     let removed = farm.store.discard_pilot(job.id, 0, 0..2).await.unwrap();
     let left = farm.pilot(&job).await.unwrap();
-    assert_eq!(left.len() + removed.places.len(), pilot);
-    assert!(!removed.places.is_empty() && left.iter().all(|node| node.address.tile >= 2));
+    assert_eq!(left.len() + removed.blob_ranges.len(), pilot);
+    assert!(!removed.blob_ranges.is_empty() && left.iter().all(|node| node.address.tile >= 2));
     let farm = farm.reopened().await;
     farm.work_off().await;
     assert_eq!(farm.accepted(job.id).await, expected(&job, PASSES), "what is left is no part of the image");
@@ -211,6 +209,6 @@ pub(super) async fn a_pilot_that_was_not_thrown_away_goes_when_the_job_has_ended
     assert_eq!(farm.store.complete_passes(job.id, 0, tiles).await.unwrap(), expected(&job, PASSES));
     farm.store.end_job(job.id, Ending::Cancelled, 0).await.unwrap();
     assert_eq!(farm.store.unsettled_jobs().await.unwrap(), [job.id]);
-    assert_eq!(farm.discard_pilot(&job).await.places.len(), left.len());
+    assert_eq!(farm.discard_pilot(&job).await.blob_ranges.len(), left.len());
     assert_eq!(farm.accepted(job.id).await, expected(&job, PASSES));
 }

@@ -1,19 +1,21 @@
 //! Nodes that a second worker renders too, and what follows when the bits differ.
 
 use clerestory_api::{ConvergencePoint, JobId, JobState, NodeVerdict, WorkerActivity, WorkerId, WorkerState};
-use clerestory_film::NodeAddress;
+use clerestory_film::{NodeAddress, Targets};
 
-use super::adaptive::some_shares;
-use super::claims::fail;
-use super::{DeliveredNode, Farm, Grant, LeaseError, Merge, TTL_MS, WorkerError, delivered, merge, place};
-use crate::store::{Outcome, Removed};
-use clerestory_film::Targets;
+use crate::model::Removed;
+use crate::store::checks::answers::Outcome;
+use crate::store::tests::adaptive::some_shares;
+use crate::store::tests::claims::fail;
+use crate::store::tests::{
+    DeliveredNode, Farm, Grant, LeaseError, Merge, TTL_MS, WorkerError, blob_range, delivered, merge,
+};
 
 /// Nodes with these bits, all of which are checked.
 fn with_bits(nodes: &[NodeAddress], bits: &str) -> Vec<DeliveredNode> {
     let node = |address: &NodeAddress| DeliveredNode {
         digest: format!("{address} {bits}"),
-        is_chosen: true,
+        is_selected: true,
         ..delivered(*address)
     };
     nodes.iter().map(node).collect()
@@ -49,18 +51,18 @@ pub(super) async fn two_who_agree_end_a_check(farm: Farm) {
     let [first, second] = named(&farm, ["a", "b"]).await;
     let all = farm.claim(first, 100, 0).await.unwrap();
     assert!(bring(&farm, &all, "right", 0).await.has_work);
-    assert_eq!(farm.next_wave(job).await, None, "its nodes are not checked");
+    assert_eq!(farm.next_complete_round(job).await, None, "its nodes are not checked");
     assert!(farm.claim(first, 100, 0).await.is_none(), "nobody checks what it has rendered itself");
     let check = farm.claim(second, 4, 0).await.unwrap();
     assert_eq!(check.nodes, all.nodes[..4]);
     let answer = farm.bring(&check, with_bits(&check.nodes, "right"), 0).await.unwrap();
     assert_eq!((answer.verdicts, answer.outstanding), (vec![NodeVerdict::Duplicate; 4], 0));
     assert!(answer.checks.has_ended && answer.checks.quarantined.is_empty());
-    assert_eq!(farm.next_wave(job).await, None, "some of its nodes are not checked");
+    assert_eq!(farm.next_complete_round(job).await, None, "some of its nodes are not checked");
     let rest = farm.claim(second, 100, 0).await.unwrap();
     assert_eq!(rest.nodes, all.nodes[4..]);
     bring(&farm, &rest, "right", 0).await;
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
     let record = farm.store.job(job).await.unwrap().unwrap();
     assert_eq!((record.samples, record.accepted_nodes), (record.total_samples(), 15), "a check is no progress");
 }
@@ -75,7 +77,7 @@ pub(super) async fn a_worker_with_other_bits_than_two_others_is_found_and_its_no
     assert_eq!(elsewhere.lease.job, ended);
     farm.deliver(&elsewhere, &elsewhere.nodes, 0).await.unwrap();
     let held = farm.claim(wrong, 1, 0).await.unwrap();
-    farm.store.end_job(ended, crate::store::Ending::Cancelled, 0).await.unwrap();
+    farm.store.end_job(ended, crate::model::Ending::Cancelled, 0).await.unwrap();
     farm.deliver(&some, &some.nodes, 0).await.unwrap();
     bring(&farm, &others, "wrong", 0).await;
 
@@ -89,7 +91,7 @@ pub(super) async fn a_worker_with_other_bits_than_two_others_is_found_and_its_no
     let [(found, quarantine)] = outcome.quarantined.as_slice() else { panic!("{outcome:?}") };
     assert_eq!((*found, quarantine.since_ms, quarantine.ended_jobs.as_slice()), (wrong, 7, &[ended][..]));
     assert!(quarantine.reason.contains(&job.to_string()), "{}", quarantine.reason);
-    assert_eq!((outcome.redone.as_slice(), outcome.removed.places.len()), (&[job][..], 10));
+    assert_eq!((outcome.redone.as_slice(), outcome.removed.blob_ranges.len()), (&[job][..], 10));
     assert_eq!(farm.addresses(job).await, some.nodes, "nothing of it is left");
     assert_eq!(redone(&farm, job).await, 10);
     let digest = farm.record(job).await.probe_digest;
@@ -110,7 +112,7 @@ pub(super) async fn a_worker_with_other_bits_than_two_others_is_found_and_its_no
     let check = farm.claim(third, 100, 9).await.unwrap();
     assert_eq!(check.nodes, others.nodes, "what is rendered again is checked again");
     bring(&farm, &check, "right", 9).await;
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
     let record = farm.store.job(job).await.unwrap().unwrap();
     assert_eq!(record.samples, record.total_samples());
 
@@ -134,7 +136,8 @@ pub(super) async fn points_that_were_measured_with_wrong_nodes_are_taken_back(fa
         record(&farm, job, round).await;
     }
     let children = |tile| NodeAddress { frame: 0, tile, level: 1, index: 0 };
-    let merged: Vec<Merge> = (0..15).map(|tile| merge(children(tile), place("merged", u64::from(tile) * 10))).collect();
+    let merged: Vec<Merge> =
+        (0..15).map(|tile| merge(children(tile), blob_range("merged", u64::from(tile) * 10))).collect();
     farm.store.replace(job, 0, merged).await.unwrap();
 
     let stale = farm.store.job(job).await.unwrap().unwrap();
@@ -153,13 +156,13 @@ pub(super) async fn points_that_were_measured_with_wrong_nodes_are_taken_back(fa
     assert_eq!(again.nodes, passes, "cut where rounds end, and first");
     let rest = farm.claim(third, 100, 0).await.unwrap();
     farm.deliver(&rest, &rest.nodes, 0).await.unwrap();
-    assert_eq!(farm.next_wave(job).await, None, "earlier passes are missing");
+    assert_eq!(farm.next_complete_round(job).await, None, "earlier passes are missing");
     farm.deliver(&again, &again.nodes, 0).await.unwrap();
-    let wave = farm.next_wave(job).await.unwrap();
-    assert_eq!((wave.round, wave.passes), (2, 4));
+    let complete = farm.next_complete_round(job).await.unwrap();
+    assert_eq!((complete.round, complete.passes), (2, 4));
     let late = farm.store.record_round(&stale, vec![point(2)], 0).await.unwrap();
     assert_eq!(late, None, "it was measured before nodes were taken out");
-    let merged = merge(NodeAddress { frame: 0, tile: 0, level: 1, index: 0 }, place("late", 0));
+    let merged = merge(NodeAddress { frame: 0, tile: 0, level: 1, index: 0 }, blob_range("late", 0));
     assert!(farm.store.replace(job, 0, vec![merged]).await.is_err(), "it was summed before nodes were taken out");
     let fresh = farm.store.job(job).await.unwrap().unwrap();
     assert!(farm.store.record_round(&fresh, vec![point(2)], 0).await.unwrap().is_some());
@@ -184,7 +187,7 @@ fn point(round: u32) -> ConvergencePoint {
 }
 
 async fn record(farm: &Farm, job: JobId, round: u32) {
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
     let record = farm.store.job(job).await.unwrap().unwrap();
     farm.store.record_round(&record, vec![point(round)], 0).await.unwrap().unwrap();
 }
@@ -202,21 +205,21 @@ pub(super) async fn a_check_that_nobody_can_do_does_not_hold_up_the_round(farm: 
     assert!(bring(&farm, &rest, "bits", late).await.has_work);
     assert!(farm.store.give_up_checks(late).await.unwrap().is_empty(), "the other may still do them");
     assert!(farm.store.give_up_checks(i64::MIN).await.unwrap().is_empty(), "all are waited for");
-    assert_eq!(farm.next_wave(job).await, None);
+    assert_eq!(farm.next_complete_round(job).await, None);
     let given_up = farm.store.give_up_checks(late + 1).await.unwrap();
     assert_eq!(given_up.len(), 8);
     assert!(given_up.iter().all(|given_up| given_up.workers == [alone]));
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
 
     let job = farm.job(1).await;
     let all = farm.claim(alone, 100, late).await.unwrap();
     bring(&farm, &all, "bits", late).await;
     let check = farm.claim(other, 100, late).await.unwrap();
     bring(&farm, &check, "others", late).await;
-    assert_eq!(farm.next_wave(job).await, None, "a third has to decide");
+    assert_eq!(farm.next_complete_round(job).await, None, "a third has to decide");
     let given_up = farm.store.give_up_checks(late).await.unwrap();
     assert!(given_up.len() == 15 && given_up.iter().all(|given_up| given_up.workers == [alone, other]));
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
 }
 
 pub(super) async fn no_check_waits_for_a_machine_that_fails_again_and_again(farm: Farm) {
@@ -228,10 +231,10 @@ pub(super) async fn no_check_waits_for_a_machine_that_fails_again_and_again(farm
         assert!(farm.store.give_up_checks(0).await.unwrap().is_empty(), "{attempt} failures");
         fail(&farm, failing, attempt * 60_000, 0).await;
     }
-    assert_eq!(farm.next_wave(job).await, None);
+    assert_eq!(farm.next_complete_round(job).await, None);
     let given_up = farm.store.give_up_checks(0).await.unwrap();
     assert!(given_up.len() == 15 && given_up.iter().all(|given_up| given_up.workers == [first]), "{given_up:?}");
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
 
     // Nor is any begun, until it has brought something.
     let job = farm.job(1).await;
@@ -276,7 +279,7 @@ pub(super) async fn a_check_that_one_machine_fails_waits_for_another(farm: Farm)
     let checks = farm.claim(third, 100, late).await.unwrap();
     assert_eq!(checks.nodes, all.nodes);
     bring(&farm, &checks, "bits", late).await;
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
 }
 
 pub(super) async fn a_check_ends_though_no_node_would_be_chosen_now(farm: Farm) {
@@ -285,7 +288,7 @@ pub(super) async fn a_check_ends_though_no_node_would_be_chosen_now(farm: Farm) 
     let all = farm.claim(first, 100, 0).await.unwrap();
     assert!(bring(&farm, &all, "bits", 0).await.has_work);
     let unchosen = |nodes: &[NodeAddress], bits: &str| -> Vec<DeliveredNode> {
-        with_bits(nodes, bits).into_iter().map(|node| DeliveredNode { is_chosen: false, ..node }).collect()
+        with_bits(nodes, bits).into_iter().map(|node| DeliveredNode { is_selected: false, ..node }).collect()
     };
     let check = farm.claim(second, 1, 0).await.unwrap();
     let agreed = farm.bring(&check, unchosen(&check.nodes, "bits"), 0).await.unwrap().checks;
@@ -304,7 +307,7 @@ pub(super) async fn a_worker_that_computes_other_bits_is_nobody_to_check(farm: F
     let [first, _other] = with_digests(&farm, [("first", "x"), ("other", "y")]).await;
     let all = farm.claim(first, 100, 0).await.unwrap();
     assert!(!bring(&farm, &all, "bits", 0).await.has_work, "nobody who can check is there");
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
 
     let job = farm.job(1).await;
     let [second] = with_digests(&farm, [("second", "x")]).await;
@@ -313,10 +316,10 @@ pub(super) async fn a_worker_that_computes_other_bits_is_nobody_to_check(farm: F
     assert!(farm.store.give_up_checks(0).await.unwrap().is_empty(), "the second may still do them");
     let check = farm.claim(second, 100, 0).await.unwrap();
     bring(&farm, &check, "others", 0).await;
-    assert_eq!(farm.next_wave(job).await, None, "a third has to decide");
+    assert_eq!(farm.next_complete_round(job).await, None, "a third has to decide");
     let given_up = farm.store.give_up_checks(0).await.unwrap();
     assert!(given_up.len() == 15 && given_up.iter().all(|given_up| given_up.workers == [first, second]));
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
 }
 
 pub(super) async fn workers_of_one_name_are_one_machine(farm: Farm) {
@@ -335,7 +338,7 @@ pub(super) async fn workers_of_one_name_are_one_machine(farm: Farm) {
     assert_eq!((&check.nodes, &decision.nodes), (&rest.nodes, &rest.nodes));
     let outcome = bring(&farm, &decision, "right", 0).await;
     assert!(matches!(outcome.quarantined.as_slice(), [(worker, _)] if *worker == again), "{outcome:?}");
-    assert_eq!(outcome.removed.places.len(), 15, "also what it rendered before it was started again");
+    assert_eq!(outcome.removed.blob_ranges.len(), 15, "also what it rendered before it was started again");
     assert!(farm.addresses(job).await.is_empty());
     for worker in [before, again] {
         let refused = farm.store.touch_worker(worker, 0, WorkerActivity::default()).await;
@@ -356,7 +359,7 @@ pub(super) async fn a_worker_of_the_same_name_is_nobody_to_check(farm: Farm) {
     let late = 10 * TTL_MS;
     farm.store.touch_worker(namesake, late, WorkerActivity::default()).await.unwrap();
     assert_eq!(farm.store.give_up_checks(late).await.unwrap().len(), 15);
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
 }
 
 pub(super) async fn a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others(farm: Farm) {
@@ -384,7 +387,7 @@ pub(super) async fn a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_
         assert_eq!((all.lease.job, all.nodes.len()), (job, 15));
         farm.deliver(&all, &all.nodes, 0).await.unwrap();
         assert_eq!(farm.record(job).await.probe_digest.as_deref(), Some("x"));
-        assert!(farm.next_wave(job).await.is_some());
+        assert!(farm.next_complete_round(job).await.is_some());
     }
 }
 
@@ -447,7 +450,7 @@ pub(super) async fn whoever_has_a_check_keeps_it_when_another_takes_it_over(farm
     assert_eq!(outstanding(&farm, &taken, 20_000).await, 0);
     let answer = farm.bring(&taken, with_bits(&taken.nodes, "others"), 20_000).await.unwrap();
     assert_eq!(answer.checks, Outcome::default(), "it comes second");
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
 }
 
 pub(super) async fn a_check_that_two_have_goes_on_without_either(farm: Farm) {
@@ -518,10 +521,10 @@ pub(super) async fn whoever_brings_a_node_second_has_checked_it(farm: Farm) {
     let taken = farm.claim(second, 1, late).await.unwrap();
     assert_eq!(taken.nodes, one.nodes, "as work that the first does not bring");
     assert!(bring(&farm, &one, "bits", late).await.has_work);
-    assert_eq!(farm.next_wave(job).await, None, "it is to be checked");
+    assert_eq!(farm.next_complete_round(job).await, None, "it is to be checked");
     assert!(!bring(&farm, &one, "others", late).await.has_work, "not by whoever has brought it");
     assert!(bring(&farm, &taken, "bits", late).await.has_ended);
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
 }
 
 pub(super) async fn workers_of_one_name_take_checks_over_from_each_other_and_answer_once(farm: Farm) {
@@ -605,13 +608,13 @@ pub(super) async fn a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again(f
     let tiles = job.grid.len();
     assert_eq!(farm.pilot(&job).await.unwrap().len() as u32, 5 * tiles);
     let outcome = find_wrong(&farm, &first, [good, third]).await;
-    assert_eq!(outcome.removed.places.len(), 1 + rest.nodes.len());
+    assert_eq!(outcome.removed.blob_ranges.len(), 1 + rest.nodes.len());
     assert!(farm.pilot(&job).await.unwrap().is_empty());
     farm.deliver_all(good).await;
     assert_eq!(farm.pilot(&job).await.unwrap().len() as u32, 5 * tiles);
     assert_eq!(farm.accepted(job.id).await, vec![32; tiles as usize]);
     farm.record_rounds(job.id, 1, 1.0).await;
-    assert!(farm.next_wave(job.id).await.is_some(), "the round of the pilot is complete with it");
+    assert!(farm.next_complete_round(job.id).await.is_some(), "the round of the pilot is complete with it");
 }
 
 pub(super) async fn a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again(farm: Farm) {

@@ -6,10 +6,11 @@ use clerestory_api::{JobId, JobState, NamedWorker, WorkerId};
 use clerestory_film::{NodeAddress, TileGrid};
 use uuid::Uuid;
 
-use super::farm::terms;
-use super::{Farm, LeaseError, TTL_MS, delivered, query};
-use crate::store::leases::LeaseState;
-use crate::store::{ClaimTerms, Delivery, Ending, Grant, NewJob, StoreError, WorkFailure, WorkerError};
+use crate::model::{ClaimTerms, Delivery, Ending, Grant, LeaseState, NewJob, WorkFailure};
+use crate::store::engine::error::StoreError;
+use crate::store::tests::farm::terms;
+use crate::store::tests::{Farm, LeaseError, TTL_MS, delivered, query};
+use crate::store::workers::table::WorkerError;
 
 pub(super) async fn concurrent_claimants_never_get_the_same_node(farm: Farm) {
     let job = farm.job(40).await;
@@ -232,8 +233,8 @@ pub(super) async fn a_node_that_fails_on_three_machines_fails_the_job_and_names_
     for name in ["one", "two", "three", "four"] {
         workers.push(farm.worker_named(name).await.unwrap());
     }
-    for (attempt, place) in [(0, 0), (1, 1), (2, 0), (3, 1), (4, 0)] {
-        fail(&farm, workers[place], attempt * 60_000, 0).await;
+    for (attempt, blob_range) in [(0, 0), (1, 1), (2, 0), (3, 1), (4, 0)] {
+        fail(&farm, workers[blob_range], attempt * 60_000, 0).await;
         assert_eq!(farm.state(job).await, JobState::Running);
     }
     fail(&farm, workers[2], 0, 0).await;

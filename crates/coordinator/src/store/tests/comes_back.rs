@@ -5,10 +5,12 @@ use std::time::Duration;
 
 use clerestory_test_servers::postgres;
 
-use super::Farm;
-use crate::store::patience::Patience;
-use crate::store::sql::query;
-use crate::store::{Source, Store, StoreError};
+use crate::store::database::Store;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::source::Source;
+use crate::store::engine::sql::query;
+use crate::store::engine::timeouts::Timeouts;
+use crate::store::tests::Farm;
 
 /// Runs statements on the connection that writes, in a transaction, or fails with them.
 async fn write(farm: &Farm, statements: &'static str) -> Result<(), StoreError> {
@@ -32,8 +34,8 @@ async fn name(farm: &Farm) -> String {
 
 async fn administer(administrator: &Farm, statement: String) {
     // Some statements wait for the disk.
-    let patience = Patience { read: Duration::from_secs(120), ..Patience::default() };
-    let readers = administrator.source.clone().with_patience(patience).readers().unwrap();
+    let timeouts = Timeouts { read: Duration::from_secs(120), ..Timeouts::default() };
+    let readers = administrator.source.clone().with_timeouts(timeouts).readers().unwrap();
     query(statement).execute(&readers).await.unwrap();
     readers.close().await;
 }

@@ -3,16 +3,16 @@
 use clerestory_api::{ContentHash, JobState, WorkerActivity, WorkerId};
 use clerestory_film::{NodeAddress, TileGrid};
 
-use super::{DeliveredNode, Farm, Grant, TTL_MS, delivered};
-use crate::store::expiry::Expiry;
-use crate::store::{NewJob, Watch};
+use crate::model::NewJob;
+use crate::store::leases::expiry::{Expiry, Observation};
+use crate::store::tests::{DeliveredNode, Farm, Grant, TTL_MS, delivered};
 
 const ONE_TILE: TileGrid = TileGrid { width: 8, height: 8, tile_size: 16 };
 
 impl Farm {
     /// Takes back the leases that have run out, while only workers that were heard of since are there.
     async fn expire_watched(&self, now_ms: i64, alive_ms: i64) -> Expiry {
-        self.store.expire_leases(Watch { now_ms, listening_ms: 0, alive_ms }).await.unwrap()
+        self.store.expire_leases(Observation { now_ms, listening_ms: 0, alive_ms }).await.unwrap()
     }
 
     /// A process of a machine claims nodes and is never heard of again.
@@ -164,15 +164,16 @@ pub(super) async fn a_check_that_workers_die_with_again_and_again_is_given_up(fa
     let job = farm.job_like(|job| NewJob { grid: ONE_TILE, ..job }).await;
     let [right, other] = [farm.worker_named("right").await.unwrap(), farm.worker_named("other").await.unwrap()];
     let grant = farm.claim(right, 1, 0).await.unwrap();
-    let checked = |node: &NodeAddress| DeliveredNode { is_chosen: true, digest: "bits".to_owned(), ..delivered(*node) };
+    let checked =
+        |node: &NodeAddress| DeliveredNode { is_selected: true, digest: "bits".to_owned(), ..delivered(*node) };
     farm.bring(&grant, grant.nodes.iter().map(checked).collect(), 1).await.unwrap();
     for death in 1..=5 {
-        assert_eq!(farm.next_wave(job).await, None, "the round waits for the check");
+        assert_eq!(farm.next_complete_round(job).await, None, "the round waits for the check");
         assert_eq!(farm.claim(other, 1, death * TTL_MS).await.unwrap().nodes, grant.nodes);
         let expiry = farm.expire_watched((death + 1) * TTL_MS, i64::MIN).await;
         assert_eq!(expiry.unchecked.contains(&job), death == 5);
     }
-    assert!(farm.next_wave(job).await.is_some());
+    assert!(farm.next_complete_round(job).await.is_some());
     assert_eq!(farm.record(job).await.hold, None);
 }
 

@@ -4,18 +4,18 @@ use std::collections::BTreeMap;
 
 use clerestory_api::{JobId, JobState, LeaseId, WorkerId, WorkerRegistration};
 use clerestory_film::counters::Counters;
-use clerestory_film::{NodeAddress, TileGrid};
+use clerestory_film::{NodeAddress, Targets, TileGrid};
 use clerestory_test_servers::postgres;
 use tempfile::TempDir;
 use uuid::Uuid;
 
-use crate::blobs::Place;
-use crate::store::accept::Acceptance;
-use crate::store::{
-    ClaimTerms, CompleteWave, DeliveredNode, Delivery, Grant, LeaseError, Merge, NewJob, Source, Store, Watch,
-    WorkerError,
-};
-use clerestory_film::Targets;
+use crate::model::{BlobRange, ClaimTerms, CompleteRound, DeliveredNode, Delivery, Grant, Merge, NewJob};
+use crate::store::database::Store;
+use crate::store::engine::source::Source;
+use crate::store::films::acceptance::Acceptance;
+use crate::store::leases::expiry::Observation;
+use crate::store::leases::table::LeaseError;
+use crate::store::workers::table::WorkerError;
 
 pub(super) const TTL_MS: i64 = 1000;
 
@@ -24,20 +24,20 @@ pub(super) fn delivered(address: NodeAddress) -> DeliveredNode {
     let counters = Counters { rays: 1 + u64::from(address.index), ..Counters::default() };
     DeliveredNode {
         address,
-        place: place(&Uuid::now_v7().to_string(), 0),
+        blob_range: blob_range(&Uuid::now_v7().to_string(), 0),
         counters,
         digest: String::new(),
-        is_chosen: false,
+        is_selected: false,
     }
 }
 
-pub(super) fn place(blob: &str, offset: u64) -> Place {
-    Place { blob: blob.to_owned(), offset, length: Some(10) }
+pub(super) fn blob_range(blob: &str, offset: u64) -> BlobRange {
+    BlobRange { blob: blob.to_owned(), offset, length: Some(10) }
 }
 
 /// The merge of the two halves of a node.
-pub(super) fn merge(parent: NodeAddress, place: Place) -> Merge {
-    Merge { parent, place, children: parent.children().unwrap().to_vec() }
+pub(super) fn merge(parent: NodeAddress, blob_range: BlobRange) -> Merge {
+    Merge { parent, blob_range, children: parent.children().unwrap().to_vec() }
 }
 
 /// What a worker asks for that has no scene at hand.
@@ -49,7 +49,7 @@ pub(super) fn terms(worker: WorkerId, now_ms: i64) -> ClaimTerms {
         max_nodes: None,
         fixed_nodes: None,
         target_ms: 1000,
-        gather_ms: 1000,
+        upload_linger_ms: 1000,
         ttl_ms: TTL_MS,
         alive_ms: i64::MIN,
         now_ms,
@@ -143,8 +143,8 @@ impl Farm {
 
     /// Takes back the leases that have run out, as a coordinator does that has just begun to listen: none counts as the death of its worker.
     pub(super) async fn expire(&self, now_ms: i64) -> u64 {
-        let watch = Watch { now_ms, listening_ms: i64::MAX, alive_ms: i64::MIN };
-        self.store.expire_leases(watch).await.unwrap().leases.len() as u64
+        let observation = Observation { now_ms, listening_ms: i64::MAX, alive_ms: i64::MIN };
+        self.store.expire_leases(observation).await.unwrap().leases.len() as u64
     }
 
     pub(super) async fn addresses(&self, job: JobId) -> Vec<NodeAddress> {
@@ -155,9 +155,9 @@ impl Farm {
         self.store.job(job).await.unwrap().unwrap().state
     }
 
-    pub(super) async fn next_wave(&self, job: JobId) -> Option<CompleteWave> {
+    pub(super) async fn next_complete_round(&self, job: JobId) -> Option<CompleteRound> {
         let record = self.store.job(job).await.unwrap().unwrap();
-        self.store.complete_wave(&record).await.unwrap()
+        self.store.complete_round(&record).await.unwrap()
     }
 }
 

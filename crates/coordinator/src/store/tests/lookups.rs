@@ -6,9 +6,10 @@ use std::time::Duration;
 use clerestory_api::{WorkerActivity, WorkerId};
 use clerestory_film::{NodeAddress, TileGrid};
 
-use super::{DeliveredNode, Farm, delivered, merge, place};
-use crate::store::sql::query;
-use crate::store::{Connection, NewJob};
+use crate::model::NewJob;
+use crate::store::engine::source::Connection;
+use crate::store::engine::sql::query;
+use crate::store::tests::{DeliveredNode, Farm, blob_range, delivered, merge};
 
 /// What grows with a farm and its jobs.
 const TABLES: [&str; 9] = ["pending", "nodes", "leases", "waves", "rates", "checks", "opinions", "workers", "jobs"];
@@ -31,17 +32,20 @@ async fn work(farm: &Farm, worker: WorkerId, now_ms: i64) {
     farm.store.touch_worker(worker, now_ms, WorkerActivity::default()).await.unwrap();
     farm.store.renew(lease, token, now_ms, now_ms + 100).await.unwrap();
     // Some of them are checked, by another.
-    let is_chosen = |node: &NodeAddress| node.tile.is_multiple_of(50);
-    let brought =
-        |node: &NodeAddress| DeliveredNode { digest: node.to_string(), is_chosen: is_chosen(node), ..delivered(*node) };
+    let is_selected = |node: &NodeAddress| node.tile.is_multiple_of(50);
+    let brought = |node: &NodeAddress| DeliveredNode {
+        digest: node.to_string(),
+        is_selected: is_selected(node),
+        ..delivered(*node)
+    };
     farm.bring(&grant, grant.nodes.iter().map(brought).collect(), now_ms).await.unwrap();
     let is_second = |node: &&NodeAddress| node.index % 2 == 1 && grant.nodes.contains(&node.sibling());
     let parents = grant.nodes.iter().filter(is_second).map(NodeAddress::parent);
-    let merges: Vec<_> = parents.map(|parent| merge(parent, place("merged", 0))).collect();
+    let merges: Vec<_> = parents.map(|parent| merge(parent, blob_range("merged", 0))).collect();
     if !merges.is_empty() {
         farm.store.replace(grant.lease.job, 0, merges).await.unwrap();
     }
-    farm.next_wave(grant.lease.job).await;
+    farm.next_complete_round(grant.lease.job).await;
 }
 
 /// Waits until nobody else is connected: then all that has been read is counted.

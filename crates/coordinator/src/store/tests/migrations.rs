@@ -4,10 +4,11 @@ use clerestory_api::{ConvergencePoint, JobId, JobState};
 use clerestory_film::NodeAddress;
 use clerestory_test_servers::postgres;
 
-use super::Farm;
-use crate::store::schema::{APPLIED, MIGRATIONS};
-use crate::store::sql::query;
-use crate::store::{Source, Work};
+use crate::model::Work;
+use crate::store::engine::schema::{APPLIED, MIGRATIONS};
+use crate::store::engine::source::Source;
+use crate::store::engine::sql::query;
+use crate::store::tests::Farm;
 
 /// A job of two passes over two tiles. Of the first pass, one tile has been accepted, and a worker has the other; another job is done.
 const LEFT: &str = r#"
@@ -63,7 +64,7 @@ async fn a_job_goes_on_that_the_first_build_has_begun(source: Source) {
     let nodes = farm.store.nodes(job, 0, 0..2, u32::MAX).await.unwrap();
     let [node] = nodes.as_slice() else { panic!("{nodes:?}") };
     assert_eq!(node.address, NodeAddress { frame: 0, tile: 0, level: 0, index: 0 });
-    assert_eq!((node.place.blob.as_str(), node.place.offset, node.place.length), ("first", 0, None));
+    assert_eq!((node.blob_range.blob.as_str(), node.blob_range.offset, node.blob_range.length), ("first", 0, None));
     assert_eq!(node.work, Work::default(), "nobody counted");
     assert_eq!(farm.expire(2000).await, 1);
     let worker = farm.worker_named("another").await.unwrap();
@@ -74,7 +75,7 @@ async fn a_job_goes_on_that_the_first_build_has_begun(source: Source) {
     }
     assert_eq!(tokens, [8, 9, 10], "tokens rise, and what was accepted is not rendered again");
     for round in 0..2 {
-        assert!(farm.next_wave(job).await.is_some(), "round {round} is not complete");
+        assert!(farm.next_complete_round(job).await.is_some(), "round {round} is not complete");
         let point = ConvergencePoint { round, ..ConvergencePoint::default() };
         farm.store.record_round(&farm.record(job).await, vec![point], 2000).await.unwrap().unwrap();
     }

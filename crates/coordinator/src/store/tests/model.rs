@@ -11,17 +11,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
 
 use clerestory_api::{ConvergencePoint, JobId, JobState, LeaseId, WorkerId};
-use clerestory_film::NodeAddress;
+use clerestory_film::{NodeAddress, Rounds};
 use proptest::prelude::ProptestConfig;
 use proptest::test_runner::{RngSeed, TestRunner};
 use uuid::Uuid;
 
-use super::{Farm, merge, place};
-use crate::store::leases::{LeaseState, address};
-use crate::store::row::Row;
-use crate::store::sql::query;
-use crate::store::{CompleteWave, Grant, LeaseError, NewJob};
-use clerestory_film::Rounds;
+use crate::model::{CompleteRound, Grant, LeaseState, NewJob};
+use crate::store::engine::lists::address;
+use crate::store::engine::row::Row;
+use crate::store::engine::sql::query;
+use crate::store::leases::table::LeaseError;
+use crate::store::tests::{Farm, blob_range, merge};
 
 mod claims;
 mod deliveries;
@@ -39,7 +39,7 @@ const WORKERS: usize = 3;
 const LEASE_MS: i64 = 5000;
 
 /// Longest rest after failures in a row.
-const LONGEST_REST_MS: i64 = 60_000;
+const LONGEST_BACKOFF_MS: i64 = 60_000;
 
 /// Why work fails.
 const REASON: &str = "not a number";
@@ -54,10 +54,10 @@ struct Worker {
 
 impl Worker {
     /// Until when it is given no work.
-    fn rests_until_ms(&self) -> i64 {
+    fn backoff_until_ms(&self) -> i64 {
         match self.failures_in_a_row.checked_sub(1) {
             None => self.failed_ms,
-            Some(doublings) => self.failed_ms + (1000_i64 << doublings.min(10)).min(LONGEST_REST_MS),
+            Some(doublings) => self.failed_ms + (1000_i64 << doublings.min(10)).min(LONGEST_BACKOFF_MS),
         }
     }
 }
@@ -74,7 +74,7 @@ struct Held {
     granted_ms: i64,
     deadline_ms: i64,
     /// How long it may go on without an accepted node before others are given its work, and when that is over.
-    patience_ms: i64,
+    overdue_after_ms: i64,
     due_ms: i64,
 }
 
@@ -246,9 +246,10 @@ impl Model {
 
     /// Whether there is a wave, and all of its passes are accepted.
     fn is_wave_complete(&self, round: u32) -> bool {
-        let Some(wave) = self.boundaries().passes(round) else { return false };
+        let Some(complete) = self.boundaries().passes(round) else { return false };
         let mut tiles = 0..self.shape.grid.len();
-        tiles.all(|tile| (wave.first..wave.first + wave.count).all(|pass| self.done.contains(&(tile, pass))))
+        tiles
+            .all(|tile| (complete.first..complete.first + complete.count).all(|pass| self.done.contains(&(tile, pass))))
     }
 
     /// What waits to be rendered, as the store has it.
@@ -326,17 +327,18 @@ impl Model {
     async fn keep(&mut self, farm: &Farm, merged: u64) {
         self.record(farm).await;
         loop {
-            let is_chosen =
+            let is_selected =
                 |parent: &NodeAddress| merged >> ((parent.tile * 8 + parent.level + parent.index) % 64) & 1 == 1;
             let left = |node: &&NodeAddress| node.index.is_multiple_of(2) && self.accepted.contains(&node.sibling());
             let parents: Vec<NodeAddress> =
-                self.accepted.iter().filter(left).map(NodeAddress::parent).filter(is_chosen).collect();
+                self.accepted.iter().filter(left).map(NodeAddress::parent).filter(is_selected).collect();
             if parents.is_empty() {
                 break;
             }
-            let merges = parents.iter().map(|parent| merge(*parent, place(&Uuid::now_v7().to_string(), 0))).collect();
+            let merges =
+                parents.iter().map(|parent| merge(*parent, blob_range(&Uuid::now_v7().to_string(), 0))).collect();
             let removed = farm.store.replace(self.job, self.redone, merges).await.unwrap();
-            assert_eq!(removed.places.len(), 2 * parents.len());
+            assert_eq!(removed.blob_ranges.len(), 2 * parents.len());
             for parent in parents {
                 for half in parent.children().unwrap() {
                     assert!(self.accepted.remove(&half), "{half:?}");
@@ -354,21 +356,21 @@ impl Model {
             let is_complete = (0..=self.rounds).all(|round| self.is_wave_complete(round));
             let expected = is_complete.then(|| {
                 let work = self.work.range(..=self.rounds);
-                CompleteWave {
+                CompleteRound {
                     round: self.rounds,
                     passes: self.boundaries().end(self.rounds).unwrap(),
                     core_ms: work.clone().map(|(_, work)| work.core_ms).sum(),
                     completed_ms: work.map(|(_, work)| work.completed_ms).max().unwrap(),
                 }
             });
-            assert_eq!(farm.next_wave(self.job).await, expected);
-            let Some(wave) = expected else { break };
+            assert_eq!(farm.next_complete_round(self.job).await, expected);
+            let Some(complete) = expected else { break };
             let point = ConvergencePoint {
-                round: wave.round,
-                passes: wave.passes,
-                samples_per_pixel: u64::from(wave.passes) * 4,
-                core_ms: wave.core_ms,
-                wall_ms: wave.completed_ms - record.started_ms.unwrap(),
+                round: complete.round,
+                passes: complete.passes,
+                samples_per_pixel: u64::from(complete.passes) * 4,
+                core_ms: complete.core_ms,
+                wall_ms: complete.completed_ms - record.started_ms.unwrap(),
                 recorded_ms: self.now_ms,
                 ..ConvergencePoint::default()
             };
@@ -380,7 +382,7 @@ impl Model {
             self.points.insert(self.rounds);
             self.rounds += 1;
             self.seen.note(Event::Recorded);
-            if wave.passes == self.shape.passes {
+            if complete.passes == self.shape.passes {
                 self.end_job(JobState::Done);
             }
         }
@@ -417,7 +419,7 @@ impl Model {
     /// Ends the job with one good worker, unless it has failed.
     async fn finish(&mut self, farm: &Farm) {
         // No lease lasts until then, and no rest.
-        self.now_ms += LONGEST_REST_MS + LEASE_MS;
+        self.now_ms += LONGEST_BACKOFF_MS + LEASE_MS;
         self.expire(farm).await;
         self.keep(farm, 0).await;
         while let Some(lease) = self.claim(farm, 0, Wanted::exactly(256)).await {

@@ -2,9 +2,12 @@
 
 use clerestory_test_servers::postgres;
 
-use super::Farm;
-use crate::store::sql::query;
-use crate::store::{SchemaError, Source, Store, StoreError};
+use crate::store::database::Store;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::schema::SchemaError;
+use crate::store::engine::source::Source;
+use crate::store::engine::sql::query;
+use crate::store::tests::Farm;
 
 /// Why a database is refused.
 async fn refusal(source: Source) -> String {

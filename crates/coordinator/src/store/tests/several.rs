@@ -5,9 +5,11 @@ use clerestory_film::NodeAddress;
 use clerestory_test_servers::postgres;
 use futures::future::{BoxFuture, join_all};
 
-use super::Farm;
-use crate::store::sql::query;
-use crate::store::{Identity, NewJob, Source, StoreError};
+use crate::model::{Identity, NewJob};
+use crate::store::engine::error::StoreError;
+use crate::store::engine::source::Source;
+use crate::store::engine::sql::query;
+use crate::store::tests::Farm;
 
 async fn coordinators(count: usize) -> Vec<Farm> {
     let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap();
@@ -46,7 +48,7 @@ async fn eight_claimants_share_a_job_and_none_is_sent_away_while_there_is_work()
     assert_eq!(rendered, 15 * 20, "each pass of each tile once");
     let record = farms[3].store.job(job).await.unwrap().unwrap();
     assert_eq!(record.samples, record.total_samples());
-    assert!(farms[1].store.complete_wave(&record).await.unwrap().is_some());
+    assert!(farms[1].store.complete_round(&record).await.unwrap().is_some());
 }
 
 #[tokio::test]

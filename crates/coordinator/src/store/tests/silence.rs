@@ -10,9 +10,9 @@ use clerestory_test_servers::postgres;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 
-use super::{Source, Store, StoreError};
-use crate::store::patience::Patience;
-use crate::store::sql::query;
+use crate::store::engine::sql::query;
+use crate::store::engine::timeouts::Timeouts;
+use crate::store::tests::{Source, Store, StoreError};
 
 /// A network on which all connections of the moment can fall silent for good.
 struct Network {
@@ -72,7 +72,7 @@ async fn carry(
 const LONG: Duration = Duration::from_secs(3600);
 
 /// Long enough for whoever answers, and short enough for a test. The server is not asked what it is at.
-const PATIENCE: Patience = Patience {
+const PATIENCE: Timeouts = Timeouts {
     connection: Duration::from_secs(2),
     idle: Duration::from_millis(200),
     turn: Duration::from_secs(2),
@@ -83,7 +83,7 @@ const PATIENCE: Patience = Patience {
 };
 
 /// The server is waited for as long as it is at it.
-const DOUBT: Patience = Patience { turn: LONG, transaction: LONG, doubt: Duration::from_millis(200), ..PATIENCE };
+const DOUBT: Timeouts = Timeouts { turn: LONG, transaction: LONG, doubt: Duration::from_millis(200), ..PATIENCE };
 
 #[tokio::test]
 async fn a_database_that_falls_silent_is_given_up_and_called_again() {
@@ -97,7 +97,7 @@ async fn what_is_lost_of_a_transaction_is_not_waited_for() {
 
 #[tokio::test]
 async fn a_server_that_takes_long_is_waited_for() {
-    let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap().with_patience(DOUBT);
+    let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap().with_timeouts(DOUBT);
     let [store, other] = [Store::open(source.clone()).await.unwrap(), Store::open(source).await.unwrap()];
     // It takes its time, as does this process, and the other waits for its turn meanwhile.
     let (begun, has_begun) = tokio::sync::oneshot::channel();
@@ -122,12 +122,12 @@ async fn a_server_that_takes_long_is_waited_for() {
     other.close().await;
 }
 
-async fn falls_silent(patience: Patience) {
+async fn falls_silent(timeouts: Timeouts) {
     let address: url::Url = postgres().new_database().parse().unwrap();
     let network = Arc::new(Network::before(address.socket_addrs(|| None).unwrap()[0]).await);
     let mut through = address.clone();
     through.set_port(Some(network.address.port())).unwrap();
-    let source = Source::postgres(&through.as_str().parse().unwrap()).unwrap().with_patience(patience);
+    let source = Source::postgres(&through.as_str().parse().unwrap()).unwrap().with_timeouts(timeouts);
     let store = Store::open(source).await.unwrap();
     let farm = store.identity().await.unwrap().farm;
     store.open_jobs().await.unwrap();

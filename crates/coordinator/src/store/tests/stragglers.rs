@@ -5,10 +5,9 @@ use std::collections::BTreeSet;
 use clerestory_api::{JobId, NodeVerdict, WorkerId};
 use clerestory_film::{NodeAddress, TileGrid};
 
-use super::farm::terms;
-use super::{Farm, delivered};
-use crate::store::leases::LeaseState;
-use crate::store::{ClaimTerms, Delivery, Grant, JobRecord, NewJob};
+use crate::model::{ClaimTerms, Delivery, Grant, JobRecord, LeaseState, NewJob};
+use crate::store::tests::farm::terms;
+use crate::store::tests::{Farm, delivered};
 
 pub(super) async fn what_a_worker_sits_on_is_taken_over_and_the_first_result_wins(farm: Farm) {
     let job = farm.job(1).await;
@@ -39,7 +38,7 @@ pub(super) async fn what_a_worker_may_still_keep_is_not_taken_over(farm: Farm) {
     let claim = async |worker, now_ms| {
         let terms = ClaimTerms {
             target_ms: 5000,
-            gather_ms: 5000,
+            upload_linger_ms: 5000,
             ttl_ms: 100_000,
             fixed_nodes: Some(15),
             ..terms(worker, now_ms)
@@ -47,7 +46,7 @@ pub(super) async fn what_a_worker_may_still_keep_is_not_taken_over(farm: Farm) {
         farm.store.claim(move || terms).await.unwrap()
     };
     let held = claim(slow, 0).await.unwrap();
-    assert_eq!((held.nodes.len(), held.gather_ms), (15, 5000));
+    assert_eq!((held.nodes.len(), held.upload_linger_ms), (15, 5000));
     assert!(claim(quick, 9999).await.is_none(), "of what it has had for as long as another needs, all may be complete");
     assert_eq!(claim(quick, 10_000).await.unwrap().nodes, held.nodes[7..]);
 }
@@ -58,21 +57,21 @@ pub(super) async fn nodes_wait_for_others_no_longer_than_their_lease_should_take
     let record = farm.store.job(job).await.unwrap().unwrap();
     let worker = farm.worker().await;
     let claim = async |count, now_ms| {
-        let terms = ClaimTerms { gather_ms: 30_000, fixed_nodes: Some(count), ..terms(worker, now_ms) };
+        let terms = ClaimTerms { upload_linger_ms: 30_000, fixed_nodes: Some(count), ..terms(worker, now_ms) };
         farm.store.claim(move || terms).await.unwrap().unwrap()
     };
     let [alone, unknown] = [claim(1, 0).await, claim(3, 0).await];
-    assert_eq!([alone.gather_ms, unknown.gather_ms], [1000, 30_000]);
+    assert_eq!([alone.upload_linger_ms, unknown.upload_linger_ms], [1000, 30_000]);
     // One a second.
     let rate = record.node_samples(&alone.nodes[0]) as f64;
     bring(&farm, &alone, &alone.nodes, &record, rate, 500).await;
-    assert_eq!([claim(1, 500).await, claim(8, 500).await].map(|grant| grant.gather_ms), [1000, 8000]);
+    assert_eq!([claim(1, 500).await, claim(8, 500).await].map(|grant| grant.upload_linger_ms), [1000, 8000]);
 }
 
 pub(super) async fn what_comes_late_is_taken_over_beside_an_older_lease_that_may_keep_its_nodes(farm: Farm) {
     farm.job(1).await;
-    let claim = async |worker, gather_ms, count, now_ms| {
-        let terms = ClaimTerms { gather_ms, ttl_ms: 100_000, fixed_nodes: Some(count), ..terms(worker, now_ms) };
+    let claim = async |worker, upload_linger_ms, count, now_ms| {
+        let terms = ClaimTerms { upload_linger_ms, ttl_ms: 100_000, fixed_nodes: Some(count), ..terms(worker, now_ms) };
         farm.store.claim(move || terms).await.unwrap()
     };
     let [older, younger, quick] = [farm.worker().await, farm.worker().await, farm.worker().await];
@@ -181,7 +180,7 @@ pub(super) async fn stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_f
 }
 
 /// Time is counted in tenths of a second; a worker brings what it has rendered as late as its lease lets it, as real ones do.
-async fn check_the_end(farm: Farm, gather_ms: i64) {
+async fn check_the_end(farm: Farm, upload_linger_ms: i64) {
     const WORKERS: usize = 20;
     const STRAGGLERS: usize = 2;
     const RATE: f64 = 100_000.0;
@@ -209,7 +208,7 @@ async fn check_the_end(farm: Farm, gather_ms: i64) {
             // Each has its own moment in a second.
             let turn = (tenths as usize + number).is_multiple_of(10);
             if worker.grant.is_none() && turn {
-                worker.grant = claim(&farm, worker.id, gather_ms, tenths * 100).await;
+                worker.grant = claim(&farm, worker.id, upload_linger_ms, tenths * 100).await;
                 (worker.rendered, worker.unsent, worker.samples) = (0, 0, 0.0);
             }
             let Some(grant) = &worker.grant else { continue };
@@ -220,7 +219,7 @@ async fn check_the_end(farm: Farm, gather_ms: i64) {
                 worker.samples -= record.node_samples(node) as f64;
                 worker.rendered += 1;
                 if worker.unsent == 0 {
-                    worker.due = tenths + grant.gather_ms / 100;
+                    worker.due = tenths + grant.upload_linger_ms / 100;
                 }
                 worker.unsent += 1;
             }
@@ -233,7 +232,7 @@ async fn check_the_end(farm: Farm, gather_ms: i64) {
             if is_over {
                 let (lease, token) = (grant.lease.id, grant.lease.token);
                 farm.store.return_lease(lease, token, tenths * 100).await.unwrap();
-                worker.grant = claim(&farm, worker.id, gather_ms, tenths * 100).await;
+                worker.grant = claim(&farm, worker.id, upload_linger_ms, tenths * 100).await;
                 (worker.rendered, worker.unsent) = (0, 0);
             }
         }
@@ -255,8 +254,8 @@ async fn is_complete(farm: &Farm, job: JobId) -> bool {
     record.samples == record.total_samples()
 }
 
-async fn claim(farm: &Farm, worker: WorkerId, gather_ms: i64, now_ms: i64) -> Option<Grant> {
-    let terms = ClaimTerms { target_ms: 10_000, gather_ms, ttl_ms: 1_000_000, ..terms(worker, now_ms) };
+async fn claim(farm: &Farm, worker: WorkerId, upload_linger_ms: i64, now_ms: i64) -> Option<Grant> {
+    let terms = ClaimTerms { target_ms: 10_000, upload_linger_ms, ttl_ms: 1_000_000, ..terms(worker, now_ms) };
     farm.store.claim(move || terms).await.unwrap()
 }
 

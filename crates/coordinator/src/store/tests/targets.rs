@@ -3,13 +3,11 @@
 use std::collections::BTreeSet;
 
 use clerestory_api::{ConvergencePoint, JobId, JobState, StopReason};
-
-use super::Farm;
-use crate::blobs::Place;
-use crate::store::jobs::Ending;
-use crate::store::rounds::RecordedRound;
-use crate::store::{Grant, LeaseError, NewJob, Removed};
 use clerestory_film::Targets;
+
+use crate::model::{BlobRange, Ending, Grant, NewJob, RecordedRound, Removed};
+use crate::store::leases::table::LeaseError;
+use crate::store::tests::Farm;
 
 impl Farm {
     /// A job of 3 passes that a measured error of 1e-3 ends, all of which is delivered but for the last tile of the last pass.
@@ -56,19 +54,19 @@ pub(super) async fn a_round_that_reaches_a_target_ends_the_job_and_what_lies_bey
     let (job, grant) = farm.job_with_target().await;
     assert_eq!(farm.record_error(job, 2e-3).await, Some(RecordedRound::default()));
     assert_eq!(farm.state(job).await, JobState::Running);
-    let beyond: BTreeSet<Place> = farm
+    let beyond: BTreeSet<BlobRange> = farm
         .store
         .nodes(job, 0, 0..u32::MAX, u32::MAX)
         .await
         .unwrap()
         .into_iter()
         .filter(|node| node.address.index >= 2)
-        .map(|node| node.place)
+        .map(|node| node.blob_range)
         .collect();
     let recorded = farm.record_error(job, 1e-3).await.unwrap();
     assert_eq!(recorded.stopped_by, Some(StopReason::Mse));
     assert!(!beyond.is_empty());
-    assert_eq!(recorded.discarded.places.into_iter().collect::<BTreeSet<_>>(), beyond);
+    assert_eq!(recorded.discarded.blob_ranges.into_iter().collect::<BTreeSet<_>>(), beyond);
     assert_eq!(recorded.discarded.blobs.len(), beyond.len());
 
     let farm = farm.reopened().await;
@@ -79,7 +77,7 @@ pub(super) async fn a_round_that_reaches_a_target_ends_the_job_and_what_lies_bey
     let late = farm.deliver(&grant, &grant.nodes, 300).await;
     assert!(matches!(late, Err(LeaseError::JobNotRunning)), "{late:?}");
     assert_eq!(farm.addresses(job).await.len() as u32, 2 * record.grid.len());
-    assert_eq!(farm.next_wave(job).await, None, "no round follows");
+    assert_eq!(farm.next_complete_round(job).await, None, "no round follows");
     assert!(farm.claim(farm.worker().await, 1, 300).await.is_none());
 }
 
@@ -108,12 +106,12 @@ pub(super) async fn the_time_of_earlier_rounds_counts_in_later_ones(farm: Farm) 
     let job = farm.job(3).await;
     let grant = farm.claim(farm.worker().await, 256, 0).await.unwrap();
     for (round, now_ms, completed_ms) in [(0, 100, 100), (1, 200, 200), (2, 150, 200)] {
-        assert_eq!(farm.next_wave(job).await, None, "round {round} is missing");
+        assert_eq!(farm.next_complete_round(job).await, None, "round {round} is missing");
         let nodes: Vec<_> = grant.nodes.iter().filter(|node| node.passes().first == round).copied().collect();
         farm.deliver(&grant, &nodes, now_ms).await.unwrap();
-        let (wave, record) = (farm.next_wave(job).await.unwrap(), farm.record(job).await);
-        assert_eq!((wave.round, wave.core_ms, wave.completed_ms), (round, record.core_ms, completed_ms));
-        let (core_ms, wall_ms) = (wave.core_ms, wave.completed_ms);
+        let (complete, record) = (farm.next_complete_round(job).await.unwrap(), farm.record(job).await);
+        assert_eq!((complete.round, complete.core_ms, complete.completed_ms), (round, record.core_ms, completed_ms));
+        let (core_ms, wall_ms) = (complete.core_ms, complete.completed_ms);
         let point = ConvergencePoint { round, core_ms, wall_ms, ..ConvergencePoint::default() };
         farm.store.record_round(&record, vec![point], now_ms).await.unwrap().unwrap();
     }

@@ -2,7 +2,7 @@
 
 use clerestory_api::{Quarantine, WorkerActivity, WorkerId, WorkerState};
 
-use super::{Farm, LeaseError, StoreError, WorkerError, query};
+use crate::store::tests::{Farm, LeaseError, StoreError, WorkerError, query};
 
 const DAY_MS: i64 = 24 * 3600 * 1000;
 

@@ -9,11 +9,12 @@ use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use uuid::Uuid;
 
-use super::Farm;
-use super::farm::{TTL_MS, terms};
-use crate::store::sql::query;
-use crate::store::writer::Turn;
-use crate::store::{Keeping, StoreError};
+use crate::model::FilmLease;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::sql::query;
+use crate::store::engine::writer::Turn;
+use crate::store::tests::Farm;
+use crate::store::tests::farm::{TTL_MS, terms};
 
 pub(super) async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
     let write = async |name: &'static str, then_fail: bool| {
@@ -106,11 +107,11 @@ pub(super) async fn what_keeps_workers_and_films_is_written_before_all_that_wait
     let store = farm.store.clone();
     let alive = tokio::spawn(async move { store.touch_worker(worker, 7, WorkerActivity::default()).await });
     let store = farm.store.clone();
-    let kept = tokio::spawn(async move { store.keep(job, Uuid::now_v7(), 0, 9).await });
+    let kept = tokio::spawn(async move { store.acquire_film_lease(job, Uuid::now_v7(), 0, 9).await });
     tokio::time::sleep(SETTLED).await;
     held.let_go().await;
     alive.await.unwrap().unwrap();
-    assert_eq!(kept.await.unwrap().unwrap(), Keeping::Ours);
+    assert_eq!(kept.await.unwrap().unwrap(), FilmLease::Held);
     assert_eq!(look.await.unwrap().unwrap(), (Some(9), 7), "it has waited for longer");
 }
 

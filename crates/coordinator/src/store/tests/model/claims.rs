@@ -5,16 +5,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use clerestory_api::{JobState, LeaseId};
 use clerestory_film::NodeAddress;
 
-use super::super::farm::terms;
-use super::seen::Event;
-use super::steps::Wanted;
-use super::{Farm, Held, LEASE_MS, Model, Pending, passes, round_of};
-use crate::store::leases::LeaseState;
-use crate::store::sql::query;
-use crate::store::{ClaimTerms, Grant};
+use crate::model::{ClaimTerms, Grant, LeaseState};
+use crate::store::engine::sql::query;
+use crate::store::tests::farm::terms;
+use crate::store::tests::model::seen::Event;
+use crate::store::tests::model::steps::Wanted;
+use crate::store::tests::model::{Farm, Held, LEASE_MS, Model, Pending, passes, round_of};
 
 /// Free nodes that there are when a claim has cut some; also the largest lease.
-const STOCK: usize = 256;
+const MOST_NODES: usize = 256;
 
 /// Nodes by which there may be more: those of a wave in a tile, pass by pass, and what is left of one that is split.
 const MOST_BEYOND: usize = 20;
@@ -57,7 +56,7 @@ impl Model {
             ..terms(self.workers[worker].id, self.now_ms)
         };
         let grant = farm.store.claim(move || terms).await.unwrap();
-        if self.workers[worker].rests_until_ms() > self.now_ms {
+        if self.workers[worker].backoff_until_ms() > self.now_ms {
             assert!(grant.is_none(), "it has failed and rests");
             self.seen.note(Event::Rested);
             return None;
@@ -101,11 +100,11 @@ impl Model {
         let deadline_ms = self.now_ms + LEASE_MS;
         assert_eq!(grant.lease.deadline_ms, deadline_ms);
         assert!(self.leases.last().is_none_or(|last| last.grant.lease.token < grant.lease.token));
-        let patience_ms = patience_ms(farm, grant.lease.id).await;
-        assert!(patience_ms >= LEAST_PATIENCE_MS, "{patience_ms}");
+        let overdue_after_ms = overdue_after_ms(farm, grant.lease.id).await;
+        assert!(overdue_after_ms >= LEAST_PATIENCE_MS, "{overdue_after_ms}");
         self.state = JobState::Running;
-        let (state, granted_ms, due_ms) = (LeaseState::Active, self.now_ms, self.now_ms + patience_ms);
-        self.leases.push(Held { grant, worker, state, granted_ms, deadline_ms, patience_ms, due_ms });
+        let (state, granted_ms, due_ms) = (LeaseState::Active, self.now_ms, self.now_ms + overdue_after_ms);
+        self.leases.push(Held { grant, worker, state, granted_ms, deadline_ms, overdue_after_ms, due_ms });
         self.lease(0)
     }
 
@@ -177,7 +176,7 @@ impl Model {
         } else {
             let first = free[0];
             assert_eq!((node.tile, round_of(first_pass)), (first.tile, round_of(first.passes().first)));
-            assert_eq!(Some(first_pass), self.boundaries().passes(round_of(first_pass)).map(|wave| wave.first));
+            assert_eq!(Some(first_pass), self.boundaries().passes(round_of(first_pass)).map(|complete| complete.first));
         }
     }
 
@@ -225,8 +224,8 @@ impl Model {
             self.pending.insert(*node, Pending::new(*round));
         }
         for ((round, tile), level) in levels {
-            let wave = self.boundaries().passes(round).unwrap();
-            let mut wave_passes = wave.first..wave.first + wave.count;
+            let complete = self.boundaries().passes(round).unwrap();
+            let mut wave_passes = complete.first..complete.first + complete.count;
             assert!(wave_passes.all(|pass| self.cut.contains(&(tile, pass))), "wave {round} of tile {tile} has gaps");
             // Where a node may have been split, its size is not what it was cut to.
             if single.is_some_and(|node| node.tile == tile && round_of(node.passes().first) == round) {
@@ -240,8 +239,11 @@ impl Model {
         let is_free = was_free + new.len();
         let is_all_cut = self.cut.len() == self.shape.all_passes();
         if !new.is_empty() {
-            assert!(is_free >= STOCK || is_all_cut, "only {is_free} nodes to choose from");
-            assert!(was_free < STOCK && is_free < STOCK + MOST_BEYOND, "{was_free}, then {is_free}: too many");
+            assert!(is_free >= MOST_NODES || is_all_cut, "only {is_free} nodes to choose from");
+            assert!(
+                was_free < MOST_NODES && is_free < MOST_NODES + MOST_BEYOND,
+                "{was_free}, then {is_free}: too many"
+            );
             if !is_first {
                 self.seen.note(Event::Refilled);
             }
@@ -276,7 +278,7 @@ impl Model {
 }
 
 /// How long a lease may go on without an accepted node. That follows from the worker's pace.
-async fn patience_ms(farm: &Farm, lease: LeaseId) -> i64 {
+async fn overdue_after_ms(farm: &Farm, lease: LeaseId) -> i64 {
     let found = query("select patience_ms from leases where id = $1").bind(lease.to_string());
     found.fetch_one(&farm.store.readers).await.unwrap().integer("patience_ms").unwrap()
 }

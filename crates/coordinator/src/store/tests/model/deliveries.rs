@@ -7,22 +7,22 @@ use clerestory_film::NodeAddress;
 use clerestory_film::counters::Counters;
 use uuid::Uuid;
 
-use super::seen::Event;
-use super::steps::{Others, Whose, chosen_of};
-use super::{Farm, LEASE_MS, Model, REASON, passes, place, round_of};
-use crate::store::accept::Acceptance;
-use crate::store::leases::LeaseState;
-use crate::store::{DeliveredNode, Delivery, LeaseError, WorkFailure};
+use crate::model::{DeliveredNode, Delivery, LeaseState, WorkFailure};
+use crate::store::films::acceptance::Acceptance;
+use crate::store::leases::table::LeaseError;
+use crate::store::tests::model::seen::Event;
+use crate::store::tests::model::steps::{Others, Whose, chosen_of};
+use crate::store::tests::model::{Farm, LEASE_MS, Model, REASON, blob_range, passes, round_of};
 
 /// A node as it is brought; it is checked if it has a digest. Its rays are as many as its passes, so that none can be
 /// counted twice unseen.
 pub(super) fn rendered(address: &NodeAddress, digest: Option<&str>) -> DeliveredNode {
     DeliveredNode {
         address: *address,
-        place: place(&Uuid::now_v7().to_string(), 0),
+        blob_range: blob_range(&Uuid::now_v7().to_string(), 0),
         counters: Counters { rays: u64::from(address.passes().count), ..Counters::default() },
         digest: digest.unwrap_or_default().to_owned(),
-        is_chosen: digest.is_some(),
+        is_selected: digest.is_some(),
     }
 }
 
@@ -76,20 +76,20 @@ impl Model {
             }
             samples_before += own_samples;
         }
-        let mut completes_wave = false;
+        let mut completes_round = false;
         for round in rounds.into_iter().filter(|round| self.is_wave_complete(*round)).collect::<Vec<_>>() {
-            completes_wave = true;
+            completes_round = true;
             self.work.entry(round).or_default().completed_ms = self.now_ms;
         }
         let outstanding = self.held_under(lease).len();
-        assert_eq!((answer.samples, answer.completes_wave), (samples, completes_wave));
+        assert_eq!((answer.samples, answer.completes_round), (samples, completes_round));
         assert_eq!(answer.outstanding as usize, outstanding);
         let held = &mut self.leases[lease];
         if outstanding == 0 && held.state == LeaseState::Active {
             held.state = LeaseState::Complete;
         }
         if samples > 0 {
-            held.due_ms = self.now_ms + held.patience_ms;
+            held.due_ms = self.now_ms + held.overdue_after_ms;
             self.workers[held.worker].failures_in_a_row = 0;
         }
         Some(answer)

@@ -5,13 +5,12 @@ use std::collections::BTreeSet;
 use clerestory_api::{JobState, NodeVerdict};
 use clerestory_film::NodeAddress;
 
-use super::super::farm::terms;
-use super::deliveries::rendered;
-use super::seen::Event;
-use super::steps::Wanted;
-use super::{Farm, Held, LEASE_MS, Model, Pending, REASON, passes, round_of};
-use crate::store::leases::LeaseState;
-use crate::store::{ClaimTerms, Delivery, WorkFailure};
+use crate::model::{ClaimTerms, Delivery, LeaseState, WorkFailure};
+use crate::store::tests::farm::terms;
+use crate::store::tests::model::deliveries::rendered;
+use crate::store::tests::model::seen::Event;
+use crate::store::tests::model::steps::Wanted;
+use crate::store::tests::model::{Farm, Held, LEASE_MS, Model, Pending, REASON, passes, round_of};
 
 /// A node on which so many workers have failed fails its job, and where no other is there, one that has failed so often.
 const ENOUGH_WORKERS: usize = 3;
@@ -91,7 +90,7 @@ impl Model {
             let lease = match self.usable(worker) {
                 Some(lease) => lease,
                 None => {
-                    self.now_ms = self.now_ms.max(self.workers[worker].rests_until_ms());
+                    self.now_ms = self.now_ms.max(self.workers[worker].backoff_until_ms());
                     let Some(lease) = self.claim(farm, worker, Wanted::exactly(3)).await else { return };
                     lease
                 }
@@ -127,9 +126,9 @@ impl Model {
         assert_eq!(outcome.redone, [self.job]);
         farm.store.release_worker(wrong).await.unwrap();
         let taken = self.redo(worker);
-        assert_eq!(outcome.removed.places.len(), taken.len());
+        assert_eq!(outcome.removed.blob_ranges.len(), taken.len());
         if self.accepted.is_empty() {
-            self.begin_again();
+            self.restart();
         } else {
             self.see_what_is_redone(farm, &taken, worker).await;
         }
@@ -162,7 +161,7 @@ impl Model {
     }
 
     /// Takes the job back to where it was before its first claim: nothing is left of it.
-    fn begin_again(&mut self) {
+    fn restart(&mut self) {
         for held in &mut self.leases {
             if matches!(held.state, LeaseState::Active | LeaseState::Complete) {
                 held.state = LeaseState::Returned;

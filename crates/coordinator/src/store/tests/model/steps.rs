@@ -5,7 +5,7 @@ use std::ops::Range;
 use clerestory_film::{NodeAddress, TileGrid};
 use proptest::prelude::*;
 
-use super::WORKERS;
+use crate::store::tests::model::WORKERS;
 
 /// Samples of each pixel in a pass, as in all jobs of these tests.
 const SAMPLES_PER_PASS: u64 = 4;
@@ -101,8 +101,8 @@ pub(super) struct History {
 
 /// Those of some nodes that are chosen.
 pub(super) fn chosen_of(nodes: &[NodeAddress], chosen: u64) -> Vec<NodeAddress> {
-    let is_chosen = |number: u32| chosen >> (number % 64) & 1 == 1;
-    (0..).zip(nodes).filter(|(number, _)| is_chosen(*number)).map(|(_, node)| *node).collect()
+    let is_selected = |number: u32| chosen >> (number % 64) & 1 == 1;
+    (0..).zip(nodes).filter(|(number, _)| is_selected(*number)).map(|(_, node)| *node).collect()
 }
 
 fn chosen() -> impl Strategy<Value = u64> {

@@ -1,0 +1,360 @@
+//! The error of a frame between its rounds, for whoever looks at a job while it converges.
+//!
+//! It is measured over the pixels that have passes now, and belongs to no pass count: it is never stored, and nothing is stopped by it. What
+//! is known of each tile is kept, so that a look measures those alone that have grown. However many look, there is one update in a second at
+//! most, no more than half of the time of a core goes into those of a job, and the tiles of a large frame are measured over several looks.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use clerestory_api::{ContentHash, JobId, LiveMeasurement};
+use clerestory_film::{
+    DecodeBudget, ImageLayers, ImageRows, LayerChoice, ROWS_PER_BLOCK, Tile, TileGrid, picture_rows,
+};
+use tokio::sync::{Mutex as AsyncMutex, Semaphore, SemaphorePermit};
+
+use crate::farm::Farm;
+use crate::films::FilmError;
+use crate::films::frame::{LoadedTile, load};
+use crate::films::reader::{batches, runs, unless_merged};
+use crate::memory::permits;
+use crate::model::{JobRecord, NodeRow};
+
+/// How long the value of a running job may stay as it is although its film has grown, if its updates do not take longer.
+const FRESH_MS: i64 = 1000;
+
+/// How long an update goes on before it is left to the next look.
+const UPDATE_MS: i64 = 1000;
+
+/// Tiles of which something is kept, of all jobs: 8 MiB.
+const MOST_TILES: u64 = 1 << 18;
+
+/// Bytes of rows of references that are in memory at the same time.
+const REFERENCE_BYTES: u64 = 32 << 20;
+
+/// Bytes of a pixel of a reference: its mean and its standard error.
+const REFERENCE_PIXEL_BYTES: u64 = 24;
+
+/// What is known of the jobs that may be asked for again. Those unused for longest go when there are too many.
+#[derive(Debug)]
+pub(crate) struct LiveValues {
+    kept: Mutex<Kept>,
+    /// Permits for rows of references, one for each kibibyte.
+    rows: Semaphore,
+}
+
+#[derive(Debug, Default)]
+struct Kept {
+    jobs: BTreeMap<JobId, Entry>,
+    uses: u64,
+}
+
+#[derive(Debug)]
+struct Entry {
+    used: u64,
+    tiles: u64,
+    live: Arc<AsyncMutex<Live>>,
+}
+
+/// What is known of a job.
+#[derive(Debug)]
+struct Live {
+    tiles: Vec<MeasuredTile>,
+    /// Where the next update begins.
+    next_tile: u32,
+    /// Whether all tiles were as they are now when they were looked at last.
+    is_complete: bool,
+    accepted_nodes: u64,
+    /// Nodes that had been taken out of the film when it was read.
+    redone_nodes: u64,
+    is_final: bool,
+    /// Until when it may stay as it is; `None` when it was never brought up to date.
+    fresh_until_ms: Option<i64>,
+}
+
+/// What is known of a tile, as it was when it had so many passes.
+#[derive(Clone, Copy, Debug, Default)]
+struct MeasuredTile {
+    passes: u32,
+    /// Sum of the squared differences from the reference.
+    squares: f64,
+    /// Sum of the squared standard errors, where they are known.
+    noise: Option<f64>,
+}
+
+impl Default for LiveValues {
+    fn default() -> Self {
+        Self { kept: Mutex::default(), rows: Semaphore::new(permits(REFERENCE_BYTES) as usize) }
+    }
+}
+
+impl LiveValues {
+    /// What is known of a job.
+    fn of(&self, job: &JobRecord) -> Arc<AsyncMutex<Live>> {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.uses += 1;
+        let used = kept.uses;
+        if let Some(entry) = kept.jobs.get_mut(&job.id) {
+            entry.used = used;
+            return Arc::clone(&entry.live);
+        }
+        let tiles = u64::from(job.grid.len());
+        while kept.jobs.values().map(|entry| entry.tiles).sum::<u64>() + tiles > MOST_TILES {
+            let idle = kept.jobs.iter().filter(|(_, entry)| Arc::strong_count(&entry.live) == 1);
+            let oldest = idle.min_by_key(|(_, entry)| entry.used).map(|(job, _)| *job);
+            // The others are being looked at.
+            let Some(oldest) = oldest else { break };
+            kept.jobs.remove(&oldest);
+        }
+        let live = Arc::new(AsyncMutex::new(Live::of_nothing(job)));
+        kept.jobs.insert(job.id, Entry { used, tiles, live: Arc::clone(&live) });
+        live
+    }
+}
+
+impl Live {
+    fn of_nothing(job: &JobRecord) -> Self {
+        Self {
+            tiles: vec![MeasuredTile::default(); job.grid.len() as usize],
+            next_tile: 0,
+            is_complete: false,
+            accepted_nodes: 0,
+            redone_nodes: job.redone_nodes,
+            is_final: false,
+            fresh_until_ms: None,
+        }
+    }
+
+    /// The sums over all tiles, in their order.
+    fn measurement(&self, job: &JobRecord) -> LiveMeasurement {
+        let (mut pixels, mut samples, mut squares, mut noise) = (0, 0, 0.0, Some(0.0));
+        for (index, measured) in (0..).zip(&self.tiles) {
+            let Some(tile) = job.grid.tile(index).filter(|_| measured.passes > 0) else { continue };
+            pixels += tile.pixels() as u64;
+            samples += tile.pixels() as u64 * u64::from(measured.passes) * u64::from(job.samples_per_pass);
+            squares += measured.squares;
+            noise = noise.zip(measured.noise).map(|(sum, of_tile): (f64, f64)| sum + of_tile);
+        }
+        let count = 3.0 * pixels as f64;
+        let mean = |sum: f64| Some(sum / count).filter(|mean| mean.is_finite());
+        LiveMeasurement {
+            job: job.id,
+            covered: pixels as f64 / (f64::from(job.grid.width) * f64::from(job.grid.height)),
+            samples_per_pixel: if pixels == 0 { 0.0 } else { samples as f64 / pixels as f64 },
+            mse: job.reference.and_then(|_| mean(squares)),
+            estimated_mse: noise.and_then(mean),
+        }
+    }
+}
+
+/// The error of a job's first frame over the pixels that have passes.
+///
+/// # Errors
+///
+/// When the film or the reference cannot be read.
+pub(crate) async fn current(farm: &Farm, job: JobRecord) -> Result<LiveMeasurement, FilmError> {
+    let mut live = farm.live.of(&job).lock_owned().await;
+    // Others may have been waited for.
+    let job = farm.store.job(job.id).await?.unwrap_or(job);
+    if live.redone_nodes != job.redone_nodes {
+        // A tile may have as many passes as before, and others.
+        *live = Live::of_nothing(&job);
+    }
+    let (now_ms, is_final) = (farm.config.clock.now_ms(), job.state.is_final());
+    let is_same = live.is_complete && live.accepted_nodes == job.accepted_nodes && live.is_final == is_final;
+    if live.fresh_until_ms.is_none_or(|until_ms| !is_same && now_ms >= until_ms) {
+        // Also when it fails: whoever asks again at once would have all of it tried again.
+        (live.is_complete, live.fresh_until_ms) = (false, Some(now_ms + FRESH_MS));
+        let is_complete = update(farm, &job, &mut live, now_ms).await?;
+        (live.is_complete, live.accepted_nodes, live.is_final) = (is_complete, job.accepted_nodes, is_final);
+        let end_ms = farm.config.clock.now_ms();
+        live.fresh_until_ms = Some((now_ms + FRESH_MS).max(end_ms + (end_ms - now_ms)));
+    }
+    Ok(live.measurement(&job))
+}
+
+/// Measures the tiles that have changed, beginning where the last update ended; `false` when there was no time for all.
+async fn update(farm: &Farm, job: &JobRecord, live: &mut Live, begin_ms: i64) -> Result<bool, FilmError> {
+    let mut reference = match job.reference {
+        Some(hash) => Some(ReferenceRows::new(farm, job.grid, hash).await),
+        None => None,
+    };
+    let (first, end) = (live.next_tile, job.grid.len());
+    for tiles in runs(first..end).chain(runs(0..first)) {
+        let is_complete = loop {
+            match measure_run(farm, job, live, tiles.clone(), &mut reference, begin_ms).await {
+                Ok(is_complete) => break is_complete,
+                Err(failure) => unless_merged(farm, job.id, failure).await?,
+            }
+            if farm.config.clock.now_ms() - begin_ms >= UPDATE_MS {
+                break false;
+            }
+        };
+        if !is_complete {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// Measures the tiles of one run that have changed; `false` when there was no time for all.
+async fn measure_run(
+    farm: &Farm,
+    job: &JobRecord,
+    live: &mut Live,
+    tiles: Range<u32>,
+    reference: &mut Option<ReferenceRows<'_>>,
+    begin_ms: i64,
+) -> Result<bool, FilmError> {
+    let complete = farm.store.complete_passes(job.id, 0, tiles.clone()).await?;
+    let mut changed = Vec::new();
+    for (tile, passes) in tiles.zip(complete) {
+        let measured = &mut live.tiles[tile as usize];
+        if passes == 0 {
+            *measured = MeasuredTile::default();
+        } else if measured.passes != passes {
+            changed.push(tile);
+        }
+    }
+    let (Some(first), Some(last)) = (changed.first(), changed.last()) else { return Ok(true) };
+    let rows = farm.store.nodes(job.id, 0, *first..last + 1, job.passes).await?;
+    let of_tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
+    let of_changed = of_tiles.filter(|rows| is_of(rows, &changed)).collect();
+    for batch in batches(of_changed) {
+        for (tile, measured) in measure(job, load(farm, batch).await?, reference).await? {
+            live.tiles[tile as usize] = measured;
+            live.next_tile = (tile + 1) % job.grid.len();
+        }
+        if farm.config.clock.now_ms() - begin_ms >= UPDATE_MS {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// Whether nodes are those of one of these tiles, which are in their order.
+fn is_of(rows: &[NodeRow], tiles: &[u32]) -> bool {
+    rows.first().is_some_and(|row| tiles.binary_search(&row.address.tile).is_ok())
+}
+
+/// Measures tiles that have been read, which are in their order.
+async fn measure(
+    job: &JobRecord,
+    tiles: Vec<LoadedTile>,
+    reference: &mut Option<ReferenceRows<'_>>,
+) -> Result<Vec<(u32, MeasuredTile)>, FilmError> {
+    let record = job.clone();
+    let shown = tokio::task::spawn_blocking(move || {
+        tiles.iter().map(|tile| ShownTile::new(tile, &record)).collect::<Result<Vec<_>, FilmError>>()
+    });
+    let mut shown = shown.await??;
+    if let Some(reference) = reference {
+        shown = reference.compare(shown).await?;
+    }
+    Ok(shown.into_iter().map(|tile| (tile.index, tile.measured)).collect())
+}
+
+/// A tile as it is now.
+#[derive(Debug)]
+struct ShownTile {
+    index: u32,
+    measured: MeasuredTile,
+    /// Where it lies in the frame and what it shows; `None` when it has no pass.
+    image: Option<(Tile, ImageRows)>,
+}
+
+impl ShownTile {
+    fn new(tile: &LoadedTile, job: &JobRecord) -> Result<Self, FilmError> {
+        let index = tile.index;
+        let Some(mut sum) = tile.sum(job, None)? else {
+            return Ok(Self { index, measured: MeasuredTile::default(), image: None });
+        };
+        // As an image of its own, so that its pixels are rounded as those of the frame are.
+        let place = sum.tile;
+        let grid = TileGrid { width: place.width, height: place.height, tile_size: place.width.max(place.height) };
+        (sum.tile_index, sum.tile) = (0, Tile { x: 0, y: 0, ..place });
+        let mut image = ImageRows::new(grid, 0..grid.height, LayerChoice::measured(sum.blocks() >= 2));
+        image.fill(&sum)?;
+        let errors = image.layers().standard_error.as_ref();
+        let square = |error: &f32| f64::from(*error) * f64::from(*error);
+        let noise = errors.map(|errors| errors.as_flattened().iter().map(square).sum());
+        let measured = MeasuredTile { passes: sum.passes, squares: 0.0, noise };
+        Ok(Self { index, measured, image: Some((place, image)) })
+    }
+
+    /// Adds what differs in some rows of the frame, which are told with their reference. Rows come from the top to the bottom.
+    fn compare(&mut self, rows: &Range<u32>, frame_width: u32, reference: &ImageLayers) {
+        let Some((tile, image)) = &self.image else { return };
+        let width = tile.width as usize;
+        for y in rows.start.max(tile.y)..rows.end.min(tile.y + tile.height) {
+            let in_tile = (y - tile.y) as usize * width;
+            let in_rows = (y - rows.start) as usize * frame_width as usize + tile.x as usize;
+            let shown = image.layers().mean[in_tile..in_tile + width].as_flattened();
+            for (x, r) in shown.iter().zip(reference.mean[in_rows..in_rows + width].as_flattened()) {
+                let difference = f64::from(*x) - f64::from(*r);
+                self.measured.squares += difference * difference;
+            }
+        }
+    }
+}
+
+/// Rows of a reference. Those that were read last are kept, since the next tiles lie in them too.
+struct ReferenceRows<'a> {
+    farm: &'a Farm,
+    grid: TileGrid,
+    hash: ContentHash,
+    /// Most rows at a time.
+    most_rows: u32,
+    last: Option<(Range<u32>, Arc<ImageLayers>)>,
+    /// Returned when it is dropped.
+    _memory: Option<SemaphorePermit<'a>>,
+}
+
+impl<'a> ReferenceRows<'a> {
+    /// Waits for the memory that it takes.
+    async fn new(farm: &'a Farm, grid: TileGrid, hash: ContentHash) -> Self {
+        let row_bytes = (u64::from(grid.width) * REFERENCE_PIXEL_BYTES).max(1);
+        let fitting = u32::try_from(REFERENCE_BYTES / row_bytes).unwrap_or(u32::MAX);
+        // Rows of whole tiles, if they fit, or else of whole blocks of a file.
+        let most_rows =
+            if fitting >= grid.tile_size { grid.tile_size } else { (fitting / ROWS_PER_BLOCK).max(1) * ROWS_PER_BLOCK };
+        let bytes = (row_bytes * u64::from(most_rows)).min(REFERENCE_BYTES);
+        // The semaphore is never closed.
+        let memory = farm.live.rows.acquire_many(permits(bytes)).await.ok();
+        Self { farm, grid, hash, most_rows, last: None, _memory: memory }
+    }
+
+    /// Compares tiles, which are in their order, with their pixels of the reference.
+    async fn compare(&mut self, mut tiles: Vec<ShownTile>) -> Result<Vec<ShownTile>, FilmError> {
+        let TileGrid { width, height, tile_size } = self.grid;
+        let mut tile_rows: Vec<u32> = tiles.iter().map(|tile| tile.index / self.grid.columns()).collect();
+        tile_rows.dedup();
+        for tile_row in tile_rows {
+            let (first, end) = (tile_row * tile_size, ((tile_row + 1) * tile_size).min(height));
+            for start in (first..end).step_by(self.most_rows as usize) {
+                let rows = start..end.min(start + self.most_rows);
+                let expected = self.read(rows.clone()).await?;
+                let compared = tokio::task::spawn_blocking(move || {
+                    tiles.iter_mut().for_each(|tile| tile.compare(&rows, width, &expected));
+                    tiles
+                });
+                tiles = compared.await?;
+            }
+        }
+        Ok(tiles)
+    }
+
+    async fn read(&mut self, rows: Range<u32>) -> Result<Arc<ImageLayers>, FilmError> {
+        if let Some((_, layers)) = self.last.as_ref().filter(|(last, _)| *last == rows) {
+            return Ok(Arc::clone(layers));
+        }
+        self.last = None;
+        let file = self.farm.blobs.asset_file(self.hash).await?;
+        let budget = DecodeBudget { pixel_bytes: self.farm.config.image_bytes };
+        let wanted = rows.clone();
+        let layers = Arc::new(tokio::task::spawn_blocking(move || picture_rows(file, wanted, budget)).await??);
+        self.last = Some((rows, Arc::clone(&layers)));
+        Ok(layers)
+    }
+}

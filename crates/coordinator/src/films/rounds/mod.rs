@@ -1,0 +1,7 @@
+//! TODO
+
+mod film_lease;
+pub(crate) mod finalizer;
+mod merging;
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,231 @@
+//! Jobs: what is submitted, where a job stands, and how it ends.
+
+use std::collections::BTreeMap;
+
+use clerestory_api::{ContentHash, FailedNode, JobHold, JobId, JobState, StopReason};
+use clerestory_film::counters::Counters;
+use clerestory_film::{
+    Adaptation, NodeAddress, PILOT_ROUND, PassRange, Rounds, Sampling, SamplingError, Targets, TileGrid,
+};
+
+/// A job to be stored.
+#[derive(Clone, Debug)]
+pub(crate) struct NewJob {
+    /// Its identity.
+    pub(crate) id: JobId,
+    /// Its name.
+    pub(crate) name: String,
+    /// Its priority.
+    pub(crate) priority: i32,
+    /// The canonical scene description.
+    pub(crate) scene: String,
+    /// Hash of the canonical scene.
+    pub(crate) scene_hash: String,
+    /// Name of the integrator.
+    pub(crate) integrator: String,
+    /// What light the integrator cannot bring.
+    pub(crate) missing_light: Vec<String>,
+    /// What light of small lights the integrator leaves to chance.
+    pub(crate) left_to_chance: Vec<String>,
+    /// Size of the image and its tiles.
+    pub(crate) grid: TileGrid,
+    /// Samples per pixel in a pass.
+    pub(crate) samples_per_pass: u32,
+    /// Samples per pixel in a block.
+    pub(crate) samples_per_block: u32,
+    /// Passes that each tile gets at most.
+    pub(crate) passes: u32,
+    /// The reference image.
+    pub(crate) reference: Option<ContentHash>,
+    /// Time limit from the first lease on.
+    pub(crate) time_limit_ms: Option<i64>,
+    /// Errors at which it ends.
+    pub(crate) targets: Targets,
+    /// Whether its passes are shared out among the tiles by their noise.
+    pub(crate) adaptive: bool,
+    /// Assets by path.
+    pub(crate) assets: BTreeMap<String, ContentHash>,
+    /// When it was submitted.
+    pub(crate) created_ms: i64,
+}
+
+/// A job as stored, without its scene.
+#[derive(Clone, Debug)]
+pub(crate) struct JobRecord {
+    /// Its identity.
+    pub(crate) id: JobId,
+    /// Its name.
+    pub(crate) name: String,
+    /// Where it stands.
+    pub(crate) state: JobState,
+    /// What ended it.
+    pub(crate) stopped_by: Option<StopReason>,
+    /// Why it failed.
+    pub(crate) failure: Option<String>,
+    /// The node that it failed on.
+    pub(crate) failed_node: Option<FailedNode>,
+    /// Why it gets no leases.
+    pub(crate) hold: Option<JobHold>,
+    /// Its priority.
+    pub(crate) priority: i32,
+    /// Hash of the canonical scene.
+    pub(crate) scene_hash: String,
+    /// Name of the integrator.
+    pub(crate) integrator: String,
+    /// What light the integrator cannot bring.
+    pub(crate) missing_light: Vec<String>,
+    /// What light of small lights the integrator leaves to chance.
+    pub(crate) left_to_chance: Vec<String>,
+    /// Number of frames.
+    pub(crate) frames: u32,
+    /// Size of the image and its tiles.
+    pub(crate) grid: TileGrid,
+    /// Samples per pixel in a pass.
+    pub(crate) samples_per_pass: u32,
+    /// Samples per pixel in a block.
+    pub(crate) samples_per_block: u32,
+    /// Passes that each tile gets.
+    pub(crate) passes: u32,
+    /// The reference image.
+    pub(crate) reference: Option<ContentHash>,
+    /// Which bits it has: the probe's digest of the first worker that was given nodes of it, empty if it sent none.
+    pub(crate) probe_digest: Option<String>,
+    /// Time limit from the first lease on.
+    pub(crate) time_limit_ms: Option<i64>,
+    /// Errors at which it ends.
+    pub(crate) targets: Targets,
+    /// Whether its passes are shared out among the tiles by their noise.
+    pub(crate) adaptive: bool,
+    /// Camera samples in its images, once passes have been shared out.
+    pub(crate) shared_samples: Option<u64>,
+    /// When it was submitted.
+    pub(crate) created_ms: i64,
+    /// When its first lease was given out.
+    pub(crate) started_ms: Option<i64>,
+    /// When it reached its final state.
+    pub(crate) finished_ms: Option<i64>,
+    /// When it had been done before it was opened again, which it is until its lost nodes are there.
+    pub(crate) reopened_ms: Option<i64>,
+    /// Where the next pending rows are cut from: round, frame, tile.
+    pub(crate) cursor: [u32; 3],
+    /// Recorded rounds.
+    pub(crate) rounds: u32,
+    /// Passes at the last recorded round.
+    pub(crate) complete_passes: u32,
+    /// Accepted nodes; rises with every change of the film.
+    pub(crate) accepted_nodes: u64,
+    /// Accepted nodes that were taken out of the film again, to be rendered once more.
+    pub(crate) redone_nodes: u64,
+    /// Camera samples accepted.
+    pub(crate) samples: u64,
+    /// Time spent on them, and on what was rendered again, summed over cores.
+    pub(crate) core_ms: i64,
+    /// What was counted meanwhile.
+    pub(crate) counters: Counters,
+}
+
+impl JobRecord {
+    /// How its samples are grouped.
+    pub(crate) fn sampling(&self) -> Result<Sampling, SamplingError> {
+        Sampling::new(self.samples_per_pass, self.samples_per_block)
+    }
+
+    /// The round boundaries.
+    pub(crate) fn boundaries(&self) -> Rounds {
+        Rounds::new(self.passes)
+    }
+
+    /// How its passes are shared out among the tiles; `None` where all get the same.
+    pub(crate) fn adaptation(&self) -> Option<Adaptation> {
+        let sampling = self.sampling().ok().filter(|_| self.adaptive)?;
+        self.targets.adaptation(sampling, self.passes).ok()
+    }
+
+    /// Whether a wave cannot be cut yet: its passes are to be shared out first.
+    pub(crate) fn waits_for_shares(&self, round_passes: PassRange) -> bool {
+        let fewest =
+            self.adaptation().filter(|_| self.shared_samples.is_none()).map(|adaptation| adaptation.fewest_passes());
+        fewest.is_some_and(|fewest| round_passes.first + round_passes.count > fewest)
+    }
+
+    /// Passes of the pilot that are work of a round.
+    pub(crate) fn pilot_in(&self, round: u32) -> impl Iterator<Item = u32> + use<> {
+        let adaptation = self.adaptation().filter(|_| round == PILOT_ROUND);
+        adaptation.into_iter().flat_map(|adaptation| adaptation.pilot())
+    }
+
+    /// Camera samples in a pass over all tiles of all frames.
+    pub(crate) fn pass_samples(&self) -> u64 {
+        u64::from(self.grid.width)
+            * u64::from(self.grid.height)
+            * u64::from(self.frames)
+            * u64::from(self.samples_per_pass)
+    }
+
+    /// Camera samples in the whole job; while passes are still to be shared out, as many as it can have at most.
+    pub(crate) fn total_samples(&self) -> u64 {
+        let pilot_passes = self.adaptation().map_or(0, |adaptation| adaptation.pilot_passes());
+        let in_images = self.shared_samples.unwrap_or(self.pass_samples() * u64::from(self.passes));
+        in_images.saturating_add(self.pass_samples() * u64::from(pilot_passes))
+    }
+
+    /// Camera samples in a node; 0 when there is no such tile.
+    pub(crate) fn node_samples(&self, address: &NodeAddress) -> u64 {
+        let pixels = self.grid.tile(address.tile).map_or(0, |tile| tile.pixels() as u64);
+        (pixels * u64::from(self.samples_per_pass)) << address.level
+    }
+
+    /// Whether its time is up and there is an image to end with: the first pass is rendered in any case, as it is
+    /// without a farm.
+    pub(crate) fn is_out_of_time(&self, now_ms: i64) -> bool {
+        self.rounds > 0 && self.is_past_limit(now_ms)
+    }
+
+    /// Whether its time limit has passed.
+    pub(crate) fn is_past_limit(&self, now_ms: i64) -> bool {
+        match (self.started_ms, self.time_limit_ms) {
+            // Its time was up before, and what it lacks is rendered however long that takes.
+            _ if self.reopened_ms.is_some() => false,
+            (Some(started_ms), Some(limit_ms)) => now_ms >= started_ms.saturating_add(limit_ms),
+            _ => false,
+        }
+    }
+}
+
+/// How a job ends.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// Done, for this reason.
+    Done(StopReason),
+    /// Cancelled by a user.
+    Cancelled,
+    /// Given up, for this reason.
+    Failed(String),
+}
+
+impl Ending {
+    /// The state that a job has afterwards.
+    pub(crate) fn state(&self) -> JobState {
+        match self {
+            Self::Done(_) => JobState::Done,
+            Self::Cancelled => JobState::Cancelled,
+            Self::Failed(_) => JobState::Failed,
+        }
+    }
+
+    /// What has ended it, where that is a stop rule.
+    pub(crate) fn stopped_by(&self) -> Option<StopReason> {
+        match self {
+            Self::Done(reason) => Some(*reason),
+            Self::Cancelled | Self::Failed(_) => None,
+        }
+    }
+
+    /// Why it has failed.
+    pub(crate) fn failure(&self) -> Option<&str> {
+        match self {
+            Self::Failed(reason) => Some(reason),
+            Self::Done(_) | Self::Cancelled => None,
+        }
+    }
+}

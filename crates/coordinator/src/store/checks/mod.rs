@@ -1,0 +1,5 @@
+//! TODO
+
+pub(in crate::store) mod answers;
+pub(in crate::store) mod redo;
+pub(in crate::store) mod table;

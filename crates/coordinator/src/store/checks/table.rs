@@ -1,0 +1,257 @@
+//! Checks: a small part of all nodes is rendered by a second worker too, and both must have the same bits.
+//!
+//! Which nodes those are follows from their addresses and a [key](CheckKey) of the farm, so that a node that is rendered again is checked again, and no
+//! worker can tell which will be. When two workers disagree, a
+//! third decides: the odd one is quarantined, and [what it has rendered](super::redo) is rendered again. A round is not complete while nodes
+//! of it are to be checked. A check that nobody is left to do is given up: nobody who computes the bits that the job was begun with, and does not fail
+//! again and again.
+//!
+//! A machine does not check itself, and is quarantined as a whole: in all of this, workers of one name are one.
+
+use clerestory_api::{JobId, LeaseId, WorkerId};
+use clerestory_film::NodeAddress;
+use uuid::Uuid;
+
+use crate::model::{JobRecord, LeaseRecord};
+use crate::store::checks::answers::Outcome;
+use crate::store::database::Store;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::lists::address;
+use crate::store::engine::source::Connection;
+use crate::store::engine::sql::query;
+use crate::store::workers::table::MATCHES_PIN;
+
+/// A round does not wait for the checks of a worker that has failed so often in a row, whatever it was given.
+const MOST_FAILURES_IN_A_ROW: u32 = 5;
+
+/// A node that is checked, as a worker brought it.
+#[derive(Clone, Debug)]
+pub(in crate::store) struct Brought {
+    /// The node.
+    pub(in crate::store) address: NodeAddress,
+    /// Hash of its bytes.
+    pub(in crate::store) digest: String,
+}
+
+/// A check that nobody was left to do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct GivenUp {
+    /// The job.
+    pub(crate) job: JobId,
+    /// The node.
+    pub(crate) node: NodeAddress,
+    /// Workers that disagree about it; one when nobody else has rendered it.
+    pub(crate) workers: Vec<WorkerId>,
+}
+
+/// A condition on a row of `checks`: no worker of this name, which is an expression of SQL, has an opinion about the node.
+pub(in crate::store) fn is_new_to(name: &str) -> String {
+    format!(
+        "not exists (select 1 from opinions join workers as bringers on bringers.id = opinions.worker \
+         where opinions.check_id = checks.id and bringers.name = {name})"
+    )
+}
+
+/// A condition on a row of `workers` and one of `jobs`: a round may wait for this worker to check nodes of the job. It was heard of since a time, which is
+/// an expression of SQL.
+pub(in crate::store) fn is_waited_for(alive_ms: &str) -> String {
+    format!(
+        "workers.seen_ms >= {alive_ms} and workers.ended_ms is null and workers.quarantine is null \
+         and workers.failures_in_a_row < {MOST_FAILURES_IN_A_ROW} and {MATCHES_PIN}"
+    )
+}
+
+/// Opens checks of nodes that have just been accepted, by their rounds, if a worker that can do them was heard of since `alive_ms`.
+pub(in crate::store) async fn open(
+    connection: &mut Connection,
+    lease: &LeaseRecord,
+    nodes: &[(i64, Brought)],
+    alive_ms: i64,
+) -> Result<Outcome, StoreError> {
+    let others = query(format!(
+        "select 1 from workers join jobs on jobs.id = $3 where {} \
+         and workers.name <> (select own.name from workers as own where own.id = $1) limit 1",
+        is_waited_for("$2")
+    ))
+    .bind(lease.worker.to_string())
+    .bind(alive_ms)
+    .bind(lease.job.to_string())
+    .fetch_optional(&mut *connection)
+    .await?;
+    if others.is_none() {
+        return Ok(Outcome::default());
+    }
+    for (round, node) in nodes {
+        let check = Uuid::now_v7().to_string();
+        let NodeAddress { frame, tile, level, index } = node.address;
+        query("insert into checks (id, job, round, frame, tile, level, idx) values ($1, $2, $3, $4, $5, $6, $7)")
+            .bind(&check)
+            .bind(lease.job.to_string())
+            .bind(*round)
+            .bind(i64::from(frame))
+            .bind(i64::from(tile))
+            .bind(i64::from(level))
+            .bind(i64::from(index))
+            .execute(&mut *connection)
+            .await?;
+        cast_vote(connection, &check, lease.worker, &node.digest).await?;
+    }
+    Ok(Outcome { has_work: true, ..Outcome::default() })
+}
+
+/// Lets go of the checks that a lease has. Whoever has taken one over is the only one to have it then.
+pub(in crate::store) async fn release(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    for statement in [
+        "update checks set second_lease = null where second_lease = $1",
+        "update checks set lease = second_lease, second_lease = null where lease = $1",
+    ] {
+        query(statement).bind(lease.to_string()).execute(&mut *connection).await?;
+    }
+    Ok(())
+}
+
+pub(in crate::store) async fn cast_vote(
+    connection: &mut Connection,
+    check: &str,
+    worker: WorkerId,
+    digest: &str,
+) -> Result<(), StoreError> {
+    query("insert into opinions (check_id, worker, digest) values ($1, $2, $3)")
+        .bind(check)
+        .bind(worker.to_string())
+        .bind(digest)
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+/// Who brought which bits, in order of the workers.
+pub(in crate::store) async fn votes(
+    connection: &mut Connection,
+    check: &str,
+) -> Result<Vec<(WorkerId, String)>, StoreError> {
+    let rows = query("select worker, digest from opinions where check_id = $1 order by worker")
+        .bind(check)
+        .fetch_all(connection)
+        .await?;
+    rows.iter().map(|row| Ok((row.parsed("worker")?, row.text("digest")?))).collect()
+}
+
+/// Ends a check without a word.
+pub(in crate::store) async fn end(connection: &mut Connection, check: &str) -> Result<(), StoreError> {
+    query("delete from checks where id = $1").bind(check).execute(connection).await?;
+    Ok(())
+}
+
+/// When others must have been given a check for one more to get it, milliseconds since 1970. The time for which they may keep what they have rendered
+/// does not count.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::store) struct HeldSince {
+    /// Where one other has it.
+    pub(in crate::store) one_ms: i64,
+    /// Where two have it, of whom the second loses it.
+    pub(in crate::store) two_ms: i64,
+}
+
+/// Nodes of a job that a worker is to check: those that nobody has, or those that others have had for so long.
+pub(in crate::store) async fn choose(
+    connection: &mut Connection,
+    job: &JobRecord,
+    worker: WorkerId,
+    most: u32,
+    held_since: Option<HeldSince>,
+) -> Result<Vec<NodeAddress>, StoreError> {
+    let is_held_since = |lease: &str, time: &str| {
+        format!(
+            "exists (select 1 from leases where id = checks.{lease} and worker <> $2 and granted_ms + gather_ms <= {time})"
+        )
+    };
+    // Whoever has some begins with the first.
+    let (whose, order, times) = match held_since {
+        None => ("lease is null".to_owned(), "frame, tile, idx", None),
+        Some(HeldSince { one_ms, two_ms }) => {
+            let (one, two) = (is_held_since("lease", "$4"), is_held_since("second_lease", "$5"));
+            let of_two = is_held_since("lease", "$5");
+            let held = format!("(second_lease is null and {one} or {two} and {of_two})");
+            (held, "frame desc, tile desc, idx desc", Some([one_ms, two_ms]))
+        }
+    };
+    let chosen = query(format!(
+        "select frame, tile, level, idx from checks where job = $1 and {whose} and {} \
+         order by round, {order} limit $3",
+        is_new_to("(select name from workers where id = $2)")
+    ))
+    .bind(job.id.to_string())
+    .bind(worker.to_string())
+    .bind(i64::from(most));
+    let chosen = times.into_iter().flatten().fold(chosen, |chosen, time| chosen.bind(time));
+    let rows = chosen.fetch_all(connection).await?;
+    rows.iter().map(address).collect()
+}
+
+impl Store {
+    /// Gives up checks that no worker which was heard of since `alive_ms` can do or is failing to do, and answers them.
+    pub(crate) async fn give_up_checks(&self, alive_ms: i64) -> Result<Vec<GivenUp>, StoreError> {
+        if query("select 1 from checks limit 1").fetch_optional(&self.readers).await?.is_none() {
+            return Ok(Vec::new());
+        }
+        self.write(move |connection| Box::pin(async move { give_up(connection, alive_ms).await })).await
+    }
+}
+
+async fn give_up(connection: &mut Connection, alive_ms: i64) -> Result<Vec<GivenUp>, StoreError> {
+    let rows = query(format!(
+        "select checks.id, job, frame, tile, level, idx from checks join jobs on jobs.id = checks.job \
+         where lease is null and not exists (select 1 from workers where {} and {})",
+        is_waited_for("$1"),
+        is_new_to("workers.name")
+    ))
+    .bind(alive_ms)
+    .fetch_all(&mut *connection)
+    .await?;
+    let mut given_up = Vec::with_capacity(rows.len());
+    for row in &rows {
+        let check = row.text("id")?;
+        let workers = votes(connection, &check).await?.into_iter().map(|(worker, _)| worker).collect();
+        end(connection, &check).await?;
+        given_up.push(GivenUp { job: row.parsed("job")?, node: address(row)?, workers });
+    }
+    Ok(given_up)
+}
+
+/// Ends all checks of a job that ends without waiting for them. What is in dispute stays in its image, and people are told.
+pub(in crate::store) async fn abandon(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
+    let disputed = query(
+        "select id, frame, tile, level, idx from checks where job = $1 \
+         and (select count(distinct digest) from opinions where check_id = checks.id) > 1",
+    )
+    .bind(job.to_string())
+    .fetch_all(&mut *connection)
+    .await?;
+    for row in &disputed {
+        let (node, votes) = (address(row)?, votes(connection, &row.text("id")?).await?);
+        let workers: Vec<String> = votes.iter().map(|(worker, _)| worker.to_string()).collect();
+        tracing::error!(%job, %node, ?workers, "the job ended before a third worker could decide which of two rendered a node to wrong bits");
+    }
+    query("delete from checks where job = $1").bind(job.to_string()).execute(connection).await?;
+    Ok(())
+}
+
+/// Ends all checks of what shares a pass with one of some nodes.
+pub(in crate::store) async fn forget(
+    connection: &mut Connection,
+    job: JobId,
+    nodes: &[NodeAddress],
+) -> Result<(), StoreError> {
+    let rows = query("select id, frame, tile, level, idx from checks where job = $1")
+        .bind(job.to_string())
+        .fetch_all(&mut *connection)
+        .await?;
+    for row in &rows {
+        let checked = address(row)?;
+        if nodes.iter().any(|node| node.overlaps(&checked)) {
+            end(connection, &row.text("id")?).await?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,352 @@
+//! Acceptance: what becomes of nodes that a worker brings.
+//!
+//! A node is accepted in one transaction, only under a valid lease that it was leased with, only if no row of its tile shares a pass with it (no
+//! ancestor, no descendant, not itself), and only if all of its passes are pending. Those may be pending as smaller nodes, or leased to somebody
+//! else by now: the first result wins. Its bytes are on disk before the transaction begins.
+//!
+//! Sums of times saturate at the largest integer, as those of counters do: their terms were measured by others, and a sum
+//! that overflows would be a number that no reader takes.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use clerestory_api::{JobId, NodeVerdict, WorkerId};
+use clerestory_film::NodeAddress;
+use clerestory_film::counters::Counters;
+
+use crate::model::{DeliveredNode, Delivery, LeaseRecord, NodeRow, Work};
+use crate::store::checks::answers::{self, Outcome};
+use crate::store::checks::table as checks;
+use crate::store::checks::table::Brought;
+use crate::store::database::Store;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::lists::{Kind, address, big, is_of_nodes, nodes_json, rows_of, to_json};
+use crate::store::engine::source::Connection;
+use crate::store::engine::sql::query;
+use crate::store::films::nodes;
+use crate::store::jobs;
+use crate::store::leases::table as leases;
+use crate::store::leases::table::LeaseError;
+use crate::store::workers::table as workers;
+
+/// So much of what a worker rendered before counts in the mean of its speed, in microseconds of each of its cores: scenes change from tile to
+/// tile, and machines from minute to minute.
+const REMEMBERED_US: f64 = 30e6;
+
+/// What became of a delivery.
+#[derive(Clone, Debug)]
+pub(crate) struct Acceptance {
+    /// One verdict for each node, in their order.
+    pub(crate) verdicts: Vec<NodeVerdict>,
+    /// Nodes of the lease that are still pending.
+    pub(crate) outstanding: u32,
+    /// Camera samples accepted.
+    pub(crate) samples: u64,
+    /// Whether a wave of the job has become complete.
+    pub(crate) completes_round: bool,
+    /// What checks have come to.
+    pub(crate) checks: Outcome,
+}
+
+impl Store {
+    /// Accepts what came with a partial. Places of nodes that were not accepted are nobody's afterwards.
+    pub(crate) async fn accept(&self, delivery: Delivery) -> Result<Acceptance, LeaseError> {
+        self.write(move |connection| Box::pin(async move { accept(connection, &delivery).await })).await
+    }
+}
+
+async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acceptance, LeaseError> {
+    let (lease, job) = leases::valid_with_job(connection, delivery.lease, delivery.token, delivery.now_ms).await?;
+    let all_samples: u64 = delivery.nodes.iter().map(|node| job.node_samples(&node.address)).sum();
+    let taken = take_all(connection, &lease, &delivery.nodes).await?;
+    // Shares of a whole number of milliseconds that have the whole as their sum, however short each node has taken.
+    let core_ms_up_to = |samples: u64| (delivery.core_ms as f64 * samples as f64 / all_samples.max(1) as f64) as i64;
+    let mut samples_before = 0;
+    let (mut samples, mut core_ms, mut counters) = (0, 0_i64, Counters::default());
+    let mut accepted = Vec::new();
+    let (mut to_be_checked, mut checked) = (Vec::new(), Vec::new());
+    let mut rounds: BTreeMap<(u32, i64), RoundWork> = BTreeMap::new();
+    let mut frees_work = false;
+    for (node, taken) in delivery.nodes.iter().zip(&taken) {
+        let brought = || Brought { address: node.address, digest: node.digest.clone() };
+        let own_samples = job.node_samples(&node.address);
+        let own_core_ms = core_ms_up_to(samples_before + own_samples).saturating_sub(core_ms_up_to(samples_before));
+        samples_before += own_samples;
+        let Taken::From { round } = *taken else {
+            if matches!(taken, Taken::Duplicate) && lease.nodes.contains(&node.address) {
+                frees_work |= free_rest(connection, &lease, &node.address).await?;
+            }
+            // Which nodes are checked was decided when they were accepted, maybe by a coordinator that is set up otherwise.
+            checked.push(brought());
+            continue;
+        };
+        to_be_checked.extend(node.is_selected.then(|| (round, brought())));
+        counters += node.counters;
+        samples += own_samples;
+        core_ms = core_ms.saturating_add(own_core_ms);
+        let work = rounds.entry((node.address.frame, round)).or_default();
+        work.passes += i64::from(node.address.passes().count);
+        work.core_ms = work.core_ms.saturating_add(own_core_ms);
+        let work = Work { counters: node.counters, builds: BTreeSet::from([lease.build.clone()]) };
+        accepted.push(NodeRow { address: node.address, blob_range: node.blob_range.clone(), work });
+    }
+    nodes::insert(connection, job.id, &accepted).await?;
+    let mut completes_round = false;
+    for ((frame, round), work) in rounds {
+        completes_round |= count_down(connection, job.id, frame, round, work, delivery.now_ms).await? == 0;
+    }
+    if accepted.is_empty() {
+        workers::mark_seen(connection, lease.worker, delivery.now_ms).await?;
+    } else {
+        let count = accepted.len() as u64;
+        jobs::add_accepted(connection, &job, count, samples, core_ms, counters).await?;
+        let cores = credit_worker(connection, lease.worker, count, samples, core_ms, delivery.now_ms).await?;
+        let core_us = delivery.core_ms as f64 * 1000.0 * samples as f64 / all_samples.max(1) as f64;
+        measure(connection, lease.worker, job.id, samples, [core_us, REMEMBERED_US * f64::from(cores)]).await?;
+    }
+    let mut checks = Outcome::default();
+    if !to_be_checked.is_empty() {
+        checks = checks::open(connection, &lease, &to_be_checked, delivery.alive_ms).await?;
+    }
+    if !checked.is_empty() {
+        let answered = answers::answer(connection, &lease, &checked, delivery.now_ms).await?;
+        checks = Outcome { has_work: checks.has_work || answered.has_work, ..answered };
+    }
+    checks.has_work |= frees_work;
+    let accepted_ms = (!accepted.is_empty()).then_some(delivery.now_ms);
+    let outstanding = leases::go_on(connection, delivery.lease, accepted_ms).await?;
+    let verdicts = taken.into_iter().map(Taken::verdict).collect();
+    Ok(Acceptance { verdicts, outstanding, samples, completes_round, checks })
+}
+
+/// What becomes of a node that was brought.
+#[derive(Clone, Copy, Debug)]
+enum Taken {
+    /// It is accepted, as work of this round.
+    From { round: i64 },
+    /// An accepted node shares a pass with it.
+    Duplicate,
+    /// It was not leased, or not all of its passes are pending.
+    Refused,
+}
+
+impl Taken {
+    fn verdict(self) -> NodeVerdict {
+        match self {
+            Self::From { .. } => NodeVerdict::Accepted,
+            Self::Duplicate => NodeVerdict::Duplicate,
+            Self::Refused => NodeVerdict::Refused,
+        }
+    }
+}
+
+/// What has been accepted of a wave.
+#[derive(Clone, Copy, Debug, Default)]
+struct RoundWork {
+    passes: i64,
+    core_ms: i64,
+}
+
+/// Takes the nodes that were brought from the pending ones, as far as they are to be accepted.
+async fn take_all(
+    connection: &mut Connection,
+    lease: &LeaseRecord,
+    nodes: &[DeliveredNode],
+) -> Result<Vec<Taken>, StoreError> {
+    let known = covered(connection, lease.job, nodes).await?;
+    let is_new = |address: &NodeAddress| lease.nodes.contains(address) && !known.contains(address);
+    let new: Vec<NodeAddress> = nodes.iter().map(|node| node.address).filter(is_new).collect();
+    let whole = take(connection, lease.job, &new).await?;
+    let mut taken = Vec::with_capacity(nodes.len());
+    let mut accepted: BTreeMap<(u32, u32), Vec<NodeAddress>> = BTreeMap::new();
+    for DeliveredNode { address, .. } in nodes {
+        let of_tile = accepted.entry((address.frame, address.tile)).or_default();
+        if known.contains(address) || of_tile.iter().any(|other| other.overlaps(address)) {
+            taken.push(Taken::Duplicate);
+            continue;
+        }
+        let round = match whole.get(address) {
+            Some(round) => Some(*round),
+            None if lease.nodes.contains(address) => take_parts(connection, lease.job, address).await?,
+            None => None,
+        };
+        match round {
+            Some(round) => {
+                of_tile.push(*address);
+                taken.push(Taken::From { round });
+            }
+            None => taken.push(Taken::Refused),
+        }
+    }
+    Ok(taken)
+}
+
+/// Which of some nodes share a pass with an accepted one.
+async fn covered(
+    connection: &mut Connection,
+    job: JobId,
+    nodes: &[DeliveredNode],
+) -> Result<BTreeSet<NodeAddress>, StoreError> {
+    if nodes.is_empty() {
+        return Ok(BTreeSet::new());
+    }
+    // No two accepted nodes of a tile share a pass: of those that begin before its end, the last decides.
+    let statement = format!(
+        "select c0 as frame, c1 as tile, c2 as level, c3 as idx from {} as listed_nodes \
+         where (select end_pass from nodes where job = $1 and frame = c0 and tile = c1 and first_pass < c5 \
+         order by first_pass desc limit 1) > c4",
+        rows_of(connection.engine(), 2, &[Kind::Integer; 6])
+    );
+    let listed = nodes.iter().map(|node| {
+        let ([first, end], NodeAddress { frame, tile, level, index }) = (nodes::ends(&node.address), node.address);
+        (frame, tile, level, index, first, end)
+    });
+    let listed = to_json(&listed.collect::<Vec<_>>())?;
+    let rows = query(statement).bind(job.to_string()).bind(listed).fetch_all(connection).await?;
+    rows.iter().map(address).collect()
+}
+
+/// Removes those of some nodes that are pending from the pending ones, and answers them with their rounds.
+async fn take(
+    connection: &mut Connection,
+    job: JobId,
+    nodes: &[NodeAddress],
+) -> Result<BTreeMap<NodeAddress, i64>, StoreError> {
+    if nodes.is_empty() {
+        return Ok(BTreeMap::new());
+    }
+    let statement = format!(
+        "delete from pending where {} returning frame, tile, level, idx, round",
+        is_of_nodes(connection.engine(), "pending", 1, 2)
+    );
+    let rows = query(statement).bind(job.to_string()).bind(nodes_json(nodes)?).fetch_all(connection).await?;
+    rows.iter().map(|row| Ok((address(row)?, row.integer("round")?))).collect()
+}
+
+/// The condition that a row is a part of a node: of its frame ($2) and tile ($3), and from its first pass ($4) to its end ($5).
+const WITHIN: &str = "frame = $2 and tile = $3 \
+     and (idx << cast(level as integer)) >= $4 and ((idx + 1) << cast(level as integer)) <= $5";
+
+/// Removes what is pending of the passes of a node that is not pending itself, if they all are, and answers their round.
+async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress) -> Result<Option<i64>, StoreError> {
+    let [first, end] = nodes::ends(node);
+    let rows = query(format!("select level, round from pending where job = $1 and {WITHIN}"))
+        .bind(job.to_string())
+        .bind(i64::from(node.frame))
+        .bind(i64::from(node.tile))
+        .bind(first)
+        .bind(end)
+        .fetch_all(&mut *connection)
+        .await?;
+    let mut passes = 0;
+    for row in &rows {
+        passes += 1_i64 << row.integer("level")?;
+    }
+    // A node is work of one round.
+    let Some(round) = rows.first().filter(|_| passes == end - first) else { return Ok(None) };
+    let round = round.integer("round")?;
+    for row in &rows {
+        if row.integer("round")? != round {
+            return Ok(None);
+        }
+    }
+    query(format!("delete from pending where job = $1 and {WITHIN}"))
+        .bind(job.to_string())
+        .bind(i64::from(node.frame))
+        .bind(i64::from(node.tile))
+        .bind(first)
+        .bind(end)
+        .execute(connection)
+        .await?;
+    Ok(Some(round))
+}
+
+/// Frees what a lease still has of a node of which others have brought a part: its worker has brought the whole, and will not bring the rest.
+/// Answers whether there was any.
+async fn free_rest(connection: &mut Connection, lease: &LeaseRecord, node: &NodeAddress) -> Result<bool, StoreError> {
+    if node.level == 0 {
+        return Ok(false);
+    }
+    let [first, end] = nodes::ends(node);
+    let freed = query(format!("update pending set lease = null where lease = $1 and {WITHIN}"))
+        .bind(lease.id.to_string())
+        .bind(i64::from(node.frame))
+        .bind(i64::from(node.tile))
+        .bind(first)
+        .bind(end)
+        .execute(connection)
+        .await?;
+    Ok(freed > 0)
+}
+
+/// Notes what has been accepted of a wave, and answers how many passes of it are not.
+async fn count_down(
+    connection: &mut Connection,
+    job: JobId,
+    frame: u32,
+    round: i64,
+    work: RoundWork,
+    now_ms: i64,
+) -> Result<i64, StoreError> {
+    query(
+        "update waves set outstanding = outstanding - $4, \
+         core_ms = case when core_ms > 9223372036854775807 - $5 then 9223372036854775807 else core_ms + $5 end, \
+         completed_ms = case when outstanding = $4 then $6 else null end \
+         where job = $1 and frame = $2 and round = $3 returning outstanding",
+    )
+    .bind(job.to_string())
+    .bind(i64::from(frame))
+    .bind(round)
+    .bind(work.passes)
+    .bind(work.core_ms)
+    .bind(now_ms)
+    .fetch_one(connection)
+    .await?
+    .integer("outstanding")
+}
+
+/// Notes on a worker what was accepted of it, and answers how many cores it has.
+async fn credit_worker(
+    connection: &mut Connection,
+    worker: WorkerId,
+    nodes: u64,
+    samples: u64,
+    core_ms: i64,
+    now_ms: i64,
+) -> Result<u32, StoreError> {
+    query(
+        "update workers set seen_ms = $5, accepted_nodes = accepted_nodes + $2, samples = samples + $3, \
+         core_ms = case when core_ms > 9223372036854775807 - $4 then 9223372036854775807 else core_ms + $4 end, \
+         failures_in_a_row = 0 where id = $1 returning cores",
+    )
+    .bind(worker.to_string())
+    .bind(big(nodes))
+    .bind(big(samples))
+    .bind(core_ms)
+    .bind(now_ms)
+    .fetch_one(connection)
+    .await?
+    .number("cores")
+}
+
+/// Notes how fast a worker has rendered some of a job, in so many microseconds. Of all that was before, no more than `remembered_us` counts.
+async fn measure(
+    connection: &mut Connection,
+    worker: WorkerId,
+    job: JobId,
+    samples: u64,
+    [core_us, remembered_us]: [f64; 2],
+) -> Result<(), StoreError> {
+    query(
+        "insert into rates (worker, job, samples, core_us) values ($1, $2, $3, $4) on conflict (worker, job) do update set \
+         samples = rates.samples * (case when rates.core_us > $5 then $5 / rates.core_us else 1.0 end) + excluded.samples, \
+         core_us = (case when rates.core_us > $5 then $5 else rates.core_us end) + excluded.core_us",
+    )
+    .bind(worker.to_string())
+    .bind(job.to_string())
+    .bind(Some(samples as f64))
+    .bind(Some(core_us))
+    .bind(Some(remembered_us))
+    .execute(connection)
+    .await?;
+    Ok(())
+}

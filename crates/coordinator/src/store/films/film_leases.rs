@@ -1,0 +1,66 @@
+//! Who keeps the film of a job: one coordinator at a time, for a term that it renews.
+//!
+//! Two that keep the same film for a while change no bit, since rounds are recorded once and every merge has the same sum. What one finds
+//! that does not fit together it reads again, since the other may have gone on in between. So a claim need not be exact, and clocks
+//! may differ.
+
+use clerestory_api::JobId;
+use uuid::Uuid;
+
+use crate::model::FilmLease;
+use crate::store::database::Store;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::sql::query;
+use crate::store::engine::writer::Turn;
+
+impl Store {
+    /// Claims the film of a job for a coordinator, or renews its claim.
+    pub(crate) async fn acquire_film_lease(
+        &self,
+        job: JobId,
+        coordinator: Uuid,
+        now_ms: i64,
+        until_ms: i64,
+    ) -> Result<FilmLease, StoreError> {
+        // Uploads may wait for longer than a term lasts.
+        self.write_in(Turn::First, move |connection| {
+            Box::pin(async move {
+                let claimed = query(
+                    "insert into keepers (job, coordinator, until_ms) select id, $2, $4 from jobs where id = $1 \
+                     on conflict (job) do update set coordinator = excluded.coordinator, until_ms = excluded.until_ms \
+                     where keepers.coordinator = excluded.coordinator or keepers.until_ms <= $3",
+                )
+                .bind(job.to_string())
+                .bind(coordinator.to_string())
+                .bind(now_ms)
+                .bind(until_ms)
+                .execute(&mut *connection)
+                .await?;
+                if claimed > 0 {
+                    return Ok(FilmLease::Held);
+                }
+                let held = query("select until_ms from keepers where job = $1").bind(job.to_string());
+                match held.fetch_optional(connection).await? {
+                    Some(row) => Ok(FilmLease::HeldElsewhere { until_ms: row.integer("until_ms")? }),
+                    // There is no such job, and nothing to keep.
+                    None => Ok(FilmLease::Held),
+                }
+            })
+        })
+        .await
+    }
+
+    /// Lets go of all films that a coordinator keeps.
+    pub(crate) async fn release_film_leases(&self, coordinator: Uuid) -> Result<(), StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                query("delete from keepers where coordinator = $1")
+                    .bind(coordinator.to_string())
+                    .execute(connection)
+                    .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+}

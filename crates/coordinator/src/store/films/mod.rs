@@ -1,0 +1,8 @@
+//! TODO
+
+pub(in crate::store) mod acceptance;
+pub(in crate::store) mod film_leases;
+pub(in crate::store) mod lost_nodes;
+pub(in crate::store) mod nodes;
+pub(in crate::store) mod rounds;
+pub(in crate::store) mod shares;

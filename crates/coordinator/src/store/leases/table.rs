@@ -1,0 +1,280 @@
+//! Leases: valid, given back, extended. [Claims](super::claim) make them, [renewals](super::renewals) keep them, and they [run out](super::expiry) or
+//! [fail](super::failures).
+//!
+//! A fencing token rises with every lease; whoever comes back with an older one is told so and changes nothing.
+
+use std::collections::BTreeSet;
+
+use clerestory_api::{JobId, LeaseId};
+use clerestory_film::NodeAddress;
+
+use crate::model::{JobRecord, LeaseRecord, LeaseState};
+use crate::store::checks::table as checks;
+use crate::store::database::Store;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::lists::{Kind, looked_up, to_json};
+use crate::store::engine::row::Row;
+use crate::store::engine::source::Connection;
+use crate::store::engine::sql::query;
+use crate::store::jobs;
+use crate::store::workers::table as workers;
+
+/// How long the answer to a late call can still say what became of its lease.
+const LEASES_KEPT_MS: i64 = 7 * 24 * 3600 * 1000;
+
+/// Leases that are dropped at the same time: all else that is written waits meanwhile.
+const PRUNED: usize = 1000;
+
+/// A call under a lease failed, and changed nothing.
+#[derive(Clone, Debug, thiserror::Error)]
+pub(crate) enum LeaseError {
+    /// There is no such lease.
+    #[error("there is no lease {0}")]
+    Unknown(LeaseId),
+    /// The fencing token is not the lease's.
+    #[error("the fencing token {0} is not that of the lease")]
+    StaleToken(u64),
+    /// It ran out.
+    #[error("the lease has run out; its nodes went back to the queue")]
+    Expired,
+    /// It was given or taken back.
+    #[error(
+        "the lease was given back, or taken back because its work could not be used; its nodes went back to the queue"
+    )]
+    Returned,
+    /// The job has ended.
+    #[error("the job is not being rendered any more")]
+    JobNotRunning,
+    /// The database failed.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
+
+impl LeaseRecord {
+    /// Whether work may be brought under it: the token fits, and it is active or all of it has been accepted.
+    pub(crate) fn check(&self, token: u64, now_ms: i64) -> Result<(), LeaseError> {
+        let Self { token: stored, state, deadline_ms, .. } = *self;
+        check([stored, token], state, deadline_ms, now_ms)
+    }
+}
+
+/// Whether work may be brought under a lease: its token is the one that is shown, and it is active or all of it has been accepted.
+pub(in crate::store) fn check(
+    [stored, shown]: [u64; 2],
+    state: LeaseState,
+    deadline_ms: i64,
+    now_ms: i64,
+) -> Result<(), LeaseError> {
+    if shown != stored {
+        return Err(LeaseError::StaleToken(shown));
+    }
+    match state {
+        LeaseState::Active if deadline_ms <= now_ms => Err(LeaseError::Expired),
+        LeaseState::Active | LeaseState::Complete => Ok(()),
+        LeaseState::Returned => Err(LeaseError::Returned),
+        LeaseState::Expired => Err(LeaseError::Expired),
+        LeaseState::Ended => Err(LeaseError::JobNotRunning),
+    }
+}
+
+const LEASE: &str = "select leases.id as lease_id, token, job, worker, build, state as lease_state, deadline_ms, nodes \
+     from leases join workers on workers.id = worker where leases.id = $1";
+
+fn record(row: &Row) -> Result<LeaseRecord, StoreError> {
+    Ok(LeaseRecord {
+        id: row.parsed("lease_id")?,
+        token: row.number("token")?,
+        job: row.parsed("job")?,
+        worker: row.parsed("worker")?,
+        build: row.text("build")?,
+        state: row.word("lease_state")?,
+        deadline_ms: row.integer("deadline_ms")?,
+        nodes: nodes_of(row)?,
+    })
+}
+
+/// The nodes of a lease's row.
+pub(in crate::store) fn nodes_of(row: &Row) -> Result<BTreeSet<NodeAddress>, StoreError> {
+    let nodes: Vec<[u32; 4]> = row.json("nodes")?;
+    Ok(nodes.into_iter().map(|[frame, tile, level, index]| NodeAddress { frame, tile, level, index }).collect())
+}
+
+/// The lease, if work may be brought under it now.
+pub(in crate::store) async fn valid(
+    connection: &mut Connection,
+    lease: LeaseId,
+    token: u64,
+    now_ms: i64,
+) -> Result<LeaseRecord, LeaseError> {
+    let row = query(LEASE).bind(lease.to_string()).fetch_optional(connection).await?;
+    let lease = record(&row.ok_or(LeaseError::Unknown(lease))?)?;
+    lease.check(token, now_ms)?;
+    Ok(lease)
+}
+
+/// The same, with its job.
+pub(in crate::store) async fn valid_with_job(
+    connection: &mut Connection,
+    lease: LeaseId,
+    token: u64,
+    now_ms: i64,
+) -> Result<(LeaseRecord, JobRecord), LeaseError> {
+    let columns = jobs::COLUMNS;
+    let row = query(format!(
+        "select * from ({LEASE}) as leased join (select {columns} from jobs) as job_of_lease on id = job"
+    ));
+    let row = row.bind(lease.to_string()).fetch_optional(connection).await?.ok_or(LeaseError::Unknown(lease))?;
+    let lease = record(&row)?;
+    lease.check(token, now_ms)?;
+    Ok((lease, jobs::record(&row)?))
+}
+
+/// How much a lease still has: work, and checks.
+pub(in crate::store) const OUTSTANDING: &str = "((select count(*) from pending where lease = leases.id) + (select count(*) from checks where lease = leases.id) \
+     + (select count(*) from checks where second_lease = leases.id))";
+
+/// Notes that what has been brought under a lease was taken, and when nodes of it were accepted; answers how much it still has. One that has
+/// nothing is complete. Renewals alone do not keep its work from others.
+pub(in crate::store) async fn go_on(
+    connection: &mut Connection,
+    lease: LeaseId,
+    accepted_ms: Option<i64>,
+) -> Result<u32, StoreError> {
+    let active = query(format!(
+        "update leases set state = case when {OUTSTANDING} = 0 then 'complete' else state end, \
+         due_ms = coalesce($2 + patience_ms, due_ms) where id = $1 and state = 'active' returning {OUTSTANDING} as outstanding"
+    ))
+    .bind(lease.to_string())
+    .bind(accepted_ms)
+    .fetch_optional(connection)
+    .await?;
+    active.map_or(Ok(0), |row| row.number("outstanding"))
+}
+
+/// Ends a lease of which others have all that it had, as its renewal would.
+pub(in crate::store) async fn end_if_empty(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    query(format!("update leases set state = 'complete' where id = $1 and state = 'active' and {OUTSTANDING} = 0"))
+        .bind(lease.to_string())
+        .execute(connection)
+        .await?;
+    Ok(())
+}
+
+impl Store {
+    /// A lease as it stands now.
+    pub(crate) async fn lease(&self, lease: LeaseId) -> Result<LeaseRecord, LeaseError> {
+        let row = query(LEASE).bind(lease.to_string()).fetch_optional(&self.readers).await?;
+        Ok(record(&row.ok_or(LeaseError::Unknown(lease))?)?)
+    }
+
+    /// Takes the rest of a lease back into the queue. Giving back what is complete or already given back changes nothing.
+    pub(crate) async fn return_lease(&self, lease: LeaseId, token: u64, now_ms: i64) -> Result<(), LeaseError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                let record = match valid(connection, lease, token, now_ms).await {
+                    Err(LeaseError::Returned) => return Ok(()),
+                    record => record?,
+                };
+                workers::mark_seen(connection, record.worker, now_ms).await?;
+                if record.state == LeaseState::Active {
+                    release(connection, lease).await?;
+                }
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// How many leases are active.
+    pub(crate) async fn active_leases(&self) -> Result<u32, StoreError> {
+        let counted = query("select count(*) as active from leases where state = 'active'");
+        counted.fetch_one(&self.readers).await?.number("active")
+    }
+
+    /// Lets every active lease last until `deadline_ms`, unless a worker was heard after `heard_ms`: when no coordinator was
+    /// there, workers need time to come back.
+    pub(crate) async fn extend_leases(&self, deadline_ms: i64, heard_ms: i64) -> Result<(), StoreError> {
+        self.write(move |connection| {
+            Box::pin(async move {
+                query(
+                    "update leases set deadline_ms = $1 where state = 'active' \
+                     and not exists (select 1 from workers where seen_ms > $2)",
+                )
+                .bind(deadline_ms)
+                .bind(heard_ms)
+                .execute(connection)
+                .await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// Drops leases that ended long ago, some at a time. Those of a job that goes on tell who may have rendered what, and the last one which token
+    /// comes next.
+    pub(crate) async fn prune_leases(&self, now_ms: i64) -> Result<(), StoreError> {
+        loop {
+            let old = query(
+                "select id from leases where state <> 'active' and deadline_ms < $1 \
+                 and token < (select max(token) from leases) \
+                 and job not in (select id from jobs where state in ('queued', 'running')) order by deadline_ms limit $2",
+            );
+            let rows = old.bind(now_ms - LEASES_KEPT_MS).bind(PRUNED as i64).fetch_all(&self.readers).await?;
+            let old: Vec<[String; 1]> =
+                rows.iter().map(|row| Ok([row.text("id")?])).collect::<Result<_, StoreError>>()?;
+            let count = old.len();
+            let listed = to_json(&old)?;
+            self.write(move |connection| {
+                Box::pin(async move {
+                    // What has ended stays so.
+                    let is_old = looked_up(connection.engine(), "leases", 1, &[Kind::Text], "id = c0");
+                    query(format!("delete from leases where {is_old}")).bind(listed).execute(connection).await?;
+                    Ok::<_, StoreError>(())
+                })
+            })
+            .await?;
+            if count < PRUNED {
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// Lets go of what a lease has: of work, and of checks.
+pub(in crate::store) async fn free(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    query("update pending set lease = null where lease = $1").bind(lease.to_string()).execute(&mut *connection).await?;
+    checks::release(connection, lease).await
+}
+
+/// Lets go of what a lease has, and closes it.
+pub(in crate::store) async fn release(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    close(connection, lease).await?;
+    free(connection, lease).await
+}
+
+/// Closes a lease: nothing more can be brought under it.
+pub(in crate::store) async fn close(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
+    let closed = query("update leases set state = 'returned' where id = $1 returning job").bind(lease.to_string());
+    match closed.fetch_optional(&mut *connection).await? {
+        Some(row) => unpin(connection, row.parsed("job")?).await,
+        None => Ok(()),
+    }
+}
+
+/// Lets a job of which a lease has ended be rendered with whatever bits, if nothing of it has been accepted or is leased: whoever had the lease may never
+/// come back, and nobody else compute the same.
+pub(in crate::store) async fn unpin(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
+    let opened = query(
+        "update jobs set probe_digest = null where id = $1 and probe_digest is not null and shared_samples is null \
+         and (select 1 from nodes where job = jobs.id limit 1) is null \
+         and (select 1 from leases where job = jobs.id and state = 'active' limit 1) is null",
+    );
+    if opened.bind(job.to_string()).execute(&mut *connection).await? > 0 {
+        // Whoever had nodes that others took over may still bring them, with the bits of before.
+        query("update leases set state = 'returned' where job = $1 and state = 'complete'")
+            .bind(job.to_string())
+            .execute(connection)
+            .await?;
+    }
+    Ok(())
+}

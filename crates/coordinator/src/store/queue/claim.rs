@@ -1,0 +1,281 @@
+//! Claims: which nodes a worker gets.
+//!
+//! Jobs are served by priority, then age; within a job the oldest wave goes first. What a job's next round waits for and another has had for far
+//! too long goes before work of later rounds, and what is left of urgent jobs and was had for far too long before free work of less urgent ones.
+//! Claims run in the one writer, so no two of them see the same free row. A claim that finds too few of them [cuts more](super::stock). How large nodes
+//! may be is known only when they are given out: one that is too large for the worker that asks is [split](super::parts) then. A job whose time is
+//! up before its first round is complete is served with the nodes of that round alone. A worker goes on with jobs whose scenes it has at hand
+//! ([`prefer_built`]). What has been chosen is [granted](super::grant) as a lease.
+//!
+//! Nodes that are to be [checked](super::checks) come first, since a round waits for them.
+//!
+//! A job that is [held](super::expiry) gets no leases. A node with which workers died is leased alone.
+//!
+//! A worker for whom nothing is free [takes over](super::take_over) what another has held for too long.
+
+use clerestory_film::NodeAddress;
+
+use crate::model::{ClaimTerms, Grant, JobRecord, MeasuredRate};
+use crate::store::checks::table as checks;
+use crate::store::checks::table::HeldSince;
+use crate::store::database::Store;
+use crate::store::engine::error::StoreError;
+use crate::store::engine::lists::address;
+use crate::store::engine::source::Connection;
+use crate::store::engine::sql::query;
+use crate::store::engine::writer::Turn;
+use crate::store::leases::grant::{Leased, Offer, grant};
+use crate::store::leases::table as leases;
+use crate::store::queue::backlog::fill_ready_queue;
+use crate::store::queue::open_jobs::{
+    JOBS_AT_ONCE, OpenJob, first_of, last_round, matches_pin, most_samples, open_jobs, prefer_built, rate,
+};
+use crate::store::queue::splits::{Side, split_off};
+use crate::store::queue::stragglers::{self, HeldLease, TakenOver};
+use crate::store::queue::suspects::{Suspects, suspects};
+use crate::store::workers::table as workers;
+use crate::store::workers::table::{Claimant, WorkerError};
+
+/// A check that another has had for so many times as long as a lease should take is given to one more, whatever else there is to do, and also when two
+/// have had it for so long: only what has stopped may seem to.
+const CHECK_OVERDUE_FACTOR: i64 = 30;
+
+impl Store {
+    /// Gives work to a worker; `None` when there is none for it now. Who has gone away meanwhile gets none: nobody would render it until the lease runs out.
+    ///
+    /// What it asks for is asked when its turn has come: a lease lasts from then on.
+    pub(crate) async fn claim(
+        &self,
+        terms: impl FnOnce() -> ClaimTerms + Send + 'static,
+    ) -> Result<Option<Grant>, WorkerError> {
+        self.write_in(Turn::Claim, move |connection| Box::pin(async move { claim(connection, &terms()).await })).await
+    }
+}
+
+async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option<Grant>, WorkerError> {
+    let claimant = workers::touch(connection, terms.worker, terms.now_ms).await?;
+    if claimant.backoff_until_ms > terms.now_ms {
+        return Ok(None);
+    }
+    let (mut seen, mut without_work) = (0, Vec::<OpenJob>::new());
+    // Where those begin that are as urgent as the last one.
+    let mut equals = 0;
+    loop {
+        let mut open = open_jobs(connection, &claimant, terms, seen).await?;
+        let is_last = open.len() < JOBS_AT_ONCE;
+        seen += open.len();
+        open.retain(|OpenJob { job, .. }| !job.is_out_of_time(terms.now_ms) && matches_pin(job, &claimant));
+        prefer_built(connection, &mut open, terms).await?;
+        for open in open {
+            if without_work.last().is_some_and(|last| last.job.priority != open.job.priority) {
+                if let Some(grant) = overdue_work(connection, &without_work[equals..], &claimant, terms).await? {
+                    return Ok(Some(grant));
+                }
+                equals = without_work.len();
+            }
+            if let Some(grant) = free_work(connection, &open, &claimant, terms).await? {
+                return Ok(Some(grant));
+            }
+            without_work.push(open);
+        }
+        if is_last {
+            if let Some(grant) = overdue_work(connection, &without_work[equals..], &claimant, terms).await? {
+                return Ok(Some(grant));
+            }
+            return Ok(held_work(connection, &without_work, &claimant, terms).await?);
+        }
+    }
+}
+
+/// Nodes of a job that nobody has, for this worker.
+async fn free_work(
+    connection: &mut Connection,
+    open: &OpenJob,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    let may_have_free = open.has_free || open.can_be_cut();
+    if !(open.has_checks || may_have_free) {
+        return Ok(None);
+    }
+    if open.has_checks {
+        let nodes = checks::choose(connection, &open.job, terms.worker, terms.most_nodes(), None).await?;
+        let grant = lease_checks(connection, open, nodes, claimant, terms).await?;
+        if grant.is_some() {
+            return Ok(grant);
+        }
+    }
+    if open.has_overdue && may_have_free {
+        // All later rounds wait for it.
+        let next_round = i64::from(open.job.rounds);
+        let grant = overdue_work_up_to(connection, open, next_round, claimant, terms).await?;
+        if grant.is_some() {
+            return Ok(grant);
+        }
+    }
+    let rate = rate(connection, open, terms).await?;
+    let nodes = choose(connection, open, &rate, claimant, terms).await?;
+    lease(connection, open, (nodes, Leased::Work, 0), &rate, claimant, terms).await
+}
+
+/// Gives nodes that are to be checked to this worker as a lease, the first of them and no more than a lease should have, if there are any.
+async fn lease_checks(
+    connection: &mut Connection,
+    open: &OpenJob,
+    nodes: Vec<NodeAddress>,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    if nodes.is_empty() {
+        return Ok(None);
+    }
+    let rate = rate(connection, open, terms).await?;
+    let nodes = first_of(nodes, &open.job, &rate, terms);
+    lease(connection, open, (nodes, Leased::Checks, 0), &rate, claimant, terms).await
+}
+
+/// Gives chosen nodes to this worker as a lease, if there are any. They have been given out so often while others had them.
+async fn lease(
+    connection: &mut Connection,
+    open: &OpenJob,
+    (nodes, leased, repeats): (Vec<NodeAddress>, Leased, u32),
+    rate: &MeasuredRate,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    if nodes.is_empty() {
+        return Ok(None);
+    }
+    let offer = Offer::new(nodes, leased, repeats, &open.job, rate, terms);
+    Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?))
+}
+
+/// Nodes of some jobs that others have had for too long without bringing one, for this worker.
+async fn overdue_work(
+    connection: &mut Connection,
+    jobs: &[OpenJob],
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    for open in jobs.iter().filter(|open| open.has_overdue) {
+        let last_round = last_round(&open.job, terms);
+        let grant = overdue_work_up_to(connection, open, last_round, claimant, terms).await?;
+        if grant.is_some() {
+            return Ok(grant);
+        }
+    }
+    Ok(None)
+}
+
+/// The same of one job, up to a round.
+async fn overdue_work_up_to(
+    connection: &mut Connection,
+    open: &OpenJob,
+    last_round: i64,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    let held = stragglers::overdue(connection, &open.job, last_round, terms).await?;
+    held_of(connection, open, held, CHECK_OVERDUE_FACTOR, claimant, terms).await
+}
+
+/// Nodes of a lease that another holds, if it may be taken over, or checks that others have had for so many times as long as a lease should take, for this
+/// worker.
+async fn held_of(
+    connection: &mut Connection,
+    open: &OpenJob,
+    held: Option<HeldLease>,
+    check_factor: i64,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    let seconds = |samples| open.rate_alone(terms).seconds(samples);
+    let held = held.filter(|held| held.may_be_taken_over(&open.job, seconds, terms));
+    if let Some(held) = held {
+        let rate = rate(connection, open, terms).await?;
+        let TakenOver { nodes, repeats } = stragglers::take_over(connection, &open.job, &held, &rate, terms).await?;
+        let grant = lease(connection, open, (nodes, Leased::Work, repeats), &rate, claimant, terms).await?;
+        leases::end_if_empty(connection, held.id).await?;
+        return Ok(grant);
+    }
+    if !open.has_held_checks {
+        return Ok(None);
+    }
+    let since = |factor: i64| terms.now_ms.saturating_sub(terms.target_ms.saturating_mul(factor));
+    let held_since = HeldSince { one_ms: since(check_factor), two_ms: since(CHECK_OVERDUE_FACTOR) };
+    let nodes = checks::choose(connection, &open.job, terms.worker, terms.most_nodes(), Some(held_since)).await?;
+    lease_checks(connection, open, nodes, claimant, terms).await
+}
+
+/// Nodes of some jobs that others have held for longer than this worker would need, when there is nothing else for it.
+async fn held_work(
+    connection: &mut Connection,
+    jobs: &[OpenJob],
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Option<Grant>, StoreError> {
+    let mut held = stragglers::held_longest(connection, jobs, terms).await?;
+    for open in jobs {
+        let lease = held.remove(&open.job.id);
+        let grant = held_of(connection, open, lease, 1, claimant, terms).await?;
+        if grant.is_some() {
+            return Ok(grant);
+        }
+    }
+    Ok(None)
+}
+
+/// Free nodes of a job for this worker, the first a part of one where it is too large; none when all work is leased or done.
+async fn choose(
+    connection: &mut Connection,
+    OpenJob { job, has_suspects, .. }: &OpenJob,
+    rate: &MeasuredRate,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<Vec<NodeAddress>, StoreError> {
+    let (most, wanted) = (terms.most_nodes(), most_samples(job, rate, terms));
+    let withheld = match has_suspects {
+        true => Some(suspects(connection, job, claimant, terms).await?),
+        false => None,
+    };
+    let mut nodes = free_nodes(connection, job, most, withheld.as_ref(), terms).await?;
+    let samples: u64 = nodes.iter().map(|node| job.node_samples(node)).sum();
+    let is_enough = !nodes.is_empty() && samples as f64 >= wanted;
+    let free = nodes.len() as u32;
+    if free < most && !is_enough && fill_ready_queue(connection, job, free, last_round(job, terms), rate).await? {
+        nodes = free_nodes(connection, job, most, withheld.as_ref(), terms).await?;
+    }
+    let mut nodes = first_of(nodes, job, rate, terms);
+    if let Some(suspects) = &withheld {
+        suspects.set_apart(&mut nodes);
+    }
+    if let Some(first) = nodes.first_mut() {
+        *first = split_off(connection, job, *first, wanted, Side::First).await?;
+    }
+    Ok(nodes)
+}
+
+/// The first nodes of a job's queue that nobody has and that are not withheld, and no more than `most`.
+async fn free_nodes(
+    connection: &mut Connection,
+    job: &JobRecord,
+    most: u32,
+    suspects: Option<&Suspects>,
+    terms: &ClaimTerms,
+) -> Result<Vec<NodeAddress>, StoreError> {
+    let rows = query(
+        "select frame, tile, level, idx from pending where job = $1 and lease is null and round <= $2 \
+         order by round, frame, tile, idx limit $3",
+    )
+    .bind(job.id.to_string())
+    .bind(last_round(job, terms))
+    .bind(i64::from(most) + suspects.map_or(0, |suspects| i64::from(suspects.withheld())))
+    .fetch_all(connection)
+    .await?;
+    let mut nodes = rows.iter().map(address).collect::<Result<Vec<_>, _>>()?;
+    if let Some(suspects) = suspects {
+        suspects.withhold(&mut nodes);
+        nodes.truncate(most as usize);
+    }
+    Ok(nodes)
+}

@@ -1,0 +1,4 @@
+//! TODO
+
+pub(in crate::store) mod heartbeats;
+pub(in crate::store) mod table;
