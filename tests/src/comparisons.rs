@@ -10,6 +10,7 @@ use std::sync::atomic::AtomicBool;
 use clerestory_film::counters::Counters;
 use clerestory_film::{NodeAddress, TileGrid};
 use clerestory_render_core::integrator::render_node;
+use clerestory_render_core::light::{DiskLight, RectangleLight, SphereLight, SunLight};
 use clerestory_render_core::scene::description::{
     CameraDescription, LightDescription, SamplingDescription, SceneDescription,
 };
@@ -119,7 +120,7 @@ fn in_the_room(light: &str) -> Setting {
     };
     let bundle = scene.bundle(&bundle).expect("the changed room is valid");
     let mut description = bundle.description().clone();
-    description.lights.retain(|light| matches!(light, LightDescription::Sun { .. }));
+    description.lights.retain(|light| matches!(light, LightDescription::Sun(SunLight { .. })));
     let bundle = bundle.with_description(description).expect("the room without its lamp is valid");
     Setting { bundle, folder, stored: None, has_saddles: degrees.is_none() }
 }
@@ -127,13 +128,13 @@ fn in_the_room(light: &str) -> Setting {
 /// A sphere instead of the sun, under the same angle.
 fn bring_the_sun_to(description: &mut SceneDescription, distance: f64) {
     for light in &mut description.lights {
-        if let LightDescription::Sun { name, direction, angular_radius, radiance } = light {
-            *light = LightDescription::Sphere {
+        if let LightDescription::Sun(SunLight { name, direction, angular_radius, radiance }) = light {
+            *light = LightDescription::Sphere(SphereLight {
                 name: name.clone(),
                 centre: (DVec3::from(*direction).normalize() * distance).into(),
                 radius: libm::sin(angular_radius.to_radians()) * distance,
                 radiance: *radiance,
-            };
+            });
         }
     }
 }
@@ -154,9 +155,15 @@ fn move_near(description: &mut SceneDescription, case: &str) {
     description.film.height = 32;
     let (name, centre, radiance) = ("lamp".to_owned(), [0.15, 0.1, 0.8], [3.0, 2.5, 2.0]);
     description.lights = vec![match case {
-        "crown" | "cathedral" => LightDescription::Sphere { name, centre, radius: 0.35, radiance },
-        "flat" => LightDescription::Disk { name, centre, normal: [-0.2, 0.1, -1.0], radius: 0.36, radiance },
-        _ => LightDescription::Rectangle { name, centre, edge_u: [0.0, 0.6, 0.0], edge_v: [0.7, 0.0, 0.0], radiance },
+        "crown" | "cathedral" => LightDescription::Sphere(SphereLight { name, centre, radius: 0.35, radiance }),
+        "flat" => LightDescription::Disk(DiskLight { name, centre, normal: [-0.2, 0.1, -1.0], radius: 0.36, radiance }),
+        _ => LightDescription::Rectangle(RectangleLight {
+            name,
+            centre,
+            edge_u: [0.0, 0.6, 0.0],
+            edge_v: [0.7, 0.0, 0.0],
+            radiance,
+        }),
     }];
 }
 

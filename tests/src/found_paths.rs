@@ -2,10 +2,8 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Face, Leaving, PaneBoundary, Ray, Surface};
-use clerestory_render_core::optics::{
-    Source, SourceSample,
-    dielectric::{reflect, refract},
-};
+use clerestory_render_core::light::{Source, SourceSample};
+use clerestory_render_core::optics::dielectric::{reflect, refract};
 use clerestory_render_core::scene::{Scene, description::FneeSolver};
 use clerestory_render_core::specular::{
     Link, ShadingPoint, SpecularEvent, SpecularPath,
@@ -133,7 +131,7 @@ impl FoundPath {
         if inside.is_some() || scene.blocked(&ray, hit.distance, leaving, None, Some(light), counters) {
             return None;
         }
-        let (source, _) = scene.lights()[light as usize].met(&ray, &hit);
+        let (source, _) = scene.lights()[light as usize].source_at(&ray, &hit);
         Some(Self { links, light, source, last_direction: ray.direction })
     }
 }

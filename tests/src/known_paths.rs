@@ -2,7 +2,7 @@
 //! search of `fnee` lists, an estimate of what it may have missed, and how often searches from uniform seeds find them.
 
 use clerestory_film::counters::Counters;
-use clerestory_render_core::optics::light_sampling::SourceSample;
+use clerestory_render_core::light::SourceSample;
 use clerestory_render_core::scene::{
     Scene,
     description::{FneeSolver, ManifoldConstraint, WalkSteps},

@@ -7,7 +7,7 @@
 
 use std::f64::consts::PI;
 
-use clerestory_render_core::optics::Source;
+use clerestory_render_core::light::Source;
 use clerestory_render_core::specular::SpecularEvent;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;

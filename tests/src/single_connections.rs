@@ -24,7 +24,8 @@ use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving, Ray, Surface};
 use clerestory_render_core::integrator::specular_method;
-use clerestory_render_core::optics::{LightKind, Source};
+use clerestory_render_core::light::LightBounds;
+use clerestory_render_core::light::Source;
 use clerestory_render_core::scene::{
     Scene,
     description::{FneeSolver, IntegratorDescription, ManifoldEstimator},
@@ -210,7 +211,7 @@ impl Connections {
         let bundle = bundle.with_description(description).expect("the changed scene is valid");
         let scene = Scene::build(&bundle).expect("the scene can be built");
         // The room's lamp shines from inside.
-        let sun = scene.lights().iter().position(|light| matches!(light.kind, LightKind::Sun { .. }));
+        let sun = scene.lights().iter().position(|light| matches!(light.bounds(), LightBounds::Cap { .. }));
         Self { name: connections_name(case, light, method), light: sun.unwrap_or(0) as u32, held_to, scene }
     }
 

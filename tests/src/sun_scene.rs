@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use clerestory_render_core::light::SunLight;
 use clerestory_render_core::{
     integrator::RenderError,
     scene::{
@@ -63,7 +64,7 @@ impl SunScene<'_> {
             description.path_filter = Some(filter.to_owned());
         }
         for light in &mut description.lights {
-            if let LightDescription::Sun { angular_radius, radiance, .. } = light {
+            if let LightDescription::Sun(SunLight { angular_radius, radiance, .. }) = light {
                 let ratio = libm::sin(angular_radius.to_radians()) / libm::sin(self.angular_radius.to_radians());
                 *radiance = radiance.map(|channel| channel * ratio * ratio);
                 *angular_radius = self.angular_radius;

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clerestory_render_core::geometry::Face;
+use clerestory_render_core::light::{DiskLight, PointLight, RectangleLight, SphereLight, SunLight};
 use clerestory_render_core::scene::description::{
     CameraDescription, LightDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription,
 };
@@ -419,24 +420,26 @@ pub fn read_height_map(path: &Path) -> Result<(Vec<f32>, usize, usize), TracedSc
 
 fn light(description: &LightDescription) -> TracedLight {
     match description {
-        LightDescription::Point { position, intensity, .. } => {
+        LightDescription::Point(PointLight { position, intensity, .. }) => {
             TracedLight::Point { position: DVec3::from(*position), intensity: DVec3::from(*intensity) }
         }
-        LightDescription::Sphere { centre, radius, radiance, .. } => {
+        LightDescription::Sphere(SphereLight { centre, radius, radiance, .. }) => {
             TracedLight::Sphere { centre: DVec3::from(*centre), radius: *radius, radiance: DVec3::from(*radiance) }
         }
-        LightDescription::Rectangle { centre, edge_u, edge_v, radiance, .. } => TracedLight::Rectangle {
-            centre: DVec3::from(*centre),
-            edges: [DVec3::from(*edge_u), DVec3::from(*edge_v)],
-            radiance: DVec3::from(*radiance),
-        },
-        LightDescription::Disk { centre, normal, radius, radiance, .. } => TracedLight::Disk {
+        LightDescription::Rectangle(RectangleLight { centre, edge_u, edge_v, radiance, .. }) => {
+            TracedLight::Rectangle {
+                centre: DVec3::from(*centre),
+                edges: [DVec3::from(*edge_u), DVec3::from(*edge_v)],
+                radiance: DVec3::from(*radiance),
+            }
+        }
+        LightDescription::Disk(DiskLight { centre, normal, radius, radiance, .. }) => TracedLight::Disk {
             centre: DVec3::from(*centre),
             normal: DVec3::from(*normal).normalize(),
             radius: *radius,
             radiance: DVec3::from(*radiance),
         },
-        LightDescription::Sun { direction, angular_radius, radiance, .. } => {
+        LightDescription::Sun(SunLight { direction, angular_radius, radiance, .. }) => {
             let half = libm::sin(angular_radius.to_radians() / 2.0);
             TracedLight::Sun {
                 direction: DVec3::from(*direction).normalize(),

@@ -9,7 +9,8 @@ use std::io::Cursor;
 use allocation_counter::measure;
 use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::Leaving;
-use clerestory_render_core::optics::{LightKind, Source};
+use clerestory_render_core::light::LightBounds;
+use clerestory_render_core::light::Source;
 use clerestory_render_core::scene::description::{FneeSolver, ManifoldConstraint, WalkSteps};
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneMemory, SceneUse};
 use clerestory_render_core::specular::{ShadingPoint, fnee::PathSearch, side::PaneSide, sms::ManifoldSearch};
@@ -28,7 +29,7 @@ fn points() -> Vec<DVec3> {
 
 /// Where the light of a case is.
 fn light(scene: &Scene) -> DVec3 {
-    let LightKind::Point { position, .. } = scene.lights()[0].kind else { panic!("a point light") };
+    let LightBounds::Ball { centre: position, .. } = scene.lights()[0].bounds() else { panic!("a point light") };
     position
 }
 

@@ -6,7 +6,7 @@
 use clerestory_film::counters::Counters;
 use clerestory_film::{FrameImage, ImageLayers, SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Rect;
-use clerestory_render_core::optics::{Source, SourceSample};
+use clerestory_render_core::light::{Source, SourceSample};
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::scene::description::{FneeSolver, ManifoldConstraint, WalkSteps};
 use clerestory_render_core::specular::ShadingPoint;

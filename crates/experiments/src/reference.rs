@@ -4,6 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clerestory_film::{DecodeBudget, FrameImage, ImageLayers};
+use clerestory_render_core::light::PointLight;
 use clerestory_render_core::scene::description::{IntegratorDescription, LightDescription, SamplingDescription};
 use clerestory_render_core::scene::{Asset, SceneBundle, SceneDescription};
 use serde::Serialize;
@@ -103,7 +104,7 @@ pub(crate) fn reference(session: &mut Session, name: &str, bundle: &SceneBundle)
 /// light: `mnee` and `path` leave some paths or all to chance, which meets a small light so rarely that a picture lacks them,
 /// and its standard error does not tell.
 fn method(scene: &SceneDescription) -> Variant {
-    let is_point = |light: &LightDescription| matches!(light, LightDescription::Point { .. });
+    let is_point = |light: &LightDescription| matches!(light, LightDescription::Point(PointLight { .. }));
     let over_one_surface = match &scene.integrator {
         IntegratorDescription::Sms { chains, .. } | IntegratorDescription::Mnee { chains, .. } => {
             chains.iter().all(|chain| chain.len() == 1)

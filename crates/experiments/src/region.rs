@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use clerestory_film::counters::Counters;
 use clerestory_film::{FrameImage, ImageLayers};
 use clerestory_render_core::geometry::{Leaving, Surface};
-use clerestory_render_core::optics::Source;
+use clerestory_render_core::light::Source;
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::specular::ShadingPoint;
 use glam::DVec2;
@@ -97,7 +97,7 @@ impl Region {
 /// The way of every pixel's middle to the first light that any pixel sees through a pane.
 fn ways(scene: &Scene) -> Vec<Way> {
     let (centre, radius) = scene.specular_ball();
-    let of_light = |light: &clerestory_render_core::optics::Light| {
+    let of_light = |light: &clerestory_render_core::light::Light| {
         // Somewhere on the side that faces the panes: the middle, of most lights.
         let source = light.sample_source(centre, radius, DVec2::splat(0.5)).source;
         points(scene).into_iter().map(|point| way(scene, point.as_ref(), source)).collect::<Vec<Way>>()

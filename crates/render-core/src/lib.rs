@@ -4,7 +4,9 @@
 //!
 //! - [`scene`]: the JSON description, its validation, its assets, and the immutable [`scene::Scene`] built from them;
 //! - [`geometry`]: height-field panes, triangles and the hierarchy over both;
-//! - [`optics`]: Snell, Fresnel, materials and lights;
+//! - [`settings`]: what the settings of all things in a scene file share;
+//! - [`optics`]: Snell, Fresnel and smooth boundaries;
+//! - [`light`]: lights, one file for each kind;
 //! - [`specular`]: how light from a light reaches a shading point through glass, one file for each method;
 //! - [`integrator`]: the path tracer, which asks [`specular`] for the light that next event estimation cannot see.
 //!
@@ -19,7 +21,9 @@
 pub mod geometry;
 pub mod integrator;
 mod lanes;
+pub mod light;
 pub mod optics;
 pub mod probe;
 pub mod scene;
+pub mod settings;
 pub mod specular;

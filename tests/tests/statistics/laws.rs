@@ -7,7 +7,7 @@ use std::f64::consts::{PI, TAU};
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Leaving, Pane};
-use clerestory_render_core::optics::Source;
+use clerestory_render_core::light::Source;
 use clerestory_render_core::scene::{Scene, description::FneeSolver};
 use clerestory_render_core::specular::fermat::Connection;
 use clerestory_render_core::specular::{ShadingPoint, fnee::PathSearch, newton::Root, side::PaneSide};

@@ -7,7 +7,7 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Leaving, Pane};
-use clerestory_render_core::optics::Source;
+use clerestory_render_core::light::Source;
 use clerestory_render_core::scene::description::FneeSolver;
 use clerestory_render_core::specular::window::{SourceBounds, Window};
 use clerestory_render_core::specular::{ShadingPoint, fnee::PathSearch, newton::Root, side::PaneSide};

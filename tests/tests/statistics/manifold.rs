@@ -3,7 +3,6 @@
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
-use clerestory_render_core::optics::LightKind;
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::scene::description::{
     FneeSolver, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection, WalkSteps,
@@ -36,7 +35,7 @@ fn irradiance(
     method.gather(scene, &point, 0, &THROUGH_PANE, &mut stream, counters, &mut |arrival| {
         sum += arrival.weight.x * arrival.direction.dot(normal);
     });
-    let LightKind::Point { intensity, .. } = scene.lights()[0].kind else { panic!("a point light") };
+    let intensity = scene.lights()[0].emission();
     sum / intensity.x
 }
 

@@ -4,7 +4,7 @@ use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving};
 use clerestory_render_core::integrator::specular_method;
-use clerestory_render_core::optics::{LightKind, Source, SourceSample};
+use clerestory_render_core::light::{Source, SourceSample};
 use clerestory_render_core::scene::{
     Scene,
     description::{ManifoldConstraint, WalkSteps},
@@ -362,7 +362,7 @@ fn one_walk_that_drops_the_rest_lacks_the_light_of_the_paths_that_it_does_not_fi
         let dropping = load_case_for(case, &settings("mnee, dropped"));
         let leaving = load_case_for(case, &settings("mnee"));
         let [dropped, left] = [&dropping, &leaving].map(|scene| specular_method(scene).expect("a specular method"));
-        let LightKind::Point { intensity, .. } = dropping.lights()[0].kind else { panic!("a point light") };
+        let intensity = dropping.lights()[0].emission();
         let counters = &mut Counters::default();
         let (mut with_one, mut with_none, mut lacking) = (0, 0, 0.0);
         let several = points_of_lists(case).into_iter().filter(|listed| listed.solutions.len() > 1);

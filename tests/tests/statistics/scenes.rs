@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Leaving, Pane};
-use clerestory_render_core::optics::Source;
+use clerestory_render_core::light::Source;
+use clerestory_render_core::light::{DiskLight, PointLight, SphereLight};
 use clerestory_render_core::scene::description::{
     ConicSearch, FneeSolver, IntegratorDescription, LightDescription, ManifoldConstraint, ManifoldEstimator,
     PaneSelection, SamplingDescription, SceneDescription, WalkSteps,
@@ -183,11 +184,12 @@ mod pool {
 
     #[test]
     fn its_caustic_folds_where_the_waves_of_its_mesh_do() {
-        let LightDescription::Disk { name, centre: position, .. } = bundle("pool.json").description().lights[0].clone()
+        let LightDescription::Disk(DiskLight { name, centre: position, .. }) =
+            bundle("pool.json").description().lights[0].clone()
         else {
             panic!("a disk")
         };
-        let bundle = lit_by(LightDescription::Point { name, position, intensity: [1.0; 3] });
+        let bundle = lit_by(LightDescription::Point(PointLight { name, position, intensity: [1.0; 3] }));
         let scene = Scene::build(&bundle).expect("the scene can be built");
         let sms = Sms {
             constraint: ManifoldConstraint::AngleDifference,
@@ -228,7 +230,8 @@ mod pool {
     fn traced_forward(bundle: &SceneBundle) -> Vec<Estimate> {
         /// Rays along an edge of the surface.
         const RAYS: u32 = 700;
-        let LightDescription::Disk { centre, normal, radius, radiance, .. } = bundle.description().lights[0] else {
+        let LightDescription::Disk(DiskLight { centre, normal, radius, radiance, .. }) = bundle.description().lights[0]
+        else {
             panic!("a disk")
         };
         let (centre, normal) = (DVec3::from(centre), DVec3::from(normal).normalize());
@@ -278,7 +281,7 @@ mod pool {
     #[test]
     fn the_path_tracer_finds_as_much_of_a_large_lamp() {
         let mut light = bundle("pool.json").description().lights[0].clone();
-        let LightDescription::Disk { radius, radiance, .. } = &mut light else { panic!("a disk") };
+        let LightDescription::Disk(DiskLight { radius, radiance, .. }) = &mut light else { panic!("a disk") };
         (*radius, *radiance) = (1.0, [100.0; 3]);
         let bundle = lit_by(light);
         let chance = small(&bundle, IntegratorDescription::Path { max_depth: 16 });
@@ -330,8 +333,10 @@ mod four_panes {
             (SceneDescription { name: String::new(), ..description }, lights)
         });
         assert_eq!(sphere.0, point.0);
-        let [LightDescription::Sphere { centre, radius, radiance, .. }] = sphere.1[..] else { panic!("a sphere") };
-        let [LightDescription::Point { position, intensity, .. }] = point.1[..] else { panic!("a point") };
+        let [LightDescription::Sphere(SphereLight { centre, radius, radiance, .. })] = sphere.1[..] else {
+            panic!("a sphere")
+        };
+        let [LightDescription::Point(PointLight { position, intensity, .. })] = point.1[..] else { panic!("a point") };
         assert_eq!(centre, position);
         // From afar a sphere shines like a point of intensity pi r^2 L.
         let expected = std::f64::consts::PI * radius * radius * radiance[0];

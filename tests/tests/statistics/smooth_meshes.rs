@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving, Pane};
-use clerestory_render_core::optics::{LightKind, Source};
+use clerestory_render_core::light::LightBounds;
+use clerestory_render_core::light::Source;
 use clerestory_render_core::scene::description::{
     ConicSearch, FneeSolver, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection, WalkSteps,
 };
@@ -164,7 +165,7 @@ fn irradiance(scene: &Scene, point: &ShadingPoint, method: &dyn SpecularMethod, 
     method.gather(scene, point, 0, events, &mut stream, &mut Counters::default(), &mut |arrival| {
         sum += arrival.weight.x * arrival.direction.dot(point.normal);
     });
-    let LightKind::Point { intensity, .. } = scene.lights()[0].kind else { panic!("a point light") };
+    let intensity = scene.lights()[0].emission();
     sum / intensity.x
 }
 
@@ -276,7 +277,7 @@ struct Glass<'a> {
 impl<'a> Glass<'a> {
     fn new(scene: &'a Scene) -> Self {
         let pane = &scene.panes()[0];
-        let LightKind::Point { position, .. } = scene.lights()[0].kind else { panic!("a point light") };
+        let LightBounds::Ball { centre: position, .. } = scene.lights()[0].bounds() else { panic!("a point light") };
         Self { pane, source: Source::Point(pane.frame.point_to_local(position)) }
     }
 
@@ -370,7 +371,7 @@ fn known_points(case: &str, original: &Scene) -> Vec<KnownPoint> {
 /// The paths through a pane that one estimate of a method finds; estimates of other numbers are independent.
 fn found_paths(scene: &Scene, point: &ShadingPoint, method: &Sms, number: [u32; 2]) -> Vec<Path> {
     let mut stream = SampleStream::new(&SamplerSettings { seed: 5, samples_per_block: 1 }, 0, number, 0);
-    let LightKind::Point { intensity, .. } = scene.lights()[0].kind else { panic!("a point light") };
+    let intensity = scene.lights()[0].emission();
     let mut paths = Vec::new();
     method.gather(scene, point, 0, &THROUGH_PANE, &mut stream, &mut Counters::default(), &mut |arrival| {
         let light = arrival.weight.x * arrival.direction.dot(point.normal) / intensity.x;

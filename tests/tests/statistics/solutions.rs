@@ -1,9 +1,10 @@
 //! Every connection of a receiver point to a point light through old glass, against lists found by brute force.
 
 use clerestory_film::counters::Counters;
+use clerestory_render_core::light::LightBounds;
 use clerestory_render_core::{
     geometry::Face,
-    optics::{LightKind, Source},
+    light::Source,
     scene::{Scene, description::FneeSolver},
     specular::{fnee::PathSearch, newton::Root, side::PaneSide},
 };
@@ -26,7 +27,7 @@ const SEEDS: u32 = 2000;
 /// The search for the paths of a listed point; `None` when the bounds say that there are none.
 fn search<'a>(scene: &'a Scene, point: &ListedPoint, solver: FneeSolver) -> Option<PathSearch<'a>> {
     let pane = &scene.accelerator().panes()[0];
-    let LightKind::Point { position, .. } = scene.lights()[0].kind else { panic!("a point light") };
+    let LightBounds::Ball { centre: position, .. } = scene.lights()[0].bounds() else { panic!("a point light") };
     let origin = pane.frame.point_to_local(point.origin.into());
     let source = Source::Point(pane.frame.point_to_local(position));
     let side = PaneSide::facing(pane, origin).expect("receivers lie in front of their pane");

@@ -4,7 +4,7 @@
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
-use clerestory_render_core::optics::LightKind;
+use clerestory_render_core::light::LightBounds;
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, PaneSelection, WalkSteps};
 use clerestory_render_core::specular::{ShadingPoint, SpecularMethod, THROUGH_PANE, scope::Scope, sms::Sms};
@@ -76,7 +76,7 @@ fn check_height_fields(case: &str, list: &str, step: usize) {
 }
 
 fn lamp(scene: &Scene) -> DVec3 {
-    let LightKind::Point { position, .. } = scene.lights()[0].kind else { panic!("a point light") };
+    let LightBounds::Ball { centre: position, .. } = scene.lights()[0].bounds() else { panic!("a point light") };
     position
 }
 

@@ -1,5 +1,6 @@
 //! From where a scene is looked at, and where its sun stands.
 
+use clerestory_render_core::light::SunLight;
 use clerestory_render_core::scene::description::{CameraDescription, LightDescription, SceneDescription, Triple};
 use clerestory_render_core::scene::{SceneBundle, SceneError};
 use serde::{Deserialize, Serialize};
@@ -18,7 +19,7 @@ impl Look {
     /// That of a scene file.
     pub(super) fn of(description: &SceneDescription) -> Self {
         let sun = description.lights.iter().find_map(|light| match light {
-            LightDescription::Sun { direction, .. } => Some(*direction),
+            LightDescription::Sun(SunLight { direction, .. }) => Some(*direction),
             _ => None,
         });
         Self { camera: description.camera.clone(), sun }
@@ -29,7 +30,7 @@ impl Look {
         let mut description = bundle.description().clone();
         description.camera = self.camera.clone();
         let suns = description.lights.iter_mut().find_map(|light| match light {
-            LightDescription::Sun { direction, .. } => Some(direction),
+            LightDescription::Sun(SunLight { direction, .. }) => Some(direction),
             _ => None,
         });
         if let (Some(direction), Some(sun)) = (suns, self.sun) {

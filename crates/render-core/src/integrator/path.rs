@@ -10,10 +10,10 @@ use glam::DVec3;
 use super::path_filter::{FilterState, PathEvent, PathFilter};
 use crate::{
     geometry::{Face, Frame, Hit, Leaving, PaneBoundary, Ray, Surface},
+    light::{LightHit, Source},
     optics::{
-        Interface, Source,
+        Interface,
         dielectric::{absorption, reflect, refract},
-        light_sampling::LightHit,
     },
     scene::{Scene, description::MOST_SPECULAR_VERTICES, visibility::SAME_PLACE},
     specular::{Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, side::unit_normal},
@@ -210,7 +210,7 @@ impl<'a> PathTracer<'a> {
         let carried = walk.throughput * hit.radiance;
         let Some((point, density)) = walk.stretch.from else { return carried };
         if walk.stretch.links.is_empty() {
-            let light_density = self.scene.lights()[light as usize].direct_density(&walk.ray, hit);
+            let light_density = self.scene.lights()[light as usize].pdf_li(&walk.ray, hit);
             return carried * (density / (density + light_density));
         }
         let Some(method) = self.method else { return carried };
@@ -274,7 +274,7 @@ impl<'a> PathTracer<'a> {
     fn direct_light(&self, point: &ShadingPoint, stream: &mut SampleStream, counters: &mut Counters) -> DVec3 {
         let mut irradiance = DVec3::ZERO;
         for (index, light) in (0u32..).zip(self.scene.lights()) {
-            let Some(sample) = light.sample_direct(point.position, stream.next_2d()) else { continue };
+            let Some(sample) = light.sample_li(point.position, stream.next_2d()) else { continue };
             let cosine = sample.direction.dot(point.normal);
             if cosine <= 0.0 {
                 continue;
@@ -284,7 +284,7 @@ impl<'a> PathTracer<'a> {
                 continue;
             }
             let bsdf_density = cosine * std::f64::consts::FRAC_1_PI;
-            let balance = sample.density.map_or(1.0, |density| density / (density + bsdf_density));
+            let balance = sample.pdf.map_or(1.0, |pdf| pdf / (pdf + bsdf_density));
             irradiance += sample.weight * (cosine * balance);
         }
         irradiance

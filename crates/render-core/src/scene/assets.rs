@@ -5,9 +5,9 @@ use std::collections::BTreeSet;
 use super::description::{
     MaterialDescription, MeshSource, ProfileDescription, ReflectanceDescription, SceneDescription,
 };
-use super::error::SceneError;
-use super::json_path::JsonPath;
-use super::limits::MAX_NAME_BYTES;
+use crate::settings::JsonPath;
+use crate::settings::SceneError;
+use crate::settings::limits::MAX_NAME_BYTES;
 
 /// Names of all files that must be supplied with the scene.
 pub fn asset_names(description: &SceneDescription) -> BTreeSet<&str> {

@@ -10,14 +10,14 @@ use super::assets::texture_path;
 use super::build::{asset_bytes, check_budget};
 use super::bundle::SceneBundle;
 use super::description::{MaterialDescription, MeshDescription, MeshSource, ReflectanceDescription};
-use super::error::SceneError;
-use super::json_path::JsonPath;
-use super::limits::{MAX_COORDINATE, MAX_TRIANGLES};
 use super::mesh::{Placement, TriangleMesh, is_degenerate};
 use super::mesh_file::{MeshFile, MeshFormat};
 use super::surface::{Material, MeshSurface, Reflectance, SmoothMesh};
 use super::texture::Texture;
 use crate::optics::Interface;
+use crate::settings::JsonPath;
+use crate::settings::SceneError;
+use crate::settings::limits::{MAX_COORDINATE, MAX_TRIANGLES};
 
 /// Textures by the names of their files.
 pub(super) type Textures<'a> = BTreeMap<&'a str, Arc<Texture>>;

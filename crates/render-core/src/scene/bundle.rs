@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use super::assets::{asset_names, asset_uses};
 use super::description::SceneDescription;
-use super::error::{AssetProblem, SceneError};
 use super::hash::{ContentHash, SceneHash};
-use super::limits::{MAX_ASSET_BYTES, MAX_SCENE_BYTES};
+use crate::settings::limits::{MAX_ASSET_BYTES, MAX_SCENE_BYTES};
+use crate::settings::{AssetProblem, SceneError};
 
 /// The bytes of a file that a scene names.
 #[derive(Clone, Debug, PartialEq, Eq)]

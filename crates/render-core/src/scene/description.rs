@@ -13,11 +13,8 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::geometry::FaceCrossing;
 
-/// The version of the scene format that this build reads.
-pub const SCENE_FORMAT_VERSION: u32 = 1;
-
-/// Three numbers: a point or direction in metres, or linear Rec.709 red, green, blue.
-pub type Triple = [f64; 3];
+pub use crate::light::LightDescription;
+pub use crate::settings::{SCENE_FORMAT_VERSION, Triple};
 
 /// A scene: geometry, materials, panes, lights, camera, integrator settings and seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -611,82 +608,6 @@ pub enum ProfileDescription {
         /// Added after scaling, metres.
         #[serde(default)]
         offset: f64,
-    },
-}
-
-/// A light.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum LightDescription {
-    /// A point that shines equally in all directions.
-    Point {
-        /// A short name, used in messages; no two lights share one.
-        #[schemars(length(min = 1, max = 200))]
-        name: String,
-        /// Where it is.
-        position: Triple,
-        /// Radiant intensity, W/sr.
-        #[schemars(inner(range(min = 0.0)))]
-        intensity: Triple,
-    },
-    /// A sphere of uniform radiance.
-    Sphere {
-        /// A short name, used in messages; no two lights share one.
-        #[schemars(length(min = 1, max = 200))]
-        name: String,
-        /// Its centre.
-        centre: Triple,
-        /// Its radius, metres.
-        #[schemars(extend("exclusiveMinimum" = 0))]
-        radius: f64,
-        /// Emitted radiance, W/(m2 sr).
-        #[schemars(inner(range(min = 0.0)))]
-        radiance: Triple,
-    },
-    /// A rectangle that shines to the side to which `edge_u` cross `edge_v` points; its other side is black.
-    Rectangle {
-        /// A short name, used in messages; no two lights share one.
-        #[schemars(length(min = 1, max = 200))]
-        name: String,
-        /// Its centre.
-        centre: Triple,
-        /// One edge, metres.
-        edge_u: Triple,
-        /// The other edge, metres, perpendicular to `edge_u`.
-        edge_v: Triple,
-        /// Emitted radiance, W/(m2 sr).
-        #[schemars(inner(range(min = 0.0)))]
-        radiance: Triple,
-    },
-    /// A disk that shines to the side to which `normal` points; its other side is black.
-    Disk {
-        /// A short name, used in messages; no two lights share one.
-        #[schemars(length(min = 1, max = 200))]
-        name: String,
-        /// Its centre.
-        centre: Triple,
-        /// Direction to which it shines, perpendicular to it.
-        normal: Triple,
-        /// Its radius, metres.
-        #[schemars(extend("exclusiveMinimum" = 0))]
-        radius: f64,
-        /// Emitted radiance, W/(m2 sr).
-        #[schemars(inner(range(min = 0.0)))]
-        radiance: Triple,
-    },
-    /// A distant disc: a direction with an angular radius.
-    Sun {
-        /// A short name, used in messages; no two lights share one.
-        #[schemars(length(min = 1, max = 200))]
-        name: String,
-        /// Direction from the scene towards the sun.
-        direction: Triple,
-        /// Half the angle under which the disc is seen, degrees, 0.001 to 90; the real sun's is 0.267.
-        #[schemars(range(min = 0.001, max = 90.0))]
-        angular_radius: f64,
-        /// Emitted radiance, W/(m2 sr).
-        #[schemars(inner(range(min = 0.0)))]
-        radiance: Triple,
     },
 }
 

@@ -1,7 +1,7 @@
 //! Height maps: measured profiles from EXR and 16-bit PNG files.
 
-use super::error::AssetProblem;
 use super::picture::{Picture, PngPicture, decode_picture};
+use crate::settings::AssetProblem;
 
 /// Spline coefficients of a face, in metres.
 #[derive(Clone, Debug, PartialEq)]

@@ -18,11 +18,11 @@ use super::description::{
     MaterialDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription, ReflectanceDescription,
     SceneDescription,
 };
-use super::error::SceneError;
-use super::limits::{MAX_COEFFICIENTS, MAX_TEXELS, MAX_TRIANGLES};
 use super::mesh_file::{MeshFile, MeshFormat};
 use super::picture_size::{PictureSize, picture_size};
 use super::profile::procedural_grid;
+use crate::settings::SceneError;
+use crate::settings::limits::{MAX_COEFFICIENTS, MAX_TEXELS, MAX_TRIANGLES};
 
 /// Bytes of all that is not counted: names, materials, lights.
 const SMALL_THINGS: u64 = 64 << 10;

@@ -1,10 +1,10 @@
 //! The mesh files that a scene names. They are opened before they are decoded, so that their size is known before memory
 //! is taken.
 
-use super::error::AssetProblem;
 use super::mesh::TriangleMesh;
 use super::obj::ObjFile;
 use super::ply::PlyFile;
+use crate::settings::AssetProblem;
 use clerestory_film::file_format::FileFormat;
 
 /// The format that a scene file states.

@@ -11,12 +11,12 @@ use glam::DVec3;
 
 use super::Scene;
 use super::description::{
-    ConicSearch, FneeSolver, IntegratorDescription, LightDescription, ManifoldEstimator, MaterialDescription,
-    MeshDescription, MissedPaths, PaneSelection, SceneDescription,
+    ConicSearch, FneeSolver, IntegratorDescription, ManifoldEstimator, MaterialDescription, MeshDescription,
+    MissedPaths, PaneSelection, SceneDescription,
 };
 use crate::geometry::Pane;
 use crate::integrator::PathFilter;
-use crate::optics::Light;
+use crate::light::Light;
 use crate::specular::side::GRAZING_COSINE;
 
 /// Vertices of the shortest path that brings light through a pane to a surface that the camera sees.
@@ -95,7 +95,7 @@ impl SceneDescription {
             return missing;
         }
         let mut classes = self.unfound_paths();
-        if self.lights.iter().any(|light| matches!(light, LightDescription::Point { .. })) {
+        if self.lights.iter().any(|light| light.build().is_delta()) {
             classes.extend(self.unowned_light(&Lights { name: "point lights".to_owned(), can_be_met: false }));
         }
         missing.extend(self.rendered(classes));

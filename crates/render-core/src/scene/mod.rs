@@ -11,13 +11,10 @@ mod build_step;
 pub mod bundle;
 pub mod camera;
 pub mod description;
-pub mod error;
 pub mod hash;
 mod height_map;
 #[cfg(test)]
 mod hostile_scenes;
-mod json_path;
-pub mod limits;
 #[cfg(test)]
 mod malformed_scenes;
 pub mod memory;
@@ -53,13 +50,13 @@ pub(crate) mod visibility;
 pub mod water;
 mod waves;
 
+pub use crate::settings::{AssetProblem, SceneError, limits};
 pub use assets::asset_names;
 pub use build::{CheckedScene, Scene};
 pub use build_step::BuildStep;
 pub use bundle::{Asset, SceneBundle, load};
 pub use camera::Camera;
 pub use description::SceneDescription;
-pub use error::{AssetProblem, SceneError};
 pub use hash::{ContentHash, SceneHash, canonical_json};
 pub use memory::{SceneMemory, SceneUse};
 pub use schema::scene_schema;

@@ -9,10 +9,10 @@ use super::description::{
     MissedPaths, PaneSelection, SCENE_FORMAT_VERSION, SceneDescription, WalkSteps, default_chains,
     default_conic_chains,
 };
-use super::error::SceneError;
-use super::json_path::JsonPath;
-use super::limits::MAX_SCENE_BYTES;
 use super::syntax::{not_utf_8, refuse_other_formats, with_hint};
+use crate::settings::JsonPath;
+use crate::settings::SceneError;
+use crate::settings::limits::MAX_SCENE_BYTES;
 use clerestory_film::file_format::without_byte_order_mark;
 
 impl SceneDescription {

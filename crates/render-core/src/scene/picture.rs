@@ -7,9 +7,9 @@ use std::io::Cursor;
 use image::codecs::png::PngDecoder;
 use image::{DynamicImage, ImageDecoder, Limits};
 
-use super::error::AssetProblem;
-use super::limits::{MAX_IMAGE_EDGE, MAX_PICTURE_BYTES};
 use super::png_metadata::profile;
+use crate::settings::AssetProblem;
+use crate::settings::limits::{MAX_IMAGE_EDGE, MAX_PICTURE_BYTES};
 use clerestory_film::file_format::FileFormat;
 use clerestory_film::openexr::{ChannelKind, DecodeBudget, InputPart, OpenExr, OpenExrError, Plane};
 

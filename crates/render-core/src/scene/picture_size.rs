@@ -1,8 +1,8 @@
 //! The size of a picture, from the header of its file.
 
-use super::error::AssetProblem;
 use super::picture::check_size;
 use super::png_metadata::{Chunks, metadata_bytes, number};
+use crate::settings::AssetProblem;
 use clerestory_film::openexr::OpenExr;
 
 /// What a header says.

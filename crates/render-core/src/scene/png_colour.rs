@@ -1,7 +1,7 @@
 //! What a PNG file says of its colours. They are taken as sRGB, so a file that says otherwise is refused.
 
-use super::error::AssetProblem;
 use super::png_metadata::{Chunks, number};
+use crate::settings::AssetProblem;
 
 /// Chromaticities of white, red, green and blue, x and y of each.
 const REC_709: [f64; 8] = [0.3127, 0.329, 0.64, 0.33, 0.3, 0.6, 0.15, 0.06];

@@ -6,7 +6,7 @@ use std::io::Cursor;
 use image::codecs::png::PngDecoder;
 use image::{ImageDecoder, Limits};
 
-use super::error::AssetProblem;
+use crate::settings::AssetProblem;
 
 /// Bytes of a colour profile. Those of screens have some kilobytes, those of printers a megabyte.
 const MAX_PROFILE_BYTES: u64 = 4 << 20;

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::error::AssetProblem;
+use crate::settings::AssetProblem;
 
 /// Cuts the polygons of a file. A polygon of which a fan around its first corner covers nothing twice becomes that fan;
 /// every convex polygon is one. From any other, ears are cut.

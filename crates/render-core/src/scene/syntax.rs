@@ -1,6 +1,6 @@
 //! What is wrong with a text that is not JSON, and what its author may have meant.
 
-use super::error::SceneError;
+use crate::settings::SceneError;
 use clerestory_film::file_format::FileFormat;
 
 /// Refuses a file that is known to hold something other than a scene.

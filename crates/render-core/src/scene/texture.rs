@@ -3,9 +3,9 @@
 use glam::{DVec2, DVec3};
 use image::DynamicImage;
 
-use super::error::AssetProblem;
 use super::picture::{ExrPicture, Picture, PngPicture, decode_picture};
 use super::png_colour;
+use crate::settings::AssetProblem;
 
 /// A picture in linear Rec.709, repeated over the plane and filtered bilinearly.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,31 +2,25 @@
 //!
 //! What needs the contents of assets is checked when the scene is built.
 
-use std::collections::BTreeSet;
-use std::fmt;
-
 use glam::{DVec3, UVec3};
 
 use super::assets::check_asset_name;
 use super::description::{
-    CameraDescription, LightDescription, MaterialDescription, MeshDescription, MeshSource, PaneDescription,
-    ProfileDescription, ReflectanceDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple,
-    WaveDescription,
-};
-use super::error::SceneError;
-use super::json_path::JsonPath;
-use super::limits::{
-    MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHT_COORDINATE, MAX_LIGHTS, MAX_NAME_BYTES, MAX_PANES, MAX_TRIANGLES,
+    CameraDescription, MaterialDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription,
+    ReflectanceDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple, WaveDescription,
 };
 use super::mesh::is_degenerate;
 use super::profile;
 use super::waves::MAX_CELLS;
 use crate::integrator::PathFilter;
-
-pub(super) type Check = Result<(), SceneError>;
-
-/// Two directions are parallel when the sine of the angle between them is below this.
-const MIN_SINE: f64 = 1e-6;
+use crate::settings::Check;
+use crate::settings::JsonPath;
+use crate::settings::SceneError;
+use crate::settings::check::{
+    MIN_SINE, Names, Number, Numbers, Quoted, check_above, check_count, check_direction, check_name, check_pair,
+    check_range, check_triple,
+};
+use crate::settings::limits::{MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHTS, MAX_PANES, MAX_TRIANGLES};
 
 /// A path filter names a few events.
 const MAX_PATH_FILTER_BYTES: usize = 1000;
@@ -67,7 +61,7 @@ impl SceneDescription {
         for (index, light) in self.lights.iter().enumerate() {
             let lights = root.member("lights");
             let light_path = lights.element(index);
-            check_light(light, &light_path.member(light.kind()))?;
+            light.check(&light_path.member(light.kind()))?;
             names.add(light.name(), &light_path.member(light.kind()))?;
         }
         self.check_integrator_names(&root.member("integrator"))
@@ -124,30 +118,6 @@ impl SceneDescription {
             MeshSource::Ply { file } => check_asset_name(file, &source.member("ply").member("file")),
             MeshSource::Obj { file } => check_asset_name(file, &source.member("obj").member("file")),
             MeshSource::Waves(waves) => check_waves(waves, &source.member("waves")),
-        }
-    }
-}
-
-impl LightDescription {
-    /// Its name.
-    pub fn name(&self) -> &str {
-        match self {
-            Self::Point { name, .. }
-            | Self::Sphere { name, .. }
-            | Self::Rectangle { name, .. }
-            | Self::Disk { name, .. }
-            | Self::Sun { name, .. } => name,
-        }
-    }
-
-    /// What it is, as written in the scene file.
-    pub fn kind(&self) -> &'static str {
-        match self {
-            Self::Point { .. } => "point",
-            Self::Sphere { .. } => "sphere",
-            Self::Rectangle { .. } => "rectangle",
-            Self::Disk { .. } => "disk",
-            Self::Sun { .. } => "sun",
         }
     }
 }
@@ -380,139 +350,4 @@ fn check_wavelength(
         return Err(SceneError::value(path, Number(wavelength), expected));
     }
     Ok(())
-}
-
-fn check_light(light: &LightDescription, path: &JsonPath<'_>) -> Check {
-    check_name(light.name(), &path.member("name"))?;
-    let check_place = |place: Triple, name: &str| {
-        check_triple(place, -MAX_LIGHT_COORDINATE, MAX_LIGHT_COORDINATE, &path.member(name))
-    };
-    let check_power = |power: Triple, name: &str| check_triple(power, 0.0, 1e30, &path.member(name));
-    match light {
-        LightDescription::Point { position, intensity, .. } => {
-            check_place(*position, "position")?;
-            check_power(*intensity, "intensity")
-        }
-        LightDescription::Sphere { centre, radius, radiance, .. } => {
-            check_place(*centre, "centre")?;
-            check_above(*radius, 0.0, MAX_LIGHT_COORDINATE, &path.member("radius"))?;
-            check_power(*radiance, "radiance")
-        }
-        LightDescription::Rectangle { centre, edge_u, edge_v, radiance, .. } => {
-            check_place(*centre, "centre")?;
-            let u = check_direction(*edge_u, &path.member("edge_u"))?;
-            let v = check_direction(*edge_v, &path.member("edge_v"))?;
-            if u.dot(v).abs() > MIN_SINE {
-                let expected = format!("a vector perpendicular to edge_u ({})", Numbers(edge_u));
-                return Err(SceneError::value(&path.member("edge_v"), Numbers(edge_v), expected));
-            }
-            check_power(*radiance, "radiance")
-        }
-        LightDescription::Disk { centre, normal, radius, radiance, .. } => {
-            check_place(*centre, "centre")?;
-            check_direction(*normal, &path.member("normal"))?;
-            check_above(*radius, 0.0, MAX_LIGHT_COORDINATE, &path.member("radius"))?;
-            check_power(*radiance, "radiance")
-        }
-        LightDescription::Sun { direction, angular_radius, radiance, .. } => {
-            check_direction(*direction, &path.member("direction"))?;
-            check_range(*angular_radius, 1e-3, 90.0, &path.member("angular_radius"))?;
-            check_power(*radiance, "radiance")
-        }
-    }
-}
-
-fn check_name(name: &str, path: &JsonPath<'_>) -> Check {
-    if name.is_empty() || name.len() > MAX_NAME_BYTES || name.chars().any(char::is_control) {
-        let expected = format!("1 to {MAX_NAME_BYTES} bytes without control characters");
-        return Err(SceneError::value(path, Quoted(name), expected));
-    }
-    Ok(())
-}
-
-/// Names of one kind of thing, no two of them alike.
-#[derive(Default)]
-struct Names<'a>(BTreeSet<&'a str>);
-
-impl<'a> Names<'a> {
-    /// Adds the name of the thing at `path`.
-    fn add(&mut self, name: &'a str, path: &JsonPath<'_>) -> Check {
-        if self.0.insert(name) {
-            return Ok(());
-        }
-        Err(SceneError::value(&path.member("name"), Quoted(name), "a name that no earlier one has"))
-    }
-}
-
-fn check_count(count: usize, limit: usize, path: &JsonPath<'_>) -> Check {
-    if count > limit {
-        return Err(SceneError::value(path, format_args!("{count} elements"), format_args!("at most {limit}")));
-    }
-    Ok(())
-}
-
-/// Checks `min <= value <= max`; a number that is not finite is out of every range.
-pub(super) fn check_range<T: PartialOrd + fmt::Debug + fmt::Display + Copy>(
-    value: T,
-    min: T,
-    max: T,
-    path: &JsonPath<'_>,
-) -> Check {
-    if min <= value && value <= max {
-        return Ok(());
-    }
-    Err(SceneError::value(path, Number(value), format_args!("{min} to {max}")))
-}
-
-/// Checks `min < value <= max`.
-fn check_above(value: f64, min: f64, max: f64, path: &JsonPath<'_>) -> Check {
-    if min < value && value <= max {
-        return Ok(());
-    }
-    Err(SceneError::value(path, Number(value), format_args!("more than {min} and at most {max}")))
-}
-
-fn check_triple(triple: Triple, min: f64, max: f64, path: &JsonPath<'_>) -> Check {
-    (0..).zip(triple).try_for_each(|(index, component)| check_range(component, min, max, &path.element(index)))
-}
-
-fn check_pair(pair: [f64; 2], min: f64, max: f64, path: &JsonPath<'_>) -> Check {
-    (0..).zip(pair).try_for_each(|(index, component)| check_range(component, min, max, &path.element(index)))
-}
-
-/// Checks that a vector has a direction, and returns it.
-fn check_direction(vector: Triple, path: &JsonPath<'_>) -> Result<DVec3, SceneError> {
-    check_triple(vector, -MAX_LIGHT_COORDINATE, MAX_LIGHT_COORDINATE, path)?;
-    let length = DVec3::from(vector).length();
-    if length < 1e-9 {
-        return Err(SceneError::value(path, Numbers(&vector), "a vector of a length above 0.000000001"));
-    }
-    Ok(DVec3::from(vector) / length)
-}
-
-/// A number as it reads back.
-struct Number<T>(T);
-
-impl<T: fmt::Debug> fmt::Display for Number<T> {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{:?}", self.0)
-    }
-}
-
-/// An array of numbers.
-struct Numbers<'a>(&'a [f64]);
-
-impl fmt::Display for Numbers<'_> {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "{:?}", self.0)
-    }
-}
-
-/// A text in quotation marks.
-pub(super) struct Quoted<'a>(pub(super) &'a str);
-
-impl fmt::Display for Quoted<'_> {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(formatter, "\"{}\"", self.0)
-    }
 }

@@ -4,12 +4,13 @@
 use glam::DVec3;
 
 use super::MeshSurface;
-use super::error::SceneError;
-use super::json_path::JsonPath;
-use super::validate::{Check, Quoted};
 use super::validate_places::{Metres, further};
 use crate::geometry::coincidence::{Faces, area_normal};
 use crate::geometry::contact::{NOWHERE, Shape, join, overlap};
+use crate::settings::Check;
+use crate::settings::JsonPath;
+use crate::settings::SceneError;
+use crate::settings::check::Quoted;
 
 /// In meshes of more triangles, such as water, faces are compared with those of other meshes alone.
 const MOST_OWN_TRIANGLES: u32 = 1 << 18;

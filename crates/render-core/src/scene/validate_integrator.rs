@@ -4,9 +4,10 @@ use super::description::{
     IntegratorDescription, MOST_SPECULAR_VERTICES, ManifoldEstimator, MaterialDescription, MeshDescription,
     SceneDescription,
 };
-use super::error::SceneError;
-use super::json_path::JsonPath;
-use super::validate::{Check, Quoted, check_range};
+use crate::settings::Check;
+use crate::settings::JsonPath;
+use crate::settings::SceneError;
+use crate::settings::check::{Quoted, check_range};
 
 impl SceneDescription {
     /// Checks the settings of the integrator by themselves.

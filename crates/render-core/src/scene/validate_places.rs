@@ -9,15 +9,16 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::description::{CameraDescription, LightDescription, SceneDescription};
-use super::error::SceneError;
-use super::json_path::JsonPath;
-use super::validate::{Check, Quoted};
+use super::description::{CameraDescription, SceneDescription};
 use super::{Camera, MeshSurface};
 use crate::geometry::Pane;
 use crate::geometry::contact::{NOWHERE, Shape, contact, join, overlap, way_out};
-use crate::optics::Light;
-use crate::optics::light::Body;
+use crate::light::Body;
+use crate::light::Light;
+use crate::settings::Check;
+use crate::settings::JsonPath;
+use crate::settings::SceneError;
+use crate::settings::check::Quoted;
 
 /// Parts of panes that are looked at in all: a second's work. What is not settled by then is let through.
 const MOST_PARTS: u32 = 1 << 21;
@@ -190,7 +191,7 @@ impl Places<'_> {
             let Some((pane, at)) = self.pane_around(&shape_of(&body)) else { continue };
             let description = &self.description.lights[index];
             let root = JsonPath::Root;
-            let (lights, place) = (root.member("lights"), place_of(description));
+            let (lights, place) = (root.member("lights"), description.place().unwrap_or_default());
             let (element, kind) = (lights.element(index), description.kind());
             let found = format!("light {} in or against {}", Quoted(&light.name), self.glass(pane, at));
             let expected = format!(
@@ -275,11 +276,6 @@ fn distance_to(point: DVec3, corners: &[DVec3]) -> f64 {
     };
     let along = |side: DVec3| ((point - *origin).dot(side) / side.length_squared()).clamp(0.0, 1.0) * side;
     (*origin + along(*x - *origin) + along(*y - *origin)).distance(point)
-}
-
-/// The member that says where a light is.
-fn place_of(light: &LightDescription) -> &'static str {
-    if matches!(light, LightDescription::Point { .. }) { "position" } else { "centre" }
 }
 
 /// A place, to the micrometre.

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::Scene;
 use crate::{
     geometry::{Face, Leaving, Ray, Surface},
-    optics::Source,
+    light::Source,
     specular::ShadingPoint,
 };
 use clerestory_film::counters::Counters;

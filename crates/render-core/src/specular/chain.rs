@@ -16,10 +16,8 @@ use super::{
 };
 use crate::{
     geometry::{Hit, Leaving, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential},
-    optics::{
-        Source,
-        dielectric::{absorption, reflect, refract},
-    },
+    light::Source,
+    optics::dielectric::{absorption, reflect, refract},
     scene::{Scene, description::ManifoldConstraint, visibility::straight},
 };
 use clerestory_film::counters::Counters;

@@ -20,7 +20,7 @@ use super::{
 };
 use crate::{
     geometry::{Face, Leaving},
-    optics::Source,
+    light::Source,
     scene::Scene,
 };
 

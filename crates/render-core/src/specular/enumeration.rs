@@ -285,7 +285,7 @@ mod tests {
     use super::*;
     use crate::{
         geometry::testing::Glass,
-        optics::Source,
+        light::Source,
         specular::{
             newton::{Complete, Published, Solve, solve_published},
             side::PaneSide,

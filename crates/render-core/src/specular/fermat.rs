@@ -18,7 +18,8 @@ use glam::{DMat2, DVec2, DVec3};
 use super::side::{PaneSide, unit_normal};
 use crate::{
     geometry::{HeightField, SurfaceJet},
-    optics::{Source, dielectric::refract},
+    light::Source,
+    optics::dielectric::refract,
 };
 use clerestory_film::counters::Counters;
 

@@ -42,7 +42,7 @@ use super::{
 };
 use crate::{
     geometry::Rect,
-    optics::{LightKind, Source, SourceSample},
+    light::{Source, SourceSample},
     scene::{
         Scene,
         description::{FneeSolver, PaneSelection},
@@ -186,7 +186,7 @@ impl SpecularMethod for Fnee {
             return;
         }
         let random = stream.next_2d();
-        let is_met = !matches!(scene.lights()[light as usize].kind, LightKind::Point { .. });
+        let is_met = !scene.lights()[light as usize].is_delta();
         let view = (is_met && self.combines()).then(|| View::new(scene, point, light, &Effort::at(point)));
         if let Some(view) = &view {
             view.cast(random, counters, &mut |glimpse, opening| {
@@ -235,7 +235,7 @@ struct SampledLight<'a> {
 /// over the geometry factor.
 fn density_of_glimpse(scene: &Scene, light: u32, glimpse: &Glimpse, opening: &Opening<'_>) -> f64 {
     let source = &scene.lights()[light as usize];
-    let (met, cosine) = source.met(&glimpse.exit, &glimpse.hit);
+    let (met, cosine) = source.source_at(&glimpse.exit, &glimpse.hit);
     let (centre, radius) = scene.specular_ball();
     let frame = &opening.side.pane.frame;
     let connection = Connection::new(&opening.side, opening.origin, local(met, frame));

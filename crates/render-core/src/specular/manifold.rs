@@ -21,7 +21,7 @@ use super::{
 };
 use crate::{
     geometry::{Leaving, Ray},
-    optics::{Source, SourceSample},
+    light::{Source, SourceSample},
     scene::{
         Scene,
         description::{ManifoldConstraint, WalkSteps},

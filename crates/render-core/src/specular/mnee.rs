@@ -16,7 +16,7 @@ use super::{
     scope::Scope,
 };
 use crate::{
-    optics::Source,
+    light::Source,
     scene::{
         Scene,
         description::{ManifoldConstraint, MissedPaths, WalkSteps},

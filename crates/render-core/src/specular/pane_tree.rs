@@ -15,7 +15,7 @@ use smallvec::{SmallVec, smallvec};
 
 use crate::{
     geometry::{Face, Pane},
-    optics::{Light, LightKind, Source},
+    light::{Light, LightBounds, Source},
 };
 
 /// Panes for which no memory is allocated.
@@ -80,14 +80,9 @@ impl Sight {
 
     /// A whole light.
     pub(crate) fn of_light(light: &Light) -> Self {
-        match light.kind {
-            LightKind::Sun { direction, sin_radius, .. } => Self::Cap { direction, chord: cap_chord(sin_radius) },
-            LightKind::Point { position, .. } => Self::Ball { centre: position, radius: 0.0 },
-            LightKind::Sphere { centre, radius, .. } => Self::Ball { centre, radius },
-            LightKind::Rectangle { frame, half_size: [u, v], .. } => {
-                Self::Ball { centre: frame.origin, radius: (u * u + v * v).sqrt() }
-            }
-            LightKind::Disk { frame, radius, .. } => Self::Ball { centre: frame.origin, radius },
+        match light.bounds() {
+            LightBounds::Cap { direction, sin_radius } => Self::Cap { direction, chord: cap_chord(sin_radius) },
+            LightBounds::Ball { centre, radius } => Self::Ball { centre, radius },
         }
     }
 

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::{Arrival, ShadingPoint, coverage, fermat::Connection, newton::Root, side::PaneSide, side::Transmission};
 use crate::{
     geometry::{Frame, Leaving, Ray},
-    optics::{Source, SourceSample},
+    light::{Source, SourceSample},
     scene::Scene,
 };
 use clerestory_film::counters::Counters;

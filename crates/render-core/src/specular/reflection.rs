@@ -30,7 +30,8 @@ use super::{
 };
 use crate::{
     geometry::{Leaving, PaneBoundary, Ray, Rect, Surface, SurfaceJet},
-    optics::{Source, SourceSample, dielectric::refract},
+    light::{Source, SourceSample},
+    optics::dielectric::refract,
     scene::{Scene, description::FneeSolver},
 };
 use clerestory_film::TrialStream;

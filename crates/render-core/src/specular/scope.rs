@@ -2,7 +2,7 @@
 //! receivers. What is not named is marked by what it is: panes and smooth meshes cast, everything else receives.
 
 use super::{ShadingPoint, SpecularEvent, SpecularPath, caster::Caster, caster::casters};
-use crate::{geometry::Leaving, optics::light_sampling::SourceSample, scene::Scene};
+use crate::{geometry::Leaving, light::SourceSample, scene::Scene};
 use clerestory_film::SampleStream;
 
 /// The paths that a manifold method looks for.

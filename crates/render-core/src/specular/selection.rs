@@ -2,7 +2,7 @@
 
 use super::{ShadingPoint, caster::Caster};
 use crate::{
-    optics::Source,
+    light::Source,
     scene::{Scene, description::PaneSelection, visibility::straight},
 };
 use clerestory_film::SampleStream;

@@ -4,7 +4,7 @@ use super::fermat::{Connection, Theta};
 use crate::{
     geometry::FacePoints,
     lanes::{Instructions, LANES, Lanes, Lanes2, Lanes3, Mask},
-    optics::Source,
+    light::Source,
 };
 use clerestory_film::counters::Counters;
 

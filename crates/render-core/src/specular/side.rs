@@ -4,10 +4,8 @@ use glam::{DVec2, DVec3};
 
 use crate::{
     geometry::{Face, HeightField, Pane, PaneBoundary, Ray},
-    optics::{
-        Source,
-        dielectric::{absorption, refract},
-    },
+    light::Source,
+    optics::dielectric::{absorption, refract},
 };
 use clerestory_film::counters::Counters;
 

@@ -15,7 +15,7 @@ use super::{
     trials::RandomSearch,
 };
 use crate::{
-    optics::Source,
+    light::Source,
     scene::{
         Scene,
         description::{ManifoldConstraint, ManifoldEstimator, PaneSelection, WalkSteps},

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     geometry::{Frame, Leaving, Ray, Rect},
-    optics::{Light, LightKind, light_sampling::LightHit},
+    light::{Light, LightBounds, LightHit},
     scene::Scene,
 };
 use clerestory_film::counters::Counters;
@@ -98,7 +98,7 @@ impl<'a> View<'a> {
     pub(super) fn new(scene: &'a Scene, point: &'a ShadingPoint, light: u32, effort: &Effort) -> Self {
         let (mut openings, mut windows) = (Vec::new(), Vec::new());
         let source = &scene.lights()[light as usize];
-        let candidates = if matches!(source.kind, LightKind::Point { .. }) {
+        let candidates = if source.is_delta() {
             Panes::new()
         } else {
             scene.pane_tree().candidates(point.position, &Sight::of_light(source))
@@ -239,16 +239,9 @@ fn solid_angle(side: &PaneSide<'_>, origin: DVec3, place: DVec2) -> f64 {
 
 /// Bounds on a whole light, in a pane's frame.
 pub(super) fn light_bounds(light: &Light, frame: &Frame) -> SourceBounds {
-    match light.kind {
-        LightKind::Point { position, .. } => SourceBounds::Ball { centre: frame.point_to_local(position), radius: 0.0 },
-        LightKind::Sphere { centre, radius, .. } => SourceBounds::Ball { centre: frame.point_to_local(centre), radius },
-        LightKind::Rectangle { frame: light_frame, half_size: [u, v], .. } => {
-            SourceBounds::Ball { centre: frame.point_to_local(light_frame.origin), radius: (u * u + v * v).sqrt() }
-        }
-        LightKind::Disk { frame: light_frame, radius, .. } => {
-            SourceBounds::Ball { centre: frame.point_to_local(light_frame.origin), radius }
-        }
-        LightKind::Sun { direction, sin_radius, .. } => {
+    match light.bounds() {
+        LightBounds::Ball { centre, radius } => SourceBounds::Ball { centre: frame.point_to_local(centre), radius },
+        LightBounds::Cap { direction, sin_radius } => {
             SourceBounds::Cap { direction: frame.vector_to_local(direction), sin_radius }
         }
     }

@@ -17,6 +17,7 @@ use super::description::{
     CameraDescription, FilmDescription, IntegratorDescription, LightDescription, MaterialDescription,
     ReflectanceDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple,
 };
+use crate::light::SunLight;
 
 /// The openings of the clerestory, all alike.
 const WINDOWS: u32 = 4;
@@ -89,13 +90,13 @@ pub fn nave(panes: PaneCount) -> SceneDescription {
         materials: materials(),
         meshes,
         panes: glazing::panes(cuts),
-        lights: vec![LightDescription::Sun {
+        lights: vec![LightDescription::Sun(SunLight {
             name: "sun".to_owned(),
             // 40 degrees high, 15 degrees from the normal of the windows.
             direction: [-0.739942, -0.198267, 0.642788],
             angular_radius: 0.27,
             radiance: [41_000.0, 37_000.0, 31_000.0],
-        }],
+        })],
     }
 }
 

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use super::stonework::OPENING;
 use super::*;
 use crate::geometry::{Frame, Leaving, Ray, Surface};
-use crate::optics::LightKind;
+use crate::light::LightBounds;
 use crate::scene::{Scene, SceneBundle};
 use clerestory_film::counters::Counters;
 
@@ -24,7 +24,7 @@ fn spread(count: u32) -> impl Iterator<Item = DVec3> {
 
 /// The direction and the sine of the angular radius of the sun.
 fn sun(scene: &Scene) -> (DVec3, f64) {
-    let LightKind::Sun { direction, sin_radius, .. } = scene.lights()[0].kind else { panic!("the nave has a sun") };
+    let LightBounds::Cap { direction, sin_radius } = scene.lights()[0].bounds() else { panic!("the nave has a sun") };
     (direction, sin_radius)
 }
 

@@ -8,11 +8,11 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
-use super::error::AssetProblem;
 use super::mesh::TriangleMesh;
 use super::mesh_file::refuse_other_formats;
 use super::polygon::Cutter;
 use super::text::{Lines, Words, decimal, expected_number, is_not_finite, quoted};
+use crate::settings::AssetProblem;
 use clerestory_film::file_format::without_byte_order_mark;
 
 /// A file of which only the statements are counted.

@@ -1,8 +1,8 @@
 //! The numbers of a PLY file after its header, as text or binary.
 
-use super::super::error::AssetProblem;
 use super::super::text::{Lines, Words, decimal, expected_number, is_not_finite, quoted};
 use super::header::{Element, Encoding, Header, Scalar, malformed};
+use crate::settings::AssetProblem;
 
 /// Where the next number is read.
 #[derive(Clone, Debug)]

@@ -8,9 +8,9 @@ use glam::{DVec2, DVec3};
 
 use self::body::{Body, Record};
 use self::header::{Header, Property, malformed};
-use super::error::AssetProblem;
 use super::mesh::TriangleMesh;
 use super::polygon::Cutter;
+use crate::settings::AssetProblem;
 
 /// What programs call the first texture coordinate.
 const U_NAMES: [&str; 3] = ["u", "s", "texture_u"];

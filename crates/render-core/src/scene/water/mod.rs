@@ -17,6 +17,7 @@ use super::description::{
     CameraDescription, ConicSearch, IntegratorDescription, LightDescription, MaterialDescription, MeshDescription,
     MeshSource, ReflectanceDescription, Triple, WaveDescription, default_conic_chains,
 };
+use crate::light::SunLight;
 
 /// Index of refraction of water.
 const WATER: f64 = 1.33;
@@ -105,12 +106,12 @@ fn integrator() -> IntegratorDescription {
 }
 
 fn sun(direction: Triple) -> LightDescription {
-    LightDescription::Sun {
+    LightDescription::Sun(SunLight {
         name: "sun".to_owned(),
         direction,
         angular_radius: 0.27,
         radiance: [41_000.0, 37_000.0, 31_000.0],
-    }
+    })
 }
 
 /// Parallel rays straight down onto a square of the floor in the middle, from just above it.

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::{
     geometry::{Leaving, Ray, Surface},
-    optics::{LightKind, Source},
+    light::{LightBounds, Source},
     scene::{
         Scene, SceneBundle,
         description::{ConicSearch, SceneDescription},
@@ -330,8 +330,8 @@ fn leads_to_light(scene: &Scene, point: &ShadingPoint, direction: DVec3, event: 
         SpecularEvent::Reflection => interface.reflect(direction, &normals).map(|(next, _)| next),
     };
     let light = &scene.lights()[light as usize];
-    next.is_some_and(|next| match light.kind {
-        LightKind::Point { position, .. } => (position - place).normalize().distance(next) < 1e-4,
+    next.is_some_and(|next| match light.bounds() {
+        LightBounds::Ball { centre, .. } if light.is_delta() => (centre - place).normalize().distance(next) < 1e-4,
         _ => light.intersect(&Ray::new(place, next)).is_some(),
     })
 }

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::{
     geometry::bernstein::roots,
-    optics::Source,
+    light::Source,
     specular::testing::{between, pair, random},
 };
 use clerestory_film::TrialStream;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::optics::Source;
+use crate::light::Source;
 
 /// A shading point and a point of a light on the two sides of an interface, or on one side of a mirror.
 #[derive(Clone, Copy, Debug)]

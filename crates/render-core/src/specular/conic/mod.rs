@@ -50,7 +50,8 @@ use super::{
 };
 use crate::{
     geometry::{Frame, Leaving, PaneBoundary, Ray, Surface},
-    optics::{Interface, Light, Source, SourceSample},
+    light::{Light, Source, SourceSample},
+    optics::Interface,
     scene::{
         Scene,
         description::{ConicSearch, ManifoldConstraint, WalkSteps},
@@ -189,7 +190,7 @@ impl Connection<'_> {
         let ray = Ray::new(last.at.position, chain.exit);
         let Some(hit) = light.intersect(&ray) else { return };
         let (centre, radius) = scene.specular_ball();
-        let sample = light.sample_met(centre, radius, &ray, &hit);
+        let sample = light.sample_at(centre, radius, &ray, &hit);
         let walk = ManifoldWalk { source: sample.source, ..self.walk };
         if let Some(path) = walk.solved(chain) {
             self.weighted(&path, &sample, focus, counters, arrive);

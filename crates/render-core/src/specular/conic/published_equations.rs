@@ -15,7 +15,8 @@ use super::{
 };
 use crate::{
     geometry::Leaving,
-    optics::{Source, SourceSample, dielectric::refract},
+    light::{Source, SourceSample},
+    optics::dielectric::refract,
     scene::{
         Scene, SceneBundle,
         description::{ManifoldConstraint, SceneDescription, WalkSteps},

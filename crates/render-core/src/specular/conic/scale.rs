@@ -12,7 +12,7 @@ use super::{
     testing::{WATER, distinct, found, problem, water},
 };
 use crate::{
-    optics::Source,
+    light::Source,
     specular::testing::{between, pair, random},
 };
 use clerestory_film::TrialStream;

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use super::{ends::Ends, facet::Facet, facet_tree::FacetTree};
-use crate::{optics::Source, specular::testing::between};
+use crate::{light::Source, specular::testing::between};
 use clerestory_film::TrialStream;
 
 /// Index of refraction of water.

@@ -10,10 +10,8 @@ use super::{
     testing::{WATER, ball, distinct, found, problem, water},
 };
 use crate::{
-    optics::{
-        Source,
-        dielectric::{reflect, refract},
-    },
+    light::Source,
+    optics::dielectric::{reflect, refract},
     specular::testing::{between, random},
 };
 

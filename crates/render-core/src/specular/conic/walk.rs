@@ -248,7 +248,7 @@ impl Crossed {
 mod tests {
     use super::*;
     use crate::{
-        optics::Source,
+        light::Source,
         specular::{
             conic::{certified::Problem, curve::straight_through, degenerate::any_facet, testing::WATER},
             testing::{between, random},

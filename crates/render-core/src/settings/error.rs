@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use super::description::SCENE_FORMAT_VERSION;
-use super::json_path::{JsonPath, ROOT};
+use super::SCENE_FORMAT_VERSION;
+use super::path::{JsonPath, ROOT};
 
 /// A scene that cannot be used. Every error names the place in the scene file, what stands there and what would be
 /// right.
@@ -93,7 +93,7 @@ pub enum AssetProblem {
 impl AssetProblem {
     /// Content that makes no sense: a phrase that goes on after the name of the file. Messages of decoders may quote
     /// the file, so they are cut to a line.
-    pub(super) fn malformed(message: impl fmt::Display) -> Self {
+    pub(crate) fn malformed(message: impl fmt::Display) -> Self {
         Self::Malformed(one_line(&message.to_string()))
     }
 }
@@ -109,12 +109,12 @@ impl SceneError {
     }
 
     /// A value of the right type that makes no sense.
-    pub(super) fn value(path: &JsonPath<'_>, found: impl fmt::Display, expected: impl fmt::Display) -> Self {
+    pub(crate) fn value(path: &JsonPath<'_>, found: impl fmt::Display, expected: impl fmt::Display) -> Self {
         Self::Value { path: path.to_string(), found: one_line(&found.to_string()), expected: expected.to_string() }
     }
 
     /// What the reader says of text that is JSON but not a scene, at its place.
-    pub(super) fn from_json(error: serde_path_to_error::Error<serde_json::Error>) -> Self {
+    pub(crate) fn from_json(error: serde_path_to_error::Error<serde_json::Error>) -> Self {
         let path = match error.path().to_string().as_str() {
             "." => ROOT.to_owned(),
             path => one_line(path),

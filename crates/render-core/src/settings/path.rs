@@ -4,7 +4,7 @@ use std::fmt;
 
 /// A place in a scene file. It borrows its parents, so that it costs nothing until an error needs its text.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum JsonPath<'a> {
+pub enum JsonPath<'a> {
     /// The scene itself.
     Root,
     /// A member of an object.
@@ -15,12 +15,12 @@ pub(super) enum JsonPath<'a> {
 
 impl<'a> JsonPath<'a> {
     /// The member `name` of this object.
-    pub(super) fn member(&'a self, name: &'a str) -> JsonPath<'a> {
+    pub fn member(&'a self, name: &'a str) -> JsonPath<'a> {
         JsonPath::Member(self, name)
     }
 
     /// Element `index` of this array.
-    pub(super) fn element(&'a self, index: usize) -> JsonPath<'a> {
+    pub fn element(&'a self, index: usize) -> JsonPath<'a> {
         JsonPath::Element(self, index)
     }
 }
@@ -37,7 +37,7 @@ impl fmt::Display for JsonPath<'_> {
 }
 
 /// How the scene itself is written.
-pub(super) const ROOT: &str = "$";
+pub(crate) const ROOT: &str = "$";
 
 #[cfg(test)]
 mod tests {

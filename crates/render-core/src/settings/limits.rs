@@ -35,3 +35,6 @@ pub const MAX_COORDINATE: f64 = 1e6;
 
 /// Distance of lights from the origin along each axis, metres.
 pub const MAX_LIGHT_COORDINATE: f64 = 1e12;
+
+/// Radiance, W/(m2 sr), or intensity, W/sr, of a light in each channel.
+pub const MAX_EMISSION: f64 = 1e30;

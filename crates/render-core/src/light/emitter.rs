@@ -1,0 +1,135 @@
+//! What a light does: where it is, how it is sampled, where rays meet it.
+
+use std::fmt;
+
+use glam::{DVec2, DVec3};
+
+use crate::geometry::Ray;
+
+/// Where light comes from: a point, or a direction for a light at infinity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Source {
+    /// A point, metres.
+    Point(DVec3),
+    /// A unit vector towards a light at infinity.
+    Direction(DVec3),
+}
+
+/// A point of a light, drawn at random.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SourceSample {
+    /// Where the light comes from.
+    pub source: Source,
+    /// Unit normal of the light's surface; `None` for a point light and the sun.
+    pub normal: Option<DVec3>,
+    /// Intensity of a point light [W/sr], else radiance [W/(m2 sr)], divided by the probability density: per area for
+    /// surfaces, per solid angle for the sun, 1 for a point light.
+    pub weight: DVec3,
+}
+
+/// A direction from a shading point straight to a light, drawn at random.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LiSample {
+    /// Unit vector from the shading point to the light.
+    pub direction: DVec3,
+    /// Distance to the light; infinite for the sun.
+    pub distance: f64,
+    /// Radiance times solid angle [W/m2]: radiance / pdf, or intensity / distance squared for a point light.
+    pub weight: DVec3,
+    /// Density per solid angle; `None` for a point light, which nothing else can find.
+    pub pdf: Option<f64>,
+}
+
+/// Where a ray meets a light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightHit {
+    /// Distance along the ray; infinite for the sun.
+    pub distance: f64,
+    /// Radiance towards the ray's origin (`le`); zero on the dark side of a rectangle or a disk.
+    pub radiance: DVec3,
+}
+
+/// A region that holds all of a light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightBounds {
+    /// A ball; a point light has radius 0.
+    Ball {
+        /// Its centre, metres.
+        centre: DVec3,
+        /// Its radius, metres.
+        radius: f64,
+    },
+    /// Directions around one.
+    Cap {
+        /// Unit vector towards the middle.
+        direction: DVec3,
+        /// Sine of the angular radius.
+        sin_radius: f64,
+    },
+}
+
+/// The shape of a light that is somewhere.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Body {
+    /// A ball; a point has radius 0.
+    Ball {
+        /// Its centre, metres.
+        centre: DVec3,
+        /// Its radius, metres.
+        radius: f64,
+    },
+    /// A flat convex polygon with these corners, metres.
+    Polygon(Vec<DVec3>),
+}
+
+/// How a light emits. Units are W, m and sr; colours are linear Rec.709.
+pub trait Emitter: fmt::Debug + Send + Sync {
+    /// The largest radiance, W/(m2 sr); the intensity of a point light, W/sr.
+    fn emission(&self) -> DVec3;
+
+    /// Whether the light is a point, which no ray can meet.
+    fn is_delta(&self) -> bool {
+        false
+    }
+
+    /// A region that holds the whole light.
+    fn bounds(&self) -> LightBounds;
+
+    /// Its shape; `None` for a light that is nowhere.
+    fn body(&self) -> Option<Body>;
+
+    /// The largest solid angle at which the light may be seen from a box, up to 2 pi; `None` for a point light.
+    fn largest_solid_angle(&self, bounds: [DVec3; 2]) -> Option<f64>;
+
+    /// Draws a point of the light that may be seen from inside a ball. Every point that can be seen from anywhere in
+    /// the ball has a positive density, so that light that arrives there by refraction is not lost at a sphere's limb.
+    fn sample_source(&self, centre: DVec3, radius: f64, random: DVec2) -> SourceSample;
+
+    /// Density with which [`Self::sample_source`] draws a source: per area for surfaces, per solid angle for the sun,
+    /// infinite for a point light.
+    fn source_density(&self, centre: DVec3, radius: f64, source: Source) -> f64;
+
+    /// The source where a ray meets the light, and the cosine of the angle at which it does; 1 for the sun.
+    fn source_at(&self, ray: &Ray, hit: &LightHit) -> (Source, f64);
+
+    /// Unit normal of the light's surface at a source; `None` for a point light and the sun.
+    fn normal_at(&self, source: Source) -> Option<DVec3>;
+
+    /// Draws a direction in which the light is seen from `point` if nothing is in the way; `None` when it cannot be.
+    fn sample_li(&self, point: DVec3, random: DVec2) -> Option<LiSample>;
+
+    /// Density per solid angle with which [`Self::sample_li`] draws, from the ray's origin, the direction of a ray that
+    /// meets the light at `hit`.
+    fn pdf_li(&self, ray: &Ray, hit: &LightHit) -> f64;
+
+    /// Where a ray meets the light from outside; `None` when it misses.
+    fn intersect(&self, ray: &Ray) -> Option<LightHit>;
+
+    /// The sample that [`Self::sample_source`] would draw where a ray meets the light.
+    fn sample_at(&self, centre: DVec3, radius: f64, ray: &Ray, hit: &LightHit) -> SourceSample {
+        let (source, _) = self.source_at(ray, hit);
+        let density = self.source_density(centre, radius, source);
+        let weight = if density > 0.0 { hit.radiance / density } else { DVec3::ZERO };
+        SourceSample { source, normal: self.normal_at(source), weight }
+    }
+}

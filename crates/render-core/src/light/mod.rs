@@ -1,0 +1,70 @@
+//! Lights: one file for each kind, with its settings in the scene file, their checks, and how it emits.
+//!
+//! [`registry`] lists the kinds. Everything else sees a light through [`Emitter`] and never asks for its kind.
+
+mod cap;
+mod disk;
+mod emitter;
+mod flat;
+mod point;
+mod rectangle;
+mod registry;
+mod sphere;
+mod sun;
+#[cfg(test)]
+mod tests;
+
+use std::ops::Deref;
+use std::sync::Arc;
+
+pub use disk::DiskLight;
+pub use emitter::{Body, Emitter, LiSample, LightBounds, LightHit, Source, SourceSample};
+pub use point::PointLight;
+pub use rectangle::RectangleLight;
+pub use registry::LightDescription;
+pub use sphere::SphereLight;
+pub use sun::SunLight;
+
+use crate::settings::{Check, JsonPath};
+
+/// The settings of a light in the scene file.
+pub trait LightSettings {
+    /// Its name.
+    fn name(&self) -> &str;
+
+    /// The member that says where it is; `None` for a light that is nowhere.
+    fn place(&self) -> Option<&'static str>;
+
+    /// Checks all settings but the name.
+    ///
+    /// # Errors
+    ///
+    /// The first setting that makes no sense, with its place, what stands there and what would be right.
+    fn check(&self, path: &JsonPath<'_>) -> Check;
+
+    /// The light, from settings that have been checked.
+    fn build(&self) -> Arc<dyn Emitter>;
+}
+
+/// A light of the scene.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// Its name in the scene file.
+    pub name: String,
+    emitter: Arc<dyn Emitter>,
+}
+
+impl Light {
+    /// The light of settings that have been checked.
+    pub fn new(description: &LightDescription) -> Self {
+        Self { name: description.name().to_owned(), emitter: description.build() }
+    }
+}
+
+impl Deref for Light {
+    type Target = dyn Emitter;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.emitter
+    }
+}

@@ -1,0 +1,111 @@
+//! A point that shines equally in all directions.
+
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Body, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample};
+use crate::geometry::Ray;
+use crate::settings::check::check_triple;
+use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
+use crate::settings::{Check, JsonPath, Triple};
+
+/// A point that shines equally in all directions.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct PointLight {
+    /// A short name, used in messages; no two lights share one.
+    #[schemars(length(min = 1, max = 200))]
+    pub name: String,
+    /// Where it is.
+    pub position: Triple,
+    /// Radiant intensity, W/sr.
+    #[schemars(inner(range(min = 0.0)))]
+    pub intensity: Triple,
+}
+
+impl LightSettings for PointLight {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn place(&self) -> Option<&'static str> {
+        Some("position")
+    }
+
+    fn check(&self, path: &JsonPath<'_>) -> Check {
+        check_triple(self.position, -MAX_LIGHT_COORDINATE, MAX_LIGHT_COORDINATE, &path.member("position"))?;
+        check_triple(self.intensity, 0.0, MAX_EMISSION, &path.member("intensity"))
+    }
+
+    fn build(&self) -> Arc<dyn Emitter> {
+        Arc::new(Point { position: self.position.into(), intensity: self.intensity.into() })
+    }
+}
+
+/// A point of equal intensity in all directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Point {
+    position: DVec3,
+    intensity: DVec3,
+}
+
+impl Emitter for Point {
+    fn emission(&self) -> DVec3 {
+        self.intensity
+    }
+
+    fn is_delta(&self) -> bool {
+        true
+    }
+
+    fn bounds(&self) -> LightBounds {
+        LightBounds::Ball { centre: self.position, radius: 0.0 }
+    }
+
+    fn body(&self) -> Option<Body> {
+        Some(Body::Ball { centre: self.position, radius: 0.0 })
+    }
+
+    fn largest_solid_angle(&self, _: [DVec3; 2]) -> Option<f64> {
+        None
+    }
+
+    fn sample_source(&self, _: DVec3, _: f64, _: DVec2) -> SourceSample {
+        SourceSample { source: Source::Point(self.position), normal: None, weight: self.intensity }
+    }
+
+    fn source_density(&self, _: DVec3, _: f64, _: Source) -> f64 {
+        f64::INFINITY
+    }
+
+    fn source_at(&self, ray: &Ray, hit: &LightHit) -> (Source, f64) {
+        (Source::Point(ray.at(hit.distance)), 1.0)
+    }
+
+    fn normal_at(&self, _: Source) -> Option<DVec3> {
+        None
+    }
+
+    fn sample_li(&self, point: DVec3, _: DVec2) -> Option<LiSample> {
+        let offset = self.position - point;
+        let distance = offset.length();
+        (distance > 0.0).then(|| LiSample {
+            direction: offset / distance,
+            distance,
+            weight: self.intensity / (distance * distance),
+            pdf: None,
+        })
+    }
+
+    fn pdf_li(&self, _: &Ray, _: &LightHit) -> f64 {
+        0.0
+    }
+
+    fn intersect(&self, _: &Ray) -> Option<LightHit> {
+        None
+    }
+}

@@ -1,0 +1,20 @@
+//! What the settings of all things in a scene file share: places in the file, errors, limits and checks of ranges, and
+//! [`kinds`], which declares the registry of the kinds of a thing.
+
+pub(crate) mod check;
+pub mod error;
+mod kinds;
+pub mod limits;
+pub(crate) mod path;
+
+pub use check::Check;
+pub use error::{AssetProblem, SceneError};
+pub use path::JsonPath;
+
+pub(crate) use kinds::kinds;
+
+/// Three numbers: a point or direction in metres, or linear Rec.709 red, green, blue.
+pub type Triple = [f64; 3];
+
+/// The version of the scene format that this build reads.
+pub const SCENE_FORMAT_VERSION: u32 = 1;
