@@ -1,9 +1,9 @@
 //! Paths of light over panes, found without a specular method or by the complete search, as the path tracer describes them.
 
 use clerestory_film::counters::Counters;
+use clerestory_render_core::bsdf::fresnel::{reflect, refract};
 use clerestory_render_core::geometry::{Face, Leaving, PaneBoundary, Ray, Surface};
 use clerestory_render_core::light::{Source, SourceSample};
-use clerestory_render_core::optics::dielectric::{reflect, refract};
 use clerestory_render_core::scene::{Scene, description::FneeSolver};
 use clerestory_render_core::specular::{
     Link, ShadingPoint, SpecularEvent, SpecularPath,

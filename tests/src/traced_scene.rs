@@ -292,7 +292,7 @@ impl TracedScene {
         let (offset, across) = (point - triangle.corner, triangle.edge1.cross(triangle.edge2));
         let second = offset.cross(triangle.edge2).dot(across) / across.length_squared();
         let third = triangle.edge1.cross(offset).dot(across) / across.length_squared();
-        self.colours.reflectance(index as u32, [second, third])
+        self.colours.bsdf(index as u32).albedo(&self.colours.surface_point(index as u32, [second, third]))
     }
 }
 

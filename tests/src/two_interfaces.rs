@@ -103,7 +103,7 @@ impl<'a> TwoInterfaces<'a> {
                 let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, leaving, &mut Counters::default())?;
                 let Surface::Triangle { index, barycentric } = hit.surface else { return None };
                 let normals = scene.normals(index, barycentric);
-                let crossing = scene.interface(index)?.transmit(ray.direction, &normals)?;
+                let crossing = scene.delta_bsdf(index)?.transmit(ray.direction, &normals)?;
                 ray = Ray::new(ray.at(hit.distance), crossing.direction);
                 leaving = Leaving::Triangle(index);
             }

@@ -5,7 +5,8 @@
 //! - [`scene`]: the JSON description, its validation, its assets, and the immutable [`scene::Scene`] built from them;
 //! - [`geometry`]: height-field panes, triangles and the hierarchy over both;
 //! - [`settings`]: what the settings of all things in a scene file share;
-//! - [`optics`]: Snell, Fresnel and smooth boundaries;
+//! - [`texture`]: pictures and colours over surfaces;
+//! - [`bsdf`]: materials, one file for each kind;
 //! - [`light`]: lights, one file for each kind;
 //! - [`specular`]: how light from a light reaches a shading point through glass, one file for each method;
 //! - [`integrator`]: the path tracer, which asks [`specular`] for the light that next event estimation cannot see.
@@ -18,12 +19,13 @@
 //! - Nothing here reads a clock, the environment, the network or a database; only [`scene::load`] reads files.
 //! - Transcendental functions come from `libm`, so that every machine computes the same bits.
 
+pub mod bsdf;
 pub mod geometry;
 pub mod integrator;
 mod lanes;
 pub mod light;
-pub mod optics;
 pub mod probe;
 pub mod scene;
 pub mod settings;
 pub mod specular;
+pub mod texture;

@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 use clerestory_film::{FilmTile, ImageRows, LayerChoice, NodeAddress, TileGrid};
 use clerestory_render_core::integrator::render_node;
 use clerestory_render_core::scene::description::{
-    FilmDescription, IntegratorDescription, MaterialDescription, SamplingDescription, SceneDescription,
+    FilmDescription, IntegratorDescription, SamplingDescription, SceneDescription,
 };
 use clerestory_render_core::scene::water::{WaterSettings, WaterView, lagoon, pool};
 use clerestory_render_core::scene::{self, Scene, SceneBundle};
@@ -81,7 +81,7 @@ fn methods(scene: &SceneDescription) -> Vec<Method> {
             json!({"sms": {"estimator": {"unbiased": {"max_trials": 20}}}}),
         ]);
     }
-    let is_smooth = |name| !matches!(scene.materials.get(name), Some(MaterialDescription::Diffuse { .. }));
+    let is_smooth = |name| scene.materials.get(name).is_some_and(|material| material.is_delta());
     if scene.meshes.iter().any(|mesh| is_smooth(&mesh.material)) {
         fast.extend([
             json!({"sms": {"estimator": few, "chains": ["T"]}}),

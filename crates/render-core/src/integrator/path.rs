@@ -9,12 +9,12 @@ use glam::DVec3;
 
 use super::path_filter::{FilterState, PathEvent, PathFilter};
 use crate::{
-    geometry::{Face, Frame, Hit, Leaving, PaneBoundary, Ray, Surface},
-    light::{LightHit, Source},
-    optics::{
-        Interface,
-        dielectric::{absorption, reflect, refract},
+    bsdf::{
+        Bsdf, SampleKind, SurfacePoint,
+        fresnel::{absorption, reflect, refract},
     },
+    geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface},
+    light::{LightHit, Source},
     scene::{Scene, description::MOST_SPECULAR_VERTICES, visibility::SAME_PLACE},
     specular::{Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, side::unit_normal},
 };
@@ -90,6 +90,23 @@ struct Walk {
     depth: u32,
 }
 
+/// A BSDF at a point that a path has reached.
+struct Lobe<'a> {
+    bsdf: &'a dyn Bsdf,
+    at: &'a SurfacePoint,
+    incident: DVec3,
+}
+
+impl Lobe<'_> {
+    fn eval(&self, outgoing: DVec3) -> DVec3 {
+        self.bsdf.eval(self.at, self.incident, outgoing)
+    }
+
+    fn pdf(&self, outgoing: DVec3) -> f64 {
+        self.bsdf.pdf(self.at, self.incident, outgoing)
+    }
+}
+
 impl<'a> PathTracer<'a> {
     /// A path tracer that leaves the paths that `method` owns to it.
     pub fn new(scene: &'a Scene, method: Option<&'a dyn SpecularMethod>, max_depth: u32) -> Self {
@@ -142,10 +159,9 @@ impl<'a> PathTracer<'a> {
             }
             walk.depth += 1;
             let goes_on = match hit.surface {
-                Surface::Triangle { index, barycentric } => match self.scene.interface(index) {
-                    Some(interface) => self.smooth(&mut walk, hit.distance, index, barycentric, interface, stream),
-                    None => self.diffuse(&mut walk, hit.distance, index, barycentric, &mut sample, stream, counters),
-                },
+                Surface::Triangle { index, barycentric } => {
+                    self.surface(&mut walk, hit.distance, index, barycentric, &mut sample, stream, counters)
+                }
                 Surface::Pane { index, .. } => self.glass(&mut walk, index, &hit, stream),
             };
             if !goes_on || !self.survives(&mut walk, stream) {
@@ -158,12 +174,8 @@ impl<'a> PathTracer<'a> {
         sample.depth = hit.distance;
         let (normal, albedo) = match &hit.surface {
             Surface::Triangle { index, barycentric } => {
-                let albedo = match self.scene.interface(*index) {
-                    Some(Interface::Dielectric { .. }) => DVec3::ONE,
-                    Some(Interface::Mirror { reflectance }) => *reflectance,
-                    None => self.scene.reflectance(*index, *barycentric),
-                };
-                (self.scene.normals(*index, *barycentric).shading, albedo)
+                let at = self.scene.surface_point(*index, *barycentric);
+                (at.normals.shading, self.scene.bsdf(*index).albedo(&at))
             }
             Surface::Pane { index, hit } => {
                 let pane = &self.scene.accelerator().panes()[*index as usize];
@@ -223,9 +235,9 @@ impl<'a> PathTracer<'a> {
         if !walk.stretch.too_long && method.owns(self.scene, &point, &path, counters) { DVec3::ZERO } else { carried }
     }
 
-    /// Gathers light at a diffuse surface and scatters the path; false when the path ends.
+    /// Adds the light that a surface scatters into the path, and scatters the path; false when the path ends.
     #[expect(clippy::too_many_arguments, reason = "a vertex and the three places to which it reports")]
-    fn diffuse(
+    fn surface(
         &self,
         walk: &mut Walk,
         distance: f64,
@@ -235,115 +247,113 @@ impl<'a> PathTracer<'a> {
         stream: &mut SampleStream,
         counters: &mut Counters,
     ) -> bool {
-        // An opaque thing that stands in the glass is black: nothing describes how glass and it touch.
-        if walk.inside.is_some() || !self.advance(walk, PathEvent::Diffuse) {
+        // A mesh that stands in the glass of a pane is black: nothing describes how the two touch.
+        if walk.inside.is_some() {
             return false;
         }
-        let geometric = self.scene.triangle_normal(triangle);
-        let normal = if geometric.dot(walk.ray.direction) > 0.0 { -geometric } else { geometric };
+        let bsdf = self.scene.bsdf(triangle);
+        let at = self.scene.surface_point(triangle, barycentric);
+        let incident = walk.ray.direction;
         let leaving = Leaving::Triangle(triangle);
-        let bounces = walk.stretch.from.map_or(0, |(before, _)| before.bounces + 1);
-        let point = ShadingPoint { position: walk.ray.at(distance), normal, leaving, bounces };
-        let bsdf = self.scene.reflectance(triangle, barycentric) * std::f64::consts::FRAC_1_PI;
-        if bsdf == DVec3::ZERO {
-            return false;
+        let position = walk.ray.at(distance);
+        let mut point = None;
+        if !bsdf.is_delta() {
+            if !self.advance(walk, PathEvent::Diffuse) {
+                return false;
+            }
+            let scale = bsdf.scale(&at);
+            if scale == DVec3::ZERO {
+                return false;
+            }
+            let carried = walk.throughput * scale;
+            let bounces = walk.stretch.from.map_or(0, |(before, _)| before.bounces + 1);
+            let here = ShadingPoint { position, normal: at.normals.facing(incident), leaving, bounces };
+            let lobe = Lobe { bsdf, at: &at, incident };
+            self.add_scattered(walk, &here, &lobe, carried, &mut sample.radiance, stream, counters);
+            point = Some(here);
         }
-        let carried = walk.throughput * bsdf;
+        let Some(next) = bsdf.sample(&at, incident, stream) else { return false };
+        walk.throughput *= next.weight;
+        walk.leaving = leaving;
+        walk.ray = Ray::new(position, next.direction);
+        match next.kind {
+            SampleKind::Density(pdf) => {
+                walk.stretch = Stretch::new(point.map(|point| (point, pdf)));
+                true
+            }
+            SampleKind::Delta(event) => {
+                walk.stretch.push(Link { event, surface: leaving, position, direction: incident });
+                self.advance(walk, event.into())
+            }
+        }
+    }
+
+    /// Adds the light that a vertex scatters into the path: straight from the lights, and over chains of specular vertices
+    /// that the specular method owns.
+    #[expect(clippy::too_many_arguments, reason = "a vertex and the three places to which it reports")]
+    fn add_scattered(
+        &self,
+        walk: &Walk,
+        point: &ShadingPoint,
+        lobe: &Lobe<'_>,
+        carried: DVec3,
+        radiance: &mut DVec3,
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+    ) {
         if self.accepts(walk.filter, &[PathEvent::Light]) {
-            sample.radiance += carried * self.direct_light(&point, stream, counters);
+            *radiance += carried * self.direct_light(point, lobe, stream, counters);
         }
         for chain in &self.chains {
             let fits = walk.depth as usize + chain.events.len() <= self.max_depth as usize;
             if fits && self.accepts(walk.filter, &chain.with_light) {
-                sample.radiance += carried * self.specular_light(&point, &chain.events, stream, counters);
+                *radiance += carried * self.specular_light(point, lobe, &chain.events, stream, counters);
             }
         }
-        let random = stream.next_2d();
-        let cosine = (1.0 - random.x).sqrt();
-        let (sin, cos) = libm::sincos(2.0 * std::f64::consts::PI * random.y);
-        let sine = random.x.sqrt();
-        let direction = Frame::around(normal).vector_to_world(DVec3::new(sine * cos, sine * sin, cosine));
-        walk.throughput *= self.scene.reflectance(triangle, barycentric);
-        walk.ray = Ray::new(point.position, direction);
-        walk.leaving = leaving;
-        walk.stretch = Stretch::new(Some((point, cosine * std::f64::consts::FRAC_1_PI)));
-        cosine > 0.0
     }
 
-    /// Irradiance straight from the lights.
-    fn direct_light(&self, point: &ShadingPoint, stream: &mut SampleStream, counters: &mut Counters) -> DVec3 {
-        let mut irradiance = DVec3::ZERO;
+    /// Light straight from the lights, over the scale of the BSDF.
+    fn direct_light(
+        &self,
+        point: &ShadingPoint,
+        lobe: &Lobe<'_>,
+        stream: &mut SampleStream,
+        counters: &mut Counters,
+    ) -> DVec3 {
+        let mut sum = DVec3::ZERO;
         for (index, light) in (0u32..).zip(self.scene.lights()) {
             let Some(sample) = light.sample_li(point.position, stream.next_2d()) else { continue };
-            let cosine = sample.direction.dot(point.normal);
-            if cosine <= 0.0 {
+            let value = lobe.eval(sample.direction);
+            if value == DVec3::ZERO {
                 continue;
             }
             let ray = Ray::new(point.position, sample.direction);
             if self.scene.blocked(&ray, sample.distance, point.leaving, None, Some(index), counters) {
                 continue;
             }
-            let bsdf_density = cosine * std::f64::consts::FRAC_1_PI;
-            let balance = sample.pdf.map_or(1.0, |pdf| pdf / (pdf + bsdf_density));
-            irradiance += sample.weight * (cosine * balance);
+            let balance = sample.pdf.map_or(1.0, |pdf| pdf / (pdf + lobe.pdf(sample.direction)));
+            sum += sample.weight * (value * balance);
         }
-        irradiance
+        sum
     }
 
-    /// Irradiance by the paths over a chain of specular vertices that the specular method owns.
+    /// Light by the paths over a chain of specular vertices that the specular method owns, over the scale of the BSDF.
     fn specular_light(
         &self,
         point: &ShadingPoint,
+        lobe: &Lobe<'_>,
         events: &[SpecularEvent],
         stream: &mut SampleStream,
         counters: &mut Counters,
     ) -> DVec3 {
-        let mut irradiance = DVec3::ZERO;
-        let Some(method) = self.method else { return irradiance };
+        let mut sum = DVec3::ZERO;
+        let Some(method) = self.method else { return sum };
         for light in (0u32..).take(self.scene.lights().len()) {
             method.gather(self.scene, point, light, events, stream, counters, &mut |arrival| {
-                irradiance += arrival.weight * arrival.direction.dot(point.normal).max(0.0);
+                sum += arrival.weight * lobe.eval(arrival.direction);
             });
         }
-        irradiance
-    }
-
-    /// Reflects or refracts the path at a smooth triangle; false when it is black there.
-    fn smooth(
-        &self,
-        walk: &mut Walk,
-        distance: f64,
-        triangle: u32,
-        barycentric: [f64; 2],
-        interface: &Interface,
-        stream: &mut SampleStream,
-    ) -> bool {
-        // Nothing describes how a mesh and the glass of a pane touch.
-        if walk.inside.is_some() {
-            return false;
-        }
-        let direction = walk.ray.direction;
-        let normals = self.scene.normals(triangle, barycentric);
-        let crossing = interface.transmit(direction, &normals);
-        let choice = stream.next_1d();
-        let (event, next) = match crossing {
-            Some(crossing) if choice < crossing.transmittance => {
-                walk.throughput *= crossing.radiance_factor() / crossing.transmittance;
-                (SpecularEvent::Transmission, crossing.direction)
-            }
-            _ => {
-                let Some((next, fraction)) = interface.reflect(direction, &normals) else { return false };
-                // The part of the light that is transmitted is that which is not drawn, or lost.
-                walk.throughput *= fraction / (1.0 - crossing.map_or(0.0, |crossing| crossing.transmittance));
-                (SpecularEvent::Reflection, next)
-            }
-        };
-        let position = walk.ray.at(distance);
-        let surface = Leaving::Triangle(triangle);
-        walk.leaving = surface;
-        walk.stretch.push(Link { event, surface, position, direction });
-        walk.ray = Ray::new(position, next);
-        self.advance(walk, event.into())
+        sum
     }
 
     /// Reflects or refracts the path at a pane; false when the path ends at the pane's black edge.

@@ -234,12 +234,6 @@ impl Scene {
         &self.meshes
     }
 
-    /// Diffuse reflectance, each channel 0 to 1, at a point of a triangle. The weights of its second and third corner
-    /// are `barycentric`.
-    pub fn reflectance(&self, triangle: u32, barycentric: [f64; 2]) -> DVec3 {
-        self.meshes[self.mesh_of(triangle) as usize].reflectance(triangle, barycentric)
-    }
-
     /// The unit normal of a triangle, on the side from which its corners are seen counterclockwise.
     pub fn triangle_normal(&self, triangle: u32) -> DVec3 {
         self.normals[triangle as usize]
@@ -337,10 +331,10 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::super::malformed_scenes::valid_scene;
-    use super::super::picture_samples::{encode_exr, encode_png};
     use super::super::{Asset, SceneBundle, SceneDescription};
     use super::*;
     use crate::geometry::{Leaving, Surface};
+    use crate::texture::picture_samples::{encode_exr, encode_png};
     use clerestory_film::counters::Counters;
 
     fn build(scene: &Value, assets: &[(&str, Vec<u8>)]) -> Result<Scene, SceneError> {
@@ -359,6 +353,10 @@ mod tests {
         let meshes = bundle.description().meshes.len();
         assert_eq!(steps.len(), 4 + meshes, "{steps:?}");
         assert!(steps[1].starts_with("Building the panes, ") && steps[2].contains(&format!("mesh 1 of {meshes}, \"")));
+    }
+
+    fn albedo(scene: &Scene, triangle: u32, barycentric: [f64; 2]) -> DVec3 {
+        scene.bsdf(triangle).albedo(&scene.surface_point(triangle, barycentric))
     }
 
     #[track_caller]
@@ -388,7 +386,7 @@ mod tests {
         let Surface::Triangle { index, barycentric } = hit.surface else { panic!("{hit:?} is no triangle") };
         assert!((ray.at(hit.distance).x).abs() < 1e-12);
         assert!((scene.triangle_normal(index) - DVec3::X).length() < 1e-12);
-        assert_eq!(scene.reflectance(index, barycentric), DVec3::new(0.6, 0.5, 0.4));
+        assert_eq!(albedo(&scene, index, barycentric), DVec3::new(0.6, 0.5, 0.4));
     }
 
     #[test]
@@ -407,9 +405,9 @@ mod tests {
         let wall = &scene.meshes()[1];
         assert_eq!((wall.name(), wall.triangles(), wall.omitted_triangles()), ("wall", 2, 1));
         // Triangle 2 of the scene has the corners (0, 0), (1, 0) and (1, 1).
-        assert_eq!(scene.reflectance(2, [0.0, 0.25]), DVec3::ZERO);
-        assert_eq!(scene.reflectance(2, [0.5, 0.25]), DVec3::ONE);
-        assert_eq!(scene.reflectance(2, [0.5, 0.0]), DVec3::splat(0.5));
+        assert_eq!(albedo(&scene, 2, [0.0, 0.25]), DVec3::ZERO);
+        assert_eq!(albedo(&scene, 2, [0.5, 0.25]), DVec3::ONE);
+        assert_eq!(albedo(&scene, 2, [0.5, 0.0]), DVec3::splat(0.5));
     }
 
     #[test]

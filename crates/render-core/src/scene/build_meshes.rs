@@ -6,46 +6,36 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, UVec3};
 
-use super::assets::texture_path;
+use super::assets::texture_uses;
 use super::build::{asset_bytes, check_budget};
 use super::bundle::SceneBundle;
-use super::description::{MaterialDescription, MeshDescription, MeshSource, ReflectanceDescription};
+use super::description::{MeshDescription, MeshSource};
 use super::mesh::{Placement, TriangleMesh, is_degenerate};
 use super::mesh_file::{MeshFile, MeshFormat};
-use super::surface::{Material, MeshSurface, Reflectance, SmoothMesh};
-use super::texture::Texture;
-use crate::optics::Interface;
+use super::surface::{MeshSurface, Surface};
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
 use crate::settings::limits::{MAX_COORDINATE, MAX_TRIANGLES};
-
-/// Textures by the names of their files.
-pub(super) type Textures<'a> = BTreeMap<&'a str, Arc<Texture>>;
+use crate::texture::{Bitmap, Bitmaps};
 
 /// Decodes the textures of all materials, each file once.
-pub(super) fn decode_textures(bundle: &SceneBundle) -> Result<Textures<'_>, SceneError> {
-    let mut textures = BTreeMap::new();
-    for (name, material) in &bundle.description().materials {
-        let MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Texture { file } } = material else {
-            continue;
-        };
-        if textures.contains_key(file.as_str()) {
+pub(super) fn decode_textures(bundle: &SceneBundle) -> Result<Bitmaps<'_>, SceneError> {
+    let mut bitmaps = Bitmaps::new();
+    for (path, file) in texture_uses(bundle.description()) {
+        if bitmaps.contains_key(file) {
             continue;
         }
-        let texture = asset_bytes(bundle, file).and_then(Texture::decode).map_err(|problem| SceneError::Asset {
-            path: texture_path(name),
-            name: file.clone(),
-            problem,
-        })?;
-        textures.insert(file.as_str(), Arc::new(texture));
+        let bitmap = asset_bytes(bundle, file).and_then(Bitmap::decode);
+        let bitmap = bitmap.map_err(|problem| SceneError::Asset { path, name: file.to_owned(), problem })?;
+        bitmaps.insert(file, Arc::new(bitmap));
     }
-    Ok(textures)
+    Ok(bitmaps)
 }
 
 /// Triangles of all meshes.
 pub(super) struct Meshes<'a> {
     bundle: &'a SceneBundle,
-    textures: &'a Textures<'a>,
+    bitmaps: &'a Bitmaps<'a>,
     /// Decoded files, which several meshes may share.
     files: BTreeMap<(MeshFormat, &'a str), Arc<TriangleMesh>>,
     /// Positions of all vertices in the scene.
@@ -58,9 +48,9 @@ pub(super) struct Meshes<'a> {
 
 impl<'a> Meshes<'a> {
     /// No mesh yet.
-    pub(super) fn new(bundle: &'a SceneBundle, textures: &'a Textures<'a>) -> Self {
+    pub(super) fn new(bundle: &'a SceneBundle, bitmaps: &'a Bitmaps<'a>) -> Self {
         let files = BTreeMap::new();
-        Self { bundle, textures, files, positions: Vec::new(), triangles: Vec::new(), surfaces: Vec::new() }
+        Self { bundle, bitmaps, files, positions: Vec::new(), triangles: Vec::new(), surfaces: Vec::new() }
     }
 
     /// Adds mesh `index` of the scene file.
@@ -72,14 +62,14 @@ impl<'a> Meshes<'a> {
         let first_triangle = self.triangles.len() as u32;
         self.place_vertices(index, &mesh, Placement::of(description))?;
         let kept = self.place_triangles(index, &mesh, first_vertex)?;
-        let material = self.material(index, description, &mesh, &kept)?;
+        let surface = self.surface(index, description, &mesh, &kept)?;
         let triangles = kept.len() as u32;
         self.surfaces.push(MeshSurface {
             name: description.name.clone(),
             first_triangle,
             triangles,
             omitted_triangles: mesh.triangles.len() as u32 - triangles,
-            material,
+            surface,
         });
         Ok(())
     }
@@ -151,27 +141,39 @@ impl<'a> Meshes<'a> {
         Ok(kept)
     }
 
-    /// The material of a mesh of which these triangles were kept, as the last ones so far.
-    fn material(
+    /// What a mesh does to light, of which these triangles were kept, as the last ones so far.
+    fn surface(
         &self,
         index: usize,
         description: &MeshDescription,
         mesh: &TriangleMesh,
         triangles: &[[u32; 3]],
-    ) -> Result<Material, SceneError> {
+    ) -> Result<Surface, SceneError> {
         let material = self.bundle.description().materials.get(&description.material);
-        let interface = match material {
-            Some(MaterialDescription::Diffuse { reflectance }) => {
-                return self.reflectance(index, description, reflectance, mesh, triangles).map(Material::Diffuse);
-            }
-            Some(MaterialDescription::Dielectric { index_of_refraction }) => {
-                Interface::Dielectric { index_of_refraction: *index_of_refraction }
-            }
-            Some(MaterialDescription::Mirror { reflectance }) => {
-                Interface::Mirror { reflectance: DVec3::from(*reflectance) }
-            }
-            None => unreachable!("validation knows every material"),
+        let material = material.expect("validation knows every material");
+        let bsdf = material.build(self.bitmaps);
+        let texture = match material.texture() {
+            Some(_) => Some(texture_corners(index, description, mesh, triangles)?),
+            None => None,
         };
+        let (normals, areas) = if material.is_delta() {
+            let (normals, areas) = self.delta_corners(index, description, mesh, triangles)?;
+            (normals, Some(areas))
+        } else {
+            (None, None)
+        };
+        Ok(Surface { bsdf, texture, normals, areas })
+    }
+
+    /// The normals at the corners of the last triangles, and the area of all triangles up to each.
+    #[expect(clippy::type_complexity, reason = "two lists")]
+    fn delta_corners(
+        &self,
+        index: usize,
+        description: &MeshDescription,
+        mesh: &TriangleMesh,
+        triangles: &[[u32; 3]],
+    ) -> Result<(Option<Vec<[DVec3; 3]>>, Vec<f64>), SceneError> {
         let corners = self.triangles[self.triangles.len() - triangles.len()..]
             .iter()
             .map(|triangle| triangle.map(|vertex| self.positions[vertex as usize]));
@@ -182,7 +184,7 @@ impl<'a> Meshes<'a> {
         });
         let areas = areas.collect();
         if mesh.normals.is_empty() {
-            return Ok(Material::Smooth(SmoothMesh { interface, normals: None, areas }));
+            return Ok((None, areas));
         }
         let placement = Placement::of(description);
         let placed: Option<Vec<DVec3>> =
@@ -196,32 +198,23 @@ impl<'a> Meshes<'a> {
                 if normal.dot(*cross) < 0.0 { -normal } else { normal }
             })
         };
-        let normals = Some(triangles.iter().zip(&crosses).map(outwards).collect());
-        Ok(Material::Smooth(SmoothMesh { interface, normals, areas }))
+        Ok((Some(triangles.iter().zip(&crosses).map(outwards).collect()), areas))
     }
+}
 
-    fn reflectance(
-        &self,
-        index: usize,
-        description: &MeshDescription,
-        reflectance: &ReflectanceDescription,
-        mesh: &TriangleMesh,
-        triangles: &[[u32; 3]],
-    ) -> Result<Reflectance, SceneError> {
-        let file = match reflectance {
-            ReflectanceDescription::Colour(colour) => return Ok(Reflectance::Uniform(DVec3::from(*colour))),
-            ReflectanceDescription::Texture { file } => file,
-        };
-        let texture = self.textures.get(file.as_str());
-        let texture = texture.expect("validation knows every material, and every texture is decoded").clone();
-        let coordinates = &mesh.texture_coordinates;
-        if coordinates.len() != mesh.positions.len() || !coordinates.iter().all(|pair| is_within(&pair.to_array())) {
-            let expected = format!("one in every vertex: material \"{}\" has a texture", description.material);
-            return Err(mesh_error(index, "no usable texture coordinates", expected));
-        }
-        let corners = triangles.iter().map(|triangle| triangle.map(|vertex| coordinates[vertex as usize])).collect();
-        Ok(Reflectance::Textured { texture, corners })
+/// The texture coordinates of the corners of triangles.
+fn texture_corners(
+    index: usize,
+    description: &MeshDescription,
+    mesh: &TriangleMesh,
+    triangles: &[[u32; 3]],
+) -> Result<Vec<[DVec2; 3]>, SceneError> {
+    let coordinates = &mesh.texture_coordinates;
+    if coordinates.len() != mesh.positions.len() || !coordinates.iter().all(|pair| is_within(&pair.to_array())) {
+        let expected = format!("one in every vertex: material \"{}\" has a texture", description.material);
+        return Err(mesh_error(index, "no usable texture coordinates", expected));
     }
+    Ok(triangles.iter().map(|triangle| triangle.map(|vertex| coordinates[vertex as usize])).collect())
 }
 
 /// Whether coordinates are finite and not too far away.

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 use super::build::asset_bytes;
 use super::bundle::SceneBundle;
 use super::description::{PaneDescription, ProfileDescription};
-use super::height_map::{CoefficientGrid, HeightMap};
 use super::profile::procedural_coefficients;
 use crate::geometry::{Face, Frame, HeightField, Pane};
 use crate::settings::{AssetProblem, SceneError};
+use crate::texture::height_map::{CoefficientGrid, HeightMap};
 
 /// Height maps by the names of their files.
 type HeightMaps<'a> = BTreeMap<&'a str, HeightMap>;

@@ -13,8 +13,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::geometry::FaceCrossing;
 
+pub use crate::bsdf::MaterialDescription;
 pub use crate::light::LightDescription;
 pub use crate::settings::{SCENE_FORMAT_VERSION, Triple};
+pub use crate::texture::ColourDescription;
 
 /// A scene: geometry, materials, panes, lights, camera, integrator settings and seed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -353,50 +355,6 @@ impl Default for SamplingDescription {
     }
 }
 
-/// A surface material.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum MaterialDescription {
-    /// Lambertian reflection on both sides.
-    Diffuse {
-        /// Fraction of light reflected.
-        reflectance: ReflectanceDescription,
-    },
-    /// A smooth boundary between air and a clear dielectric, such as glass or water: air is on the side to which the
-    /// triangles' normals point, from which their corners are seen counterclockwise.
-    Dielectric {
-        /// Index of refraction behind the surface, 1 to 3.
-        #[serde(default = "default_index_of_refraction")]
-        #[schemars(range(min = 1.0, max = 3.0))]
-        index_of_refraction: f64,
-    },
-    /// A mirror on both sides.
-    Mirror {
-        /// Fraction of light reflected; each channel between 0 and 1.
-        #[serde(default = "white")]
-        #[schemars(inner(range(min = 0.0, max = 1.0)))]
-        reflectance: Triple,
-    },
-}
-
-fn white() -> Triple {
-    [1.0; 3]
-}
-
-/// Diffuse reflectance.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum ReflectanceDescription {
-    /// The same everywhere; each channel between 0 and 1.
-    Colour(#[schemars(inner(range(min = 0.0, max = 1.0)))] Triple),
-    /// A picture, looked up by the mesh's texture coordinates (u, v), repeated, filtered bilinearly. u = 0 is the left
-    /// border and v = 0 the bottom border of the picture, as in OBJ files.
-    Texture {
-        /// PNG (8 or 16 bits, sRGB) or EXR (linear, channels R, G, B or Y, 0 to 1) file, relative to the scene file.
-        file: String,
-    },
-}
-
 /// A triangle mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -508,7 +466,7 @@ pub struct PaneDescription {
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0))]
     pub thickness: f64,
     /// Index of refraction of the glass, 1 to 3.
-    #[serde(default = "default_index_of_refraction")]
+    #[serde(default = "crate::bsdf::crown_glass")]
     #[schemars(range(min = 1.0, max = 3.0))]
     pub index_of_refraction: f64,
     /// Absorption coefficient of red, green and blue light, per metre: light that travels `d` metres in the glass is
@@ -530,10 +488,6 @@ pub struct PaneDescription {
 /// Settings that few scenes change are left out where they are as usual, so that the hashes of other scenes stay.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
-}
-
-fn default_index_of_refraction() -> f64 {
-    1.52
 }
 
 /// The height field of a face, in metres along the pane's z axis: a uniform cubic B-spline over a grid of coefficients.

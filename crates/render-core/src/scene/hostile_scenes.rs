@@ -6,8 +6,8 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 
 use super::malformed_scenes::valid_scene;
-use super::picture_samples::{encode_exr, encode_png};
 use super::{Asset, Scene, SceneBundle, SceneDescription, SceneError};
+use crate::texture::picture_samples::{encode_exr, encode_png};
 
 const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
                    property float s\nproperty float t\nelement face 1\nproperty list uchar int vertex_indices\n\

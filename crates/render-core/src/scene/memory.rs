@@ -10,19 +10,16 @@ use std::fmt;
 
 use glam::DVec2;
 
-use super::assets::texture_path;
+use super::assets::texture_uses;
 use super::build::check_budget;
 use super::build_panes::{face_path, faces};
 use super::bundle::SceneBundle;
-use super::description::{
-    MaterialDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription, ReflectanceDescription,
-    SceneDescription,
-};
+use super::description::{MeshDescription, MeshSource, PaneDescription, ProfileDescription, SceneDescription};
 use super::mesh_file::{MeshFile, MeshFormat};
-use super::picture_size::{PictureSize, picture_size};
 use super::profile::procedural_grid;
 use crate::settings::SceneError;
 use crate::settings::limits::{MAX_COEFFICIENTS, MAX_TEXELS, MAX_TRIANGLES};
+use crate::texture::picture_size::{PictureSize, picture_size};
 
 /// Bytes of all that is not counted: names, materials, lights.
 const SMALL_THINGS: u64 = 64 << 10;
@@ -193,17 +190,11 @@ impl<'a> Files<'a> {
 
 fn textures<'a>(files: &mut Files<'a>) -> Vec<Part> {
     let mut seen = BTreeSet::new();
-    let materials = files.bundle.description().materials.iter();
-    let textures = materials.filter_map(|(name, material)| match material {
-        MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Texture { file } } => {
-            seen.insert(file.as_str()).then_some((name, file))
-        }
-        _ => None,
-    });
-    let part = |(name, file): (&String, &'a String)| {
+    let textures = texture_uses(files.bundle.description()).filter(|(_, file)| seen.insert(*file));
+    let part = |(path, file): (String, &'a str)| {
         let PictureSize { pixels, decoded_bytes } = files.picture(file);
         Part {
-            path: texture_path(name),
+            path,
             count: pixels,
             kind: Kind::Texels,
             decoding: decoded_bytes,
@@ -231,10 +222,8 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
     };
     let description = files.bundle.description();
     let is_smooth = is_smooth(description, mesh);
-    let is_textured = matches!(
-        description.materials.get(&mesh.material),
-        Some(MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Texture { .. } })
-    );
+    let material = description.materials.get(&mesh.material);
+    let is_textured = material.is_some_and(|material| material.texture().is_some());
     let from_file = matches!(mesh.source, MeshSource::Ply { .. } | MeshSource::Obj { .. });
     let decoding = match mesh.source {
         _ if !decoded => 0,
@@ -264,10 +253,7 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
 }
 
 fn is_smooth(description: &SceneDescription, mesh: &MeshDescription) -> bool {
-    match description.materials.get(&mesh.material) {
-        Some(MaterialDescription::Diffuse { .. }) | None => false,
-        Some(MaterialDescription::Dielectric { .. } | MaterialDescription::Mirror { .. }) => true,
-    }
+    description.materials.get(&mesh.material).is_some_and(|material| material.is_delta())
 }
 
 /// Bytes of a vertex and of a triangle in a decoded mesh.

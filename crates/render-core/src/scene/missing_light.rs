@@ -11,8 +11,8 @@ use glam::DVec3;
 
 use super::Scene;
 use super::description::{
-    ConicSearch, FneeSolver, IntegratorDescription, ManifoldEstimator, MaterialDescription, MeshDescription,
-    MissedPaths, PaneSelection, SceneDescription,
+    ConicSearch, FneeSolver, IntegratorDescription, ManifoldEstimator, MeshDescription, MissedPaths, PaneSelection,
+    SceneDescription,
 };
 use crate::geometry::Pane;
 use crate::integrator::PathFilter;
@@ -128,7 +128,7 @@ impl SceneDescription {
 
     fn has_smooth_meshes(&self) -> bool {
         let material = |mesh: &MeshDescription| self.materials.get(&mesh.material);
-        self.meshes.iter().any(|mesh| !matches!(material(mesh), Some(MaterialDescription::Diffuse { .. })))
+        self.meshes.iter().any(|mesh| material(mesh).is_some_and(|material| material.is_delta()))
     }
 
     /// Paths that are cut off, unless the path filter lets none of them through.

@@ -12,7 +12,7 @@ pub mod bundle;
 pub mod camera;
 pub mod description;
 pub mod hash;
-mod height_map;
+
 #[cfg(test)]
 mod hostile_scenes;
 #[cfg(test)]
@@ -24,13 +24,7 @@ mod missing_light;
 pub mod nave;
 mod obj;
 mod parse;
-mod picture;
-#[cfg(test)]
-mod picture_samples;
-mod picture_size;
 mod ply;
-mod png_colour;
-mod png_metadata;
 mod polygon;
 mod profile;
 mod random;
@@ -40,7 +34,6 @@ mod shipped_scenes;
 mod surface;
 mod syntax;
 mod text;
-mod texture;
 mod triangles;
 mod validate;
 mod validate_faces;

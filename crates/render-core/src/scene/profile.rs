@@ -9,9 +9,9 @@ use std::f64::consts::TAU;
 use glam::DVec2;
 
 use super::description::ProfileDescription;
-use super::height_map::CoefficientGrid;
 use super::random::Random;
 use crate::geometry::Face;
+use crate::texture::height_map::CoefficientGrid;
 
 /// Most coefficients along an edge of a pane.
 pub(super) const MAX_COEFFICIENTS_PER_AXIS: usize = 1024;

@@ -4,10 +4,9 @@
 
 use glam::{DVec3, UVec3};
 
-use super::assets::check_asset_name;
 use super::description::{
     CameraDescription, MaterialDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription,
-    ReflectanceDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple, WaveDescription,
+    SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple, WaveDescription,
 };
 use super::mesh::is_degenerate;
 use super::profile;
@@ -17,8 +16,8 @@ use crate::settings::Check;
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
 use crate::settings::check::{
-    MIN_SINE, Names, Number, Numbers, Quoted, check_above, check_count, check_direction, check_name, check_pair,
-    check_range, check_triple,
+    MIN_SINE, Names, Number, Numbers, Quoted, check_above, check_asset_name, check_count, check_direction, check_name,
+    check_pair, check_range, check_triple,
 };
 use crate::settings::limits::{MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHTS, MAX_PANES, MAX_TRIANGLES};
 
@@ -83,7 +82,7 @@ impl SceneDescription {
         for (name, material) in &self.materials {
             let material_path = path.member(name);
             check_name(name, &material_path)?;
-            check_material(material, &material_path)?;
+            material.check(&material_path.member(material.kind()))?;
         }
         Ok(())
     }
@@ -204,27 +203,6 @@ fn check_inline_triangles(positions: &[Triple], triangles: &[[u32; 3]], path: &J
     Ok(())
 }
 
-fn check_material(material: &MaterialDescription, path: &JsonPath<'_>) -> Check {
-    match material {
-        MaterialDescription::Diffuse { reflectance } => {
-            let diffuse = path.member("diffuse");
-            let path = diffuse.member("reflectance");
-            match reflectance {
-                ReflectanceDescription::Colour(colour) => check_triple(*colour, 0.0, 1.0, &path.member("colour")),
-                ReflectanceDescription::Texture { file } => {
-                    check_asset_name(file, &path.member("texture").member("file"))
-                }
-            }
-        }
-        MaterialDescription::Dielectric { index_of_refraction } => {
-            check_range(*index_of_refraction, 1.0, 3.0, &path.member("dielectric").member("index_of_refraction"))
-        }
-        MaterialDescription::Mirror { reflectance } => {
-            check_triple(*reflectance, 0.0, 1.0, &path.member("mirror").member("reflectance"))
-        }
-    }
-}
-
 fn check_normals(normals: &[Triple], vertices: usize, path: &JsonPath<'_>) -> Check {
     let path = path.member("normals");
     for (index, normal) in normals.iter().enumerate() {
@@ -247,7 +225,7 @@ fn check_texture_coordinates(
     for (index, pair) in coordinates.iter().enumerate() {
         check_pair(*pair, -MAX_COORDINATE, MAX_COORDINATE, &path.element(index))?;
     }
-    if coordinates.is_empty() && !material.needs_texture_coordinates() {
+    if coordinates.is_empty() && material.texture().is_none() {
         return Ok(());
     }
     if coordinates.len() != vertices {
@@ -255,13 +233,6 @@ fn check_texture_coordinates(
         return Err(SceneError::value(&path, found, format!("{vertices} pairs, one for each position")));
     }
     Ok(())
-}
-
-impl MaterialDescription {
-    /// Whether the meshes of this material must have texture coordinates.
-    pub(super) fn needs_texture_coordinates(&self) -> bool {
-        matches!(self, Self::Diffuse { reflectance: ReflectanceDescription::Texture { .. } })
-    }
 }
 
 fn check_pane(pane: &PaneDescription, path: &JsonPath<'_>) -> Check {

@@ -1,8 +1,7 @@
 //! What the types cannot say about the settings of an integrator.
 
 use super::description::{
-    IntegratorDescription, MOST_SPECULAR_VERTICES, ManifoldEstimator, MaterialDescription, MeshDescription,
-    SceneDescription,
+    IntegratorDescription, MOST_SPECULAR_VERTICES, ManifoldEstimator, MeshDescription, SceneDescription,
 };
 use crate::settings::Check;
 use crate::settings::JsonPath;
@@ -45,9 +44,8 @@ impl SceneDescription {
         else {
             return Ok(());
         };
-        let is_smooth = |mesh: &&MeshDescription| {
-            !matches!(self.materials.get(&mesh.material), Some(MaterialDescription::Diffuse { .. }))
-        };
+        let is_smooth =
+            |mesh: &&MeshDescription| self.materials.get(&mesh.material).is_some_and(|material| material.is_delta());
         let (smooth, others): (Vec<_>, Vec<_>) = self.meshes.iter().partition(is_smooth);
         let panes = self.panes.iter().map(|pane| pane.name.as_str());
         let smooth = smooth.iter().map(|mesh| mesh.name.as_str());

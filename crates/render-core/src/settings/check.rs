@@ -108,3 +108,18 @@ impl fmt::Display for Quoted<'_> {
         write!(formatter, "\"{}\"", self.0)
     }
 }
+
+/// Checks that a file lies beside the scene file or below it and has one name on every system: the name is also that
+/// of an uploaded asset.
+pub(crate) fn check_asset_name(name: &str, path: &JsonPath<'_>) -> Check {
+    let is_part = |part: &str| !part.is_empty() && part != "." && part != "..";
+    let is_forbidden = |character: char| character.is_control() || matches!(character, '\\' | ':');
+    if name.len() <= MAX_NAME_BYTES && name.split('/').all(is_part) && !name.chars().any(is_forbidden) {
+        return Ok(());
+    }
+    let expected = format!(
+        "a path relative to the scene file of at most {MAX_NAME_BYTES} bytes, with \"/\" between folders and without \
+         \".\", \"..\", \"\\\" and \":\""
+    );
+    Err(SceneError::value(path, format_args!("\"{name}\""), expected))
+}

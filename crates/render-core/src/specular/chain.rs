@@ -15,9 +15,9 @@ use super::{
     side::unit_normal,
 };
 use crate::{
+    bsdf::fresnel::{absorption, reflect, refract},
     geometry::{Hit, Leaving, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential},
     light::Source,
-    optics::dielectric::{absorption, reflect, refract},
     scene::{Scene, description::ManifoldConstraint, visibility::straight},
 };
 use clerestory_film::counters::Counters;
@@ -164,7 +164,7 @@ impl Chain {
                 if self.vertices.last().is_some_and(|last| last.inside.is_some()) {
                     return None;
                 }
-                let interface = scene.interface(*index)?;
+                let interface = scene.delta_bsdf(*index)?;
                 let normals = scene.normals(*index, *barycentric);
                 let (bend, factor, next) = match event {
                     SpecularEvent::Transmission => {
@@ -213,7 +213,7 @@ impl Chain {
                     return None;
                 }
                 let normals = scene.normals(*index, *barycentric);
-                let ratio = scene.interface(*index)?.ratio(ray.direction, &normals)?;
+                let ratio = scene.delta_bsdf(*index)?.ratio(ray.direction, &normals)?;
                 let at = scene.differential(*index, ray.at(hit.distance), *barycentric);
                 let bend = Bend::Transmission { ratio };
                 Some(ChainVertex { surface: Leaving::Triangle(*index), inside: None, at, bend })

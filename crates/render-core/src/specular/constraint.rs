@@ -11,7 +11,7 @@
 
 use glam::{DMat2, DVec2, DVec3};
 
-use crate::{geometry::SurfaceDifferential, optics::dielectric::refract, scene::description::ManifoldConstraint};
+use crate::{bsdf::fresnel::refract, geometry::SurfaceDifferential, scene::description::ManifoldConstraint};
 
 /// What happens at a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -165,7 +165,7 @@ mod tests {
     fn obedient(surface: &SurfaceDifferential, previous: DVec3, bend: Bend) -> Option<DVec3> {
         let incident = (surface.position - previous).normalize();
         match bend {
-            Bend::Reflection => Some(crate::optics::dielectric::reflect(incident, surface.normal)),
+            Bend::Reflection => Some(crate::bsdf::fresnel::reflect(incident, surface.normal)),
             Bend::Transmission { ratio } => {
                 refract(incident, surface.normal, 1.0, ratio).map(|refraction| refraction.direction)
             }

@@ -17,9 +17,9 @@ use glam::{DMat2, DVec2, DVec3};
 
 use super::side::{PaneSide, unit_normal};
 use crate::{
+    bsdf::fresnel::refract,
     geometry::{HeightField, SurfaceJet},
     light::Source,
-    optics::dielectric::refract,
 };
 use clerestory_film::counters::Counters;
 

@@ -41,6 +41,7 @@ use crate::{geometry::Leaving, scene::Scene};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
 
+pub use crate::bsdf::SpecularEvent;
 pub use coverage::{Link, SpecularPath};
 
 /// A point of a surface that is not specular, where light is gathered.
@@ -63,15 +64,6 @@ pub struct Arrival {
     pub direction: DVec3,
     /// Estimate of radiance times solid angle [W/m2]; the cosine at the shading point is not included.
     pub weight: DVec3,
-}
-
-/// What light does at a specular vertex.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum SpecularEvent {
-    /// It is mirrored.
-    Reflection,
-    /// It is refracted.
-    Transmission,
 }
 
 /// In through one face of a pane, and out through the other.

@@ -29,9 +29,9 @@ use super::{
     trials::RandomSearch,
 };
 use crate::{
+    bsdf::fresnel::refract,
     geometry::{Leaving, PaneBoundary, Ray, Rect, Surface, SurfaceJet},
     light::{Source, SourceSample},
-    optics::dielectric::refract,
     scene::{Scene, description::FneeSolver},
 };
 use clerestory_film::TrialStream;

@@ -103,7 +103,7 @@ fn met<S: Instructions>(flat: Lanes2<S>, tangent: Lanes2<S>, point: &FacePoints<
 }
 
 /// Unit directions refracted where a surface `z = h(x, y)` has the given gradients, from a medium of index `index_in` into one
-/// of index `index_out`, as [`refract`](crate::optics::dielectric::refract) does; and which are not totally reflected.
+/// of index `index_out`, as [`refract`](crate::bsdf::fresnel::refract) does; and which are not totally reflected.
 #[inline(always)]
 fn refracted<S: Instructions>(
     direction: Lanes3<S>,
@@ -130,7 +130,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        optics::dielectric::refract,
+        bsdf::fresnel::refract,
         specular::{
             side::unit_normal,
             testing::{pair, random},

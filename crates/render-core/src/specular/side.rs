@@ -3,9 +3,9 @@
 use glam::{DVec2, DVec3};
 
 use crate::{
+    bsdf::fresnel::{absorption, refract},
     geometry::{Face, HeightField, Pane, PaneBoundary, Ray},
     light::Source,
-    optics::dielectric::{absorption, refract},
 };
 use clerestory_film::counters::Counters;
 

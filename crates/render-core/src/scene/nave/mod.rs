@@ -14,9 +14,10 @@ use std::fmt;
 use std::str::FromStr;
 
 use super::description::{
-    CameraDescription, FilmDescription, IntegratorDescription, LightDescription, MaterialDescription,
-    ReflectanceDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple,
+    CameraDescription, ColourDescription, FilmDescription, IntegratorDescription, LightDescription,
+    MaterialDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple,
 };
+use crate::bsdf::DiffuseMaterial;
 use crate::light::SunLight;
 
 /// The openings of the clerestory, all alike.
@@ -102,7 +103,10 @@ pub fn nave(panes: PaneCount) -> SceneDescription {
 
 fn materials() -> BTreeMap<String, MaterialDescription> {
     let diffuse = |name: &str, colour: Triple| {
-        (name.to_owned(), MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Colour(colour) })
+        (
+            name.to_owned(),
+            MaterialDescription::Diffuse(DiffuseMaterial { reflectance: ColourDescription::Colour(colour) }),
+        )
     };
     BTreeMap::from([
         diffuse("ashlar", [0.62, 0.57, 0.48]),

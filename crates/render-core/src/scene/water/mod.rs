@@ -14,9 +14,10 @@ pub use self::lagoon::lagoon;
 pub use self::pool::pool;
 
 use super::description::{
-    CameraDescription, ConicSearch, IntegratorDescription, LightDescription, MaterialDescription, MeshDescription,
-    MeshSource, ReflectanceDescription, Triple, WaveDescription, default_conic_chains,
+    CameraDescription, ColourDescription, ConicSearch, IntegratorDescription, LightDescription, MaterialDescription,
+    MeshDescription, MeshSource, Triple, WaveDescription, default_conic_chains,
 };
+use crate::bsdf::{DielectricMaterial, DiffuseMaterial};
 use crate::light::SunLight;
 
 /// Index of refraction of water.
@@ -129,11 +130,11 @@ fn looking(position: Triple, look_at: Triple, vertical_field_of_view: f64) -> Ca
 }
 
 fn diffuse(name: &str, colour: Triple) -> (String, MaterialDescription) {
-    (name.to_owned(), MaterialDescription::Diffuse { reflectance: ReflectanceDescription::Colour(colour) })
+    (name.to_owned(), MaterialDescription::Diffuse(DiffuseMaterial { reflectance: ColourDescription::Colour(colour) }))
 }
 
 fn water() -> (String, MaterialDescription) {
-    ("water".to_owned(), MaterialDescription::Dielectric { index_of_refraction: WATER })
+    ("water".to_owned(), MaterialDescription::Dielectric(DielectricMaterial { index_of_refraction: WATER }))
 }
 
 #[cfg(test)]

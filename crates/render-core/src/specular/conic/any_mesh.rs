@@ -324,7 +324,7 @@ fn leads_to_light(scene: &Scene, point: &ShadingPoint, direction: DVec3, event: 
     else {
         return false;
     };
-    let (interface, normals) = (scene.interface(index).unwrap(), scene.normals(index, barycentric));
+    let (interface, normals) = (scene.delta_bsdf(index).unwrap(), scene.normals(index, barycentric));
     let next = match event {
         SpecularEvent::Transmission => interface.transmit(direction, &normals).map(|crossing| crossing.direction),
         SpecularEvent::Reflection => interface.reflect(direction, &normals).map(|(next, _)| next),

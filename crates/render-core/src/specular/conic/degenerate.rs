@@ -229,7 +229,7 @@ fn a_curve_that_total_reflection_interrupts_is_followed_on_both_sides() {
         let ends = Ends::refracted(point, Source::Point(light), WATER, false);
         let reflects = |weights: DVec2| {
             let direction = (facet.place(weights) - point).normalize();
-            crate::optics::dielectric::refract(direction, facet.normal(weights).normalize(), WATER, 1.0).is_none()
+            crate::bsdf::fresnel::refract(direction, facet.normal(weights).normalize(), WATER, 1.0).is_none()
         };
         let corners = [DVec2::ZERO, DVec2::X, DVec2::Y].map(reflects);
         if corners.contains(&true) && corners.contains(&false) {

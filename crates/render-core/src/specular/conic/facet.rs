@@ -11,7 +11,7 @@ use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
 use super::{curve::all_paths, ends::Ends, seen_ends::BENDING};
-use crate::optics::dielectric::{reflect, refract};
+use crate::bsdf::fresnel::{reflect, refract};
 
 /// A triangle with normals at its corners.
 #[derive(Clone, Copy, Debug)]

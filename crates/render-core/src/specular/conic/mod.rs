@@ -51,7 +51,6 @@ use super::{
 use crate::{
     geometry::{Frame, Leaving, PaneBoundary, Ray, Surface},
     light::{Light, Source, SourceSample},
-    optics::Interface,
     scene::{
         Scene,
         description::{ConicSearch, ManifoldConstraint, WalkSteps},
@@ -272,13 +271,13 @@ fn whole(light: &Light, point: DVec3) -> Option<(Source, f64)> {
 /// The ends of paths over a mesh, for each side of it on which the shading point can be.
 fn ways(scene: &Scene, point: &ShadingPoint, source: Source, mesh: u32, event: SpecularEvent) -> ArrayVec<Ends, 2> {
     let first = scene.meshes()[mesh as usize].triangle_range().start;
-    match (event, scene.interface(first)) {
-        (SpecularEvent::Transmission, Some(&Interface::Dielectric { index_of_refraction })) => [true, false]
-            .into_iter()
-            .map(|outside| Ends::refracted(point.position, source, index_of_refraction, outside))
-            .collect(),
-        (SpecularEvent::Reflection, Some(_)) => [Ends::mirrored(point.position, source)].into_iter().collect(),
-        _ => ArrayVec::new(),
+    let Some(delta) = scene.delta_bsdf(first) else { return ArrayVec::new() };
+    match (event, delta.index_of_refraction()) {
+        (SpecularEvent::Transmission, Some(index)) => {
+            [true, false].into_iter().map(|outside| Ends::refracted(point.position, source, index, outside)).collect()
+        }
+        (SpecularEvent::Transmission, None) => ArrayVec::new(),
+        (SpecularEvent::Reflection, _) => [Ends::mirrored(point.position, source)].into_iter().collect(),
     }
 }
 

@@ -14,9 +14,9 @@ use super::{
     testing::WATER,
 };
 use crate::{
+    bsdf::fresnel::refract,
     geometry::Leaving,
     light::{Source, SourceSample},
-    optics::dielectric::refract,
     scene::{
         Scene, SceneBundle,
         description::{ManifoldConstraint, SceneDescription, WalkSteps},

@@ -10,8 +10,8 @@ use super::{
     testing::{WATER, ball, distinct, found, problem, water},
 };
 use crate::{
+    bsdf::fresnel::{reflect, refract},
     light::Source,
-    optics::dielectric::{reflect, refract},
     specular::testing::{between, random},
 };
 

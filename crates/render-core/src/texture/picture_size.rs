@@ -7,18 +7,18 @@ use clerestory_film::openexr::OpenExr;
 
 /// What a header says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct PictureSize {
+pub(crate) struct PictureSize {
     /// Number of pixels.
-    pub(super) pixels: u64,
+    pub(crate) pixels: u64,
     /// Bytes that the file takes while it is decoded.
-    pub(super) decoded_bytes: u64,
+    pub(crate) decoded_bytes: u64,
 }
 
 /// Bytes of a pixel of an EXR file as it is decoded: four channels, and those of a file of 16 bits twice.
 const EXR_PIXEL: u64 = 4 * 4 + 4;
 
 /// Reads the header of a PNG or EXR file. A picture that is too large for any scene is an error, as when it is decoded.
-pub(super) fn picture_size(bytes: &[u8]) -> Result<PictureSize, AssetProblem> {
+pub(crate) fn picture_size(bytes: &[u8]) -> Result<PictureSize, AssetProblem> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => png_size(bytes),
         [0x76, 0x2f, 0x31, 0x01, ..] => {

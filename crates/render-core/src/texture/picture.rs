@@ -17,7 +17,7 @@ use clerestory_film::openexr::{ChannelKind, DecodeBudget, InputPart, OpenExr, Op
 const CHANNELS: [&str; 4] = ["R", "G", "B", "Y"];
 
 /// A decoded picture; its first row is the top.
-pub(super) enum Picture {
+pub(crate) enum Picture {
     /// From a PNG file.
     Png(PngPicture),
     /// From an EXR file.
@@ -25,18 +25,18 @@ pub(super) enum Picture {
 }
 
 /// The pixels of a PNG file.
-pub(super) struct PngPicture {
-    pub(super) image: DynamicImage,
+pub(crate) struct PngPicture {
+    pub(crate) image: DynamicImage,
     /// Its colour profile.
-    pub(super) profile: Option<Vec<u8>>,
+    pub(crate) profile: Option<Vec<u8>>,
 }
 
 /// Colours or values of the first part of an EXR file.
-pub(super) struct ExrPicture {
+pub(crate) struct ExrPicture {
     /// Pixels across.
-    pub(super) width: usize,
+    pub(crate) width: usize,
     /// Pixels down.
-    pub(super) height: usize,
+    pub(crate) height: usize,
     channels: BTreeMap<String, Vec<f32>>,
     header: InputPart,
     /// Parts of the file.
@@ -45,22 +45,22 @@ pub(super) struct ExrPicture {
 
 impl ExrPicture {
     /// The values of a channel, row by row; `None` when there is no such channel.
-    pub(super) fn channel(&self, name: &str) -> Option<&[f32]> {
+    pub(crate) fn channel(&self, name: &str) -> Option<&[f32]> {
         self.channels.get(name).map(Vec::as_slice)
     }
 
     /// Whether the file has a channel, of any meaning.
-    pub(super) fn has(&self, name: &str) -> bool {
+    pub(crate) fn has(&self, name: &str) -> bool {
         self.header.has(name)
     }
 
     /// Checks that colours are linear Rec. 709.
-    pub(super) fn check_primaries(&self) -> Result<(), AssetProblem> {
+    pub(crate) fn check_primaries(&self) -> Result<(), AssetProblem> {
         self.header.check_primaries().map_err(malformed_exr)
     }
 
     /// That the channels are not those that are needed.
-    pub(super) fn other_channels(&self, expected: &str) -> AssetProblem {
+    pub(crate) fn other_channels(&self, expected: &str) -> AssetProblem {
         let names: Vec<&str> = self.header.channel_names().collect();
         let part = if self.parts > 1 { " in its first part, which alone is read" } else { "" };
         AssetProblem::malformed(format_args!("has the channels {}{part}, must have {expected}", names.join(", ")))
@@ -68,7 +68,7 @@ impl ExrPicture {
 }
 
 /// Decodes a PNG or EXR file; its first bytes tell which.
-pub(super) fn decode_picture(bytes: &[u8]) -> Result<Picture, AssetProblem> {
+pub(crate) fn decode_picture(bytes: &[u8]) -> Result<Picture, AssetProblem> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => decode_png(bytes).map(Picture::Png),
         [0x76, 0x2f, 0x31, 0x01, ..] => decode_exr(bytes).map(Picture::Exr),
@@ -125,7 +125,7 @@ fn decode_exr(bytes: &[u8]) -> Result<ExrPicture, AssetProblem> {
 }
 
 /// Refuses pictures without pixels, and with more along an edge than any scene has.
-pub(super) fn check_size([width, height]: [u64; 2]) -> Result<(), AssetProblem> {
+pub(crate) fn check_size([width, height]: [u64; 2]) -> Result<(), AssetProblem> {
     if width == 0 || height == 0 {
         return Err(AssetProblem::malformed(format_args!("has {width} x {height} pixels, must have some")));
     }

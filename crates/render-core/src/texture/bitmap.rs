@@ -1,4 +1,4 @@
-//! Textures: reflectance over a surface.
+//! Pictures over a surface.
 
 use glam::{DVec2, DVec3};
 use image::DynamicImage;
@@ -9,16 +9,16 @@ use crate::settings::AssetProblem;
 
 /// A picture in linear Rec.709, repeated over the plane and filtered bilinearly.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Texture {
+pub struct Bitmap {
     width: usize,
     height: usize,
     /// Rows from the top.
     texels: Vec<[f32; 3]>,
 }
 
-impl Texture {
+impl Bitmap {
     /// Decodes an sRGB PNG or a linear EXR file.
-    pub(super) fn decode(bytes: &[u8]) -> Result<Self, AssetProblem> {
+    pub(crate) fn decode(bytes: &[u8]) -> Result<Self, AssetProblem> {
         match decode_picture(bytes)? {
             Picture::Png(PngPicture { image, profile }) => {
                 png_colour::check(bytes, profile.as_deref(), !image.color().has_color())?;
@@ -29,7 +29,7 @@ impl Texture {
     }
 
     /// The value at a texture coordinate: (0, 0) is the bottom left corner of the picture, (1, 1) the top right.
-    pub(super) fn lookup(&self, coordinate: DVec2) -> DVec3 {
+    pub fn lookup(&self, coordinate: DVec2) -> DVec3 {
         let x = coordinate.x * self.width as f64 - 0.5;
         let y = (1.0 - coordinate.y) * self.height as f64 - 0.5;
         let (left, top) = (x.floor(), y.floor());
@@ -54,7 +54,7 @@ fn wrap(index: f64, count: usize) -> usize {
     (index as i64).rem_euclid(count as i64) as usize
 }
 
-fn from_png(image: &DynamicImage) -> Result<Texture, AssetProblem> {
+fn from_png(image: &DynamicImage) -> Result<Bitmap, AssetProblem> {
     let channels = usize::from(image.color().channel_count());
     let texels = if let Some(samples) = image.as_flat_samples_u8() {
         let linear: Vec<f32> = (0..=255).map(|value| srgb_to_linear(f64::from(value) / 255.0)).collect();
@@ -73,7 +73,7 @@ fn from_png(image: &DynamicImage) -> Result<Texture, AssetProblem> {
     } else {
         return Err(AssetProblem::malformed("must have 8 or 16 bits for each channel"));
     };
-    Ok(Texture { width: image.width() as usize, height: image.height() as usize, texels })
+    Ok(Bitmap { width: image.width() as usize, height: image.height() as usize, texels })
 }
 
 /// Red, green and blue of a texel that may also be grey or have an opacity, which is ignored.
@@ -91,7 +91,7 @@ fn srgb_to_linear(value: f64) -> f32 {
     linear as f32
 }
 
-fn from_exr(picture: &ExrPicture) -> Result<Texture, AssetProblem> {
+fn from_exr(picture: &ExrPicture) -> Result<Bitmap, AssetProblem> {
     let is_colour = ["R", "G", "B"].map(|name| picture.has(name)) != [false; 3];
     // Y beside these is a part of a colour.
     let is_grey = !is_colour && !["X", "Z", "RY", "BY"].into_iter().any(|name| picture.has(name));
@@ -112,7 +112,7 @@ fn from_exr(picture: &ExrPicture) -> Result<Texture, AssetProblem> {
             "has the reflectance {found:?} in column {column} of row {row}, must be 0 to 1"
         )));
     }
-    Ok(Texture { width: picture.width, height: picture.height, texels })
+    Ok(Bitmap { width: picture.width, height: picture.height, texels })
 }
 
 #[cfg(test)]
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn the_bottom_left_corner_of_the_picture_is_the_origin() {
         let picture = ImageBuffer::from_fn(2, 2, |x, y| Rgb([if (x, y) == (0, 1) { 255_u8 } else { 0 }, 0, 0]));
-        let texture = Texture::decode(&encode_png(picture.into())).unwrap();
+        let texture = Bitmap::decode(&encode_png(picture.into())).unwrap();
         assert_eq!(texture.lookup(DVec2::new(0.25, 0.25)), DVec3::X);
         assert_eq!(texture.lookup(DVec2::new(0.25, 0.75)), DVec3::ZERO);
         assert_eq!(texture.lookup(DVec2::new(0.75, 0.25)), DVec3::ZERO);
@@ -135,7 +135,7 @@ mod tests {
     #[test]
     fn texels_are_blended_across_the_border_where_the_picture_repeats() {
         let picture = ImageBuffer::from_fn(4, 1, |x, _| Rgb([if x == 0 { 65_535_u16 } else { 0 }, 0, 0]));
-        let texture = Texture::decode(&encode_png(picture.into())).unwrap();
+        let texture = Bitmap::decode(&encode_png(picture.into())).unwrap();
         assert_eq!(texture.lookup(DVec2::new(1.0, 0.5)), DVec3::new(0.5, 0.0, 0.0));
         assert_eq!(texture.lookup(DVec2::new(0.25, 0.0)), DVec3::new(0.5, 0.0, 0.0));
     }
@@ -143,10 +143,10 @@ mod tests {
     #[test]
     fn png_is_srgb_and_exr_is_linear() {
         let grey = ImageBuffer::from_pixel(1, 1, image::Luma([188_u8]));
-        let texture = Texture::decode(&encode_png(grey.into())).unwrap();
+        let texture = Bitmap::decode(&encode_png(grey.into())).unwrap();
         // 188 is what an sRGB picture stores for half the light.
         assert!((texture.lookup(DVec2::ZERO) - DVec3::splat(0.5)).abs().max_element() < 0.003);
-        let texture = Texture::decode(&encode_exr(1, 1, &[("Y", &[0.5])])).unwrap();
+        let texture = Bitmap::decode(&encode_exr(1, 1, &[("Y", &[0.5])])).unwrap();
         assert_eq!(texture.lookup(DVec2::ZERO), DVec3::splat(0.5));
     }
 
@@ -154,9 +154,9 @@ mod tests {
     fn reflectance_above_one_is_refused_with_its_place() {
         let values = [0.5, 0.5, 0.5, 1.5];
         let bytes = encode_exr(2, 2, &[("B", &values), ("G", &values), ("R", &values)]);
-        let problem = Texture::decode(&bytes).unwrap_err().to_string();
+        let problem = Bitmap::decode(&bytes).unwrap_err().to_string();
         assert!(problem.contains("column 1 of row 1, must be 0 to 1"), "{problem}");
-        let problem = Texture::decode(&encode_exr(1, 1, &[("Z", &[0.5])])).unwrap_err().to_string();
+        let problem = Bitmap::decode(&encode_exr(1, 1, &[("Z", &[0.5])])).unwrap_err().to_string();
         assert!(problem.contains("must have the channels R, G and B, or Y"), "{problem}");
     }
 }

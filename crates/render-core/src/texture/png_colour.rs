@@ -17,7 +17,7 @@ const SRGB_OF_HALF: f64 = 0.2140;
 const TOLERANCE: f64 = 0.02;
 
 /// Checks what a PNG file says of its colours; of a grey one, of its brightness. `profile` is its colour profile, if any.
-pub(super) fn check(png: &[u8], profile: Option<&[u8]>, is_grey: bool) -> Result<(), AssetProblem> {
+pub(crate) fn check(png: &[u8], profile: Option<&[u8]>, is_grey: bool) -> Result<(), AssetProblem> {
     let refuse = |found: String| {
         Err(AssetProblem::malformed(format_args!(
             "is a PNG file with {found}, must be sRGB: convert it, or save it as EXR"

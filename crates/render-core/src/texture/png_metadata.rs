@@ -28,27 +28,27 @@ const PROFILE_COPIES: u64 = 4;
 
 /// A part of a PNG file.
 #[derive(Clone, Copy)]
-pub(super) struct Chunk<'a> {
+pub(crate) struct Chunk<'a> {
     /// Four letters.
-    pub(super) name: [u8; 4],
-    pub(super) content: &'a [u8],
+    pub(crate) name: [u8; 4],
+    pub(crate) content: &'a [u8],
     /// The content with its length, its name and its checksum.
     whole: &'a [u8],
 }
 
 /// The chunks of a PNG file before its pixels.
-pub(super) struct Chunks<'a> {
+pub(crate) struct Chunks<'a> {
     rest: &'a [u8],
 }
 
 impl<'a> Chunks<'a> {
     /// Those of a file.
-    pub(super) fn of(png: &'a [u8]) -> Self {
+    pub(crate) fn of(png: &'a [u8]) -> Self {
         Self { rest: png.get(8..).unwrap_or_default() }
     }
 
     /// The content of the first of a name.
-    pub(super) fn find_content(mut self, name: &[u8; 4]) -> Option<&'a [u8]> {
+    pub(crate) fn find_content(mut self, name: &[u8; 4]) -> Option<&'a [u8]> {
         self.find(|chunk| chunk.name == *name).map(|chunk| chunk.content)
     }
 
@@ -73,7 +73,7 @@ impl<'a> Iterator for Chunks<'a> {
 }
 
 /// The number at a place, most significant byte first, as PNG and colour profiles have them.
-pub(super) fn number(bytes: &[u8], place: usize) -> Option<u32> {
+pub(crate) fn number(bytes: &[u8], place: usize) -> Option<u32> {
     bytes.get(place..)?.first_chunk().map(|bytes| u32::from_be_bytes(*bytes))
 }
 
@@ -82,7 +82,7 @@ pub(super) fn number(bytes: &[u8], place: usize) -> Option<u32> {
 /// # Errors
 ///
 /// When it is too large to be read.
-pub(super) fn profile(png: &[u8]) -> Result<Option<Vec<u8>>, AssetProblem> {
+pub(crate) fn profile(png: &[u8]) -> Result<Option<Vec<u8>>, AssetProblem> {
     let chunks = || Chunks::of(png).filter(is_profile);
     let Some(longest) = longest_profile(png) else { return Ok(None) };
     let refused = || {
@@ -110,7 +110,7 @@ pub(super) fn profile(png: &[u8]) -> Result<Option<Vec<u8>>, AssetProblem> {
 }
 
 /// Bytes that reading all before the pixels takes at the most.
-pub(super) fn metadata_bytes(png: &[u8]) -> u64 {
+pub(crate) fn metadata_bytes(png: &[u8]) -> u64 {
     let mut chunks = Chunks::of(png);
     chunks.by_ref().for_each(drop);
     // What is cut off is read to its end.

@@ -5,18 +5,18 @@ use crate::settings::AssetProblem;
 
 /// Spline coefficients of a face, in metres.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct CoefficientGrid {
+pub(crate) struct CoefficientGrid {
     /// Coefficients along x.
-    pub(super) columns: usize,
+    pub(crate) columns: usize,
     /// Coefficients along y.
-    pub(super) rows: usize,
+    pub(crate) rows: usize,
     /// Rows in the order of y; the first row of a file is the one with the smallest y.
-    pub(super) coefficients: Vec<f32>,
+    pub(crate) coefficients: Vec<f32>,
 }
 
 /// Values of a file before they are scaled to metres.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct HeightMap {
+pub(crate) struct HeightMap {
     columns: usize,
     rows: usize,
     values: Vec<f32>,
@@ -29,7 +29,7 @@ const MAX_HEIGHT: f64 = 1.0;
 
 impl HeightMap {
     /// Decodes an EXR file with a channel Y or R, or a 16-bit grey PNG, whose values become 0 to 1.
-    pub(super) fn decode(bytes: &[u8]) -> Result<Self, AssetProblem> {
+    pub(crate) fn decode(bytes: &[u8]) -> Result<Self, AssetProblem> {
         match decode_picture(bytes)? {
             Picture::Exr(picture) => {
                 let Some(values) = picture.channel("Y").or(picture.channel("R")) else {
@@ -52,7 +52,7 @@ impl HeightMap {
     }
 
     /// The heights `value * scale + offset`, metres.
-    pub(super) fn coefficients(&self, scale: f64, offset: f64) -> Result<CoefficientGrid, AssetProblem> {
+    pub(crate) fn coefficients(&self, scale: f64, offset: f64) -> Result<CoefficientGrid, AssetProblem> {
         let height = |value: f32| (f64::from(value) / self.divisor * scale + offset) as f32;
         let coefficients: Vec<f32> = self.values.iter().copied().map(height).collect();
         // A comparison that NaN fails.

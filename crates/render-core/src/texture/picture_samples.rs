@@ -7,14 +7,14 @@ use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer,
 use image::{DynamicImage, ImageFormat};
 
 /// The picture as a PNG file.
-pub(super) fn encode_png(picture: DynamicImage) -> Vec<u8> {
+pub(crate) fn encode_png(picture: DynamicImage) -> Vec<u8> {
     let mut bytes = Cursor::new(Vec::new());
     picture.write_to(&mut bytes, ImageFormat::Png).unwrap();
     bytes.into_inner()
 }
 
 /// A PNG file of these chunks, which are not compressed. The last holds the pixels, each row behind a zero.
-pub(super) fn png_of(
+pub(crate) fn png_of(
     size: [u32; 2],
     [depth, colour_type, interlaced]: [u8; 3],
     chunks: &[(&[u8; 4], Vec<u8>)],
@@ -37,7 +37,7 @@ pub(super) fn png_of(
 }
 
 /// A chunk of a colour profile.
-pub(super) fn profile_chunk(profile: &[u8]) -> Vec<u8> {
+pub(crate) fn profile_chunk(profile: &[u8]) -> Vec<u8> {
     [b"profile\0\0", &stored(profile)[..]].concat()
 }
 
@@ -59,12 +59,12 @@ fn crc(bytes: &[u8]) -> u32 {
 }
 
 /// An EXR file of these channels.
-pub(super) fn encode_exr(width: usize, height: usize, channels: &[(&str, &[f32])]) -> Vec<u8> {
+pub(crate) fn encode_exr(width: usize, height: usize, channels: &[(&str, &[f32])]) -> Vec<u8> {
     encode_exr_with(width, height, channels, |_, _| {})
 }
 
 /// An EXR file of these channels, with other attributes.
-pub(super) fn encode_exr_with(
+pub(crate) fn encode_exr_with(
     width: usize,
     height: usize,
     channels: &[(&str, &[f32])],
@@ -75,7 +75,7 @@ pub(super) fn encode_exr_with(
 }
 
 /// An EXR file of a channel of whole numbers.
-pub(super) fn encode_whole_numbers(width: usize, height: usize, channel: &str, values: &[u32]) -> Vec<u8> {
+pub(crate) fn encode_whole_numbers(width: usize, height: usize, channel: &str, values: &[u32]) -> Vec<u8> {
     let channel = AnyChannel::new(channel, FlatSamples::U32(values.to_vec()));
     encode_layer(width, height, AnyChannels::sort([channel].into_iter().collect()), |_, _| {})
 }

@@ -1,0 +1,111 @@
+//! The boundary between air and a clear dielectric, such as glass or water.
+//!
+//! Where the two normals of a point disagree so much that a reflected ray would go through the surface or a refracted one
+//! would not, the surface is black.
+
+use std::sync::Arc;
+
+use clerestory_film::SampleStream;
+use glam::DVec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::fresnel::{Refraction, reflect, refract};
+use super::{Bsdf, BsdfSample, Crossing, DeltaBsdf, MaterialSettings, Normals, SurfacePoint, sample_delta};
+use crate::settings::check::check_range;
+use crate::settings::{Check, JsonPath};
+use crate::texture::Bitmaps;
+
+/// A smooth boundary between air and a clear dielectric, such as glass or water: air is on the side to which the
+/// triangles' normals point, from which their corners are seen counterclockwise.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct DielectricMaterial {
+    /// Index of refraction behind the surface, 1 to 3.
+    #[serde(default = "crown_glass")]
+    #[schemars(range(min = 1.0, max = 3.0))]
+    pub index_of_refraction: f64,
+}
+
+/// Index of refraction of crown glass.
+pub(crate) fn crown_glass() -> f64 {
+    1.52
+}
+
+impl MaterialSettings for DielectricMaterial {
+    fn check(&self, path: &JsonPath<'_>) -> Check {
+        check_range(self.index_of_refraction, 1.0, 3.0, &path.member("index_of_refraction"))
+    }
+
+    fn is_delta(&self) -> bool {
+        true
+    }
+
+    fn build(&self, _: &Bitmaps<'_>) -> Arc<dyn Bsdf> {
+        Arc::new(Dielectric { index_of_refraction: self.index_of_refraction })
+    }
+}
+
+/// A boundary between air, on the side to which the normal points, and a clear dielectric.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Dielectric {
+    /// Index of refraction behind the boundary.
+    pub(super) index_of_refraction: f64,
+}
+
+impl DeltaBsdf for Dielectric {
+    fn index_of_refraction(&self) -> Option<f64> {
+        Some(self.index_of_refraction)
+    }
+
+    fn transmit(&self, direction: DVec3, normals: &Normals) -> Option<Crossing> {
+        let ratio = self.ratio(direction, normals).filter(|_| normals.agree(direction))?;
+        let Refraction { direction: refracted, transmittance } = refract(direction, normals.shading, 1.0, ratio)?;
+        let goes_through = refracted.dot(normals.geometric) * direction.dot(normals.geometric) > 0.0;
+        goes_through.then_some(Crossing { direction: refracted, ratio, transmittance })
+    }
+
+    fn reflect(&self, direction: DVec3, normals: &Normals) -> Option<(DVec3, DVec3)> {
+        let reflected = reflected(direction, normals)?;
+        let ratio = self.ratio(direction, normals)?;
+        let refraction = refract(direction, normals.shading, 1.0, ratio);
+        Some((reflected, DVec3::splat(1.0 - refraction.map_or(0.0, |refraction| refraction.transmittance))))
+    }
+}
+
+/// The mirrored direction; `None` where the normals contradict each other, or it would go through the triangle.
+pub(super) fn reflected(direction: DVec3, normals: &Normals) -> Option<DVec3> {
+    if !normals.agree(direction) {
+        return None;
+    }
+    let reflected = reflect(direction, normals.shading);
+    let comes_back = reflected.dot(normals.geometric) * direction.dot(normals.geometric) < 0.0;
+    comes_back.then_some(reflected)
+}
+
+impl Bsdf for Dielectric {
+    fn as_delta(&self) -> Option<&dyn DeltaBsdf> {
+        Some(self)
+    }
+
+    fn albedo(&self, _: &SurfacePoint) -> DVec3 {
+        DVec3::ONE
+    }
+
+    fn scale(&self, _: &SurfacePoint) -> DVec3 {
+        DVec3::ONE
+    }
+
+    fn eval(&self, _: &SurfacePoint, _: DVec3, _: DVec3) -> DVec3 {
+        DVec3::ZERO
+    }
+
+    fn pdf(&self, _: &SurfacePoint, _: DVec3, _: DVec3) -> f64 {
+        0.0
+    }
+
+    fn sample(&self, at: &SurfacePoint, incident: DVec3, stream: &mut SampleStream) -> Option<BsdfSample> {
+        sample_delta(self, at, incident, stream)
+    }
+}

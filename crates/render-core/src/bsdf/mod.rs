@@ -1,0 +1,205 @@
+//! Materials: one file for each kind, with its settings in the scene file, their checks, and how it scatters light.
+//!
+//! [`registry`] lists the kinds. Everything else sees a material through [`Bsdf`] and never asks for its kind.
+//!
+//! A mesh has two normals: that of the triangle, which says on which side a ray is, and the interpolated one, which says
+//! where the ray goes.
+
+mod dielectric;
+mod diffuse;
+pub mod fresnel;
+mod mirror;
+mod registry;
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+use std::sync::Arc;
+
+use clerestory_film::SampleStream;
+use glam::{DVec2, DVec3};
+
+pub use dielectric::DielectricMaterial;
+pub(crate) use dielectric::crown_glass;
+pub use diffuse::DiffuseMaterial;
+pub use mirror::MirrorMaterial;
+pub use registry::MaterialDescription;
+
+use crate::settings::{Check, JsonPath};
+use crate::texture::Bitmaps;
+
+/// The settings of a material in the scene file.
+pub trait MaterialSettings {
+    /// Checks them.
+    ///
+    /// # Errors
+    ///
+    /// The first setting that makes no sense, with its place, what stands there and what would be right.
+    fn check(&self, path: &JsonPath<'_>) -> Check;
+
+    /// Whether it scatters into single directions ([`Bsdf::as_delta`]).
+    fn is_delta(&self) -> bool;
+
+    /// The picture that it names, with its place below the settings.
+    fn texture(&self) -> Option<(String, &str)> {
+        None
+    }
+
+    /// The material, from settings that have been checked and with pictures that have been decoded.
+    fn build(&self, bitmaps: &Bitmaps<'_>) -> Arc<dyn Bsdf>;
+}
+
+/// The normals at a point of a mesh, on the same side of it. Unit length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Normals {
+    /// That of the triangle.
+    pub geometric: DVec3,
+    /// That which is interpolated between the triangle's corners.
+    pub shading: DVec3,
+}
+
+impl Normals {
+    /// Whether a ray comes from the same side of both planes.
+    fn agree(&self, direction: DVec3) -> bool {
+        direction.dot(self.geometric) * direction.dot(self.shading) > 0.0
+    }
+
+    /// The triangle's normal on the side from which a ray comes.
+    pub fn facing(&self, incident: DVec3) -> DVec3 {
+        if self.geometric.dot(incident) > 0.0 { -self.geometric } else { self.geometric }
+    }
+}
+
+/// A point of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Its normals.
+    pub normals: Normals,
+    /// Its texture coordinate; zero where the mesh has none.
+    pub texture: DVec2,
+}
+
+/// What light does at a specular vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum SpecularEvent {
+    /// It is mirrored.
+    Reflection,
+    /// It is refracted.
+    Transmission,
+}
+
+/// A direction drawn at random, in which a path goes on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BsdfSample {
+    /// Unit vector away from the surface.
+    pub direction: DVec3,
+    /// BSDF times cosine over density.
+    pub weight: DVec3,
+    /// How the direction was drawn.
+    pub kind: SampleKind,
+}
+
+/// How a direction was drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SampleKind {
+    /// From a density per solid angle.
+    Density(f64),
+    /// As one of the single directions of a delta distribution.
+    Delta(SpecularEvent),
+}
+
+/// How a surface scatters light. A path comes along `incident` and goes on along `outgoing`, both unit vectors in the
+/// direction of travel. Radiance is carried along the path's reverse.
+pub trait Bsdf: fmt::Debug + Send + Sync {
+    /// The scattering into single directions; `None` where light is scattered into a solid angle.
+    fn as_delta(&self) -> Option<&dyn DeltaBsdf> {
+        None
+    }
+
+    /// Whether light is scattered into single directions, so that no connection to a light can be evaluated.
+    fn is_delta(&self) -> bool {
+        self.as_delta().is_some()
+    }
+
+    /// The fraction of light that is scattered, for the image's albedo layer.
+    fn albedo(&self, at: &SurfacePoint) -> DVec3;
+
+    /// A factor of [`Self::eval`] that all directions share, so that sums over lights are multiplied by it once.
+    fn scale(&self, at: &SurfacePoint) -> DVec3;
+
+    /// BSDF times cosine, over [`Self::scale`].
+    fn eval(&self, at: &SurfacePoint, incident: DVec3, outgoing: DVec3) -> DVec3;
+
+    /// Density per solid angle with which [`Self::sample`] draws a direction.
+    fn pdf(&self, at: &SurfacePoint, incident: DVec3, outgoing: DVec3) -> f64;
+
+    /// Draws a direction; `None` where the path ends.
+    fn sample(&self, at: &SurfacePoint, incident: DVec3, stream: &mut SampleStream) -> Option<BsdfSample>;
+}
+
+/// A boundary that scatters into single directions: what the specular methods ask of a material.
+pub trait DeltaBsdf {
+    /// Index of refraction behind the surface, on the side to which the normal does not point; `None` where nothing is
+    /// transmitted.
+    fn index_of_refraction(&self) -> Option<f64>;
+
+    /// Index of refraction behind the boundary over that before it, for a ray along `direction`.
+    fn ratio(&self, direction: DVec3, normals: &Normals) -> Option<f64> {
+        let index = self.index_of_refraction()?;
+        Some(if direction.dot(normals.geometric) < 0.0 { index } else { 1.0 / index })
+    }
+
+    /// The ray that is refracted; `None` where nothing is transmitted, at total reflection, and where the normals
+    /// contradict each other.
+    fn transmit(&self, direction: DVec3, normals: &Normals) -> Option<Crossing>;
+
+    /// The direction that is reflected, and the fraction of light that is; `None` where the normals contradict each
+    /// other.
+    fn reflect(&self, direction: DVec3, normals: &Normals) -> Option<(DVec3, DVec3)>;
+}
+
+/// A ray that goes through a boundary.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// Unit direction behind the boundary.
+    pub direction: DVec3,
+    /// Index of refraction behind the boundary over that before it.
+    pub ratio: f64,
+    /// Fraction of the power that is transmitted.
+    pub transmittance: f64,
+}
+
+impl Crossing {
+    /// What radiance from behind the boundary is multiplied by on its way back to where the ray came from: it is
+    /// proportional to the square of the index of refraction.
+    pub fn radiance_factor(&self) -> f64 {
+        self.transmittance / (self.ratio * self.ratio)
+    }
+}
+
+/// Draws one of the directions of a delta distribution, by its share of the power.
+fn sample_delta(
+    bsdf: &dyn DeltaBsdf,
+    at: &SurfacePoint,
+    incident: DVec3,
+    stream: &mut SampleStream,
+) -> Option<BsdfSample> {
+    let crossing = bsdf.transmit(incident, &at.normals);
+    let choice = stream.next_1d();
+    match crossing {
+        Some(crossing) if choice < crossing.transmittance => Some(BsdfSample {
+            direction: crossing.direction,
+            weight: DVec3::splat(crossing.radiance_factor() / crossing.transmittance),
+            kind: SampleKind::Delta(SpecularEvent::Transmission),
+        }),
+        _ => {
+            let (direction, fraction) = bsdf.reflect(incident, &at.normals)?;
+            Some(BsdfSample {
+                direction,
+                // The part of the light that is transmitted is that which is not drawn, or lost.
+                weight: fraction / (1.0 - crossing.map_or(0.0, |crossing| crossing.transmittance)),
+                kind: SampleKind::Delta(SpecularEvent::Reflection),
+            })
+        }
+    }
+}
