@@ -135,7 +135,13 @@ impl Readers {
     pub(in crate::store) async fn close(&self) {
         match self {
             Self::Sqlite(readers) => readers.close(READERS).await,
-            Self::Postgres { pool, .. } => pool.close().await,
+            Self::Postgres { pool, timeouts, .. } => {
+                // The pool waits for each connection to be given back, and one that has fallen silent never is. They all
+                // end with this process.
+                if tokio::time::timeout(*timeouts, pool.close()).await.is_err() {
+                    tracing::warn!("some connections to the database did not close in time");
+                }
+            }
         }
     }
 }

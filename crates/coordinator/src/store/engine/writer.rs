@@ -286,7 +286,7 @@ async fn serve(source: Source, mut connection: Option<Connection>, mut queues: Q
         }
     }
     if let Some(connection) = connection
-        && let Err(error) = connection.close().await
+        && let Err(error) = in_time(source.timeouts().connection, connection.close()).await
     {
         tracing::error!(%error, "closing the database failed");
     }

@@ -153,5 +153,9 @@ async fn falls_silent(timeouts: Timeouts) {
     let mut listener = store.listener().await.unwrap().unwrap();
     store.notify("glass".to_owned()).await.unwrap();
     assert_eq!(listener.next().await.unwrap(), "glass");
-    store.close().await;
+
+    network.fall_silent();
+    // A caller that leaves drops its read, and the pool waits for the connection.
+    drop(tokio::time::timeout(Duration::from_millis(50), store.open_jobs()).await);
+    tokio::time::timeout(Duration::from_secs(60), store.close()).await.expect("no silent connection is waited for");
 }
