@@ -498,15 +498,24 @@ pub fn peak_memory(process: u32) -> Option<PeakMemory> {
 ///
 /// When it has not been built.
 pub fn clerestory() -> Command {
+    program("clerestory")
+}
+
+/// A program of the workspace, as cargo built it with this test or command.
+///
+/// # Panics
+///
+/// When it has not been built.
+pub fn program(name: &str) -> Command {
     let test = std::env::current_exe().expect("a process has a file");
     // Tests lie in target/PROFILE/deps, commands and what they call in target/PROFILE.
     let folder = test.ancestors().skip(1).find(|folder| !folder.ends_with("deps")).expect("a folder above `deps`");
-    let binary: PathBuf = folder.join("clerestory");
+    let binary: PathBuf = folder.join(name);
     assert!(binary.exists(), "{} is not there: run `cargo build --release` first", binary.display());
     command_of(&binary)
 }
 
-/// The command of a binary `clerestory`.
+/// The command of a binary, without the settings of the environment.
 pub fn command_of(binary: &Path) -> Command {
     let mut command = Command::new(binary);
     // Whatever the shell of the developer says about farms is not for the test.

@@ -45,6 +45,7 @@ pub mod found_paths;
 pub mod hand_worker;
 mod known_paths;
 pub mod large_frame;
+pub mod load_page;
 pub mod made_images;
 pub mod malformed_calls;
 pub mod malformed_partials;

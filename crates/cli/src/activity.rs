@@ -9,7 +9,8 @@ use clerestory_render_core::scene::{Scene, SceneBundle, SceneError};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::local_scene;
-use crate::terminal::{LINE_PERIOD, bar_target, duration_text};
+use crate::progress::{LINE_PERIOD, bar_target};
+use crate::text::duration_text;
 
 /// How long nothing is shown.
 const QUIET: Duration = Duration::from_secs(1);

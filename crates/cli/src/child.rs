@@ -72,11 +72,6 @@ impl Child {
         Ok(Self { name: name.to_owned(), log, process, lifeline })
     }
 
-    /// The number of its process; `None` once it has ended.
-    pub(crate) fn id(&self) -> Option<u32> {
-        self.process.id()
-    }
-
     /// Waits for the first line that the child writes to its standard output.
     pub(crate) async fn first_line(&mut self) -> Result<String, Failure> {
         let mut line = String::new();

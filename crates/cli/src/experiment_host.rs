@@ -9,15 +9,15 @@ use clerestory_experiments::{Amount, Farm, FarmOrder, FarmRender, FarmView, Host
 use clerestory_film::FrameImage;
 use tokio::runtime::Handle;
 
-use crate::commands::submit::{Order, submit};
-use crate::commands::watch::check_done;
 use crate::connection::Connection;
 use crate::failure::Failure;
-use crate::follow::until_answered;
 use crate::image_file::BUDGET;
+use crate::job_end::check_done;
+use crate::outage::until_answered;
 use crate::output_file;
+use crate::progress::{Advance, Progress};
 use crate::render_limits::RenderLimits;
-use crate::terminal::{Advance, Progress};
+use crate::submission::{Order, submit};
 
 /// Time between two requests for a job.
 const POLL_PERIOD: Duration = Duration::from_millis(200);

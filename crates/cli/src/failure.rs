@@ -1,32 +1,23 @@
-//! Why a command failed, and what that means for the exit code.
+//! Why a command failed, and its exit code.
 
 use std::error::Error;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clerestory_api::{ClientError, ProblemCode};
-use clerestory_coordinator::RunError;
+use clerestory_api::ClientError;
 use clerestory_experiments::ExperimentError;
 use clerestory_film::{CompareError, ImageError, PreviewError};
 use clerestory_local_render::LocalRenderError;
 use clerestory_render_core::scene::SceneError;
-use clerestory_worker::WorkerError;
-
-use crate::connection::TOKEN_VARIABLE;
-use crate::shutdown::INTERRUPTED;
-use crate::terminal::cause_text;
 
 /// Exit code of a command whose arguments or settings cannot be used.
 pub(crate) const USAGE: u8 = 2;
 
-/// What the client's TLS says of an answer without TLS.
-const NO_TLS: &str = "InvalidContentType";
+/// Exit code of an interrupted command, as shells have it.
+pub(crate) const INTERRUPTED: u8 = 130;
 
-/// What the client says of an answer that is no HTTP, as one in TLS is not.
-const NO_HTTP: &str = "invalid HTTP version parsed";
-
-/// A command failed. Printed with its causes.
+/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum Failure {
     /// Arguments or settings that cannot be used; the message says what would be right.
@@ -89,15 +80,17 @@ pub(crate) enum Failure {
     /// The coordinator cannot listen.
     #[error("cannot listen on {address}: {}", expected_address(address, source))]
     Listen { address: String, source: io::Error },
-    /// The coordinator of this process stopped.
-    #[error("the coordinator cannot work")]
-    CoordinatorStopped(#[from] RunError),
+    /// A coordinator or worker of this process cannot work.
+    #[error("the {service} cannot work")]
+    Service {
+        service: &'static str,
+        /// Whether its settings are to blame.
+        is_usage: bool,
+        source: Box<dyn Error + Send + Sync>,
+    },
     /// The socket of the viewer failed.
     #[error("the viewer's socket failed")]
     Viewer(#[source] io::Error),
-    /// The worker cannot work.
-    #[error("the worker cannot work")]
-    Worker(#[from] WorkerError),
     /// A process of the farm did not start or ended too early.
     #[error("{message}")]
     Process {
@@ -108,12 +101,6 @@ pub(crate) enum Failure {
     /// A process of the farm could not be started at all.
     #[error("cannot start a process of the farm")]
     Spawn(#[source] io::Error),
-    /// A database that is measured cannot be used.
-    #[error("cannot measure the database")]
-    Database(#[source] Box<dyn Error + Send + Sync>),
-    /// The speed of HTTP cannot be measured.
-    #[error("an exchange with a server of this process failed")]
-    Echo(#[source] reqwest::Error),
     /// The user interrupted what cannot be kept.
     #[error("{0}")]
     Interrupted(String),
@@ -163,11 +150,10 @@ impl Failure {
             Self::Usage(_)
             | Self::Configuration { .. }
             | Self::Overrides { .. }
-            | Self::Process { is_usage: true, .. } => ExitCode::from(USAGE),
-            Self::Connection(error) | Self::Worker(WorkerError::Connection(error)) if error.is_usage() => {
-                ExitCode::from(USAGE)
-            }
-            // What is no address at all, whatever this machine's are.
+            | Self::Process { is_usage: true, .. }
+            | Self::Service { is_usage: true, .. } => ExitCode::from(USAGE),
+            Self::Connection(error) if error.is_usage() => ExitCode::from(USAGE),
+            // The text is no address on any machine.
             Self::Listen { source, .. } if source.kind() == io::ErrorKind::InvalidInput => ExitCode::from(USAGE),
             Self::Interrupted(_) => ExitCode::from(INTERRUPTED),
             _ => ExitCode::FAILURE,
@@ -181,141 +167,6 @@ impl Failure {
 
     /// The failure and its causes, outermost first.
     pub(crate) fn causes(&self) -> impl Iterator<Item = &(dyn Error + 'static)> {
-        chain(self)
-    }
-
-    /// Whether the machine of the coordinator says that nobody listens there.
-    fn is_connection_refused(&self) -> bool {
-        let mut system = self.causes().filter_map(|cause| cause.downcast_ref::<io::Error>());
-        system.any(|error| error.kind() == io::ErrorKind::ConnectionRefused)
-    }
-
-    /// What the user can do about it, where the causes do not say.
-    pub(crate) fn advice(&self) -> Option<String> {
-        let call = self.causes().find_map(|cause| cause.downcast_ref::<ClientError>());
-        if let Some(advice) = call.and_then(advice_on_call) {
-            return Some(advice);
-        }
-        if let Self::Write { file, source } | Self::WrittenElsewhere { file, source, .. } = self
-            && matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded)
-        {
-            return Some(format!(
-                "the disk is full: make room where {} is, or name a file on another disk",
-                file.display()
-            ));
-        }
-        let Self::Coordinator { address, .. } = self else { return None };
-        if self.is_connection_refused() {
-            return Some(
-                "no coordinator is there: start one with `clerestory farm` or `clerestory coordinator`, or name another \
-                 with --coordinator"
-                    .to_owned(),
-            );
-        }
-        let says = |text: &str| self.causes().any(|cause| cause.to_string().contains(text));
-        if address.starts_with("https://") && says(NO_TLS) {
-            let plain = address.replacen("https", "http", 1);
-            return Some(format!("whoever listens there speaks no TLS: is it {plain}?"));
-        }
-        if address.starts_with("http://") && says(NO_HTTP) {
-            let secure = address.replacen("http", "https", 1);
-            return Some(format!("whoever listens there speaks no HTTP: is it {secure}?"));
-        }
-        None
-    }
-}
-
-/// What the user can do about a call that went wrong on its way, or was refused.
-fn advice_on_call(error: &ClientError) -> Option<String> {
-    let token = || {
-        format!("put the farm's token in the environment variable {TOKEN_VARIABLE}, or in a file named by --token-file")
-    };
-    match error {
-        ClientError::Problem { problem, .. } if problem.code == ProblemCode::Unauthorized => Some(token()),
-        ClientError::UnexpectedAnswer { status: 401, answer, .. } => match &answer.challenge {
-            Some(challenge) if challenge.to_ascii_lowercase().starts_with("basic") => Some(
-                "a proxy in between asks for a name and a password: put them into the address, as in \
-                 http://NAME:PASSWORD@farm.example"
-                    .to_owned(),
-            ),
-            _ => Some(token()),
-        },
-        ClientError::UnexpectedAnswer { status: 407, .. } => Some(
-            "the proxy asks for a name and a password: put them into the variable that names it, as in \
-             http://NAME:PASSWORD@proxy.example:3128"
-                .to_owned(),
-        ),
-        ClientError::UnexpectedAnswer { answer, .. } if answer.proxy.is_some() => Some(without_proxy()),
-        error if error.silent_proxy().is_some() => Some(without_proxy()),
-        _ => None,
-    }
-}
-
-/// How to call without the proxy of the environment.
-fn without_proxy() -> String {
-    "the environment names that proxy (http_proxy, https_proxy or all_proxy): list the coordinator's host in no_proxy to \
-     call it directly"
-        .to_owned()
-}
-
-/// An error and its causes in one line. Many errors repeat their cause in their own message: each text is written once.
-pub(crate) fn report(error: &(dyn Error + 'static)) -> String {
-    let mut report: Vec<String> = Vec::new();
-    for text in chain(error).map(cause_text).filter(|text| !text.is_empty()) {
-        if report.iter().any(|above| above.contains(&text)) {
-            continue;
-        }
-        match report.last_mut() {
-            // The cause says all that the error above it says.
-            Some(above) if text.starts_with(above.as_str()) => *above = text,
-            _ => report.push(text),
-        }
-    }
-    report.join(": ")
-}
-
-/// An error and its causes, outermost first.
-fn chain<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
-    std::iter::successors(Some(error), |&error| error.source())
-}
-
-/// What is at the bottom of an error, without all that it passed through.
-pub(crate) fn root_cause(error: &dyn Error) -> &dyn Error {
-    let mut cause = error;
-    while let Some(next) = cause.source() {
-        cause = next;
-    }
-    cause
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// An error with a cause.
-    #[derive(Debug, thiserror::Error)]
-    #[error("{message}")]
-    struct Link {
-        message: &'static str,
-        source: Option<Box<Link>>,
-    }
-
-    fn link(messages: &[&'static str]) -> Option<Box<Link>> {
-        let (message, causes) = messages.split_first()?;
-        Some(Box::new(Link { message, source: link(causes) }))
-    }
-
-    #[test]
-    fn a_cause_that_the_message_above_it_says_is_not_said_again() {
-        let report = |causes: &[&'static str]| report(&Failure::Database(link(causes).unwrap()));
-        assert_eq!(report(&["no table jobs"]), "cannot measure the database: no table jobs");
-        for causes in [
-            ["the store: no table jobs", "no table jobs", "no table jobs"],
-            ["the store: no table jobs", "no table", "jobs"],
-            ["the store", "the store: no table jobs", "no table jobs"],
-        ] {
-            assert_eq!(report(&causes), "cannot measure the database: the store: no table jobs");
-        }
-        assert_eq!(report(&["first", "", "second"]), "cannot measure the database: first: second");
+        std::iter::successors(Some(self as &dyn Error), |&error| error.source())
     }
 }

@@ -4,20 +4,19 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use clerestory_api::{
-    Client, ClientError, ConvergencePoint, Event, EventBody, JobId, JobView, LiveMeasurement, ProblemCode, WorkerId,
-    WorkerState, WorkerView,
+    Client, ClientError, ConvergencePoint, Event, EventBody, JobId, JobView, LiveMeasurement, WorkerId, WorkerState,
+    WorkerView,
 };
 use futures::StreamExt;
 use futures::stream::FuturesUnordered;
 use tokio::time::{Instant, MissedTickBehavior};
 
-use crate::commands::jobs::samples_text;
 use crate::connection::Connection;
-use crate::failure::{Failure, root_cause};
-use crate::terminal::{Advance, Progress, printable};
-
-/// Pause before the event stream is opened again, or a call repeated.
-const RECONNECT_PAUSE: Duration = Duration::from_millis(500);
+use crate::failure::Failure;
+use crate::job_samples::samples_text;
+use crate::outage::{Outage, RECONNECT_PAUSE};
+use crate::progress::{Advance, Progress};
+use crate::text::printable;
 
 /// How long a farm may be without a worker before the user is told: one that is just being started needs a moment.
 const WORKER_PATIENCE: Duration = Duration::from_secs(5);
@@ -41,9 +40,6 @@ struct Silences {
 
 const SILENCES: Silences =
     Silences { first: Duration::from_secs(5), later: Duration::from_secs(20), poll: Duration::from_secs(2) };
-
-/// How often in a row a call may meet a fault of the coordinator, which need not pass as an outage does.
-const MOST_FAULTS: u32 = 10;
 
 /// Shows a job's progress and rounds until it ends; returns it as it ended. A coordinator that goes away is waited for,
 /// and the user is told. Where something on the way holds events back, the job is asked for instead.
@@ -85,59 +81,6 @@ async fn follow_through(
             Err(error) => return Err(connection.failure(error)),
         }
         tokio::time::sleep(RECONNECT_PAUSE).await;
-    }
-}
-
-/// Repeats a call that changes nothing until the coordinator answers it. A coordinator that goes away is waited for, and
-/// the user is told.
-pub(crate) async fn until_answered<T, Answer>(
-    connection: &Connection,
-    progress: &Progress,
-    mut call: impl FnMut() -> Answer,
-) -> Result<T, Failure>
-where
-    Answer: Future<Output = Result<T, ClientError>>,
-{
-    let mut outage = Outage::default();
-    let mut faults = 0;
-    loop {
-        match call().await {
-            Ok(answer) => {
-                outage.end(connection, progress);
-                return Ok(answer);
-            }
-            Err(error) if error.is_transient() && faults < MOST_FAULTS => {
-                let is_fault = error.problem().is_some_and(|problem| problem.code == ProblemCode::Internal);
-                faults = if is_fault { faults + 1 } else { 0 };
-                outage.note(connection, progress, &error);
-                tokio::time::sleep(error.pause(RECONNECT_PAUSE)).await;
-            }
-            Err(error) => return Err(connection.failure(error)),
-        }
-    }
-}
-
-/// Whether the user has been told that the coordinator does not answer.
-#[derive(Default)]
-struct Outage {
-    is_known: bool,
-}
-
-impl Outage {
-    /// Says, once in an outage, that the coordinator does not answer.
-    fn note(&mut self, connection: &Connection, progress: &Progress, error: &ClientError) {
-        if !std::mem::replace(&mut self.is_known, true) {
-            let (address, reason) = (connection.address(), printable(&root_cause(error).to_string()).into_owned());
-            let way = error.silent_proxy().map(|proxy| format!(" through the proxy {proxy}")).unwrap_or_default();
-            progress.note(&format!("The coordinator at {address} does not answer{way}, trying again: {reason}"));
-        }
-    }
-
-    /// Says that an outage is over.
-    fn end(&mut self, connection: &Connection, progress: &Progress) {
-        if std::mem::replace(&mut self.is_known, false) {
-            progress.note(&format!("The coordinator at {} answers again", connection.address()));
-        }
     }
 }
 

@@ -8,7 +8,7 @@ use clerestory_render_core::scene::{self, SceneBundle};
 
 use crate::failure::Failure;
 use crate::image_file;
-use crate::terminal::counted;
+use crate::text::counted;
 
 /// How to make an image again.
 pub(crate) struct Recipe {

@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use clerestory_worker::machine_memory;
 use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -11,6 +12,7 @@ use tracing::{info, warn};
 
 use crate::child::{Child, Environment};
 use crate::failure::Failure;
+use crate::threads::ThreadCount;
 
 /// Pause before a process that ended by itself is started again.
 const RESTART_PAUSE: Duration = Duration::from_secs(1);
@@ -202,12 +204,21 @@ fn log_file(plan: &FarmPlan, name: &str) -> Option<PathBuf> {
     plan.logs.as_ref().map(|folder| folder.join(format!("{name}.log")))
 }
 
+/// Threads for each of `workers` workers, so that together they use every core.
+pub(crate) fn share_of_cores(workers: usize) -> usize {
+    (ThreadCount::of_cores().get().get() / workers).max(1)
+}
+
+/// MiB of memory for each of `workers` workers, so that all of them can build a scene at once. `None` for one worker, which may
+/// take all, and on a system that does not tell its memory.
+pub(crate) fn share_of_memory(workers: usize) -> Option<u64> {
+    let memory = machine_memory().filter(|_| workers > 1)?;
+    Some(((memory / workers as u64) >> 20).max(1))
+}
+
 #[cfg(test)]
 mod tests {
-    use clerestory_worker::machine_memory;
-
     use super::*;
-    use crate::commands::farm::share_of_memory;
 
     #[test]
     fn workers_of_one_machine_share_its_memory() {

@@ -2,20 +2,24 @@
 
 use std::io::{self, IsTerminal};
 
+use clap::ValueEnum;
 use tracing_subscriber::EnvFilter;
 
-use crate::arguments::{Arguments, Command, LogFormat};
+/// The form of log lines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LogFormat {
+    /// For people.
+    Text,
+    /// One JSON object a line, for log collectors.
+    Json,
+}
 
-/// Starts logging as the arguments say. Services tell what they do, other commands only what goes wrong.
-pub(crate) fn start(arguments: &Arguments) {
-    let default = match arguments.command {
-        Command::Coordinator(_) | Command::Worker(_) | Command::Farm(_) => "info",
-        _ => "warn",
-    };
-    let filter = arguments.log.clone().unwrap_or_else(|| EnvFilter::new(default));
+/// Starts logging. Without a filter, a service logs what it does, and any other command logs warnings only.
+pub(crate) fn start(format: LogFormat, filter: Option<EnvFilter>, is_service: bool) {
+    let filter = filter.unwrap_or_else(|| EnvFilter::new(if is_service { "info" } else { "warn" }));
     let builder =
         tracing_subscriber::fmt().with_env_filter(filter).with_writer(io::stderr).with_ansi(io::stderr().is_terminal());
-    match arguments.log_format {
+    match format {
         LogFormat::Text => builder.with_target(false).init(),
         LogFormat::Json => builder.json().flatten_event(true).init(),
     }

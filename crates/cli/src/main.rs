@@ -1,56 +1,71 @@
 //! The Clerestory render farm in one binary.
 //!
-//! Arguments are parsed once ([`arguments`]), interpreted once by each command ([`commands`]), and then the command
-//! runs. `main` only turns the result into an exit code: 0 for success, 1 for failure, 2 for arguments or settings that
-//! cannot be used. Results go to standard output, everything else (progress, logs, errors) to standard error.
+//! [`command_line`] parses the arguments, and the module of a command in [`commands`] interprets and runs them. `main` turns
+//! the result into an exit code: 0 for success, 1 for failure, 2 for arguments or settings that cannot be used. Results go to
+//! standard output. Progress, logs and errors go to standard error.
 
 mod activity;
-mod arguments;
+mod advice;
 mod child;
+mod command_line;
 mod commands;
 mod connection;
+mod download;
+mod error_text;
 mod experiment_host;
 mod failure;
 mod follow;
 mod image_file;
+mod job_argument;
+mod job_end;
+mod job_samples;
 mod like;
-mod load;
 mod local_farm;
+mod local_image;
 mod local_scene;
 mod logging;
+mod measures;
 mod memory;
+mod numbers;
+mod outage;
+mod output;
 mod output_file;
 mod preview;
+mod progress;
 mod render_limits;
+mod render_summary;
 mod scene_overrides;
 mod settings;
 mod shutdown;
 mod standard_error;
-mod terminal;
+mod submission;
+mod text;
 mod threads;
+mod version;
 mod viewer;
 
 use std::process::ExitCode;
 use std::time::Duration;
 
-use arguments::{Arguments, Command};
+use command_line::Arguments;
+use commands::Command;
 use failure::Failure;
 
-/// How long after the end of a command its leftover threads (a node being rendered, a read of standard input) may take.
+/// Time for leftover threads after the end of a command, such as a render or a read of standard input.
 const LEFTOVER_TIME: Duration = Duration::from_millis(100);
 
 fn main() -> ExitCode {
-    let arguments = arguments::read();
+    let arguments = command_line::read();
     if matches!(arguments.command, Command::Coordinator(_)) {
         memory::keep_little();
     }
-    logging::start(&arguments);
+    logging::start(arguments.log_format, arguments.log.clone(), arguments.command.is_service());
     match run(arguments) {
         Ok(()) => ExitCode::SUCCESS,
-        // Whoever read our output has seen enough, as in `clerestory jobs | head`.
+        // The reader of standard output has seen enough, as in `clerestory jobs | head`.
         Err(failure) if failure.is_broken_pipe() => ExitCode::SUCCESS,
         Err(failure) => {
-            terminal::print_failure(&failure);
+            advice::print_failure(&failure);
             failure.exit_code()
         }
     }

@@ -5,8 +5,8 @@ use std::time::Duration;
 use clap::Args;
 use clerestory_film::{Adaptation, InvalidTarget, Sampling, Targets};
 
-use crate::arguments::whole;
 use crate::failure::Failure;
+use crate::numbers::whole;
 
 /// Samples per pixel where neither a number nor a time or an error is given: one block.
 pub(crate) const DEFAULT_SAMPLES_PER_PIXEL: u32 = 256;

@@ -10,8 +10,8 @@ use clerestory_render_core::scene::description::{
 };
 use clerestory_render_core::scene::{self, SceneBundle};
 
-use crate::arguments::whole;
 use crate::failure::Failure;
+use crate::numbers::whole;
 
 /// Most pixels along an edge of an image.
 const MOST_PIXELS: u32 = 16384;

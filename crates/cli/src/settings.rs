@@ -10,6 +10,9 @@ use serde::de::DeserializeOwned;
 
 use crate::failure::Failure;
 
+/// Where a coordinator keeps its data by default.
+pub(crate) const DEFAULT_DATA: &str = "clerestory-data";
+
 /// Reads a configuration file; without one, every setting is absent. A key that nobody knows is an error.
 pub(crate) fn read<T: DeserializeOwned + Default>(file: Option<&Path>) -> Result<T, Failure> {
     let Some(file) = file else { return Ok(T::default()) };

@@ -5,10 +5,8 @@ use std::process;
 
 use tokio_util::sync::CancellationToken;
 
+use crate::failure::INTERRUPTED;
 use crate::output_file::remove_unfinished;
-
-/// Exit code of what an interrupt ended at once, as shells have it.
-pub(crate) const INTERRUPTED: u8 = 130;
 
 /// What besides signals asks a process to stop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use clerestory_film::{FrameImage, ImageMetadata, Sampling};
 
-use crate::terminal::counted;
+use crate::text::counted;
 
 /// Blocks that a suggestion makes, so that the spread of their means says something.
 const SUGGESTED_BLOCKS: u32 = 4;

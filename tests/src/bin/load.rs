@@ -1,5 +1,5 @@
-//! How much a coordinator takes: the loads of docs/results/farm.md, one after the other, each on a SQLite file or a PostgreSQL server of its own.
-//! It fails when a load fails, or a figure is not what it should be.
+//! How much a coordinator takes: the loads of docs/results/farm.md, one after the other, each on a SQLite file or a PostgreSQL
+//! server of its own. Fails when a load fails or a figure misses its goal.
 //!
 //! ```text
 //! tests/run build && target/release/load
@@ -7,15 +7,17 @@
 
 use std::fs;
 use std::io;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
 use clerestory_test_servers::Postgres;
-use clerestory_tests::farm::clerestory;
+use clerestory_tests::farm::program;
+use clerestory_tests::load_page;
 use serde_json::Value;
 
-/// What is asked of `clerestory bench farm`, numbers of workers and what else, and what should come of it. The hundredth part of some hundred leases would
-/// be those of one short pause of the machine, and some seconds those in which a round more or less is merged: whose p99 or pace is judged is measured for longer.
+/// Options of `load-generator`, and the goals of the load. A load whose p99 or rate is a goal is measured for longer, so that one short pause
+/// of the machine does not decide.
 type Load = (&'static str, &'static [Goal]);
 
 const ON_SQLITE: &[Load] = &[
@@ -43,74 +45,77 @@ enum Wanted {
     Below(f64),
 }
 
-/// Nodes that are leased, uploaded and merged, over load and drain.
+/// Nodes a second that are leased, uploaded and merged, over load and drain.
 const SUSTAINED_ON_SQLITE: Goal = ("sustained_per_second", Wanted::AtLeast(2000.0));
 
 /// The same with PostgreSQL, which commits more slowly.
 const SUSTAINED_ON_POSTGRES: Goal = ("sustained_per_second", Wanted::AtLeast(1500.0));
 
-/// How long a worker waits for a lease while no more is asked of the coordinator than it can do.
+/// How long a worker waits for a lease while the coordinator can follow the load.
 const LEASE: Goal = ("claim/p99_ms", Wanted::Below(50.0));
 
-/// That it does get so much of what is offered, nodes a second: whoever waits for an answer offers less. A tenth may be on its way, since partials
-/// of a lease come while it is held.
+/// Nodes a second that are uploaded: nine tenths of the offered rate, since a worker that waits for an answer offers less.
 const fn uploaded(offered: f64) -> Goal {
     ("uploaded_per_second", Wanted::AtLeast(0.9 * offered))
 }
 
-/// That it merges as much in the same time, and not when the load is over.
+/// Nodes a second that are merged during the load.
 const fn merged(offered: f64) -> Goal {
     ("merged_per_second", Wanted::AtLeast(0.9 * offered))
 }
 
-/// Nodes whose lease ran out before they were answered, while there is work for all and no more is offered than it can do.
+/// Nodes whose lease ran out before they were answered, while the coordinator can follow the load.
 const LATE: Goal = ("late_nodes_under_load", Wanted::Below(1.0));
 
-/// Whatever the load, every node that was acknowledged is in a round in the end, and none that was leased is refused.
+/// Under any load, every acknowledged node is in a round in the end, and no leased node is refused.
 const WHOLE: [Goal; 2] = [("lost_nodes", Wanted::Below(1.0)), ("refused_nodes", Wanted::Below(1.0))];
 
 /// Most memory of the coordinator, so that a small machine is enough for it.
 const MEMORY: Goal = ("coordinator_peak_megabytes", Wanted::Below(512.0));
 
-/// How old an image is when it comes, also where it has been seen before.
+/// How old a preview is when it arrives.
 const PREVIEW_AGE: Goal = ("preview_age/p99_ms", Wanted::Below(1000.0));
 
-/// How old it gets before whoever looks at it sees the next.
+/// How old a preview gets before the next replaces it.
 const REPLACED_AGE: Goal = ("preview_replaced_age/p99_ms", Wanted::Below(1000.0));
 
-/// None may fail: the age is that of those which came.
+/// Previews that fail have no age, so none may fail.
 const FAILED_PREVIEWS: Goal = ("failed_previews", Wanted::Below(1.0));
 
 /// Measures how much a coordinator takes, on SQLite and on PostgreSQL, and compares it with what it should.
 #[derive(Parser)]
-struct Arguments {}
+struct Arguments {
+    /// Write the page of results to this file.
+    #[arg(long, value_name = "FILE")]
+    page: Option<PathBuf>,
+}
 
 fn main() -> ExitCode {
-    let Arguments {} = Arguments::parse();
-    match run() {
+    let Arguments { page } = Arguments::parse();
+    match run(page.as_deref()) {
         Ok(true) => ExitCode::SUCCESS,
         Ok(false) => ExitCode::FAILURE,
         Err(error) => {
-            eprintln!("PostgreSQL is not ready: {error}");
+            eprintln!("the loads cannot be measured: {error}");
             ExitCode::FAILURE
         }
     }
 }
 
 /// Whether all loads succeed and all goals are reached.
-fn run() -> io::Result<bool> {
+fn run(page: Option<&Path>) -> io::Result<bool> {
     let on_sqlite = ON_SQLITE.iter().map(|load| (load, false));
     let on_postgres = ON_POSTGRES.iter().map(|load| (load, true));
-    let (mut figures, mut failed) = (Vec::new(), Vec::new());
+    let (mut figures, mut failed, mut reports) = (Vec::new(), Vec::new(), Vec::new());
     for ((load, goals), is_on_postgres) in on_sqlite.chain(on_postgres) {
         let title = format!("{load}{}", if is_on_postgres { ", PostgreSQL" } else { "" });
         println!("\n== {title}");
         let folder = tempfile::tempdir().expect("a temporary folder");
         let file = folder.path().join("report.json");
-        let mut command = clerestory();
-        command.args(["bench", "farm", "--output"]).arg(&file);
+        let mut command = program("load-generator");
+        command.arg("--output").arg(&file);
         command.arg("--workers").args(load.split(' '));
-        // One that those before had used would vacuum their tables meanwhile.
+        // A server that earlier loads used would vacuum their tables meanwhile.
         let postgres = is_on_postgres.then(Postgres::start).transpose()?;
         if let Some(postgres) = &postgres {
             postgres.settle()?;
@@ -127,6 +132,10 @@ fn run() -> io::Result<bool> {
                 "{title}: temporary files are in memory, where a sync costs nothing: set TMPDIR to a folder on a disk"
             ));
         }
+        reports.push(report);
+    }
+    if let Some(page) = page {
+        fs::write(page, load_page::page(&reports))?;
     }
     println!("\n== goals");
     let mut is_good = failed.is_empty();
@@ -146,8 +155,7 @@ fn run() -> io::Result<bool> {
     Ok(is_good)
 }
 
-/// The greatest figure of all lines: of what should be large the best, since the goal is what the coordinator can sustain, and of what should be small
-/// the worst. None where one is missing.
+/// The greatest figure of all lines: the best of a rate and the worst of a latency. `None` where a line lacks it.
 fn greatest(report: &Value, field: &str) -> Option<f64> {
     let pointer = format!("/{field}");
     let figure = |line: &Value| {

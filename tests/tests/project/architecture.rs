@@ -1,4 +1,5 @@
-//! The arrows of the architecture: `cli -> {coordinator, worker} -> {api, render-core} -> film`, and what each crate never names.
+//! The arrows of the architecture: `cli -> {coordinator, worker, experiments} -> {api, render-core} -> film`, what each crate never
+//! names, and the order of the modules in each.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot read its own workspace has failed")]
 
@@ -7,8 +8,10 @@ use std::path::{Path, PathBuf};
 
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand};
 
+use crate::modules::ModuleGraph;
+
 /// Which crates of the workspace each of them may depend on.
-const ARROWS: [(&str, &[&str]); 9] = [
+const ARROWS: [(&str, &[&str]); 10] = [
     ("clerestory-api", &[]),
     ("clerestory-film", &[]),
     ("clerestory-render-core", &["clerestory-film"]),
@@ -31,6 +34,7 @@ const ARROWS: [(&str, &[&str]); 9] = [
             "clerestory-worker",
         ],
     ),
+    ("clerestory-load", &["clerestory-api", "clerestory-film"]),
     ("clerestory-test-faults", &[]),
 ];
 
@@ -40,6 +44,12 @@ const TEST_SERVERS: &str = "clerestory-test-servers";
 /// The render core computes. These would let it wait, listen, store, or read the time.
 const FOREIGN_TO_RENDER_CORE: [&str; 9] =
     ["tokio", "reqwest", "axum", "hyper", "rusqlite", "sqlx", "object_store", "chrono", "time"];
+
+/// Crates whose modules have an order.
+const ORDERED_CRATES: [&str; 3] = ["crates/local-render", "crates/experiments", "crates/cli"];
+
+/// Imports that break the order: crate, importing module, imported module, reason. At most five.
+const ORDER_EXCEPTIONS: [(&str, &str, &str, &str); 0] = [];
 
 /// What the coordinator may use of the render core: it merges and validates, and never renders.
 const RENDER_CORE_MODULES_OF_COORDINATOR: [&str; 1] = ["scene"];
@@ -116,6 +126,35 @@ fn the_coordinator_never_names_an_integrator_or_a_specular_method() {
                 file.display()
             );
         }
+    }
+}
+
+#[test]
+fn the_modules_of_a_crate_have_an_order() {
+    assert!(ORDER_EXCEPTIONS.len() <= 5);
+    let mut circles = Vec::new();
+    for name in ORDERED_CRATES {
+        let mut graph = ModuleGraph::of(&workspace_root().join(name).join("src"));
+        for (_, from, to, reason) in ORDER_EXCEPTIONS.iter().filter(|(of, ..)| *of == name) {
+            println!("{name}: {from} may import {to}: {reason}");
+            assert!(graph.remove_import(from, to), "{name}: {from} does not import {to}: an exception less");
+        }
+        match graph.orders() {
+            Ok(orders) => orders.iter().for_each(|(folder, order)| println!("{name}/{folder}: {}", order.join(" < "))),
+            Err(circle) => circles.push(format!("{name} {circle}")),
+        }
+    }
+    assert!(circles.is_empty(), "{}", circles.join("\n"));
+}
+
+#[test]
+fn render_needs_no_coordinator() {
+    let graph = ModuleGraph::of(&workspace_root().join("crates/cli/src"));
+    let reached = graph.reached_from("commands::render");
+    assert!(reached.contains("local_image"), "the imports of the command were not found");
+    for module in reached {
+        let named = modules_named(graph.source(&module), "clerestory_coordinator");
+        assert!(named.is_empty(), "`clerestory render` uses {module}, which uses clerestory_coordinator::{named:?}");
     }
 }
 

@@ -2,11 +2,11 @@
 
 mod adaptive;
 mod bad_input;
-mod bench_farm;
 mod chaos;
 mod durability;
 mod farm;
 mod large_frames;
+mod load;
 mod readiness;
 mod stop_rules;
 mod stored_farms;

@@ -1,6 +1,5 @@
 //! `clerestory bench`: measurements that anybody can repeat.
 
-use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -12,25 +11,21 @@ use clerestory_local_render::Control;
 use rayon::ThreadPoolBuilder;
 use tokio::runtime::Handle;
 
-use crate::arguments::{positive, whole};
-use crate::commands::worker::BUILD;
 use crate::connection::ConnectionArguments;
 use crate::experiment_host::ExperimentHost;
 use crate::failure::Failure;
-use crate::load;
 use crate::local_scene;
-use crate::output_file::{check_outputs, create_folder};
+use crate::numbers::whole;
+use crate::output::print_line;
+use crate::output_file::create_folder;
 use crate::render_limits::parse_seconds;
 use crate::scene_overrides::Size;
 use crate::shutdown::{self, Parent};
-use crate::terminal::print_line;
 use crate::threads::ThreadCount;
+use crate::version::BUILD;
 
 /// Most renders of a variant, and most samples of a reference: more would not end.
 const MOST: u32 = 1 << 24;
-
-/// Most simulated workers: each has ports of its own, of which a machine has 65 536.
-const MOST_WORKERS: u32 = 20_000;
 
 /// Options of `clerestory bench`.
 #[derive(Debug, Args)]
@@ -44,48 +39,6 @@ pub(crate) struct BenchArguments {
 enum BenchCommand {
     /// Measure again what a paper shows, and write JSON, CSV, OpenEXR images and a page with figures.
     Experiment(ExperimentArguments),
-    /// Put a coordinator on this machine under load: simulated workers lease and upload noise, and the rates, times and sizes are
-    /// printed beside what the bare machine does.
-    Farm(FarmArguments),
-}
-
-/// Options of `clerestory bench farm`.
-#[derive(Debug, Args)]
-struct FarmArguments {
-    /// Connected workers, such as 10,1000: a line of the report for each.
-    #[arg(
-        long, value_name = "N", value_delimiter = ',', default_value = "10,100,1000,5000",
-        value_parser = whole(1..=MOST_WORKERS)
-    )]
-    workers: Vec<u32>,
-    /// How long each number of workers is measured. Before it comes a ramp, and after it the rest of the work.
-    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = parse_seconds)]
-    seconds: Duration,
-    /// Edge of a tile in pixels.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole(1..=256_u32))]
-    tile: u32,
-    /// Nodes in a lease.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = whole(1..=256_u32))]
-    nodes_per_lease: u32,
-    /// Nodes a second that all workers together offer, holding each lease as if they rendered meanwhile [default: as many as the
-    /// coordinator takes].
-    #[arg(long, value_name = "NODES", value_parser = positive)]
-    rate: Option<NonZeroU32>,
-    /// Look at the image all the while, as somebody does who has its page open; jobs are 1920 pixels wide and 1080 high.
-    #[arg(long)]
-    watch: bool,
-    /// Empty folder for the data of the coordinator, on the disk that is to be measured [default: a temporary one].
-    #[arg(long, value_name = "FOLDER")]
-    data: Option<PathBuf>,
-    /// Empty PostgreSQL database for the coordinator.
-    #[arg(long, value_name = "URL")]
-    database: Option<String>,
-    /// Empty bucket, or prefix in one, for the coordinator.
-    #[arg(long, value_name = "URL")]
-    object_store: Option<String>,
-    /// Write the report as JSON.
-    #[arg(short, long, value_name = "FILE")]
-    output: Option<PathBuf>,
 }
 
 /// Options of `clerestory bench experiment`.
@@ -125,31 +78,7 @@ struct ExperimentArguments {
 pub(crate) async fn run(arguments: BenchArguments) -> Result<(), Failure> {
     match arguments.command {
         BenchCommand::Experiment(arguments) => run_experiment(arguments).await,
-        BenchCommand::Farm(arguments) => run_farm(arguments).await,
     }
-}
-
-async fn run_farm(arguments: FarmArguments) -> Result<(), Failure> {
-    check_outputs(&[("--output", arguments.output.as_deref())], &[])?;
-    let settings = load::Settings {
-        workers: arguments.workers,
-        time: arguments.seconds,
-        tile_size: arguments.tile,
-        nodes_per_lease: arguments.nodes_per_lease,
-        rate: arguments.rate,
-        watch: arguments.watch,
-        data: arguments.data,
-        database: arguments.database,
-        object_store: arguments.object_store,
-    };
-    let stop = shutdown::token(Parent::None);
-    let (report, outcome) = tokio::select! {
-        report = load::run(&settings) => report?,
-        () = stop.cancelled() => return Err(Failure::Job("interrupted".to_owned())),
-    };
-    print_line(&report.table())?;
-    arguments.output.map_or(Ok(()), |file| report.write(&file))?;
-    outcome
 }
 
 async fn run_experiment(arguments: ExperimentArguments) -> Result<(), Failure> {

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use clerestory_film::{FrameImage, Metrics, ToneCurve, compare, mean_flip};
-use serde::Serialize;
 
 use crate::failure::Failure;
 use crate::image_file::read;
+use crate::measures::Measures;
+use crate::output::{print_json, print_line};
+use crate::progress::{Progress, REL_MSE_NOTE};
 use crate::standard_error::reference_gaps;
-use crate::terminal::{Progress, REL_MSE_NOTE, print_json, print_line};
 
 /// Options of `clerestory compare`.
 #[derive(Debug, Args)]
@@ -21,22 +21,6 @@ pub(crate) struct CompareArguments {
     /// Write the measures as JSON; those that do not exist, as the PSNR of identical images, are null.
     #[arg(long)]
     json: bool,
-}
-
-/// How far an image is from a reference.
-#[derive(Serialize)]
-pub(crate) struct Measures {
-    #[serde(flatten)]
-    pub(crate) metrics: Metrics,
-    pub(crate) flip: f64,
-}
-
-impl Measures {
-    pub(crate) fn of(image: &FrameImage, reference: &FrameImage) -> Result<Self, Failure> {
-        let metrics = compare(image, reference).map_err(Failure::Compare)?;
-        let flip = mean_flip(image, reference, ToneCurve::Filmic).map_err(Failure::Compare)?;
-        Ok(Self { metrics, flip })
-    }
 }
 
 pub(crate) fn run(arguments: &CompareArguments) -> Result<(), Failure> {

@@ -11,16 +11,13 @@ use serde::{Deserialize, Serialize};
 use tokio::net::TcpListener;
 use tracing::info;
 
-use crate::arguments::positive;
-use crate::commands::worker::BUILD;
 use crate::connection::{DEFAULT_LISTEN, named_token_file, token};
 use crate::failure::Failure;
-use crate::settings;
+use crate::numbers::positive;
+use crate::output::print_line;
+use crate::settings::{self, DEFAULT_DATA};
 use crate::shutdown::{self, Parent};
-use crate::terminal::print_line;
-
-/// Where data are kept unless told otherwise.
-pub(crate) const DEFAULT_DATA: &str = "clerestory-data";
+use crate::version::BUILD;
 
 /// Options of `clerestory coordinator`.
 #[derive(Debug, Args)]
@@ -141,7 +138,8 @@ pub(crate) async fn run(arguments: CoordinatorArguments) -> Result<(), Failure> 
             stop.cancelled().await;
         }
     };
-    clerestory_coordinator::run(listener, config, stopped).await?;
+    let ended = clerestory_coordinator::run(listener, config, stopped).await;
+    ended.map_err(|error| Failure::Service { service: "coordinator", is_usage: false, source: Box::new(error) })?;
     printed
 }
 
@@ -218,17 +216,20 @@ mod tests {
     use clap::Parser;
 
     use super::*;
-    use crate::arguments::{Arguments, Command};
+
+    /// A command line of this command alone.
+    #[derive(Parser)]
+    struct CommandLine {
+        #[command(flatten)]
+        arguments: CoordinatorArguments,
+    }
 
     fn interpreted(file: &str, options: &[&str]) -> Settings {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("coordinator.toml");
         std::fs::write(&path, file).unwrap();
-        let words = ["clerestory", "coordinator", "--config", path.to_str().unwrap()];
-        match Arguments::try_parse_from(words.iter().chain(options)).unwrap().command {
-            Command::Coordinator(arguments) => interpret(&arguments).unwrap(),
-            other => panic!("{other:?}"),
-        }
+        let words = ["coordinator", "--config", path.to_str().unwrap()];
+        interpret(&CommandLine::try_parse_from(words.iter().chain(options)).unwrap().arguments).unwrap()
     }
 
     #[test]

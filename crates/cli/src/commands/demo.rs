@@ -12,18 +12,21 @@ use clerestory_render_core::scene::description::{FilmDescription, SamplingDescri
 use tempfile::TempDir;
 
 use crate::child::Environment;
-use crate::commands::farm::{share_of_cores, share_of_memory};
-use crate::commands::submit::{Order, download, reference_asset, submit};
-use crate::commands::watch::{check_done, check_image};
 use crate::connection::Connection;
+use crate::download::download;
 use crate::failure::Failure;
-use crate::follow::{follow, until_answered};
+use crate::follow::follow;
 use crate::image_file;
-use crate::local_farm::{FarmPlan, LocalFarm};
+use crate::job_end::{check_done, check_image};
+use crate::local_farm::{FarmPlan, LocalFarm, share_of_cores, share_of_memory};
+use crate::outage::until_answered;
+use crate::output::{print_json, print_line};
+use crate::progress::Progress;
 use crate::render_limits::RenderLimits;
 use crate::scene_overrides::{SamplingOverrides, SceneOverrides, Size};
 use crate::shutdown::{self, Parent};
-use crate::terminal::{Progress, counted, duration_text, print_json, print_line};
+use crate::submission::{Order, reference_asset, submit};
+use crate::text::{counted, duration_text};
 
 /// The scene that is rendered, from the root of the repository.
 const SCENE: &str = "scenes/room.json";

@@ -4,16 +4,15 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::Args;
-use clerestory_worker::machine_memory;
 
-use crate::arguments::{positive, whole};
 use crate::child::Environment;
-use crate::commands::coordinator::DEFAULT_DATA;
 use crate::connection::DEFAULT_LISTEN;
 use crate::failure::Failure;
-use crate::local_farm::{FarmPlan, LocalFarm};
+use crate::local_farm::{FarmPlan, LocalFarm, share_of_cores, share_of_memory};
+use crate::numbers::{positive, whole};
+use crate::output::print_line;
+use crate::settings::DEFAULT_DATA;
 use crate::shutdown::{self, Parent};
-use crate::terminal::print_line;
 use crate::threads::ThreadCount;
 
 /// Most workers of a farm on one machine, each of which is a process.
@@ -80,16 +79,4 @@ fn threads(arguments: &FarmArguments) -> Result<usize, Failure> {
         )));
     }
     Ok(threads)
-}
-
-/// Threads for each of `workers` workers, so that together they use every core.
-pub(crate) fn share_of_cores(workers: usize) -> usize {
-    (ThreadCount::of_cores().get().get() / workers).max(1)
-}
-
-/// MiB of memory for each of `workers` workers, so that all of them can build a scene at once. `None` for one, which may take all that
-/// there is, and where the system does not say how much that is.
-pub(crate) fn share_of_memory(workers: usize) -> Option<u64> {
-    let memory = machine_memory().filter(|_| workers > 1)?;
-    Some(((memory / workers as u64) >> 20).max(1))
 }

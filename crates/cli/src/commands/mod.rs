@@ -1,22 +1,64 @@
-//! The commands: one file for each, with its options and what it does.
+//! The commands: one file for each with its options. [`Command`] is the one list.
 
-pub(crate) mod bench;
-pub(crate) mod cancel;
-pub(crate) mod compare;
-pub(crate) mod coordinator;
-pub(crate) mod demo;
-pub(crate) mod farm;
-pub(crate) mod jobs;
-pub(crate) mod release;
-pub(crate) mod render;
-pub(crate) mod scene;
-pub(crate) mod submit;
-pub(crate) mod view;
-pub(crate) mod watch;
-pub(crate) mod worker;
+mod bench;
+mod cancel;
+mod compare;
+mod coordinator;
+mod demo;
+mod farm;
+mod jobs;
+mod release;
+mod render;
+mod scene;
+mod submit;
+mod view;
+mod watch;
+mod worker;
 
-use crate::arguments::Command;
+use clap::Subcommand;
+
 use crate::failure::Failure;
+use crate::job_argument::OneJob;
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render a scene in this process, without a farm.
+    Render(render::RenderArguments),
+    /// Run the coordinator: queue, merge, HTTP API and dashboard.
+    Coordinator(coordinator::CoordinatorArguments),
+    /// Run a worker: lease, render, upload.
+    Worker(worker::WorkerArguments),
+    /// Run a coordinator and workers on this machine.
+    Farm(farm::FarmArguments),
+    /// Submit a scene to a farm.
+    Submit(submit::SubmitArguments),
+    /// List the jobs of a farm.
+    Jobs(jobs::JobsArguments),
+    /// Watch a job until it ends.
+    Watch(watch::WatchArguments),
+    /// Cancel a job; what is complete is kept.
+    Cancel(OneJob),
+    /// Get a job going again that is held because workers died with it.
+    Release(OneJob),
+    /// Measure how far an image is from a reference.
+    Compare(compare::CompareArguments),
+    /// Measure again what papers show.
+    Bench(bench::BenchArguments),
+    /// Write a scene that is computed.
+    Scene(scene::SceneArguments),
+    /// Look at a scene in the browser: move the camera and the sun, and watch the picture become clear.
+    View(view::ViewArguments),
+    /// Start a farm on this machine, render sunlight through four old panes on it, and show the error falling.
+    Demo(demo::DemoArguments),
+}
+
+impl Command {
+    /// Whether the command serves until it is stopped, so that its log says what it does.
+    pub(crate) fn is_service(&self) -> bool {
+        matches!(self, Self::Coordinator(_) | Self::Worker(_) | Self::Farm(_))
+    }
+}
 
 /// Runs a command.
 pub(crate) async fn run(command: Command) -> Result<(), Failure> {

@@ -1,8 +1,8 @@
 //! `clerestory release`: get a held job going again.
 
-use crate::commands::jobs::OneJob;
 use crate::failure::Failure;
-use crate::terminal::{print_json, print_line};
+use crate::job_argument::OneJob;
+use crate::output::{print_json, print_line};
 
 pub(crate) async fn run(arguments: OneJob) -> Result<(), Failure> {
     let connection = arguments.connection.open()?;

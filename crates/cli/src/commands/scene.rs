@@ -11,8 +11,8 @@ use serde::Serialize;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter};
 
 use crate::failure::Failure;
+use crate::output::print_line;
 use crate::output_file::{check_outputs, write};
-use crate::terminal::print_line;
 
 /// Options of `clerestory scene`.
 #[derive(Debug, Args)]

@@ -1,39 +1,27 @@
 //! `clerestory submit`: a scene on its way to a farm, and its image back.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::OnceLock;
 
-use backon::{ExponentialBuilder, Retryable};
-use bytes::Bytes;
 use clap::Args;
-use clerestory_api::{ClientError, ContentHash, JobId, JobSubmission, JobView, PreviewQuery, ProblemCode};
-use clerestory_film::{ImageMetadata, Sampling, Targets};
-use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
-use tracing::{info, warn};
+use clerestory_api::{JobId, JobView};
+use clerestory_film::{ImageMetadata, Sampling};
 
 use crate::activity::Activity;
-use crate::arguments::whole;
-use crate::commands::watch::{check_done, check_image};
 use crate::connection::{Connection, ConnectionArguments};
+use crate::download::download;
 use crate::failure::Failure;
-use crate::follow::{follow, until_answered};
-use crate::image_file::{metadata, read_reference};
-use crate::output_file::{OutputFile, check_image_name, check_outputs, png_beside, write, write_stats};
+use crate::follow::follow;
+use crate::job_end::{check_done, check_image};
+use crate::numbers::whole;
+use crate::output::{print_json, print_line};
+use crate::output_file::{check_image_name, check_outputs, png_beside, write_stats};
+use crate::progress::Progress;
 use crate::render_limits::RenderLimits;
 use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
 use crate::shutdown::{self, Parent};
 use crate::standard_error;
-use crate::terminal::{Progress, print_json, print_line, upload_bar};
-
-/// How often an upload is repeated, with pauses of one second and more.
-const UPLOAD_REPETITIONS: usize = 5;
-
-/// How often a submission is repeated to a coordinator that is busy, with pauses of five seconds and more: for about half an hour.
-const BUSY_REPETITIONS: usize = 30;
-
-/// Bytes that the header of an image may take: a few for each of its tiles, of which a job has 65536 at most.
-const MOST_HEADER_BYTES: usize = 4 << 20;
+use crate::submission::{Order, reference_asset, submit};
 
 /// Options of `clerestory submit`.
 #[derive(Debug, Args)]
@@ -170,153 +158,4 @@ fn interrupted(job: Option<&JobId>) -> Failure {
             "interrupted; job {job} goes on: see `clerestory watch {job}`, end it with `clerestory cancel {job}`"
         ),
     })
-}
-
-/// How a scene is to be rendered.
-#[derive(Debug)]
-pub(crate) struct Order {
-    pub(crate) name: Option<String>,
-    pub(crate) samples_per_pixel: u32,
-    pub(crate) time_limit_ms: Option<i64>,
-    pub(crate) targets: Targets,
-    /// Whether passes are shared out among the tiles by their noise.
-    pub(crate) adaptive: bool,
-    pub(crate) tile_size: u32,
-    pub(crate) priority: i32,
-    /// The reference image, whole.
-    pub(crate) reference: Option<Asset>,
-}
-
-/// Reads the reference for images of a scene, to be sent as it is.
-pub(crate) fn reference_asset(file: Option<&Path>, bundle: &SceneBundle) -> Result<Option<Asset>, Failure> {
-    let reference = file.map(|file| read_reference(file, bundle.description().film)).transpose()?;
-    Ok(reference.map(|(bytes, _)| Asset::new(bytes)))
-}
-
-/// Submits a job, and uploads what the coordinator does not have yet.
-pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order: Order) -> Result<JobView, Failure> {
-    let scene = serde_json::from_str(&canonical_json(bundle.description())).expect("canonical JSON is JSON");
-    let assets = bundle.assets().iter().map(|(name, asset)| (name.clone(), wire_hash(asset))).collect();
-    let contents: BTreeMap<ContentHash, &Asset> =
-        bundle.assets().values().chain(&order.reference).map(|asset| (wire_hash(asset), asset)).collect();
-    let submission = JobSubmission {
-        name: order.name,
-        scene,
-        assets,
-        samples_per_pixel: order.samples_per_pixel,
-        tile_size: order.tile_size,
-        priority: order.priority,
-        reference: order.reference.as_ref().map(wire_hash),
-        time_limit_ms: order.time_limit_ms,
-        target_mse: order.targets.mse,
-        target_estimated_mse: order.targets.estimated_mse,
-        adaptive: order.adaptive,
-    };
-    let missing = match asked(connection, &submission).await {
-        Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,
-        answer => return answer.map_err(|error| connection.failure(error)),
-    };
-    // A hash that is not ours cannot be helped; the second attempt says what is wrong with it.
-    let missing: Vec<(ContentHash, &Asset)> =
-        missing.into_iter().filter_map(|hash| Some((hash, *contents.get(&hash)?))).collect();
-    let size = |asset: &Asset| asset.bytes().len() as u64;
-    let bar = upload_bar(missing.iter().map(|(_, asset)| size(asset)).sum());
-    let mut uploaded = 0;
-    for (hash, asset) in missing {
-        bar.suspend(|| info!(%hash, bytes = size(asset), "uploading"));
-        let content = Bytes::copy_from_slice(asset.bytes());
-        // The coordinator has answered once, so what fails now may well pass.
-        let upload = || {
-            // What an earlier attempt sent does not count.
-            bar.set_position(uploaded);
-            let bar = bar.clone();
-            connection.client.upload_asset(&hash, content.clone(), move |bytes| bar.inc(bytes))
-        };
-        upload
-            .retry(ExponentialBuilder::default().with_max_times(UPLOAD_REPETITIONS).with_jitter())
-            .when(ClientError::is_transient)
-            .adjust(|error, pause| pause.map(|pause| error.pause(pause)))
-            .notify(|error, pause| {
-                bar.suspend(|| warn!(%hash, ?pause, reason = %error, "the upload failed, trying again"));
-            })
-            .await
-            .map_err(|error| connection.failure(error))?;
-        uploaded += size(asset);
-    }
-    bar.finish_and_clear();
-    asked(connection, &submission).await.map_err(|error| connection.failure(error))
-}
-
-/// Asks a coordinator to take a job. It looks at the whole scene before it answers.
-async fn asked(connection: &Connection, submission: &JobSubmission) -> Result<JobView, ClientError> {
-    let activity = Activity::begin("Waiting for the coordinator, which checks the scene");
-    let answer = send(connection, submission).await;
-    if answer.is_ok() {
-        activity.done("The coordinator has taken the job");
-    }
-    answer
-}
-
-/// Sends a submission, again and again where the coordinator says that it is too busy to look at it: then it has not become a job.
-async fn send(connection: &Connection, submission: &JobSubmission) -> Result<JobView, ClientError> {
-    let is_busy = |error: &ClientError| match error {
-        ClientError::Problem { problem, retry_after } => {
-            problem.code == ProblemCode::Unavailable && retry_after.is_some()
-        }
-        _ => false,
-    };
-    let call = || connection.client.submit_job(submission);
-    call.retry(ExponentialBuilder::default().with_max_times(BUSY_REPETITIONS).with_jitter())
-        .when(is_busy)
-        .adjust(|error, pause| pause.map(|pause| error.pause(pause)))
-        .notify(|error, pause| warn!(?pause, reason = %error, "the coordinator is busy, trying again"))
-        .await
-}
-
-/// Fetches the image of a job into files, and returns how it was made. A coordinator that goes away is waited for.
-pub(crate) async fn download(
-    connection: &Connection,
-    job: &JobView,
-    exr: Option<&Path>,
-    png: Option<&Path>,
-    progress: &Progress,
-) -> Result<Option<ImageMetadata>, Failure> {
-    let mut metadata = None;
-    if let Some(file) = exr {
-        // What fails here is a disk, and no call is repeated for it.
-        metadata = until_answered(connection, progress, || fetch_image(connection, job.id, file)).await??;
-    }
-    if let Some(file) = png {
-        let query = PreviewQuery::default();
-        let preview = until_answered(connection, progress, || connection.client.preview(job.id, &query)).await?;
-        write(file, &preview.png)?;
-    }
-    Ok(metadata)
-}
-
-/// Fetches an image into a file, piece by piece, and returns how it was made. The file may be a pipe, so its header is looked at on
-/// the way.
-async fn fetch_image(
-    connection: &Connection,
-    job: JobId,
-    file: &Path,
-) -> Result<Result<Option<ImageMetadata>, Failure>, ClientError> {
-    let mut download = connection.client.image_download(job).await?;
-    let mut output = match OutputFile::create(file) {
-        Ok(output) => output,
-        Err(failure) => return Ok(Err(failure)),
-    };
-    let mut head = Vec::new();
-    while let Some(piece) = download.piece().await? {
-        let rest = MOST_HEADER_BYTES - head.len();
-        head.extend_from_slice(&piece[..piece.len().min(rest)]);
-        if let Err(failure) = output.write(&piece) {
-            return Ok(Err(failure));
-        }
-    }
-    Ok(output.finish().map(|()| metadata(&head)))
-}
-
-fn wire_hash(asset: &Asset) -> ContentHash {
-    ContentHash::from(*asset.hash().as_bytes())
 }

@@ -8,12 +8,12 @@ use rayon::ThreadPoolBuilder;
 use tokio::net::TcpListener;
 
 use crate::activity::Activity;
-use crate::arguments::whole;
 use crate::failure::Failure;
+use crate::numbers::whole;
+use crate::output::print_line;
 use crate::render_limits::{DEFAULT_SAMPLES_PER_PIXEL, UNREACHABLE_SAMPLES_PER_PIXEL};
 use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
 use crate::shutdown::{self, Parent};
-use crate::terminal::print_line;
 use crate::threads::ThreadCount;
 use crate::viewer::Viewer;
 

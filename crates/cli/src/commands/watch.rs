@@ -1,13 +1,15 @@
 //! `clerestory watch`: progress and rounds of a job until it ends.
 
 use clap::Args;
-use clerestory_api::{JobId, JobState, JobView};
+use clerestory_api::JobId;
 
-use crate::commands::jobs::{parse_job, reason_text};
 use crate::connection::ConnectionArguments;
 use crate::failure::Failure;
 use crate::follow::follow;
-use crate::terminal::{Progress, print_json, print_line, printable};
+use crate::job_argument::parse_job;
+use crate::job_end::{check_done, reason_text};
+use crate::output::{print_json, print_line};
+use crate::progress::Progress;
 
 /// Options of `clerestory watch`.
 #[derive(Debug, Args)]
@@ -32,29 +34,4 @@ pub(crate) async fn run(arguments: WatchArguments) -> Result<(), Failure> {
         print_line(&format!("{} is {}{reason}", job.id, job.state.name()))?;
     }
     check_done(&job)
-}
-
-/// Turns a job that ended without an image into a failure.
-pub(crate) fn check_image(job: &JobView) -> Result<(), Failure> {
-    match job.state {
-        JobState::Failed => {
-            let reason = job.failure.as_deref().unwrap_or("the coordinator gives no reason");
-            Err(Failure::Job(format!("job {} failed: {}", job.id, printable(reason))))
-        }
-        JobState::Cancelled if job.samples == 0 => {
-            Err(Failure::Job(format!("job {} was cancelled before anything was complete", job.id)))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Turns a job that ended before it was done into a failure.
-pub(crate) fn check_done(job: &JobView) -> Result<(), Failure> {
-    check_image(job)?;
-    match job.state {
-        JobState::Cancelled => {
-            Err(Failure::Job(format!("job {} was cancelled; its image is what was complete then", job.id)))
-        }
-        _ => Ok(()),
-    }
 }

@@ -5,17 +5,16 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 
 use clap::Args;
+use clerestory_worker::WorkerError;
 use serde::Deserialize;
 
-use crate::arguments::positive;
 use crate::connection::{DEFAULT_LISTEN, token};
 use crate::failure::Failure;
+use crate::numbers::positive;
 use crate::settings;
 use crate::shutdown::{self, Parent};
 use crate::threads::ThreadCount;
-
-/// Which build of Clerestory this is.
-pub(crate) const BUILD: &str = env!("CLERESTORY_BUILD");
+use crate::version::BUILD;
 
 /// Options of `clerestory worker`.
 #[derive(Debug, Args)]
@@ -58,7 +57,13 @@ pub(crate) async fn run(arguments: WorkerArguments) -> Result<(), Failure> {
     let parent = if arguments.stop_with_stdin { Parent::HoldsStdin } else { Parent::None };
     let config = interpret(arguments)?;
     let stop = shutdown::token(parent);
-    Ok(clerestory_worker::run(config, async move { stop.cancelled().await }).await?)
+    clerestory_worker::run(config, async move { stop.cancelled().await }).await.map_err(failure)
+}
+
+/// The failure of this process when its worker fails.
+fn failure(error: WorkerError) -> Failure {
+    let is_usage = matches!(&error, WorkerError::Connection(error) if error.is_usage());
+    Failure::Service { service: "worker", is_usage, source: Box::new(error) }
 }
 
 fn interpret(arguments: WorkerArguments) -> Result<clerestory_worker::Config, Failure> {
@@ -86,14 +91,16 @@ mod tests {
     use clap::Parser;
 
     use super::*;
-    use crate::arguments::{Arguments, Command};
+
+    /// A command line of this command alone.
+    #[derive(Parser)]
+    struct CommandLine {
+        #[command(flatten)]
+        arguments: WorkerArguments,
+    }
 
     fn parse(options: &[&str]) -> WorkerArguments {
-        let words = ["clerestory", "worker"].iter().chain(options);
-        match Arguments::try_parse_from(words).unwrap().command {
-            Command::Worker(arguments) => arguments,
-            other => panic!("{other:?}"),
-        }
+        CommandLine::try_parse_from(["worker"].iter().chain(options)).unwrap().arguments
     }
 
     #[test]

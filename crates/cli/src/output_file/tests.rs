@@ -254,5 +254,5 @@ fn an_image_that_does_not_fit_on_the_disk_is_kept_elsewhere() {
     let text: Vec<String> = failure.causes().map(ToString::to_string).collect();
     assert!(text[0].contains("/dev/full") && text[0].contains(&*first.to_string_lossy()), "{text:?}");
     assert!(text[1].contains("No space left"), "{text:?}");
-    assert!(failure.advice().unwrap().contains("disk is full"), "{:?}", failure.advice());
+    assert!(crate::advice::advice(&failure).unwrap().contains("disk is full"), "{:?}", crate::advice::advice(&failure));
 }

@@ -16,8 +16,8 @@ use serde::Serialize;
 use tokio::sync::{oneshot, watch};
 
 use super::look::Look;
-use crate::commands::worker::BUILD;
 use crate::failure::Failure;
+use crate::version::BUILD;
 
 /// A first frame takes about so long.
 const FIRST_FRAME: Duration = Duration::from_millis(60);

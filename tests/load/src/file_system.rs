@@ -7,7 +7,7 @@ use std::path::Path;
 const MOUNTS: &str = "/proc/self/mounts";
 
 /// The kind of the file system that holds a folder, as `ext4` or `tmpfs`; `unknown` where the system does not say.
-pub(super) fn of(folder: &Path) -> String {
+pub(crate) fn of(folder: &Path) -> String {
     let kind = || {
         let mounts = fs::read_to_string(MOUNTS).ok()?;
         Some(holder(&mounts, &folder.canonicalize().ok()?)?.to_owned())

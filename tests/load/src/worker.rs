@@ -15,10 +15,10 @@ use clerestory_api::{
 };
 use tokio::time::Instant;
 
-use super::partials::{Noise, NoiseError};
-use super::tally::Tally;
-use crate::commands::worker::BUILD;
-use crate::failure::report;
+use crate::error::report;
+use crate::partials::{Noise, NoiseError};
+use crate::settings::BUILD;
+use crate::tally::Tally;
 
 /// How long the coordinator may let a claim wait for work, as real workers do, milliseconds.
 const LONG_POLL_MS: u32 = 15_000;
@@ -32,20 +32,20 @@ const PASS_CORE_MS: u64 = 10_000;
 
 /// What the workers of a load have in common.
 #[derive(Debug)]
-pub(super) struct Load {
+pub(crate) struct Load {
     /// The connections; each call that is under way has one of its own.
-    pub(super) client: Client,
+    pub(crate) client: Client,
     /// What they bring.
-    pub(super) noise: Noise,
+    pub(crate) noise: Noise,
     /// What they count.
-    pub(super) tally: Tally,
+    pub(crate) tally: Tally,
     /// Time from one lease of a worker to its next; without one, the next follows at once.
-    pub(super) cycle: Option<Duration>,
+    pub(crate) cycle: Option<Duration>,
 }
 
 /// A simulated worker fails.
 #[derive(Debug, thiserror::Error)]
-pub(super) enum WorkerFailure {
+pub(crate) enum WorkerFailure {
     #[error("the coordinator refuses a simulated worker")]
     Call(#[from] ClientError),
     #[error("cannot make a partial")]
@@ -54,14 +54,14 @@ pub(super) enum WorkerFailure {
 
 impl Load {
     /// Registers the worker with this number.
-    pub(super) async fn register(&self, number: u32) -> Result<WorkerId, ClientError> {
+    pub(crate) async fn register(&self, number: u32) -> Result<WorkerId, ClientError> {
         let name = format!("simulated-{number}");
         let registration = WorkerRegistration { name, cores: 1, build: BUILD.to_owned(), probe_digest: None };
         Ok(self.until_answered(|| self.client.register_worker(&registration)).await?.id)
     }
 
     /// Works as a registered worker for as long as it is polled, from `start` on. Ends only for a failure, which is noted.
-    pub(super) async fn work(self: Arc<Self>, worker: WorkerId, start: Instant) {
+    pub(crate) async fn work(self: Arc<Self>, worker: WorkerId, start: Instant) {
         let failure = tokio::select! {
             failure = self.leases(worker, start) => failure,
             () = self.heartbeats(worker) => return,
@@ -196,10 +196,7 @@ impl Load {
         call.retry(pauses)
             .when(ClientError::is_transient)
             .adjust(|error, pause| pause.map(|pause| error.pause(pause)))
-            .notify(|error, _| {
-                tracing::info!(error = error as &dyn std::error::Error, "a call is repeated");
-                self.tally.repeats();
-            })
+            .notify(|_, _| self.tally.repeats())
             .await
     }
 }

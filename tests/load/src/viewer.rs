@@ -9,14 +9,14 @@ use std::time::Duration;
 use clerestory_api::{Client, JobId, JobState, PreviewQuery, ProblemCode};
 use tokio::time::Instant;
 
-use super::tally::Tally;
+use crate::tally::Tally;
 
 /// From one request to the next at least, as in the page.
 const PERIOD: Duration = Duration::from_millis(300);
 
 /// Looks at the job that is being rendered for as long as times are measured, and then waits for the preview that is still to come: one
 /// that is slow is not left out. What fails is tried again.
-pub(super) async fn look(client: &Client, tally: &Tally) {
+pub(crate) async fn look(client: &Client, tally: &Tally) {
     let mut watched = None;
     while tally.is_measuring() {
         watched = running(client, tally, watched).await;
@@ -50,9 +50,6 @@ async fn look_at(client: &Client, tally: &Tally, job: JobId) {
     match client.preview(job, &PreviewQuery::default()).await {
         Ok(preview) => tally.seen(job, preview.accepted_nodes, start),
         Err(failure) if failure.problem().is_some_and(|problem| problem.code == ProblemCode::NoImageYet) => {}
-        Err(failure) => {
-            tracing::info!(error = &failure as &dyn std::error::Error, "a preview failed");
-            tally.looked_in_vain();
-        }
+        Err(_) => tally.looked_in_vain(),
     }
 }

@@ -6,20 +6,20 @@ use serde::Serialize;
 
 /// Latencies in summary, milliseconds. All are 0 where nothing was measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub(super) struct Latency {
+pub(crate) struct Latency {
     /// How many were measured.
-    pub(super) count: u64,
+    pub(crate) count: u64,
     /// The time that half of them do not exceed.
-    pub(super) p50_ms: f64,
+    pub(crate) p50_ms: f64,
     /// The time that 99 of 100 do not exceed.
-    pub(super) p99_ms: f64,
+    pub(crate) p99_ms: f64,
     /// The longest.
-    pub(super) max_ms: f64,
+    pub(crate) max_ms: f64,
 }
 
 impl Latency {
     /// The summary of these times, in any order.
-    pub(super) fn of(mut times: Vec<Duration>) -> Self {
+    pub(crate) fn of(mut times: Vec<Duration>) -> Self {
         times.sort_unstable();
         let at = |fraction| percentile(&times, fraction).map_or(0.0, |time| time.as_secs_f64() * 1000.0);
         Self { count: times.len() as u64, p50_ms: at(0.5), p99_ms: at(0.99), max_ms: at(1.0) }

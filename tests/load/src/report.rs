@@ -1,24 +1,23 @@
 //! What came out, for people and for programs.
 
+use std::fs;
 use std::num::NonZeroU32;
 use std::path::Path;
 
 use serde::Serialize;
 
-use super::ceilings::Ceilings;
-use super::statistics::Latency;
-use super::{CHECKED_FRACTION, Settings};
-use crate::commands::worker::BUILD;
-use crate::failure::Failure;
-use crate::output_file;
-use clerestory_experiments::Machine;
+use crate::ceilings::Ceilings;
+use crate::error::LoadError;
+use crate::machine::Machine;
+use crate::settings::{CHECKED_FRACTION, Settings};
+use crate::statistics::Latency;
 
 /// Characters of the names and of the numbers of the table.
 const WIDTHS: [usize; 2] = [46, 11];
 
 /// The measurements of a run.
 #[derive(Debug, Serialize)]
-pub(crate) struct Report {
+pub struct Report {
     machine: Machine,
     /// `sqlite` or `postgres`.
     state: &'static str,
@@ -36,109 +35,115 @@ pub(crate) struct Report {
 
 /// What so many workers came to. Rates are those of the measured time unless they say otherwise; a megabyte is 10^6 bytes.
 #[derive(Debug, Serialize)]
-pub(super) struct Line {
+pub(crate) struct Line {
     /// Connected workers.
-    pub(super) workers: u32,
+    pub(crate) workers: u32,
     /// Edge of a tile in pixels.
-    pub(super) tile_size: u32,
+    pub(crate) tile_size: u32,
     /// Nodes in a lease.
-    pub(super) nodes_per_lease: u32,
+    pub(crate) nodes_per_lease: u32,
     /// What the workers offered together; absent where that is as much as the coordinator takes.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) offered_nodes_per_second: Option<NonZeroU32>,
+    pub(crate) offered_nodes_per_second: Option<NonZeroU32>,
     /// Jobs that were submitted.
-    pub(super) jobs: u64,
+    pub(crate) jobs: u64,
     /// The measured time.
-    pub(super) load_seconds: f64,
+    pub(crate) load_seconds: f64,
     /// From the end of the measured time until all work was uploaded and merged and the coordinator at rest.
-    pub(super) drain_seconds: f64,
+    pub(crate) drain_seconds: f64,
     /// Until all workers were registered, 100 at a time.
-    pub(super) registration_seconds: f64,
+    pub(crate) registration_seconds: f64,
     /// Leases granted, over the measured time, as all rates below but one.
-    pub(super) leases_per_second: f64,
+    pub(crate) leases_per_second: f64,
     /// Nodes leased.
-    pub(super) leased_per_second: f64,
+    pub(crate) leased_per_second: f64,
     /// Nodes accepted.
-    pub(super) uploaded_per_second: f64,
+    pub(crate) uploaded_per_second: f64,
     /// Nodes whose round was recorded.
-    pub(super) merged_per_second: f64,
+    pub(crate) merged_per_second: f64,
     /// All nodes, over the time from the first claim until the coordinator was at rest.
-    pub(super) sustained_per_second: f64,
+    pub(crate) sustained_per_second: f64,
     /// Partials answered.
-    pub(super) partials_per_second: f64,
+    pub(crate) partials_per_second: f64,
     /// Their bytes.
-    pub(super) partial_megabytes_per_second: f64,
+    pub(crate) partial_megabytes_per_second: f64,
     /// Exchanges with a bare server over as many connections, 1000 at most, with bodies as large.
-    pub(super) exchanges_per_second: f64,
+    pub(crate) exchanges_per_second: f64,
     /// Bytes of a partial with all nodes of a lease.
-    pub(super) partial_bytes: u64,
+    pub(crate) partial_bytes: u64,
     /// From the request for a lease to the lease, while there was work.
-    pub(super) claim: Latency,
+    pub(crate) claim: Latency,
     /// From the start of an upload to its answer.
-    pub(super) upload: Latency,
+    pub(crate) upload: Latency,
     /// From the answer that acknowledged the last node of a round until the coordinator showed the round as recorded.
-    pub(super) round_merge: Latency,
+    pub(crate) round_merge: Latency,
     /// From every answer that acknowledged nodes of a round until the same moment: with the wait for the others of the round.
-    pub(super) upload_merge: Latency,
+    pub(crate) upload_merge: Latency,
     /// Encoding of a partial by the generator.
-    pub(super) encoding: Latency,
+    pub(crate) encoding: Latency,
     /// From the answer that acknowledged the first node which a preview lacked until it came; nothing where no preview was looked at.
-    pub(super) preview_age: Latency,
+    pub(crate) preview_age: Latency,
     /// The same until a preview took its place that showed more of the same job: the greatest age that somebody saw.
-    pub(super) preview_replaced_age: Latency,
+    pub(crate) preview_replaced_age: Latency,
     /// From the request for a preview to its last byte.
-    pub(super) preview: Latency,
+    pub(crate) preview: Latency,
     /// Previews that were asked for and did not come.
-    pub(super) failed_previews: u64,
+    pub(crate) failed_previews: u64,
     /// Leases granted, from the first claim to the end, as all counts below.
-    pub(super) leases: u64,
+    pub(crate) leases: u64,
     /// Nodes in them.
-    pub(super) leased_nodes: u64,
+    pub(crate) leased_nodes: u64,
     /// Nodes accepted.
-    pub(super) uploaded_nodes: u64,
+    pub(crate) uploaded_nodes: u64,
     /// Nodes in recorded rounds at the end.
-    pub(super) merged_nodes: u64,
+    pub(crate) merged_nodes: u64,
     /// Nodes that were there already.
-    pub(super) duplicate_nodes: u64,
+    pub(crate) duplicate_nodes: u64,
     /// Nodes that the coordinator did not take.
-    pub(super) refused_nodes: u64,
+    pub(crate) refused_nodes: u64,
     /// Nodes whose lease had run out, or which others had brought by then: at the end, whoever has nothing to do takes over what others hold.
-    pub(super) late_nodes: u64,
+    pub(crate) late_nodes: u64,
     /// Those of them until the end of the measured time, while there was work for all.
-    pub(super) late_nodes_under_load: u64,
+    pub(crate) late_nodes_under_load: u64,
     /// Nodes that were accepted and are in no recorded round at the end.
-    pub(super) lost_nodes: u64,
+    pub(crate) lost_nodes: u64,
     /// Calls that were repeated because they failed in a way that may pass.
-    pub(super) repeated_calls: u64,
+    pub(crate) repeated_calls: u64,
     /// Camera samples that the accepted nodes stand for.
-    pub(super) samples: u64,
+    pub(crate) samples: u64,
     /// Most memory that the coordinator had.
-    pub(super) coordinator_peak_megabytes: f64,
+    pub(crate) coordinator_peak_megabytes: f64,
     /// Memory that it had at the end of the measured time.
-    pub(super) coordinator_megabytes_under_load: f64,
+    pub(crate) coordinator_megabytes_under_load: f64,
     /// Its sockets then.
-    pub(super) coordinator_sockets: u64,
+    pub(crate) coordinator_sockets: u64,
     /// Its processor time, from the first claim to the end.
-    pub(super) coordinator_processor_seconds: f64,
+    pub(crate) coordinator_processor_seconds: f64,
     /// That of the generator in the same time.
-    pub(super) generator_processor_seconds: f64,
+    pub(crate) generator_processor_seconds: f64,
     /// Bytes that the coordinator made the system write, for each byte of a partial. Those that a database server writes are not in it.
-    pub(super) write_amplification: f64,
+    pub(crate) write_amplification: f64,
     /// Bytes that a PostgreSQL server wrote to its log (WAL), for all of its databases, for each byte of a partial; absent where there is none, or it
     /// does not say so.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) database_log_amplification: Option<f64>,
+    pub(crate) database_log_amplification: Option<f64>,
     /// Growth of the state and of the blobs that are not in a bucket, for each camera sample.
-    pub(super) stored_bytes_per_sample: f64,
+    pub(crate) stored_bytes_per_sample: f64,
 }
 
 impl Report {
     /// The report of a run.
-    pub(super) fn new(settings: &Settings, file_system: String, ceilings: Ceilings, lines: Vec<Line>) -> Self {
+    pub(crate) fn new(
+        settings: &Settings,
+        machine: Machine,
+        file_system: String,
+        ceilings: Ceilings,
+        lines: Vec<Line>,
+    ) -> Self {
         let state = if settings.database.is_some() { "postgres" } else { "sqlite" };
         let blobs = if settings.object_store.is_some() { "bucket" } else { "folder" };
         Self {
-            machine: Machine::this(BUILD),
+            machine,
             state,
             blobs,
             file_system,
@@ -149,13 +154,18 @@ impl Report {
         }
     }
 
-    /// Writes it as JSON.
-    pub(crate) fn write(&self, file: &Path) -> Result<(), Failure> {
-        output_file::write(file, &serde_json::to_vec_pretty(self).expect("a report has a form in JSON"))
+    /// Writes the report as JSON.
+    ///
+    /// # Errors
+    ///
+    /// When the file cannot be written.
+    pub fn write(&self, file: &Path) -> Result<(), LoadError> {
+        let json = serde_json::to_vec_pretty(self).expect("a report has a form in JSON");
+        fs::write(file, json).map_err(|source| LoadError::Write { file: file.to_owned(), source })
     }
 
     /// It as a table: a column for each number of workers, and below it what the bare machine does.
-    pub(crate) fn table(&self) -> String {
+    pub fn table(&self) -> String {
         let mut table = String::new();
         let Some(first) = self.lines.first() else { return table };
         let Line { tile_size, nodes_per_lease, partial_bytes, .. } = first;

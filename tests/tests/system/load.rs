@@ -1,7 +1,7 @@
 //! The load generator: simulated workers against a real coordinator, which loses nothing of what they bring.
 
 use clerestory_test_servers::{postgres, s3};
-use clerestory_tests::farm::{clerestory, succeeded};
+use clerestory_tests::farm::{program, succeeded};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -24,10 +24,8 @@ const ROWS: [&str; 11] = [
 fn measure(options: &[&str]) -> (Value, String) {
     let folder = TempDir::new().expect("a temporary folder");
     let file = folder.path().join("report.json");
-    let mut command = clerestory();
-    command
-        .args(["bench", "farm", "--workers", "4", "--seconds", "1", "--nodes-per-lease", "8", "--output"])
-        .arg(&file);
+    let mut command = program("load-generator");
+    command.args(["--workers", "4", "--seconds", "1", "--nodes-per-lease", "8", "--output"]).arg(&file);
     command.arg("--data").arg(folder.path().join("data")).args(options).envs(s3().environment());
     let output = succeeded(&mut command);
     let table = String::from_utf8(output.stdout).expect("text");
@@ -129,8 +127,7 @@ fn previews_come_while_somebody_looks() {
 fn noise_gets_into_no_other_folder_and_no_other_farm() {
     let folder = TempDir::new().expect("a temporary folder");
     std::fs::write(folder.path().join("farm.sqlite"), "anything").expect("a writable folder");
-    let output =
-        clerestory().args(["bench", "farm", "--data"]).arg(folder.path()).output().expect("the command starts");
+    let output = program("load-generator").arg("--data").arg(folder.path()).output().expect("the command starts");
     let message = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(2), "{message}");
     assert!(message.contains("--data") && message.contains("is not empty"), "{message}");

@@ -10,46 +10,46 @@ use std::time::Duration;
 use clerestory_api::{JobId, NodeAddress, NodeVerdict, PartialAnswer};
 use tokio::time::Instant;
 
-use super::merging::{MergeTimes, OpenRounds};
+use crate::merging::{MergeTimes, OpenRounds};
 
 /// What has been counted so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Counts {
+pub(crate) struct Counts {
     /// Leases granted.
-    pub(super) leases: u64,
+    pub(crate) leases: u64,
     /// Nodes in them.
-    pub(super) leased: u64,
+    pub(crate) leased: u64,
     /// Partials answered.
-    pub(super) partials: u64,
+    pub(crate) partials: u64,
     /// Bytes of these.
-    pub(super) bytes: u64,
+    pub(crate) bytes: u64,
     /// Nodes accepted.
-    pub(super) accepted: u64,
+    pub(crate) accepted: u64,
     /// Passes of a tile in these; a node has at least one.
-    pub(super) accepted_passes: u64,
+    pub(crate) accepted_passes: u64,
     /// Nodes that were there already.
-    pub(super) duplicate: u64,
+    pub(crate) duplicate: u64,
     /// Nodes that were not taken.
-    pub(super) refused: u64,
+    pub(crate) refused: u64,
     /// Nodes whose lease was over before they were answered.
-    pub(super) late: u64,
+    pub(crate) late: u64,
     /// Calls that were repeated because they failed in a way that may pass.
-    pub(super) repeated: u64,
+    pub(crate) repeated: u64,
     /// Previews that were asked for and did not come.
-    pub(super) failed_previews: u64,
+    pub(crate) failed_previews: u64,
 }
 
 /// When a claim was sent, if its time is to be measured.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Asked(Option<u64>);
+pub(crate) struct Asked(Option<u64>);
 
 /// Whether the time of an upload is to be measured.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sent(bool);
+pub(crate) struct Sent(bool);
 
 /// The counters that all workers of a load share.
 #[derive(Debug)]
-pub(super) struct Tally {
+pub(crate) struct Tally {
     state: Mutex<State>,
 }
 
@@ -72,24 +72,24 @@ struct State {
 
 /// Measured times.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Times {
+pub(crate) struct Times {
     /// From the request for a lease to the lease.
-    pub(super) claims: Vec<Duration>,
+    pub(crate) claims: Vec<Duration>,
     /// From the first byte of a partial to its answer.
-    pub(super) uploads: Vec<Duration>,
+    pub(crate) uploads: Vec<Duration>,
     /// Encoding of a partial.
-    pub(super) encodings: Vec<Duration>,
+    pub(crate) encodings: Vec<Duration>,
     /// From the request for a preview to its last byte.
-    pub(super) previews: Vec<Duration>,
+    pub(crate) previews: Vec<Duration>,
     /// From the answer that acknowledged the first node which had not been accepted when a preview was begun until it came.
-    pub(super) ages: Vec<Duration>,
+    pub(crate) ages: Vec<Duration>,
     /// The same until another took its place that shows more of the job.
-    pub(super) replaced_ages: Vec<Duration>,
+    pub(crate) replaced_ages: Vec<Duration>,
 }
 
 impl Tally {
     /// Nothing is counted yet; every job will have so many tiles.
-    pub(super) fn new(tiles: u32) -> Self {
+    pub(crate) fn new(tiles: u32) -> Self {
         Self { state: Mutex::new(State { rounds: OpenRounds::new(tiles), ..State::default() }) }
     }
 
@@ -98,48 +98,48 @@ impl Tally {
     }
 
     /// What has been counted so far.
-    pub(super) fn counts(&self) -> Counts {
+    pub(crate) fn counts(&self) -> Counts {
         self.state().counts
     }
 
     /// Begins or ends the measurement of times.
-    pub(super) fn measure(&self, is_measuring: bool) {
+    pub(crate) fn measure(&self, is_measuring: bool) {
         self.state().is_measuring = is_measuring;
     }
 
     /// Whether times are measured.
-    pub(super) fn is_measuring(&self) -> bool {
+    pub(crate) fn is_measuring(&self) -> bool {
         self.state().is_measuring
     }
 
     /// The measured times.
-    pub(super) fn times(&self) -> Times {
+    pub(crate) fn times(&self) -> Times {
         self.state().times.clone()
     }
 
     /// The measured times until rounds were recorded.
-    pub(super) fn merge_times(&self) -> MergeTimes {
+    pub(crate) fn merge_times(&self) -> MergeTimes {
         self.state().rounds.times().clone()
     }
 
     /// Passes of tiles that nobody has leased yet.
-    pub(super) fn free_passes(&self) -> u64 {
+    pub(crate) fn free_passes(&self) -> u64 {
         self.state().free_passes
     }
 
     /// A job has been submitted.
-    pub(super) fn supply(&self, passes: u64) {
+    pub(crate) fn supply(&self, passes: u64) {
         self.state().free_passes += passes;
     }
 
     /// A claim is about to be sent.
-    pub(super) fn asks(&self) -> Asked {
+    pub(crate) fn asks(&self) -> Asked {
         let state = self.state();
         Asked((state.is_measuring && state.free_passes > 0).then_some(state.droughts))
     }
 
     /// It was granted after so long.
-    pub(super) fn granted(&self, asked: Asked, time: Duration, nodes: &[NodeAddress]) {
+    pub(crate) fn granted(&self, asked: Asked, time: Duration, nodes: &[NodeAddress]) {
         let mut state = self.state();
         state.counts.leases += 1;
         state.counts.leased += nodes.len() as u64;
@@ -153,7 +153,7 @@ impl Tally {
     }
 
     /// It was answered after so long that there is no work. If there was, that is how long the worker was without.
-    pub(super) fn claimed_in_vain(&self, asked: Asked, time: Duration) {
+    pub(crate) fn claimed_in_vain(&self, asked: Asked, time: Duration) {
         let mut state = self.state();
         if asked.0 == Some(state.droughts) {
             state.times.claims.push(time);
@@ -161,7 +161,7 @@ impl Tally {
     }
 
     /// A partial is about to be sent, which took so long to encode.
-    pub(super) fn sends(&self, encoding: Duration) -> Sent {
+    pub(crate) fn sends(&self, encoding: Duration) -> Sent {
         let mut state = self.state();
         if state.is_measuring {
             state.times.encodings.push(encoding);
@@ -170,7 +170,7 @@ impl Tally {
     }
 
     /// It was answered after so long; it was of this job.
-    pub(super) fn answered(&self, sent: Sent, job: JobId, time: Duration, bytes: u64, answer: &PartialAnswer) {
+    pub(crate) fn answered(&self, sent: Sent, job: JobId, time: Duration, bytes: u64, answer: &PartialAnswer) {
         let with = |verdict| answer.nodes.iter().filter(move |node| node.verdict == verdict).map(|node| &node.node);
         let mut state = self.state();
         if sent.0 {
@@ -191,46 +191,46 @@ impl Tally {
     }
 
     /// Jobs with rounds that are complete and not known to be recorded, and since when.
-    pub(super) fn due(&self) -> Vec<(JobId, Instant)> {
+    pub(crate) fn due(&self) -> Vec<(JobId, Instant)> {
         self.state().rounds.due()
     }
 
     /// The coordinator shows that the rounds of a job are recorded up to so many passes.
-    pub(super) fn recorded(&self, job: JobId, complete_passes: u32) {
+    pub(crate) fn recorded(&self, job: JobId, complete_passes: u32) {
         let now = Instant::now();
         self.state().rounds.recorded(job, complete_passes, now);
     }
 
     /// A preview has come that was asked for at a moment, and shows what had been accepted of a job when it had so many nodes.
-    pub(super) fn seen(&self, job: JobId, accepted_nodes: u64, asked: Instant) {
+    pub(crate) fn seen(&self, job: JobId, accepted_nodes: u64, asked: Instant) {
         let now = Instant::now();
         self.state().sees(job, accepted_nodes, asked, now);
     }
 
     /// A preview was asked for and did not come.
-    pub(super) fn looked_in_vain(&self) {
+    pub(crate) fn looked_in_vain(&self) {
         self.state().counts.failed_previews += 1;
     }
 
     /// These nodes are back in the queue: their lease was over before they were answered.
-    pub(super) fn came_late(&self, nodes: &[NodeAddress]) {
+    pub(crate) fn came_late(&self, nodes: &[NodeAddress]) {
         let mut state = self.state();
         state.counts.late += nodes.len() as u64;
         state.free_passes += passes(nodes.iter());
     }
 
     /// A call is repeated.
-    pub(super) fn repeats(&self) {
+    pub(crate) fn repeats(&self) {
         self.state().counts.repeated += 1;
     }
 
     /// A worker has ended for this reason. The first one is kept.
-    pub(super) fn fails(&self, reason: String) {
+    pub(crate) fn fails(&self, reason: String) {
         self.state().failure.get_or_insert(reason);
     }
 
     /// Why a worker has ended, if one has.
-    pub(super) fn failure(&self) -> Option<String> {
+    pub(crate) fn failure(&self) -> Option<String> {
         self.state().failure.clone()
     }
 }

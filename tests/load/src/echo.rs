@@ -12,7 +12,7 @@ use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 use tokio_util::task::AbortOnDropHandle;
 
-use crate::failure::Failure;
+use crate::error::LoadError;
 
 /// Most connections: both ends of each are open files of this process, and more are not faster.
 const MOST_CONNECTIONS: u32 = 1000;
@@ -22,15 +22,13 @@ const TIME: Duration = Duration::from_secs(2);
 
 /// Exchanges per second over so many connections at the same time, though 1000 at most, each of which sends a body of so many bytes and waits for an
 /// answer, which is short as that of the coordinator. Server and clients are in this process.
-pub(super) async fn exchanges_per_second(connections: u32, bytes: usize) -> Result<f64, Failure> {
-    let address = format!("{}:0", Ipv4Addr::LOCALHOST);
-    let failure = |source| Failure::Listen { address: address.clone(), source };
-    let listener = TcpListener::bind(&address).await.map_err(failure)?;
-    let url = format!("http://{}/", listener.local_addr().map_err(failure)?);
+pub(crate) async fn exchanges_per_second(connections: u32, bytes: usize) -> Result<f64, LoadError> {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).await.map_err(LoadError::Listen)?;
+    let url = format!("http://{}/", listener.local_addr().map_err(LoadError::Listen)?);
     let router =
         Router::new().route("/", put(async |body: Bytes| body.len().to_string())).layer(DefaultBodyLimit::disable());
     let _server = AbortOnDropHandle::new(tokio::spawn(axum::serve(listener, router).into_future()));
-    let client = reqwest::Client::builder().no_proxy().build().map_err(Failure::Echo)?;
+    let client = reqwest::Client::builder().no_proxy().build().map_err(LoadError::Echo)?;
     let body = Bytes::from(vec![7; bytes]);
     let connections = connections.min(MOST_CONNECTIONS);
     // Connections are made before the time starts.
@@ -47,7 +45,7 @@ async fn exchange_until(
     connections: u32,
     body: &Bytes,
     end: Instant,
-) -> Result<u64, Failure> {
+) -> Result<u64, LoadError> {
     let mut clients = JoinSet::new();
     for _ in 0..connections {
         let (client, url, body) = (client.clone(), url.to_owned(), body.clone());
@@ -66,8 +64,8 @@ async fn exchange_until(
     }
     let mut exchanges = 0;
     while let Some(ended) = clients.join_next().await {
-        let ended = ended.map_err(|panic| Failure::Job(format!("a measurement failed: {panic}")))?;
-        exchanges += ended.map_err(Failure::Echo)?;
+        let ended = ended.map_err(|panic| LoadError::Ended(format!("a measurement failed: {panic}")))?;
+        exchanges += ended.map_err(LoadError::Echo)?;
     }
     Ok(exchanges)
 }

@@ -1,15 +1,12 @@
-//! What people and scripts see: results on standard output, progress on standard error.
+//! Progress on standard error: a bar on a terminal, lines elsewhere.
 
-use std::borrow::Cow;
-use std::error::Error;
 use std::io::{self, IsTerminal, Write};
 use std::time::{Duration, Instant};
 
-use clerestory_api::{ClientError, ConvergencePoint, is_printable};
+use clerestory_api::ConvergencePoint;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde::Serialize;
 
-use crate::failure::{Failure, report};
+use crate::text::{duration_text, printable, printable_lines, with_prefix};
 
 /// Steps of a full progress bar.
 const BAR_STEPS: u64 = 1000;
@@ -19,72 +16,6 @@ pub(crate) const LINE_PERIOD: Duration = Duration::from_secs(5);
 
 /// Why relMSE can rise although the image gets better.
 pub(crate) const REL_MSE_NOTE: &str = "weighs dark pixels most: it rises when a bright sample arrives";
-
-/// A text of others as a part of a line: what would steer the terminal or begin another line is written as an escape.
-pub(crate) fn printable(text: &str) -> Cow<'_, str> {
-    escaped(text, is_printable)
-}
-
-/// A text of several lines in which nothing steers the terminal.
-fn printable_lines(text: &str) -> Cow<'_, str> {
-    escaped(text, |character| matches!(character, '\n' | '\t') || is_printable(character))
-}
-
-fn escaped(text: &str, is_kept: impl Fn(char) -> bool) -> Cow<'_, str> {
-    if text.chars().all(&is_kept) {
-        return Cow::Borrowed(text);
-    }
-    let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
-        if is_kept(character) { escaped.push(character) } else { escaped.extend(character.escape_unicode()) }
-    }
-    Cow::Owned(escaped)
-}
-
-/// Writes a line to standard output.
-pub(crate) fn print_line(line: &str) -> Result<(), Failure> {
-    write_line(&printable_lines(line))
-}
-
-/// Writes a value to standard output as one line of JSON.
-pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    let json = serde_json::to_string(value).expect("what commands print has a form in JSON");
-    write_line(&printable_json(&json))
-}
-
-/// One line of JSON in which nothing steers the terminal. Such characters are in its texts alone, where an escape says the same.
-fn printable_json(json: &str) -> String {
-    let mut text = String::with_capacity(json.len());
-    for character in json.chars() {
-        match is_printable(character) {
-            true => text.push(character),
-            false => text.push_str(&format!("\\u{:04x}", u32::from(character))),
-        }
-    }
-    text
-}
-
-fn write_line(line: &str) -> Result<(), Failure> {
-    writeln!(io::stdout().lock(), "{line}").map_err(Failure::Output)
-}
-
-/// The message of an error, as it is shown.
-pub(crate) fn cause_text(cause: &(dyn Error + 'static)) -> String {
-    match cause.downcast_ref::<ClientError>() {
-        // It repeats what a server says.
-        Some(answer) => printable(&answer.to_string()).into_owned(),
-        None => printable_lines(&cause.to_string()).into_owned(),
-    }
-}
-
-/// Writes a failure, its causes and what can be done to standard error.
-pub(crate) fn print_failure(failure: &Failure) {
-    // With standard error gone, nobody is left to be told.
-    let _ = writeln!(io::stderr().lock(), "error: {}", report(failure));
-    if let Some(advice) = failure.advice() {
-        let _ = writeln!(io::stderr().lock(), "{}", printable_lines(&advice));
-    }
-}
 
 /// How far a render is.
 #[derive(Clone, Debug, Default)]
@@ -261,38 +192,12 @@ impl Columns {
     }
 }
 
-/// A duration in the largest fitting units: `0.4 s`, `3 min 20 s`, `2 h 05 min`.
-pub(crate) fn duration_text(duration: Duration) -> String {
-    let seconds = duration.as_secs();
-    match seconds {
-        0..60 => format!("{:.1} s", duration.as_secs_f64()),
-        60..3600 => format!("{} min {:02} s", seconds / 60, seconds % 60),
-        _ => format!("{} h {:02} min", seconds / 3600, seconds / 60 % 60),
-    }
-}
-
-/// A number of things, in the right one of two words.
-pub(crate) fn counted(count: u64, one: &str, many: &str) -> String {
-    format!("{count} {}", if count == 1 { one } else { many })
-}
-
-/// A number with a decimal prefix: `12.3 k`, `4.56 M`.
-fn with_prefix(value: f64) -> String {
-    let prefixes = [(1e9, " G"), (1e6, " M"), (1e3, " k")];
-    match prefixes.into_iter().find(|(factor, _)| value >= *factor) {
-        Some((factor, prefix)) => format!("{:.2}{prefix}", value / factor),
-        None => format!("{value:.0}"),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn durations_and_rates_are_written_for_people() {
-        let text = |seconds| duration_text(Duration::from_secs_f64(seconds));
-        assert_eq!((text(0.44), text(200.0), text(7500.0)), ("0.4 s".into(), "3 min 20 s".into(), "2 h 05 min".into()));
+    fn the_line_beside_the_bar_has_samples_rate_and_time_left() {
         let advance = Advance {
             fraction: 0.5,
             activity: None,
@@ -302,22 +207,6 @@ mod tests {
         };
         assert_eq!(advance_text(&advance), "128 of 256 samples a pixel, 1.23 M samples/s, 1 min 01 s left");
         assert_eq!(advance_text(&Advance::default()), "");
-    }
-
-    #[test]
-    fn what_would_steer_a_terminal_is_escaped_and_all_scripts_are_shown() {
-        assert_eq!(
-            printable("rose \u{1b}[31m\r\n\u{9b}2J\u{202e}txt"),
-            "rose \\u{1b}[31m\\u{d}\\u{a}\\u{9b}2J\\u{202e}txt"
-        );
-        assert_eq!(printable_lines("first\n\tsecond\u{7f}"), "first\n\tsecond\\u{7f}");
-        let name = "rose \u{1b}\u{9b}2J\u{202e}txt\u{2028}";
-        let json = printable_json(&serde_json::to_string(name).unwrap());
-        assert_eq!(json, r#""rose \u001b\u009b2J\u202etxt\u2028""#);
-        assert_eq!(serde_json::from_str::<String>(&json).unwrap(), name);
-        for name in ["Rosenfenster, süd", "حافظ", "窓 🪟"] {
-            assert!(matches!(printable(name), Cow::Borrowed(shown) if shown == name));
-        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::failure::Failure;
+use crate::error::LoadError;
 
 /// Ticks in a second of the times in `/proc`, on every Linux.
 const TICKS: u64 = 100;
@@ -18,38 +18,38 @@ const OTHER_FILES: u64 = 200;
 
 /// A process, by what `/proc` says of it.
 #[derive(Clone, Debug)]
-pub(super) struct Process {
+pub(crate) struct Process {
     folder: PathBuf,
 }
 
 /// What a process has used so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Usage {
+pub(crate) struct Usage {
     /// Time of all its cores.
-    pub(super) processor: Duration,
+    pub(crate) processor: Duration,
     /// Bytes that it made the system write to a disk.
-    pub(super) written_bytes: u64,
+    pub(crate) written_bytes: u64,
     /// Memory that it has now, bytes.
-    pub(super) resident_bytes: u64,
+    pub(crate) resident_bytes: u64,
     /// The most memory that it has had, bytes.
-    pub(super) peak_bytes: u64,
+    pub(crate) peak_bytes: u64,
     /// Sockets that it has open.
-    pub(super) sockets: u64,
+    pub(crate) sockets: u64,
 }
 
 impl Process {
     /// This process.
-    pub(super) fn this() -> Self {
+    pub(crate) fn this() -> Self {
         Self { folder: PathBuf::from("/proc/self") }
     }
 
     /// The process with this number.
-    pub(super) fn new(id: u32) -> Self {
+    pub(crate) fn new(id: u32) -> Self {
         Self { folder: PathBuf::from(format!("/proc/{id}")) }
     }
 
     /// What it has used so far.
-    pub(super) fn usage(&self) -> Result<Usage, Failure> {
+    pub(crate) fn usage(&self) -> Result<Usage, LoadError> {
         let status = self.read("status")?;
         let kibibytes = |name| self.number("status", &status, name).map(|kibibytes| kibibytes << 10);
         let written_bytes = self.number("io", &self.read("io")?, "write_bytes")?;
@@ -63,32 +63,32 @@ impl Process {
     }
 
     /// Time of all its cores so far, in steps of 10 ms.
-    pub(super) fn processor(&self) -> Result<Duration, Failure> {
+    pub(crate) fn processor(&self) -> Result<Duration, LoadError> {
         let stat = self.read("stat")?;
         let ticks = ticks(&stat).ok_or_else(|| self.malformed("stat", "utime"))?;
         Ok(Duration::from_millis(ticks * (1000 / TICKS)))
     }
 
-    fn sockets(&self) -> Result<u64, Failure> {
+    fn sockets(&self) -> Result<u64, LoadError> {
         let folder = self.folder.join("fd");
-        let entries = fs::read_dir(&folder).map_err(|source| Failure::Read { file: folder, source })?;
+        let entries = fs::read_dir(&folder).map_err(|source| LoadError::Read { file: folder, source })?;
         let is_socket = |file: &Path| fs::read_link(file).is_ok_and(|to| to.to_string_lossy().starts_with("socket:"));
         Ok(entries.flatten().filter(|entry| is_socket(&entry.path())).count() as u64)
     }
 
-    fn read(&self, name: &str) -> Result<String, Failure> {
+    fn read(&self, name: &str) -> Result<String, LoadError> {
         let file = self.folder.join(name);
-        fs::read_to_string(&file).map_err(|source| Failure::Read { file, source })
+        fs::read_to_string(&file).map_err(|source| LoadError::Read { file, source })
     }
 
     /// The number after `NAME:` in a file of such lines.
-    fn number(&self, file: &str, text: &str, name: &str) -> Result<u64, Failure> {
+    fn number(&self, file: &str, text: &str, name: &str) -> Result<u64, LoadError> {
         named_number(text, name).ok_or_else(|| self.malformed(file, name))
     }
 
-    fn malformed(&self, file: &str, name: &str) -> Failure {
+    fn malformed(&self, file: &str, name: &str) -> LoadError {
         let source = io::Error::new(io::ErrorKind::InvalidData, format!("it has no number `{name}`"));
-        Failure::Read { file: self.folder.join(file), source }
+        LoadError::Read { file: self.folder.join(file), source }
     }
 }
 
@@ -106,12 +106,12 @@ fn ticks(stat: &str) -> Option<u64> {
 
 /// Lets this process and its children have the sockets of so many workers.
 #[cfg(unix)]
-pub(super) fn allow_workers(workers: u32) -> Result<(), Failure> {
+pub(crate) fn allow_workers(workers: u32) -> Result<(), LoadError> {
     use nix::sys::resource::{Resource, getrlimit, setrlimit};
 
     let needed = SOCKETS * u64::from(workers) + OTHER_FILES;
     let failure = |limit: u64| {
-        Failure::Usage(format!(
+        LoadError::Usage(format!(
             "{workers} workers need {needed} open files and the limit (RLIMIT_NOFILE) is {limit}: expected fewer \
              --workers, or a higher limit, such as by `ulimit -n {needed}`"
         ))
@@ -128,12 +128,12 @@ pub(super) fn allow_workers(workers: u32) -> Result<(), Failure> {
 
 /// Systems without such a limit.
 #[cfg(not(unix))]
-pub(super) fn allow_workers(_workers: u32) -> Result<(), Failure> {
+pub(crate) fn allow_workers(_workers: u32) -> Result<(), LoadError> {
     Ok(())
 }
 
 /// Bytes of all files in a folder and the folders in it. What disappears meanwhile does not count.
-pub(super) fn bytes_in(folder: &Path) -> u64 {
+pub(crate) fn bytes_in(folder: &Path) -> u64 {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let sizes = entries.map(|entry| match entry.metadata() {
         Ok(metadata) if metadata.is_dir() => bytes_in(&entry.path()),

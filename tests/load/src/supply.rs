@@ -1,22 +1,18 @@
 //! The work of a load: jobs that are submitted as the last ones are used up, and followed until all their rounds are recorded.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::time::Duration;
 
-use clerestory_api::{JobId, JobState};
-use clerestory_film::{Sampling, Targets, TileGrid};
-use clerestory_render_core::scene::{SceneBundle, SceneDescription};
-use serde_json::json;
+use clerestory_api::{Client, JobId, JobState, JobSubmission};
+use clerestory_film::{Sampling, TileGrid};
+use serde_json::{Value, json};
 use tokio::time::Instant;
 
-use super::tally::Tally;
-use crate::commands::submit::{Order, submit};
-use crate::connection::Connection;
-use crate::failure::Failure;
+use crate::error::LoadError;
+use crate::tally::Tally;
 
 /// Passes of a job: five rounds, and one block, so that every node has its first-hit layers.
-pub(super) const PASSES: u32 = 16;
+pub(crate) const PASSES: u32 = 16;
 
 /// Samples of a pixel in a pass, and in a block: those of scenes that say nothing else.
 const SAMPLES: [u32; 2] = [16, 256];
@@ -44,7 +40,7 @@ const PATIENCE: Duration = Duration::from_secs(300);
 
 /// The image of every job for so many nodes that are leased at the same time, in tiles of this edge in pixels: about as many nodes in a
 /// job, so that few jobs are worked on at the same time.
-pub(super) fn grid(tile_size: u32, leased_nodes: u64) -> TileGrid {
+pub(crate) fn grid(tile_size: u32, leased_nodes: u64) -> TileGrid {
     let most = (MOST_PIXELS / (u64::from(tile_size) * u64::from(tile_size))).clamp(1, TILES[1]);
     let tiles = (leased_nodes / u64::from(PASSES)).next_power_of_two().clamp(TILES[0].min(most), most);
     let doublings = tiles.ilog2();
@@ -52,24 +48,24 @@ pub(super) fn grid(tile_size: u32, leased_nodes: u64) -> TileGrid {
 }
 
 /// The image of a job that is looked at: 1920 pixels wide and 1080 high, or more where tiles of this edge do not cut that without remainder.
-pub(super) fn watched_grid(tile_size: u32) -> TileGrid {
+pub(crate) fn watched_grid(tile_size: u32) -> TileGrid {
     let [width, height] = WATCHED_SIZE.map(|length| length.next_multiple_of(tile_size));
     TileGrid { width, height, tile_size }
 }
 
 /// How the samples of every job are grouped.
-pub(super) fn sampling() -> Sampling {
+pub(crate) fn sampling() -> Sampling {
     let [pass, block] = SAMPLES;
     Sampling::new(pass, block).expect("a block is a power of two of passes")
 }
 
 /// Submits jobs and follows them.
 #[derive(Debug)]
-pub(super) struct Supply<'a> {
-    connection: &'a Connection,
+pub(crate) struct Supply<'a> {
+    client: &'a Client,
     tally: &'a Tally,
     grid: TileGrid,
-    bundle: SceneBundle,
+    scene: Value,
     /// Nodes that are leased at the same time.
     leased_nodes: u64,
     /// All jobs of the load, with the passes that every tile had at the last look.
@@ -78,14 +74,9 @@ pub(super) struct Supply<'a> {
 
 impl<'a> Supply<'a> {
     /// A supply of jobs with this image for workers who lease so many nodes at the same time.
-    pub(super) fn new(
-        connection: &'a Connection,
-        tally: &'a Tally,
-        grid: TileGrid,
-        leased_nodes: u64,
-    ) -> Result<Self, Failure> {
-        let bundle = bundle(grid)?;
-        Ok(Self { connection, tally, grid, bundle, leased_nodes, jobs: BTreeMap::new() })
+    pub(crate) fn new(client: &'a Client, tally: &'a Tally, grid: TileGrid, leased_nodes: u64) -> Self {
+        let scene = scene(grid);
+        Self { client, tally, grid, scene, leased_nodes, jobs: BTreeMap::new() }
     }
 
     /// Passes of tiles in a job.
@@ -100,29 +91,32 @@ impl<'a> Supply<'a> {
     }
 
     /// Jobs that have been submitted.
-    pub(super) fn jobs(&self) -> u64 {
+    pub(crate) fn jobs(&self) -> u64 {
         self.jobs.len() as u64
     }
 
     /// Submits the first jobs: a lease for every worker, since without a pause all ask at once, and the reserve.
-    pub(super) async fn begin(&mut self) -> Result<(), Failure> {
+    pub(crate) async fn begin(&mut self) -> Result<(), LoadError> {
         self.fill(self.leased_nodes + self.reserve()).await
     }
 
     /// Submits jobs until at least so many passes of tiles are free.
-    async fn fill(&mut self, passes: u64) -> Result<(), Failure> {
+    async fn fill(&mut self, passes: u64) -> Result<(), LoadError> {
         while self.tally.free_passes() < passes {
-            let order = Order {
+            let submission = JobSubmission {
                 name: None,
+                scene: self.scene.clone(),
+                assets: BTreeMap::new(),
                 samples_per_pixel: PASSES * SAMPLES[0],
-                time_limit_ms: None,
-                targets: Targets::default(),
-                adaptive: false,
                 tile_size: self.grid.tile_size,
                 priority: 0,
                 reference: None,
+                time_limit_ms: None,
+                target_mse: None,
+                target_estimated_mse: None,
+                adaptive: false,
             };
-            let job = submit(self.connection, &self.bundle, order).await?;
+            let job = self.client.submit_job(&submission).await?;
             self.jobs.insert(job.id, 0);
             self.tally.supply(self.job_passes());
         }
@@ -130,7 +124,7 @@ impl<'a> Supply<'a> {
     }
 
     /// Sees to it, for so long, that the reserve is free.
-    pub(super) async fn keep_full(&mut self, time: Duration) -> Result<(), Failure> {
+    pub(crate) async fn keep_full(&mut self, time: Duration) -> Result<(), LoadError> {
         let end = Instant::now() + time;
         while Instant::now() < end {
             self.fill(self.reserve()).await?;
@@ -141,7 +135,7 @@ impl<'a> Supply<'a> {
     }
 
     /// Passes of tiles that are in recorded rounds now.
-    pub(super) async fn merged_passes(&mut self) -> Result<u64, Failure> {
+    pub(crate) async fn merged_passes(&mut self) -> Result<u64, LoadError> {
         let unfinished: Vec<JobId> =
             self.jobs.iter().filter(|(_, passes)| **passes < PASSES).map(|(&job, _)| job).collect();
         for job in unfinished {
@@ -152,7 +146,7 @@ impl<'a> Supply<'a> {
     }
 
     /// Waits until every round of every job is recorded.
-    pub(super) async fn finish(&mut self) -> Result<(), Failure> {
+    pub(crate) async fn finish(&mut self) -> Result<(), LoadError> {
         let mut last = ((0, 0), Instant::now());
         loop {
             self.check_workers()?;
@@ -165,7 +159,7 @@ impl<'a> Supply<'a> {
             if now != last.0 {
                 last = (now, Instant::now());
             } else if last.1.elapsed() > PATIENCE {
-                return Err(Failure::Job(format!(
+                return Err(LoadError::Ended(format!(
                     "nothing was uploaded and no round recorded for {} s: {left} passes of tiles are not merged, {} not leased",
                     PATIENCE.as_secs(),
                     self.tally.free_passes()
@@ -176,26 +170,26 @@ impl<'a> Supply<'a> {
     }
 
     /// Looks at a job, and answers how many of its passes are in recorded rounds.
-    async fn look(&self, id: JobId) -> Result<u32, Failure> {
-        let job = self.connection.client.job(id).await.map_err(|error| self.connection.failure(error))?;
+    async fn look(&self, id: JobId) -> Result<u32, LoadError> {
+        let job = self.client.job(id).await?;
         if job.state.is_final() && job.state != JobState::Done {
             let reason = job.failure.unwrap_or_else(|| job.state.name().to_owned());
-            return Err(Failure::Job(format!("a job of the load has ended before it was done: {reason}")));
+            return Err(LoadError::Ended(format!("a job of the load has ended before it was done: {reason}")));
         }
         self.tally.recorded(id, job.complete_passes);
         Ok(job.complete_passes)
     }
 
-    fn check_workers(&self) -> Result<(), Failure> {
+    fn check_workers(&self) -> Result<(), LoadError> {
         self.tally
             .failure()
-            .map_or(Ok(()), |reason| Err(Failure::Job(format!("a simulated worker has ended: {reason}"))))
+            .map_or(Ok(()), |reason| Err(LoadError::Ended(format!("a simulated worker has ended: {reason}"))))
     }
 }
 
 /// A scene that could be rendered: a wall and a lamp.
-fn bundle(grid: TileGrid) -> Result<SceneBundle, Failure> {
-    let scene = json!({
+fn scene(grid: TileGrid) -> Value {
+    json!({
         "version": 1,
         "name": "noise",
         "film": {"width": grid.width, "height": grid.height},
@@ -210,10 +204,7 @@ fn bundle(grid: TileGrid) -> Result<SceneBundle, Failure> {
             "triangles": [[0, 1, 2], [0, 2, 3]]
         }}}],
         "lights": [{"point": {"name": "lamp", "position": [1, 1, 2], "intensity": [5, 5, 5]}}]
-    });
-    let description = SceneDescription::parse(scene.to_string().as_bytes());
-    let bundle = description.and_then(|description| SceneBundle::from_parts(description, BTreeMap::new()));
-    bundle.map_err(|source| Failure::scene(Path::new("noise"), source))
+    })
 }
 
 #[cfg(test)]
@@ -227,7 +218,6 @@ mod tests {
             let grid = grid(tile, leased);
             assert_eq!((grid.width, grid.height, grid.tile_size), (width, height, tile));
             assert_eq!(u64::from(grid.len()) * u64::from(tile) * u64::from(tile), u64::from(width) * u64::from(height));
-            bundle(grid).unwrap();
         }
         check(16, 4, 128, 128);
         check(16, 1600, 256, 128);

@@ -9,7 +9,7 @@ use clerestory_film::{
     TileGrid, partial,
 };
 
-use crate::commands::worker::BUILD;
+use crate::settings::BUILD;
 
 /// Size of the sums at which a parcel of the real worker is full.
 const FULL_PARCEL_BYTES: usize = 8 << 20;
@@ -35,7 +35,7 @@ pub(crate) enum NoiseError {
 
 /// Pixels of noise for the nodes of all jobs of a run, whose tiles all have the same size.
 #[derive(Debug)]
-pub(super) struct Noise {
+pub(crate) struct Noise {
     grid: TileGrid,
     sampling: Sampling,
     beauty: Vec<[f32; 3]>,
@@ -45,7 +45,7 @@ pub(super) struct Noise {
 
 impl Noise {
     /// Noise for an image that its tiles cut without remainder.
-    pub(super) fn new(grid: TileGrid, sampling: Sampling) -> Self {
+    pub(crate) fn new(grid: TileGrid, sampling: Sampling) -> Self {
         let pixels = (grid.tile_size * grid.tile_size) as usize;
         let mut state = 1;
         let depth = (0..pixels).map(|_| uniform(&mut state) * 100.0).collect();
@@ -56,7 +56,7 @@ impl Noise {
     }
 
     /// Nodes that the real worker puts into one partial at most, when all of them are there at once.
-    pub(super) fn nodes_per_parcel(&self) -> usize {
+    pub(crate) fn nodes_per_parcel(&self) -> usize {
         // Beauty, albedo and normal have three channels, depth one; blocks, which have a moment, are seldom given out.
         (FULL_PARCEL_BYTES / (self.beauty.len() * 10 * size_of::<f32>())).max(1)
     }
@@ -66,7 +66,7 @@ impl Noise {
     /// # Errors
     ///
     /// [`NoiseError`] when they are none of the image.
-    pub(super) fn partial(
+    pub(crate) fn partial(
         &self,
         job: String,
         scene_hash: String,

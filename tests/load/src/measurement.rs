@@ -5,28 +5,27 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use clerestory_api::WorkerId;
+use clerestory_api::{Client, WorkerId};
 use clerestory_film::TileGrid;
 use futures::stream::{self, StreamExt, TryStreamExt};
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 use tokio_util::task::AbortOnDropHandle;
 
-use super::ceilings::{database_bytes, log_bytes};
-use super::echo::exchanges_per_second;
-use super::merging;
-use super::partials::Noise;
-use super::process::{Process, Usage, bytes_in};
-use super::report::Line;
-use super::statistics::Latency;
-use super::supply::{Supply, grid, sampling, watched_grid};
-use super::tally::{Counts, Tally};
-use super::viewer;
-use super::worker::Load;
-use super::{CHECKED_FRACTION, Settings};
-use crate::child::{Child, Environment};
-use crate::connection::Connection;
-use crate::failure::Failure;
+use crate::ceilings::{database_bytes, log_bytes};
+use crate::coordinator::Coordinator;
+use crate::echo::exchanges_per_second;
+use crate::error::LoadError;
+use crate::merging;
+use crate::partials::Noise;
+use crate::process::{Process, Usage, bytes_in};
+use crate::report::Line;
+use crate::settings::{CHECKED_FRACTION, Settings};
+use crate::statistics::Latency;
+use crate::supply::{Supply, grid, sampling, watched_grid};
+use crate::tally::{Counts, Tally};
+use crate::viewer;
+use crate::worker::Load;
 
 /// Workers that register at the same time: all of several thousand at once would time out and register again.
 const REGISTRATIONS: usize = 100;
@@ -44,12 +43,12 @@ const REST_PROCESSOR: Duration = Duration::from_millis(20);
 const REST_PATIENCE: Duration = Duration::from_secs(120);
 
 /// A coordinator under load.
-pub(super) struct Measurement<'a> {
+pub(crate) struct Measurement<'a> {
     settings: &'a Settings,
     workers: u32,
     grid: TileGrid,
     process: Process,
-    connection: Connection,
+    client: Client,
     load: Arc<Load>,
 }
 
@@ -62,7 +61,7 @@ struct Moment {
 }
 
 /// Starts a coordinator in `folder`, puts it under the load of so many workers, and stops it.
-pub(super) async fn measure(settings: &Settings, folder: &Path, workers: u32) -> Result<Line, Failure> {
+pub(crate) async fn measure(settings: &Settings, folder: &Path, workers: u32) -> Result<Line, LoadError> {
     let data = folder.join("farm");
     let mut arguments: Vec<OsString> =
         ["coordinator", "--listen", "127.0.0.1:0", "--data"].map(OsString::from).to_vec();
@@ -73,16 +72,16 @@ pub(super) async fn measure(settings: &Settings, folder: &Path, workers: u32) ->
         arguments.extend(value.iter().flat_map(|value| [option.into(), value.into()]));
     }
     let stored = stored_bytes(settings, &data).await?;
-    let log = Some(folder.join("coordinator.log"));
-    let mut child = Child::spawn("the coordinator", &arguments, log, Environment::WithoutSettings)?;
-    let connection = Connection::open(&child.first_line().await?, None)?;
-    let Some(id) = child.id() else { return Err(child.ended().await) };
-    let measurement = Measurement::new(settings, workers, Process::new(id), connection)?;
+    let log = folder.join("coordinator.log");
+    let mut coordinator = Coordinator::start(&settings.clerestory, &arguments, log)?;
+    let client = Client::new(&coordinator.address().await?, None)?;
+    let Some(id) = coordinator.id() else { return Err(coordinator.ended().await) };
+    let measurement = Measurement::new(settings, workers, Process::new(id), client)?;
     let measured = tokio::select! {
         line = measurement.run() => line,
-        failure = child.ended() => Err(failure),
+        failure = coordinator.ended() => Err(failure),
     };
-    child.stop().await;
+    coordinator.stop().await;
     let mut line = measured?;
     let grown = stored_bytes(settings, &data).await?.saturating_sub(stored);
     line.stored_bytes_per_sample = grown as f64 / line.samples.max(1) as f64;
@@ -90,7 +89,7 @@ pub(super) async fn measure(settings: &Settings, folder: &Path, workers: u32) ->
 }
 
 /// Bytes of the state and of the blobs that are not in a bucket.
-async fn stored_bytes(settings: &Settings, data: &Path) -> Result<u64, Failure> {
+async fn stored_bytes(settings: &Settings, data: &Path) -> Result<u64, LoadError> {
     let state = match &settings.database {
         Some(url) => database_bytes(url).await?,
         None => 0,
@@ -99,20 +98,20 @@ async fn stored_bytes(settings: &Settings, data: &Path) -> Result<u64, Failure> 
 }
 
 impl<'a> Measurement<'a> {
-    fn new(settings: &'a Settings, workers: u32, process: Process, connection: Connection) -> Result<Self, Failure> {
+    fn new(settings: &'a Settings, workers: u32, process: Process, client: Client) -> Result<Self, LoadError> {
         let leased_nodes = u64::from(workers) * u64::from(settings.nodes_per_lease);
         let grid =
             if settings.watch { watched_grid(settings.tile_size) } else { grid(settings.tile_size, leased_nodes) };
         let load = Arc::new(Load {
-            client: connection.client.clone(),
+            client: client.clone(),
             noise: Noise::new(grid, sampling()),
             tally: Tally::new(grid.len()),
             cycle: settings.rate.map(|rate| Duration::from_secs_f64(leased_nodes as f64 / f64::from(rate.get()))),
         });
-        Ok(Self { settings, workers, grid, process, connection, load })
+        Ok(Self { settings, workers, grid, process, client, load })
     }
 
-    async fn run(&self) -> Result<Line, Failure> {
+    async fn run(&self) -> Result<Line, LoadError> {
         self.check_empty().await?;
         let partial_bytes = self.partial_bytes()?;
         let exchanges_per_second = exchanges_per_second(self.workers, partial_bytes).await?;
@@ -122,7 +121,7 @@ impl<'a> Measurement<'a> {
 
         let tally = &self.load.tally;
         let leased_nodes = u64::from(self.workers) * u64::from(self.settings.nodes_per_lease);
-        let mut supply = Supply::new(&self.connection, tally, self.grid, leased_nodes)?;
+        let mut supply = Supply::new(&self.client, tally, self.grid, leased_nodes);
         // What workers bring of their first leases is not yet spread over the time as that of later ones.
         let ramp = (2 * self.load.cycle.unwrap_or_default()).max(SHORTEST_RAMP);
         supply.begin().await?;
@@ -147,7 +146,7 @@ impl<'a> Measurement<'a> {
         let (end, log_end) = (self.moment(&mut supply).await?, self.log_bytes().await?);
         let own_end = own.processor()?;
         if let Some(viewer) = viewer {
-            viewer.await.map_err(|panic| Failure::Job(format!("looking at the image failed: {panic}")))?;
+            viewer.await.map_err(|panic| LoadError::Ended(format!("looking at the image failed: {panic}")))?;
         }
 
         let (times, merges) = (tally.times(), tally.merge_times());
@@ -209,11 +208,11 @@ impl<'a> Measurement<'a> {
     }
 
     /// Noise must not get into anybody's film.
-    async fn check_empty(&self) -> Result<(), Failure> {
-        let jobs = self.connection.client.jobs().await.map_err(|error| self.connection.failure(error))?;
+    async fn check_empty(&self) -> Result<(), LoadError> {
+        let jobs = self.client.jobs().await?;
         match jobs.iter().find(|job| !job.state.is_final()) {
             None => Ok(()),
-            Some(job) => Err(Failure::Usage(format!(
+            Some(job) => Err(LoadError::Usage(format!(
                 "the farm has the unfinished job {}, to which simulated workers would bring noise: expected a farm without work",
                 job.id
             ))),
@@ -221,21 +220,21 @@ impl<'a> Measurement<'a> {
     }
 
     /// Bytes of a partial with all nodes of a lease.
-    fn partial_bytes(&self) -> Result<usize, Failure> {
+    fn partial_bytes(&self) -> Result<usize, LoadError> {
         let count = self.settings.nodes_per_lease.min(self.grid.len());
         let node = |tile| clerestory_api::NodeAddress { frame: 0, tile, level: 0, index: 0 };
         let nodes: Vec<_> = (0..count).map(node).collect();
         // As long as the real ones.
         let (job, scene_hash) = ("0".repeat(36), "0".repeat(64));
         let partial = self.load.noise.partial(job, scene_hash, &nodes);
-        Ok(partial.map_err(|error| Failure::Job(format!("cannot make a partial: {error}")))?.len())
+        Ok(partial.map_err(|error| LoadError::Ended(format!("cannot make a partial: {error}")))?.len())
     }
 
     /// Registers all workers.
-    async fn register(&self) -> Result<Vec<WorkerId>, Failure> {
+    async fn register(&self) -> Result<Vec<WorkerId>, LoadError> {
         let registrations = (1..=self.workers).map(|number| self.load.register(number)).collect::<Vec<_>>();
         let registered = stream::iter(registrations).buffer_unordered(REGISTRATIONS).try_collect().await;
-        registered.map_err(|error| self.connection.failure(error))
+        Ok(registered?)
     }
 
     /// Lets the workers work, the first claims of all spread over the time from one lease of a worker to its next.
@@ -261,14 +260,14 @@ impl<'a> Measurement<'a> {
         AbortOnDropHandle::new(tokio::spawn(async move { viewer::look(&load.client, &load.tally).await }))
     }
 
-    async fn moment(&self, supply: &mut Supply<'_>) -> Result<Moment, Failure> {
+    async fn moment(&self, supply: &mut Supply<'_>) -> Result<Moment, LoadError> {
         let (time, counts) = (Instant::now(), self.load.tally.counts());
         let coordinator = self.process.usage()?;
         Ok(Moment { time, counts, merged_passes: supply.merged_passes().await?, coordinator })
     }
 
     /// What the server of the database has written to its log so far, if there is one that says so.
-    async fn log_bytes(&self) -> Result<Option<u64>, Failure> {
+    async fn log_bytes(&self) -> Result<Option<u64>, LoadError> {
         match &self.settings.database {
             Some(url) => log_bytes(url).await,
             None => Ok(None),
@@ -276,7 +275,7 @@ impl<'a> Measurement<'a> {
     }
 
     /// Waits until the coordinator has nothing left to do, and answers since when that is so.
-    async fn rest(&self) -> Result<Instant, Failure> {
+    async fn rest(&self) -> Result<Instant, LoadError> {
         let start = Instant::now();
         loop {
             let (time, before) = (Instant::now(), self.process.processor()?);
@@ -286,7 +285,9 @@ impl<'a> Measurement<'a> {
             }
             if start.elapsed() > REST_PATIENCE {
                 let seconds = REST_PATIENCE.as_secs();
-                return Err(Failure::Job(format!("the coordinator still works {seconds} s after the end of all jobs")));
+                return Err(LoadError::Ended(format!(
+                    "the coordinator still works {seconds} s after the end of all jobs"
+                )));
             }
         }
     }

@@ -11,8 +11,8 @@ use serde::Serialize;
 use sqlx::postgres::PgConnectOptions;
 use sqlx::{ConnectOptions, Connection, Executor, PgConnection, Row};
 
-use crate::commands::worker::BUILD;
-use crate::failure::Failure;
+use crate::error::LoadError;
+use crate::settings::BUILD;
 
 /// How long each is measured.
 const TIME: Duration = Duration::from_secs(1);
@@ -69,7 +69,7 @@ const COPIES: u32 = 8;
 
 /// What the disk, the databases and the memory do.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct Ceilings {
+pub(crate) struct Ceilings {
     /// Transactions of one small row that a SQLite file commits each second, synced as the coordinator's.
     sqlite_commits_per_second: f64,
     /// Transactions of groups of rows that it commits, for each size of a group.
@@ -109,7 +109,7 @@ impl Grouped {
 
 impl Ceilings {
     /// Measures in `folder`, and in the database at this address.
-    pub(super) async fn measure(folder: &Path, database: Option<&str>) -> Result<Self, Failure> {
+    pub(crate) async fn measure(folder: &Path, database: Option<&str>) -> Result<Self, LoadError> {
         let postgres = match database {
             Some(url) => Some(postgres(url).await.map_err(database_failure)?),
             None => None,
@@ -117,10 +117,10 @@ impl Ceilings {
         let folder = folder.to_owned();
         let rest = tokio::task::spawn_blocking(move || {
             let sqlite = sqlite(&folder.join("commits.sqlite")).map_err(database_failure)?;
-            Ok::<_, Failure>((sqlite, appends(&folder.join("appends"))?, disk(&folder.join("row"))?, memory()))
+            Ok::<_, LoadError>((sqlite, appends(&folder.join("appends"))?, disk(&folder.join("row"))?, memory()))
         });
         let ((sqlite_commits, sqlite_groups), appends, disk, memory) =
-            rest.await.map_err(|panic| Failure::Job(format!("a measurement failed: {panic}")))??;
+            rest.await.map_err(|panic| LoadError::Ended(format!("a measurement failed: {panic}")))??;
         Ok(Self {
             sqlite_commits_per_second: sqlite_commits,
             sqlite_groups,
@@ -133,7 +133,7 @@ impl Ceilings {
     }
 
     /// The ceilings with their names, for people.
-    pub(super) fn lines(&self) -> Vec<(String, f64)> {
+    pub(crate) fn lines(&self) -> Vec<(String, f64)> {
         let databases = [
             ("SQLite", Some(self.sqlite_commits_per_second), Some(self.sqlite_groups)),
             ("PostgreSQL", self.postgres_commits_per_second, self.postgres_groups),
@@ -157,14 +157,14 @@ impl Ceilings {
 }
 
 /// Bytes of a PostgreSQL database.
-pub(super) async fn database_bytes(url: &str) -> Result<u64, Failure> {
+pub(crate) async fn database_bytes(url: &str) -> Result<u64, LoadError> {
     let bytes = number(url, "select pg_database_size(current_database()) as number").await;
     Ok(bytes.map_err(database_failure)?.unsigned_abs())
 }
 
 /// Bytes that a PostgreSQL server has written to its log (WAL) so far, for all of its databases; `None` where it does not say so, as some do
 /// that speak its language and are none.
-pub(super) async fn log_bytes(url: &str) -> Result<Option<u64>, Failure> {
+pub(crate) async fn log_bytes(url: &str) -> Result<Option<u64>, LoadError> {
     let statement = "select cast(pg_wal_lsn_diff(pg_current_wal_lsn(), '0/0') as bigint) as number";
     match number(url, statement).await {
         Ok(bytes) => Ok(Some(bytes.unsigned_abs())),
@@ -182,8 +182,8 @@ async fn number(url: &str, statement: &'static str) -> Result<i64, sqlx::Error> 
 }
 
 /// A database that was measured failed.
-fn database_failure(error: impl std::error::Error + Send + Sync + 'static) -> Failure {
-    Failure::Database(Box::new(error))
+fn database_failure(error: impl std::error::Error + Send + Sync + 'static) -> LoadError {
+    LoadError::Database(Box::new(error))
 }
 
 /// A group of accepted nodes as the coordinator's writer hands them to a database: a JSON array of arrays. Groups of one size have each its own
@@ -278,13 +278,13 @@ async fn postgres_group(connection: &mut PgConnection, rows: u32) -> Result<Grou
 }
 
 /// Writes a file and takes it away again.
-fn with_file<T>(file: &Path, write: impl FnOnce(&mut File) -> std::io::Result<T>) -> Result<T, Failure> {
+fn with_file<T>(file: &Path, write: impl FnOnce(&mut File) -> std::io::Result<T>) -> Result<T, LoadError> {
     let written = File::create(file).and_then(|mut opened| write(&mut opened));
     let written = written.and_then(|written| fs::remove_file(file).map(|()| written));
-    written.map_err(|source| Failure::Write { file: file.to_owned(), source })
+    written.map_err(|source| LoadError::Write { file: file.to_owned(), source })
 }
 
-fn appends(file: &Path) -> Result<f64, Failure> {
+fn appends(file: &Path) -> Result<f64, LoadError> {
     with_file(file, |file| {
         let (start, mut appends) = (Instant::now(), 0_u32);
         while start.elapsed() < TIME {
@@ -296,7 +296,7 @@ fn appends(file: &Path) -> Result<f64, Failure> {
     })
 }
 
-fn disk(file: &Path) -> Result<f64, Failure> {
+fn disk(file: &Path) -> Result<f64, LoadError> {
     with_file(file, |file| {
         let (start, piece) = (Instant::now(), vec![7; PIECE]);
         for _ in 0..LARGE / PIECE {

@@ -12,8 +12,8 @@ use clerestory_api::{Client, JobId, NodeAddress};
 use clerestory_film::Rounds;
 use tokio::time::Instant;
 
-use super::supply::PASSES;
-use super::tally::Tally;
+use crate::supply::PASSES;
+use crate::tally::Tally;
 
 /// Shortest and longest time between two looks at a job.
 const PAUSES: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(50)];
@@ -23,7 +23,7 @@ const PART: u32 = 20;
 
 /// Rounds of jobs, from their first node until they are complete and recorded.
 #[derive(Debug, Default)]
-pub(super) struct OpenRounds {
+pub(crate) struct OpenRounds {
     /// Tiles of every job.
     tiles: u32,
     /// By job, and by the passes that every tile has after them.
@@ -33,11 +33,11 @@ pub(super) struct OpenRounds {
 
 /// Measured times until rounds were recorded.
 #[derive(Clone, Debug, Default)]
-pub(super) struct MergeTimes {
+pub(crate) struct MergeTimes {
     /// From the answer that acknowledged the last node of a round.
-    pub(super) rounds: Vec<Duration>,
+    pub(crate) rounds: Vec<Duration>,
     /// From every answer that acknowledged nodes of a round.
-    pub(super) uploads: Vec<Duration>,
+    pub(crate) uploads: Vec<Duration>,
 }
 
 #[derive(Debug, Default)]
@@ -54,12 +54,12 @@ struct Round {
 
 impl OpenRounds {
     /// Rounds of jobs that have so many tiles.
-    pub(super) fn new(tiles: u32) -> Self {
+    pub(crate) fn new(tiles: u32) -> Self {
         Self { tiles, ..Self::default() }
     }
 
     /// Nodes of a job have been acknowledged by one answer.
-    pub(super) fn acknowledged<'a>(
+    pub(crate) fn acknowledged<'a>(
         &mut self,
         job: JobId,
         nodes: impl Iterator<Item = &'a NodeAddress>,
@@ -86,7 +86,7 @@ impl OpenRounds {
     }
 
     /// The coordinator shows that the rounds of a job are recorded up to so many passes.
-    pub(super) fn recorded(&mut self, job: JobId, complete_passes: u32, now: Instant) {
+    pub(crate) fn recorded(&mut self, job: JobId, complete_passes: u32, now: Instant) {
         let keys: Vec<(JobId, u32)> =
             self.rounds.range((job, 0)..=(job, complete_passes)).map(|(key, _)| *key).collect();
         for key in keys {
@@ -112,7 +112,7 @@ impl OpenRounds {
     }
 
     /// Jobs with rounds that are complete and not known to be recorded, and when the first of these became complete.
-    pub(super) fn due(&self) -> Vec<(JobId, Instant)> {
+    pub(crate) fn due(&self) -> Vec<(JobId, Instant)> {
         let mut due: Vec<(JobId, Instant)> = Vec::new();
         for ((job, _), round) in &self.rounds {
             if let Some((complete, _)) = round.complete
@@ -125,7 +125,7 @@ impl OpenRounds {
     }
 
     /// The measured times.
-    pub(super) fn times(&self) -> &MergeTimes {
+    pub(crate) fn times(&self) -> &MergeTimes {
         &self.times
     }
 }
@@ -145,7 +145,7 @@ fn round_of(node: &NodeAddress) -> Option<[u32; 2]> {
 }
 
 /// Looks at jobs with complete rounds until these are recorded, for as long as it is polled.
-pub(super) async fn follow(client: &Client, tally: &Tally) {
+pub(crate) async fn follow(client: &Client, tally: &Tally) {
     let [shortest, longest] = PAUSES;
     loop {
         let due = tally.due();
