@@ -26,9 +26,11 @@ pub fn page(reports: &[Value]) -> String {
     let names: Vec<&str> = COLUMNS.iter().map(|(name, ..)| *name).collect();
     let mut page = format!(
         "# A coordinator under load\n\n\
-         Simulated workers lease nodes and upload noise, 16 nodes in a lease. *Sustained* counts all nodes until all are merged. Latencies\n\
+         Simulated workers lease nodes and upload noise, 16 nodes in a lease. *Sustained* counts all nodes until all \
+         are merged. Latencies\n\
          count while there is work. A dash says that a load does not measure a figure.\n\n\
-         `target/release/load --page docs/results/farm.md` measures again and writes this page. It fails when a load misses a goal.\n\n\
+         `target/release/load --page docs/results/farm.md` measures again and writes this page. It fails when a load \
+         misses a goal.\n\n\
          {}\n\n\
          | state | workers | offered, /s | tile | {} |\n|{}\n",
         circumstances(reports),
@@ -95,8 +97,8 @@ mod tests {
     fn the_page_has_a_row_for_each_number_of_workers() {
         let line = |workers: u32| {
             json!({
-                "workers": workers, "tile_size": 16, "sustained_per_second": 2000.4, "lost_nodes": 0, "refused_nodes": 1,
-                "late_nodes_under_load": 2, "claim": {"count": 0, "p50_ms": 0.0}, "upload": {"count": 3, "p99_ms": 4.25}
+                "workers": workers, "tile_size": 16, "sustained_per_second": 2000.4, "lost_nodes": 0,
+                "refused_nodes": 1, "late_nodes_under_load": 2, "claim": {"count": 0, "p50_ms": 0.0}, "upload": {"count": 3, "p99_ms": 4.25}
             })
         };
         let machine = json!({"build": "0.1.0+abc", "processor": "a processor", "cores": 2});

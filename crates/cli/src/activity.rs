@@ -1,4 +1,4 @@
-//! What a command does before there is progress to show. The user is told when it takes long.
+//! What a command does before there is progress to show. The user sees it when it takes longer than a moment.
 
 use std::io::{self, IsTerminal, Write};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
@@ -12,25 +12,25 @@ use crate::local_scene;
 use crate::progress::{LINE_PERIOD, bar_target};
 use crate::text::duration_text;
 
-/// How long nothing is shown.
+/// Time before anything is shown.
 const QUIET: Duration = Duration::from_secs(1);
 
-/// Time between pictures of the spinner.
+/// Time between two pictures of the spinner.
 const SPINNER_PERIOD: Duration = Duration::from_millis(120);
 
-/// Work that is shown when it takes longer than a moment: by a spinner on a terminal, by lines elsewhere.
+/// Work that a spinner shows on a terminal, and lines elsewhere, when it takes longer than a moment.
 pub(crate) struct Activity {
-    /// Taken when the work ends.
+    /// Dropped when the work ends.
     steps: Option<Sender<Step>>,
-    /// Shows the steps; absent where the system has no thread for it.
+    /// The thread that shows the steps; absent where the system has no thread for it.
     shown: Option<JoinHandle<()>>,
 }
 
-/// What the thread is told that shows the work.
+/// A message to the thread that shows the work.
 enum Step {
-    /// Something else is done now.
+    /// The next step begins.
     Begun(String),
-    /// All is done.
+    /// The work is done.
     Done(&'static str),
 }
 
@@ -58,19 +58,19 @@ impl Activity {
         local_scene::build(bundle, &mut |step| self.step(step.to_string()))
     }
 
-    /// Ends the work. If it was shown, a line says that it is done, and how long it took.
+    /// Ends the work. If the work was shown, a line says how long it took.
     pub(crate) fn done(self, what: &'static str) {
         self.tell(Step::Done(what));
     }
 
     fn tell(&self, step: Step) {
-        // Showing it is a courtesy.
+        // A thread that has ended shows nothing, which does not stop the work.
         let _ = self.steps.as_ref().map(|steps| steps.send(step));
     }
 }
 
 impl Drop for Activity {
-    /// Waits until nothing is shown any more, so that whatever is written next has the terminal to itself.
+    /// Waits until the thread has ended, so that the next output has the terminal to itself.
     fn drop(&mut self) {
         self.steps = None;
         // A thread that panicked shows nothing.
@@ -80,10 +80,10 @@ impl Drop for Activity {
 
 /// How the work is shown.
 enum Stage {
-    /// Not yet.
+    /// Nothing is shown yet.
     Quiet,
     Spinner(ProgressBar),
-    /// In lines, of which the last was then.
+    /// In lines; the last one was written at this time.
     Lines(Instant),
 }
 
@@ -120,7 +120,7 @@ impl Display {
         }
     }
 
-    /// Time until something is to be shown.
+    /// Time until the next output.
     fn pause(&self) -> Duration {
         match &self.stage {
             Stage::Quiet => self.output.quiet.saturating_sub(self.start.elapsed()),
@@ -158,7 +158,7 @@ impl Display {
 }
 
 fn note(line: &str) {
-    // A standard error that is gone does not stop the work.
+    // Without standard error, the work goes on.
     let _ = writeln!(io::stderr().lock(), "{line}");
 }
 
@@ -168,7 +168,7 @@ mod tests {
 
     use super::*;
 
-    /// Where lines go, and what is there.
+    /// An output, and the lines that it has received.
     fn lines(quiet: Duration) -> (Output, Arc<Mutex<Vec<String>>>) {
         let lines = Arc::new(Mutex::new(Vec::new()));
         let written = lines.clone();

@@ -17,7 +17,7 @@ const NO_HTTP: &str = "invalid HTTP version parsed";
 
 /// Writes a failure, its causes and what can be done to standard error.
 pub(crate) fn print_failure(failure: &Failure) {
-    // Without standard error there is nobody to tell.
+    // Without standard error, no reader is left.
     let _ = writeln!(io::stderr().lock(), "error: {}", report(failure));
     if let Some(advice) = advice(failure) {
         let _ = writeln!(io::stderr().lock(), "{}", printable_lines(&advice));
@@ -92,7 +92,8 @@ fn advice_on_call(error: &ClientError) -> Option<String> {
 
 /// Advice to call without the proxy of the environment.
 fn without_proxy() -> String {
-    "the environment names that proxy (http_proxy, https_proxy or all_proxy): list the coordinator's host in no_proxy to \
+    "the environment names that proxy (http_proxy, https_proxy or all_proxy): list the coordinator's host in \
+     no_proxy to \
      call it directly"
         .to_owned()
 }

@@ -1,7 +1,7 @@
 //! Child processes of a local farm: this same binary, as coordinator or worker.
 //!
-//! A child holds the reading end of a pipe as its standard input and ends in good order when the pipe closes. So it ends
-//! with its parent however that dies, and needs no signals, which differ between systems.
+//! The standard input of a child is a pipe, and the child ends when the pipe closes. So it ends with its parent,
+//! whatever ends the parent. It needs no signals, which differ between systems.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -15,18 +15,18 @@ use tracing::warn;
 
 use crate::failure::{Failure, USAGE};
 
-/// How long a child may take to end before it is killed. Longer than its own grace.
+/// Time for a child to end before it is killed. It is longer than the time that the child gives its own work.
 const ENDING_TIME: Duration = Duration::from_secs(10);
 
 /// Lines of its log that are shown when a child has failed.
 const SHOWN_LINES: usize = 5;
 
-/// What a child sees of the settings in the environment.
+/// The settings in the environment that a child sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Environment {
-    /// What the parent sees.
+    /// Those of the parent.
     Inherited,
-    /// None: it was given all that it needs as arguments.
+    /// None: its arguments are complete.
     WithoutSettings,
 }
 
@@ -40,8 +40,8 @@ pub(crate) struct Child {
 }
 
 impl Child {
-    /// Starts this binary with other arguments. What it logs is appended to the file `log`, or goes where the parent's
-    /// logs go.
+    /// Starts this binary with other arguments. Its log is appended to the file `log`, or goes to the standard error of
+    /// the parent.
     pub(crate) fn spawn(
         name: &str,
         arguments: &[OsString],
@@ -64,7 +64,7 @@ impl Child {
             .stdout(Stdio::piped())
             .stderr(log_file.map_or_else(Stdio::inherit, Stdio::from))
             .kill_on_drop(true);
-        // An interrupt from the keyboard is for the parent, which ends its children in the right order.
+        // A keyboard interrupt is for the parent, which ends its children in the right order.
         #[cfg(unix)]
         command.process_group(0);
         let mut process = command.spawn().map_err(Failure::Spawn)?;
@@ -84,7 +84,7 @@ impl Child {
         Ok(line.trim().to_owned())
     }
 
-    /// Waits for the child to end by itself; says how it did, and what it logged last.
+    /// Waits for the child to end by itself. Returns how it ended, with the end of its log.
     pub(crate) async fn ended(&mut self) -> Failure {
         let status = self.process.wait().await;
         let is_usage = status.as_ref().is_ok_and(|status| status.code() == Some(USAGE.into()));
@@ -93,7 +93,7 @@ impl Child {
         Failure::Process { message: format!("{} ended by itself: {status}{log}", self.name), is_usage }
     }
 
-    /// Lets the child end in good order, and kills it if it does not.
+    /// Lets the child end, and kills it when that takes too long.
     pub(crate) async fn stop(mut self) {
         drop(self.lifeline.take());
         if tokio::time::timeout(ENDING_TIME, self.process.wait()).await.is_err() {
@@ -105,15 +105,15 @@ impl Child {
     }
 }
 
-/// The log of a child, in a file that others may have written to before.
+/// The log of a child, in a file that may have older content.
 struct Log {
     file: PathBuf,
-    /// Bytes that were there when the child started.
+    /// Bytes of older content.
     start: u64,
 }
 
 impl Log {
-    /// Opens a log to append to it, in a folder that need not be there yet.
+    /// Opens a log to append to it. Its folder may be missing.
     fn open(file: PathBuf) -> Result<(Self, File), Failure> {
         let folder = file.parent().unwrap_or(Path::new(""));
         let opened = fs::create_dir_all(folder)
@@ -125,10 +125,10 @@ impl Log {
         }
     }
 
-    /// Where it is, and the last lines of the child, to be added to a message.
+    /// The file and the last lines of the child, as the end of a message.
     fn end(&self) -> String {
         let bytes = fs::read(&self.file).unwrap_or_default();
-        // A log that is shorter than it was has been emptied meanwhile: all of it is the child's.
+        // A log that is shorter than its older content was truncated, so all of it is the child's.
         let own = usize::try_from(self.start).ok().and_then(|start| bytes.get(start..)).unwrap_or(&bytes);
         let text = String::from_utf8_lossy(own);
         let lines: Vec<&str> = text.lines().collect();

@@ -1,4 +1,4 @@
-//! Where the coordinator is, and how to be let in.
+//! The address of the coordinator, and the token for it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,35 +8,37 @@ use clerestory_api::{Client, ClientError, JobId};
 
 use crate::failure::Failure;
 
-/// Environment variable with the farm's token. There is no option for it: options can be seen by other users.
+/// Environment variable with the farm's token. There is no option for the token, because other users can see options.
 pub(crate) const TOKEN_VARIABLE: &str = "CLERESTORY_TOKEN";
 
-/// Environment variable that names a file with the token. It is not read with the options: those win over
-/// [`TOKEN_VARIABLE`], and this does not.
+/// Environment variable that names a file with the token. It is read apart from the options: these win over
+/// [`TOKEN_VARIABLE`], and it does not.
 const TOKEN_FILE_VARIABLE: &str = "CLERESTORY_TOKEN_FILE";
 
-/// Address of the coordinator where none is given, and where a coordinator listens unless told otherwise.
+/// Default address of a coordinator.
 pub(crate) const DEFAULT_LISTEN: &str = "127.0.0.1:7171";
 
 /// Options of every command that talks to a coordinator.
 #[derive(Clone, Debug, Args)]
 pub(crate) struct ConnectionArguments {
     /// Address of the coordinator.
-    #[arg(long, value_name = "URL", default_value_t = format!("http://{DEFAULT_LISTEN}"), env = "CLERESTORY_COORDINATOR")]
+    #[arg(
+        long, value_name = "URL", default_value_t = format!("http://{DEFAULT_LISTEN}"), env = "CLERESTORY_COORDINATOR"
+    )]
     pub(crate) coordinator: String,
     /// File with the farm's token [env: CLERESTORY_TOKEN_FILE]; the token itself can be in CLERESTORY_TOKEN.
     #[arg(long, value_name = "FILE")]
     pub(crate) token_file: Option<PathBuf>,
 }
 
-/// A client, and what messages say of its coordinator.
+/// A client with the address of its coordinator for messages.
 #[derive(Clone, Debug)]
 pub(crate) struct Connection {
     pub(crate) client: Client,
 }
 
 impl ConnectionArguments {
-    /// Sets the connection up. Nothing is sent yet.
+    /// Makes a client. Nothing is sent yet.
     pub(crate) fn open(&self) -> Result<Connection, Failure> {
         Connection::open(&self.coordinator, token(self.token_file.as_deref(), None)?.as_deref())
     }
@@ -53,12 +55,12 @@ impl Connection {
         self.client.address()
     }
 
-    /// Names the coordinator in the failure of a call.
+    /// Adds the coordinator's address to the failure of a call.
     pub(crate) fn failure(&self, source: ClientError) -> Failure {
         Failure::Coordinator { address: self.address().to_owned(), source }
     }
 
-    /// Where a browser shows the job.
+    /// The page of a job.
     pub(crate) fn job_page(&self, job: JobId) -> String {
         format!("{}/#/jobs/{job}", self.address())
     }
@@ -69,8 +71,8 @@ pub(crate) fn named_token_file() -> Option<PathBuf> {
     std::env::var_os(TOKEN_FILE_VARIABLE).filter(|name| !name.is_empty()).map(PathBuf::from)
 }
 
-/// The token: from the file that an option names, else from the environment, else from the file that a configuration
-/// names. White space around it does not count.
+/// The token: from the file of an option, else from the environment, else from the file of a configuration. White space
+/// around it does not count.
 pub(crate) fn token(option: Option<&Path>, configured: Option<&Path>) -> Result<Option<String>, Failure> {
     if let Some(file) = option {
         return token_in(file).map(Some);

@@ -12,10 +12,10 @@ use crate::outage::until_answered;
 use crate::output_file::{OutputFile, write};
 use crate::progress::Progress;
 
-/// Bytes that the header of an image may take: a few for each of its tiles, of which a job has 65536 at most.
+/// Most bytes of an image's header: a few for each of at most 65536 tiles.
 const MOST_HEADER_BYTES: usize = 4 << 20;
 
-/// Fetches the image of a job into files, and returns how it was made. A coordinator that goes away is waited for.
+/// Fetches the image of a job into files. Returns its metadata. Waits for a coordinator that does not answer.
 pub(crate) async fn download(
     connection: &Connection,
     job: &JobView,
@@ -25,7 +25,7 @@ pub(crate) async fn download(
 ) -> Result<Option<ImageMetadata>, Failure> {
     let mut metadata = None;
     if let Some(file) = exr {
-        // What fails here is a disk, and no call is repeated for it.
+        // A failure of the disk repeats no call.
         metadata = until_answered(connection, progress, || fetch_image(connection, job.id, file)).await??;
     }
     if let Some(file) = png {
@@ -36,8 +36,8 @@ pub(crate) async fn download(
     Ok(metadata)
 }
 
-/// Fetches an image into a file, piece by piece, and returns how it was made. The file may be a pipe, so its header is looked at on
-/// the way.
+/// Fetches an image into a file, piece by piece, and returns its metadata. The file may be a pipe, so the header is
+/// read from the passing pieces.
 async fn fetch_image(
     connection: &Connection,
     job: JobId,

@@ -84,7 +84,7 @@ pub(crate) enum Failure {
     #[error("the {service} cannot work")]
     Service {
         service: &'static str,
-        /// Whether its settings are to blame.
+        /// Whether its settings cannot be used.
         is_usage: bool,
         source: Box<dyn Error + Send + Sync>,
     },
@@ -95,13 +95,13 @@ pub(crate) enum Failure {
     #[error("{message}")]
     Process {
         message: String,
-        /// Whether it could not use its arguments or settings, which are those of the farm.
+        /// Whether it could not use its arguments or settings, which come from the farm's.
         is_usage: bool,
     },
     /// A process of the farm could not be started at all.
     #[error("cannot start a process of the farm")]
     Spawn(#[source] io::Error),
-    /// The user interrupted what cannot be kept.
+    /// The user interrupted the command.
     #[error("{0}")]
     Interrupted(String),
     /// A job or a render ended before it was done.
@@ -122,12 +122,13 @@ impl From<ExperimentError> for Failure {
     }
 }
 
-/// What would be right instead of an address on which a coordinator cannot listen.
+/// The address that would be right instead of one on which a coordinator cannot listen.
 fn expected_address(address: &str, reason: &io::Error) -> String {
     match (reason.kind(), address.rsplit_once(':')) {
         (io::ErrorKind::AddrInUse, Some((host, _))) => {
             format!(
-                "the port is taken, perhaps by another farm: choose another, or --listen {host}:0 to be given a free one"
+                "the port is taken, perhaps by another farm: choose another, or --listen {host}:0 to be given a free \
+                 one"
             )
         }
         (io::ErrorKind::PermissionDenied, _) => "expected a port that this user may listen on, 1024 or more".to_owned(),
@@ -136,7 +137,7 @@ fn expected_address(address: &str, reason: &io::Error) -> String {
 }
 
 impl Failure {
-    /// A scene that cannot be used. A file that cannot be read at all is no matter of scenes.
+    /// A scene that cannot be used. A file that cannot be read is [`Failure::Read`].
     pub(crate) fn scene(file: &Path, source: SceneError) -> Self {
         match source {
             SceneError::Unreadable { file, source } => Self::Read { file, source },
@@ -144,7 +145,7 @@ impl Failure {
         }
     }
 
-    /// 2 when the arguments or settings are to blame, 130 when the user interrupted, else 1.
+    /// The exit code: 2 for arguments or settings that cannot be used, 130 for an interruption, else 1.
     pub(crate) fn exit_code(&self) -> ExitCode {
         match self {
             Self::Usage(_)
@@ -160,7 +161,7 @@ impl Failure {
         }
     }
 
-    /// Whether the reader of standard output went away.
+    /// Whether the reader of standard output has gone.
     pub(crate) fn is_broken_pipe(&self) -> bool {
         matches!(self, Self::Output(error) if error.kind() == io::ErrorKind::BrokenPipe)
     }

@@ -1,4 +1,4 @@
-//! Following a job to its end: progress and rounds, across restarts of the coordinator.
+//! Follows a job to its end: progress and rounds, across restarts of the coordinator.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -18,46 +18,46 @@ use crate::outage::{Outage, RECONNECT_PAUSE};
 use crate::progress::{Advance, Progress};
 use crate::text::printable;
 
-/// How long a farm may be without a worker before the user is told: one that is just being started needs a moment.
-const WORKER_PATIENCE: Duration = Duration::from_secs(5);
+/// Time without a worker before the user is told: a worker that is just starting needs a moment.
+const WORKER_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// How often the error between rounds is asked for: coordinators measure it no more often.
+/// Time between two requests for the error between rounds: coordinators measure it no more often.
 const LIVE_PERIOD: Duration = Duration::from_secs(1);
 
-/// How long it is waited for.
-const LIVE_PATIENCE: Duration = Duration::from_secs(5);
+/// Longest wait for that error.
+const LIVE_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// How long the silence of an event stream is put up with.
+/// Longest timeouts of an event stream.
 #[derive(Clone, Copy, Debug)]
-struct Silences {
-    /// Before its first event, which coordinators send at once.
+struct StreamTimeouts {
+    /// Before its first event, which a coordinator sends at once.
     first: Duration,
-    /// Later. Coordinators send a comment every few seconds, older ones every 15.
+    /// Later. Coordinators send a comment every few seconds, and older builds every 15.
     later: Duration,
-    /// How often the job is asked for after that.
+    /// Time between two requests for the job after such a silence.
     poll: Duration,
 }
 
-const SILENCES: Silences =
-    Silences { first: Duration::from_secs(5), later: Duration::from_secs(20), poll: Duration::from_secs(2) };
+const STREAM_TIMEOUTS: StreamTimeouts =
+    StreamTimeouts { first: Duration::from_secs(5), later: Duration::from_secs(20), poll: Duration::from_secs(2) };
 
-/// Shows a job's progress and rounds until it ends; returns it as it ended. A coordinator that goes away is waited for,
-/// and the user is told. Where something on the way holds events back, the job is asked for instead.
+/// Shows a job's progress and rounds until it ends, and returns the job. An unreachable coordinator is called again,
+/// and the user is told. Where a proxy holds events back, the job is requested periodically instead.
 pub(crate) async fn follow(connection: &Connection, job: JobId, progress: &mut Progress) -> Result<JobView, Failure> {
-    follow_through(connection, job, progress, SILENCES).await
+    follow_through(connection, job, progress, STREAM_TIMEOUTS).await
 }
 
 async fn follow_through(
     connection: &Connection,
     job: JobId,
     progress: &mut Progress,
-    silences: Silences,
+    timeouts: StreamTimeouts,
 ) -> Result<JobView, Failure> {
     let mut follower = Follower {
         connection,
         job,
         progress,
-        silences,
+        timeouts,
         is_answered: false,
         is_held_back: false,
         rounds: 0,
@@ -88,10 +88,10 @@ struct Follower<'a> {
     connection: &'a Connection,
     job: JobId,
     progress: &'a mut Progress,
-    silences: Silences,
-    /// Whether a coordinator has answered so far.
+    timeouts: StreamTimeouts,
+    /// Whether a coordinator has answered.
     is_answered: bool,
-    /// Whether the user has been told that no events arrive.
+    /// Whether the user knows that no events arrive.
     is_held_back: bool,
     /// Rounds shown so far.
     rounds: u32,
@@ -99,88 +99,89 @@ struct Follower<'a> {
     live: Option<String>,
     outage: Outage,
     workers: Workers,
-    /// Whether the user has been told that the job is held.
+    /// Whether the user knows that the job is held.
     is_held: bool,
     /// Workers that build the scene.
     builders: BTreeSet<WorkerId>,
-    /// The job as it was told of last.
+    /// The job, as the last event showed it.
     view: Option<JobView>,
 }
 
-/// Whether somebody is there who could render.
+/// Whether the farm has a worker that can render.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Workers {
     Unknown,
     Present,
     Absent,
-    /// Absent, and the user has been told.
+    /// Absent, and the user knows.
     Missed,
 }
 
 impl Workers {
-    /// Hears of all workers.
-    fn hear_all(&mut self, workers: &[WorkerView]) {
+    /// Takes note of all workers.
+    fn note_all(&mut self, workers: &[WorkerView]) {
         if *self == Self::Unknown {
             *self = Self::Absent;
         }
-        workers.iter().for_each(|worker| self.hear(worker));
+        workers.iter().for_each(|worker| self.note(worker));
     }
 
-    /// Hears of a worker.
-    fn hear(&mut self, worker: &WorkerView) {
+    /// Takes note of a worker.
+    fn note(&mut self, worker: &WorkerView) {
         if matches!(worker.state, WorkerState::Rendering | WorkerState::Idle) {
             *self = Self::Present;
         }
     }
 }
 
-/// How much of an event stream has arrived, and since when it is no more.
-struct Heard {
+/// How much of an event stream has arrived, and when it last grew.
+struct StreamProgress {
     pieces: u64,
     at: Instant,
 }
 
-impl Heard {
+impl StreamProgress {
     fn new(pieces: u64) -> Self {
         Self { pieces, at: Instant::now() }
     }
 }
 
 impl Follower<'_> {
-    /// Reads one event stream. `None` when it ends before the job does; whether the coordinator is away shows when the
-    /// next one is opened.
+    /// Reads one event stream. Returns `None` when the stream ends before the job. The next stream shows whether the
+    /// coordinator is away.
     async fn until_final(&mut self) -> Result<Option<JobView>, ClientError> {
         let (client, job) = (&self.connection.client, self.job);
-        // A proxy that waits for the end of an answer passes on nothing of one that has none.
-        let Ok(opened) = tokio::time::timeout(self.silences.first, client.events(Some(job), None)).await else {
+        // A proxy that waits for the end of an answer passes on nothing of an endless one.
+        let Ok(opened) = tokio::time::timeout(self.timeouts.first, client.events(Some(job), None)).await else {
             return self.poll_until_final().await;
         };
         let mut events = opened?;
         self.catch_up().await?;
-        self.hear_answer();
-        let patience = tokio::time::sleep(WORKER_PATIENCE);
-        tokio::pin!(patience);
-        let mut looks = tokio::time::interval(LIVE_PERIOD);
-        looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        self.note_answer();
+        let worker_timeout = tokio::time::sleep(WORKER_TIMEOUT);
+        tokio::pin!(worker_timeout);
+        let mut measurements = tokio::time::interval(LIVE_PERIOD);
+        measurements.set_missed_tick_behavior(MissedTickBehavior::Delay);
         let mut live = FuturesUnordered::new();
-        let mut heard = Heard::new(events.pieces());
+        let mut received = StreamProgress::new(events.pieces());
         loop {
-            let silence_ends = heard.at + if heard.pieces == 0 { self.silences.first } else { self.silences.later };
+            let silence_ends =
+                received.at + if received.pieces == 0 { self.timeouts.first } else { self.timeouts.later };
             let event = tokio::select! {
                 event = events.next() => event,
                 () = tokio::time::sleep_until(silence_ends) => {
-                    if events.pieces() == heard.pieces {
+                    if events.pieces() == received.pieces {
                         return self.poll_until_final().await;
                     }
-                    heard = Heard::new(events.pieces());
+                    received = StreamProgress::new(events.pieces());
                     continue;
                 }
-                () = &mut patience, if self.workers == Workers::Absent => {
-                    self.miss_workers();
+                () = &mut worker_timeout, if self.workers == Workers::Absent => {
+                    self.note_missing_workers();
                     continue;
                 }
-                // Measuring is work: it is not asked for where nobody sees it.
-                _ = looks.tick(), if self.progress.is_drawn() && live.is_empty() => {
+                // Measuring is work for the coordinator, so the error is requested only for a visible progress bar.
+                _ = measurements.tick(), if self.progress.is_drawn() && live.is_empty() => {
                     live.push(live_error(client, job));
                     continue;
                 }
@@ -190,10 +191,10 @@ impl Follower<'_> {
                 }
             };
             let Some(Ok(Event { body, .. })) = event else { return Ok(None) };
-            heard = Heard::new(events.pieces());
+            received = StreamProgress::new(events.pieces());
             let views = match body {
                 EventBody::Snapshot { jobs, workers } => {
-                    self.workers.hear_all(&workers);
+                    self.workers.note_all(&workers);
                     for worker in &workers {
                         self.note_builder(worker);
                     }
@@ -207,7 +208,7 @@ impl Follower<'_> {
                     continue;
                 }
                 EventBody::Worker { worker } => {
-                    self.workers.hear(&worker);
+                    self.workers.note(&worker);
                     if self.note_builder(&worker) {
                         self.show_again();
                     }
@@ -223,26 +224,27 @@ impl Follower<'_> {
         }
     }
 
-    /// Asks for the job again and again until it ends.
+    /// Requests the job periodically until it ends.
     async fn poll_until_final(&mut self) -> Result<Option<JobView>, ClientError> {
         let (client, job) = (&self.connection.client, self.job);
-        let mut period = tokio::time::interval(self.silences.poll);
+        let mut period = tokio::time::interval(self.timeouts.poll);
         period.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             period.tick().await;
             let view = client.job(job).await?;
-            self.hear_answer();
+            self.note_answer();
             if !std::mem::replace(&mut self.is_held_back, true) {
-                let (address, seconds) = (self.connection.address(), self.silences.poll.as_secs());
+                let (address, seconds) = (self.connection.address(), self.timeouts.poll.as_secs());
                 self.progress.note(&format!(
-                    "No events come from {address}, perhaps because a proxy holds them back: asking every {seconds} s instead"
+                    "No events come from {address}, perhaps because a proxy holds them back: asking every {seconds} \
+                     s instead"
                 ));
             }
             if self.workers == Workers::Unknown {
-                self.workers.hear_all(&client.workers().await?);
+                self.workers.note_all(&client.workers().await?);
             }
             if self.workers == Workers::Absent {
-                self.miss_workers();
+                self.note_missing_workers();
             }
             if self.progress.is_drawn() && !view.state.is_final() {
                 self.live = live_error(client, job).await;
@@ -255,13 +257,13 @@ impl Follower<'_> {
         }
     }
 
-    /// The coordinator has answered.
-    fn hear_answer(&mut self) {
+    /// Notes that the coordinator has answered.
+    fn note_answer(&mut self) {
         self.is_answered = true;
         self.outage.end(self.connection, self.progress);
     }
 
-    /// Notes whether a worker builds the scene; says whether that is news.
+    /// Notes whether a worker builds the scene. Returns whether that is new.
     fn note_builder(&mut self, worker: &WorkerView) -> bool {
         if worker.building.is_some_and(|building| building.job == self.job) {
             self.builders.insert(worker.id)
@@ -290,7 +292,7 @@ impl Follower<'_> {
         self.progress.show(&advance);
     }
 
-    /// How many samples there are, and how good the image is that they make.
+    /// The number of samples, and the error between rounds.
     fn samples_text(&self, view: &JobView) -> String {
         let samples = samples_text(view, " samples a pixel");
         match self.live.as_ref().filter(|_| !view.state.is_final()) {
@@ -299,13 +301,14 @@ impl Follower<'_> {
         }
     }
 
-    /// Says, once each, that the job is held and that it goes on.
+    /// Tells the user, once each, that the job is held and that it goes on.
     fn note_hold(&mut self, view: &JobView) {
         match (&view.hold, std::mem::replace(&mut self.is_held, view.hold.is_some())) {
             (Some(hold), false) => {
                 let (reason, id, address) = (printable(&hold.reason), view.id, self.connection.address());
                 self.progress.note(&format!(
-                    "The job is held: {reason}. Get it going again with `clerestory release {id} --coordinator {address}`"
+                    "The job is held: {reason}. Get it going again with `clerestory release {id} --coordinator \
+                     {address}`"
                 ));
             }
             (None, true) if !view.state.is_final() => self.progress.note("The job is released and goes on"),
@@ -313,15 +316,15 @@ impl Follower<'_> {
         }
     }
 
-    /// Says, once, that nobody renders.
-    fn miss_workers(&mut self) {
+    /// Tells the user, once, that the farm has no worker.
+    fn note_missing_workers(&mut self) {
         self.workers = Workers::Missed;
         let address = self.connection.address();
         self.progress
             .note(&format!("The farm has no worker: start one with `clerestory worker --coordinator {address}`"));
     }
 
-    /// Shows the rounds that no event told of.
+    /// Shows the rounds that no event showed.
     async fn catch_up(&mut self) -> Result<(), ClientError> {
         let series = self.connection.client.convergence(self.job).await?;
         series.points.iter().for_each(|point| self.round(point));
@@ -336,7 +339,7 @@ impl Follower<'_> {
     }
 }
 
-/// What workers do that bring nothing yet.
+/// The work of workers that build the scene.
 fn building_text(workers: usize) -> Option<String> {
     match workers {
         0 => None,
@@ -345,14 +348,14 @@ fn building_text(workers: usize) -> Option<String> {
     }
 }
 
-/// Asks for the error between rounds, in words. It is a courtesy: a coordinator that fails to tell it may know none, and what else is wrong
-/// the events show.
+/// Requests the error between rounds, as text. A failure is not reported, because the event stream shows whether the
+/// coordinator is away.
 async fn live_error(client: &Client, job: JobId) -> Option<String> {
-    let live = tokio::time::timeout(LIVE_PATIENCE, client.live(job)).await;
+    let live = tokio::time::timeout(LIVE_TIMEOUT, client.live(job)).await;
     live.ok().and_then(Result::ok).and_then(|live| live_text(&live))
 }
 
-/// The error between rounds, where one is known, and the part of the pixels that it is of.
+/// The error between rounds, where it is known, and the fraction of the pixels that it covers.
 fn live_text(live: &LiveMeasurement) -> Option<String> {
     let error = match (live.mse, live.estimated_mse) {
         (Some(mse), _) => format!("MSE {mse:.2e}"),
@@ -380,7 +383,7 @@ mod tests {
 
     use super::*;
 
-    /// What a proxy passes on of an event stream.
+    /// The part of an event stream that a proxy passes on.
     #[derive(Clone, Copy, Debug)]
     enum Passed {
         Nothing,
@@ -388,7 +391,7 @@ mod tests {
         FirstEvent,
     }
 
-    /// A proxy in front of a coordinator that holds back all else of an event stream, and tells when a job is asked for.
+    /// A proxy before a coordinator. It holds back the rest of an event stream and notifies when the job is requested.
     async fn proxy(coordinator: String, passed: Passed, asked: Arc<Notify>) -> String {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = format!("http://{}", listener.local_addr().unwrap());
@@ -461,8 +464,8 @@ mod tests {
             let address = proxy(coordinator.clone(), passed, Arc::clone(&asked)).await;
             let connection = Connection::open(&address, None).unwrap();
             let mut progress = Progress::new();
-            let silences = Silences { first: short, later: short, poll: short };
-            let followed = follow_through(&connection, job, &mut progress, silences);
+            let timeouts = StreamTimeouts { first: short, later: short, poll: short };
+            let followed = follow_through(&connection, job, &mut progress, timeouts);
             let end = async {
                 asked.notified().await;
                 client.cancel_job(job).await.unwrap();

@@ -18,7 +18,7 @@ pub(crate) fn read(file: &Path) -> Result<FrameImage, Failure> {
     Ok(read_with_bytes(file)?.1)
 }
 
-/// Reads a reference for images of this size: the file as it is, and the image in it.
+/// Reads a reference for images of this size: the bytes of the file, and its image.
 pub(crate) fn read_reference(file: &Path, film: FilmDescription) -> Result<(Vec<u8>, FrameImage), Failure> {
     let (bytes, image) = read_with_bytes(file)?;
     if (image.width(), image.height()) != (film.width, film.height) {
@@ -34,7 +34,7 @@ pub(crate) fn read_reference(file: &Path, film: FilmDescription) -> Result<(Vec<
     Ok((bytes, image))
 }
 
-/// What an image of this program says of how it was made. Its header is enough of it.
+/// How an image of this program was made. The header of the file is enough.
 pub(crate) fn metadata(head: &[u8]) -> Option<ImageMetadata> {
     let parts = MetaData::read_from_buffered(head, false).ok()?.headers;
     let name = Text::from("clerestory");

@@ -6,7 +6,7 @@ use clerestory_api::{JobView, StopReason};
 
 use crate::text::duration_text;
 
-/// Samples in a pixel so far, with a unit behind the number, and the end of the job: a number of samples, an error or a time.
+/// Samples in a pixel so far, with a unit behind the number, and the end of the job.
 pub(crate) fn samples_text(job: &JobView, unit: &str) -> String {
     let pixels = u64::from(job.width) * u64::from(job.height) * u64::from(job.frames);
     let samples = match job.stopped_by {

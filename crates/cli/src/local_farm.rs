@@ -1,4 +1,4 @@
-//! A farm on this machine: a coordinator and workers, each a process of its own. Each is started again when it ends by itself.
+//! A farm on this machine: a coordinator and workers, each a process. A process that ends by itself is started again.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -17,13 +17,13 @@ use crate::threads::ThreadCount;
 /// Pause before a process that ended by itself is started again.
 const RESTART_PAUSE: Duration = Duration::from_secs(1);
 
-/// A coordinator that serves for this long has recovered from whatever ended the one before it.
+/// A coordinator that serves for this long has recovered from an earlier end.
 const RECOVERY_TIME: Duration = Duration::from_secs(30);
 
 /// Restarts in a row without recovery after which the farm is given up.
 const MOST_RESTARTS: u32 = 5;
 
-/// What to start.
+/// The farm to start.
 #[derive(Clone, Debug)]
 pub(crate) struct FarmPlan {
     /// Address on which the coordinator listens; port 0 for a free one.
@@ -36,11 +36,11 @@ pub(crate) struct FarmPlan {
     pub(crate) workers: usize,
     /// Threads of each worker.
     pub(crate) threads: usize,
-    /// MiB of memory that the scenes of each worker may take; `None` for all that the machine has.
+    /// MiB of memory for the scenes of each worker; `None` for all that the machine has.
     pub(crate) memory_mib: Option<u64>,
-    /// Folder for the logs of each process; without one they go to standard error.
+    /// Folder for the log of each process; without one, logs go to standard error.
     pub(crate) logs: Option<PathBuf>,
-    /// What the processes see of the settings in the environment.
+    /// The settings in the environment that the processes see.
     pub(crate) environment: Environment,
 }
 
@@ -80,17 +80,17 @@ impl LocalFarm {
         &self.address
     }
 
-    /// Waits until the farm cannot go on because its coordinator ends again and again.
+    /// Waits until the farm cannot go on, because its coordinator ends again and again.
     pub(crate) async fn broken(&mut self) -> Failure {
         match (&mut self.coordinator).await {
             Ok(Some(failure)) => failure,
-            // It is told to stop by `stop` alone, which takes the farm.
+            // Only `stop` stops it, which consumes the farm.
             Ok(None) => std::future::pending().await,
             Err(error) => Failure::Job(format!("what watches the coordinator failed: {error}")),
         }
     }
 
-    /// Ends the workers, which hand over what they have, and then the coordinator.
+    /// Ends the workers, which upload their finished nodes, and then the coordinator.
     pub(crate) async fn stop(mut self) {
         self.stop_workers.cancel();
         while self.workers.join_next().await.is_some() {}
@@ -113,7 +113,8 @@ async fn start_coordinator(plan: &FarmPlan, listen: &str) -> Result<(Child, Stri
     Ok((coordinator, address))
 }
 
-/// Keeps the coordinator running until told to stop. Returns the last failure when it ends again and again without recovering.
+/// Keeps the coordinator running until it is stopped. Returns the last failure when it ends again and again without
+/// recovering.
 async fn supervise_coordinator(
     first: Child,
     plan: FarmPlan,
@@ -155,7 +156,7 @@ async fn supervise_coordinator(
     }
 }
 
-/// The address to listen on again: a free port that was asked for by 0 is by now the one that everybody knows.
+/// The address to listen on again. A free port, requested by 0, is known to the workers by now and stays.
 fn with_port_of(listen: &str, address: &str) -> String {
     match (listen.rsplit_once(':'), address.rsplit_once(':')) {
         (Some((host, "0")), Some((_, port))) => format!("{host}:{port}"),
@@ -163,7 +164,7 @@ fn with_port_of(listen: &str, address: &str) -> String {
     }
 }
 
-/// Keeps a worker running until told to stop.
+/// Keeps a worker running until it is stopped.
 async fn supervise(name: String, arguments: Vec<OsString>, plan: FarmPlan, stop: CancellationToken) {
     while !stop.is_cancelled() {
         let failure = match Child::spawn(&name, &arguments, log_file(&plan, &name), plan.environment) {
@@ -209,8 +210,8 @@ pub(crate) fn share_of_cores(workers: usize) -> usize {
     (ThreadCount::of_cores().get().get() / workers).max(1)
 }
 
-/// MiB of memory for each of `workers` workers, so that all of them can build a scene at once. `None` for one worker, which may
-/// take all, and on a system that does not tell its memory.
+/// MiB of memory for each of `workers` workers, so that all of them can build a scene at once. `None` for one worker,
+/// which may take all, and on a system that does not report its memory.
 pub(crate) fn share_of_memory(workers: usize) -> Option<u64> {
     let memory = machine_memory().filter(|_| workers > 1)?;
     Some(((memory / workers as u64) >> 20).max(1))

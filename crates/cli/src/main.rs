@@ -1,8 +1,8 @@
 //! The Clerestory render farm in one binary.
 //!
-//! [`command_line`] parses the arguments, and the module of a command in [`commands`] interprets and runs them. `main` turns
-//! the result into an exit code: 0 for success, 1 for failure, 2 for arguments or settings that cannot be used. Results go to
-//! standard output. Progress, logs and errors go to standard error.
+//! [`command_line`] parses the arguments. The module of a command in [`commands`] interprets and runs them. `main`
+//! turns the result into an exit code: 0 for success, 1 for failure, 2 for unusable arguments or settings. Results go
+//! to standard output. Progress, logs and errors go to standard error.
 
 mod activity;
 mod advice;

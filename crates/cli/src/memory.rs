@@ -1,32 +1,30 @@
-//! How the allocator keeps memory that has been given back to it.
+//! How the allocator returns freed memory to the system.
 
 #![allow(unsafe_code)]
 
-/// Bytes from which on a block is mapped, where no free piece is large enough, and goes back to the system at once. Most partials are smaller; images
-/// and previews are larger.
+/// Size in bytes from which a block is mapped and returned to the system when it is freed. Most partials are smaller;
+/// images and previews are larger.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const LARGE_BLOCK: libc::c_int = 1 << 20;
 
-/// Where whoever starts a process says how many arenas its small blocks may come from.
+/// The environment variable of glibc for the number of arenas.
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 const ARENAS: &str = "MALLOC_ARENA_MAX";
 
-/// Lets large blocks go back to the system when they are freed, and small ones come from two arenas for each core. To be called before there are other threads.
+/// Makes large freed blocks return to the system, and small blocks come from two arenas for each core. Must run before
+/// other threads start.
 ///
-/// glibc would soon count them as small ones: its limit rises to the largest mapped block that was ever freed, up to 32 MiB. They would then lie among small
-/// ones that live on, and leave holes, in an arena for every thread. A coordinator that makes previews under load has 272 MB at most so, and 599 without,
-/// at the same speed.
-///
-/// Of small blocks, glibc keeps what was freed in the arena that it came from, and has eight arenas for each core. A coordinator with 5000 workers that ask again at
-/// once, on two cores, has 436 to 460 MB at most with four arenas, and 514 to 563 with sixteen, at the same speed (4274, 4334, 3996 nodes a second, and 3860, 3919, 4008).
+/// By default, glibc raises its limit for mapped blocks to the largest freed one, up to 32 MiB. Images and previews
+/// would then lie among small blocks and leave holes in the arenas. Freed small blocks stay in their arena, and glibc
+/// has eight arenas for each core. Fewer arenas need less memory at the same speed.
 pub(crate) fn keep_little() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let arenas = libc::c_int::try_from(2 * cores).unwrap_or(libc::c_int::MAX);
         let is_told = std::env::var_os(ARENAS).is_some();
-        // SAFETY: `mallopt` takes two numbers and keeps neither a reference nor a pointer of ours; a number that it does not like, it refuses and changes
-        // nothing. It must not run while another thread allocates, and there is none yet.
+        // SAFETY: `mallopt` takes two numbers, and keeps no reference or pointer of ours. It ignores a number that it
+        // rejects. It must not run while another thread allocates, and no other thread has started.
         unsafe {
             libc::mallopt(libc::M_MMAP_THRESHOLD, LARGE_BLOCK);
             if !is_told {

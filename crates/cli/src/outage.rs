@@ -44,7 +44,7 @@ where
     }
 }
 
-/// Whether the user has been told that the coordinator does not answer.
+/// Whether the user knows that the coordinator does not answer.
 #[derive(Default)]
 pub(crate) struct Outage {
     is_known: bool,

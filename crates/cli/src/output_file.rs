@@ -1,4 +1,4 @@
-//! Files that a command leaves behind. Each is written beside its destination and renamed when it is whole and on the disk.
+//! Output files. Each is written beside its destination, and renamed when it is complete and on the disk.
 
 mod destination;
 
@@ -18,17 +18,17 @@ use crate::failure::Failure;
 /// Longest file name that is repeated in the name of the unfinished file: systems allow 255 bytes.
 const LONGEST_PREFIX: usize = 200;
 
-/// Unfinished files of this process: they go when it ends at once.
+/// Unfinished files of this process, which are removed when the process ends at once.
 static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
-/// Writes a file whole or not at all: a reader never sees half of it, and a full disk does not cost the old one.
+/// Writes a file whole or not at all. A reader never sees half of it, and a full disk keeps the old file.
 pub(crate) fn write(file: &Path, content: &[u8]) -> Result<(), Failure> {
     let mut output = OutputFile::create(file)?;
     output.write(content)?;
     output.finish()
 }
 
-/// Writes what took long to make. Where that fails, a temporary file keeps it, and the failure says where.
+/// Writes content that took long to make. On failure, a temporary file keeps it, and the failure names that file.
 pub(crate) fn write_or_keep(file: &Path, content: &[u8]) -> Result<(), Failure> {
     write(file, content).map_err(|failure| {
         let Failure::Write { file, source } = failure else { return failure };
@@ -39,8 +39,8 @@ pub(crate) fn write_or_keep(file: &Path, content: &[u8]) -> Result<(), Failure> 
     })
 }
 
-/// Writes a new file into the folder for temporary files, and returns its path. Others write to that folder too: a name that they
-/// can guess may be a link of theirs.
+/// Writes a new file into the folder for temporary files, and returns its path. Other users write to that folder too,
+/// and a guessable name may be a link of theirs.
 fn keep(name: &OsStr, content: &[u8]) -> io::Result<PathBuf> {
     let mut suffix = OsString::from("-");
     suffix.push(if name.len() <= LONGEST_PREFIX { name } else { OsStr::new("image") });
@@ -52,30 +52,30 @@ fn keep(name: &OsStr, content: &[u8]) -> io::Result<PathBuf> {
     kept
 }
 
-/// Removes the unfinished files of this process, which is about to end at once.
+/// Removes the unfinished files of this process, before it ends at once.
 pub(crate) fn remove_unfinished() {
     for file in unfinished().iter() {
-        // Nobody is left to be told.
+        // The process is about to end.
         let _ = fs::remove_file(file);
     }
 }
 
-/// Nothing is left half done while it is held.
+/// No code leaves the set half changed while it holds the lock.
 fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A file that is written piece by piece, and appears under its name when it is whole.
+/// A file that is written piece by piece, and appears under its name when it is complete.
 #[derive(Debug)]
 pub(crate) struct OutputFile {
     /// As the user gave it.
     name: PathBuf,
     content: File,
-    /// Absent where the content is written in place.
+    /// Absent for a destination that is written in place.
     replacement: Option<Replacement>,
 }
 
-/// A file that is about to take the place of another.
+/// A file that is about to replace another.
 #[derive(Debug)]
 struct Replacement {
     /// Removed with the value, unless it has been renamed.
@@ -104,7 +104,7 @@ impl OutputFile {
         self.content.write_all(piece).map_err(|source| Failure::Write { file: self.name.clone(), source })
     }
 
-    /// Gives the file its name, once its content is on the disk.
+    /// Gives the file its name when its content is on the disk.
     pub(crate) fn finish(self) -> Result<(), Failure> {
         let Self { name, content, replacement } = self;
         let Some(mut replacement) = replacement else { return Ok(()) };
@@ -114,7 +114,7 @@ impl OutputFile {
 }
 
 impl Replacement {
-    /// Makes an unfinished file beside the target, for whoever may read the target.
+    /// Makes an unfinished file beside the target, with the access rights of the target.
     fn create(folder: PathBuf, name: &OsStr) -> io::Result<(File, Self)> {
         let target = folder.join(name);
         let replaced = fs::metadata(&target).ok();
@@ -126,7 +126,7 @@ impl Replacement {
         Ok((content, Self { unfinished: Some(unfinished), folder, target }))
     }
 
-    /// Puts the file in place of its target. Where that fails the content stays under another name: it may be dear.
+    /// Puts the file in place of its target. On failure, the content stays under another name.
     fn rename(&mut self) -> io::Result<()> {
         let Some(unfinished) = self.unfinished.take() else { return Ok(()) };
         let place = unfinished.to_path_buf();
@@ -141,7 +141,7 @@ impl Replacement {
         renamed
     }
 
-    /// Makes the new name outlast a loss of power.
+    /// Makes the new name survive a loss of power.
     fn sync_folder(&self) -> io::Result<()> {
         if !cfg!(unix) {
             return Ok(());
@@ -158,7 +158,7 @@ impl Drop for Replacement {
     fn drop(&mut self) {
         if let Some(unfinished) = self.unfinished.take() {
             let place = unfinished.to_path_buf();
-            // The error that matters is the first.
+            // Only the first error is reported.
             let _ = unfinished.close();
             self::unfinished().remove(&place);
         }
@@ -171,7 +171,7 @@ fn unfinished_file(folder: &Path, name: &OsStr, replaced: Option<&Metadata>) -> 
     prefix.push(".");
     let mut builder = Builder::new();
     builder.prefix(&prefix).suffix(".part");
-    // A file that is replaced decides who may read the new one; until that is set, nobody else does.
+    // The replaced file decides on access to the new one. Until its rights are copied, no other user has access.
     #[cfg(unix)]
     if replaced.is_none() {
         use std::os::unix::fs::PermissionsExt;
@@ -183,15 +183,15 @@ fn unfinished_file(folder: &Path, name: &OsStr, replaced: Option<&Metadata>) -> 
     })
 }
 
-/// Gives a file the permissions of the one that it replaces, and its owner and group as far as this user may.
+/// Gives a file the permissions of the replaced file, and its owner and group as far as this user may.
 fn keep_access(content: &File, replaced: &Metadata) -> io::Result<()> {
     #[cfg(unix)]
     {
         use std::os::unix::fs::{MetadataExt, fchown};
         let (owner, group) = (replaced.uid(), replaced.gid());
         if fchown(content, Some(owner), Some(group)).is_err() {
-            // Another owner's file becomes this user's, as with any program that replaces files. The group is tried alone, because a
-            // system that refuses the owner changes neither.
+            // Without the right to keep another owner, the file becomes this user's. The group is tried alone, because
+            // a refused owner changes neither.
             let _ = fchown(content, None, Some(group));
         }
     }
@@ -214,11 +214,11 @@ pub(crate) fn write_stats(file: &Path, counters: &impl Serialize) -> Result<(), 
     write(file, &serde_json::to_vec_pretty(counters).expect("counters have a form in JSON"))
 }
 
-/// Extensions of image files that hold something else than OpenEXR.
+/// Extensions of image formats other than OpenEXR.
 const FOREIGN_EXTENSIONS: [&str; 15] =
     ["avif", "bmp", "dpx", "gif", "hdr", "jpeg", "jpg", "jxl", "pfm", "png", "ppm", "tga", "tif", "tiff", "webp"];
 
-/// Refuses a name for an image that says that the file is of another format.
+/// Refuses an image name with the extension of another format.
 pub(crate) fn check_image_name(file: &Path) -> Result<(), Failure> {
     let extension = file.extension().unwrap_or_default();
     if FOREIGN_EXTENSIONS.iter().any(|foreign| extension.eq_ignore_ascii_case(foreign)) {
@@ -246,8 +246,8 @@ pub(crate) fn is_standard_output(file: &Path) -> bool {
     Destination::find(file).is_ok_and(|destination| destination == Destination::StandardOutput)
 }
 
-/// Checks, before the work for them starts, that the outputs of a command can be written later, that no two are the same
-/// file, and that none replaces an input. Each comes with the option that names it.
+/// Checks the outputs of a command before its work starts. Each must be writable, no two may be the same file, and none
+/// may replace an input. Each comes with its option.
 pub(crate) fn check_outputs(
     outputs: &[(&str, Option<&Path>)],
     inputs: &[(&str, Option<&Path>)],
@@ -261,7 +261,7 @@ pub(crate) fn check_outputs(
     for (option, file) in given(outputs) {
         let checked = Destination::find(file).and_then(check_writable);
         let place = checked.map_err(|source| Failure::Write { file: file.to_owned(), source })?;
-        // Two texts may well go to one terminal or pipe.
+        // Two outputs may go to one terminal or pipe.
         let Some(place) = place else { continue };
         let file = file.display();
         if let Some((other, _)) = written.iter().find(|(_, other)| *other == place) {
@@ -287,8 +287,8 @@ pub(crate) fn create_folder(folder: &Path) -> Result<(), Failure> {
     unfinished_file(folder, OsStr::new("output"), None).map(drop).map_err(failure)
 }
 
-/// Checks that an output can be written later; returns where it is, if it is a regular file. Nothing is opened that is none: a
-/// pipe would wait for its reader.
+/// Checks that an output can be written later, and returns the place of a regular file. A pipe is not opened, because
+/// that would wait for its reader.
 fn check_writable(destination: Destination) -> io::Result<Option<PathBuf>> {
     let Destination::File { folder, name } = destination else { return Ok(None) };
     let place = folder.join(&name);

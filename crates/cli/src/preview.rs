@@ -1,12 +1,12 @@
-//! Options that decide how an image looks as a PNG.
+//! Options for the look of an image as a PNG.
 
 use clap::{Args, ValueEnum};
 use clerestory_film::{Exposure, PreviewSettings, ToneCurve};
 
-/// Largest exposure, up or down, as on a farm.
+/// Largest exposure in either direction, as on a farm.
 const MOST_STOPS: f64 = 32.0;
 
-/// How a PNG is made. Unless told otherwise it is as bright as a photograph of the same light would be.
+/// How a PNG is made. By default it is as bright as a photograph of the same light.
 #[derive(Clone, Copy, Debug, Args)]
 pub(crate) struct PreviewArguments {
     /// Exposure of the PNG: `auto`, or a number of stops; 0 shows radiance 1 as white.

@@ -22,9 +22,9 @@ pub(crate) const REL_MSE_NOTE: &str = "weighs dark pixels most: it rises when a 
 pub(crate) struct Advance {
     /// Fraction that is done, 0 to 1.
     pub(crate) fraction: f64,
-    /// What is being done, where it is not one render alone.
+    /// The activity, where it is not one render alone.
     pub(crate) activity: Option<String>,
-    /// Samples in a pixel, in words.
+    /// Samples in a pixel, as text.
     pub(crate) samples: Option<String>,
     /// Camera samples a second.
     pub(crate) samples_per_second: Option<f64>,
@@ -42,12 +42,12 @@ pub(crate) struct Progress {
     has_explained_rise: bool,
 }
 
-/// Columns of the table of rounds that not every render fills.
+/// Optional columns of the table of rounds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Columns {
     /// Whether there is a reference to measure the error against.
     has_error: bool,
-    /// Whether the noise of the reference is known, which is taken off the error.
+    /// Whether the noise of the reference is known, which corrects the error.
     has_corrected_error: bool,
 }
 
@@ -60,7 +60,7 @@ impl Progress {
         Self { bar, is_drawn, last_line: None, columns: None, last_rel_mse: None, has_explained_rise: false }
     }
 
-    /// Whether it is drawn for somebody who looks at it.
+    /// Whether a terminal shows it.
     pub(crate) fn is_drawn(&self) -> bool {
         self.is_drawn
     }
@@ -79,19 +79,19 @@ impl Progress {
 
     /// Writes a line that stays.
     pub(crate) fn note(&self, line: &str) {
-        // Progress is a courtesy: a standard error that is gone does not stop the work.
+        // Without standard error, the work goes on.
         self.bar.suspend(|| {
             let _ = writeln!(io::stderr().lock(), "{}", printable_lines(line));
         });
     }
 
-    /// Says what light the image lacks, and what comes by chance.
+    /// Lists the light that the image lacks, and the light that is left to chance.
     pub(crate) fn missing_light(&self, missing: &[String], left_to_chance: &[String]) {
         self.list("Light that this image lacks:", missing);
         self.list("Light that is left to chance, and comes as rare bright samples:", left_to_chance);
     }
 
-    /// Writes lines under a heading; nothing where there are none.
+    /// Writes lines under a heading, or nothing without lines.
     fn list(&self, heading: &str, lines: &[String]) {
         if !lines.is_empty() {
             self.note(heading);
@@ -120,12 +120,12 @@ impl Progress {
     }
 }
 
-/// Where bars are drawn: on standard error, and nowhere when that is no terminal.
+/// The target of progress bars: standard error if it is a terminal.
 pub(crate) fn bar_target() -> ProgressDrawTarget {
     if io::stderr().is_terminal() { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() }
 }
 
-/// A bar for an upload of so many bytes.
+/// A bar for an upload of `bytes` bytes.
 pub(crate) fn upload_bar(bytes: u64) -> ProgressBar {
     let style = ProgressStyle::with_template("Uploading {bar:20} {bytes} of {total_bytes}, {bytes_per_sec}")
         .expect("the template is well formed");
@@ -139,12 +139,12 @@ fn advance_text(advance: &Advance) -> String {
 }
 
 impl Columns {
-    /// Those that a round fills.
+    /// The columns that a round fills.
     fn of(point: &ConvergencePoint) -> Self {
         Self { has_error: point.mse.is_some(), has_corrected_error: point.corrected_mse.is_some() }
     }
 
-    /// These, and those that are shown already.
+    /// These columns and those that are shown already.
     fn with(self, shown: Option<Self>) -> Self {
         let Some(shown) = shown else { return self };
         Self {
@@ -184,7 +184,7 @@ impl Columns {
             row.push_str(&psnr);
             row.push_str(&point.flip.map_or_else(|| format!(" {:>8}", "-"), |flip| format!(" {flip:8.4}")));
         }
-        // Without a reference, the image's own estimate of its error is all there is.
+        // Without a reference, only the image's own estimate of its error is known.
         if let Some(estimate) = point.estimated_mse.filter(|_| point.mse.is_none()) {
             row.push_str(&format!("  (estimated MSE {estimate:.2e})"));
         }

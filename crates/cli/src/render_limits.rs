@@ -1,4 +1,4 @@
-//! Options that say how much of a scene is rendered.
+//! Options for how much of a scene is rendered.
 
 use std::time::Duration;
 
@@ -8,10 +8,10 @@ use clerestory_film::{Adaptation, InvalidTarget, Sampling, Targets};
 use crate::failure::Failure;
 use crate::numbers::whole;
 
-/// Samples per pixel where neither a number nor a time or an error is given: one block.
+/// Default samples per pixel without a time limit or a target: one block.
 pub(crate) const DEFAULT_SAMPLES_PER_PIXEL: u32 = 256;
 
-/// Samples per pixel that a time limit or a target alone never reaches.
+/// Samples per pixel that a time limit or a target never reaches.
 pub(crate) const UNREACHABLE_SAMPLES_PER_PIXEL: u32 = 1 << 24;
 
 /// Longest time that can be given, in seconds: ten years, as on a farm.
@@ -20,24 +20,24 @@ const MOST_SECONDS: f64 = 10.0 * 365.0 * 24.0 * 3600.0;
 /// How much of a scene is rendered.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct RenderLimits {
-    /// Samples per pixel, rounded up to whole passes, of 16 samples unless the scene says otherwise [default: 256, or as many as --time
-    /// allows or a target takes].
+    /// Samples per pixel, rounded up to whole passes of 16 samples, or as many as the scene says [default: 256, or as
+    /// many as --time or a target takes].
     #[arg(long, value_name = "N", value_parser = whole(1..=UNREACHABLE_SAMPLES_PER_PIXEL))]
     pub(crate) spp: Option<u32>,
-    /// Stop after this time on the clock, however many cores render; what is complete then is the image.
+    /// Stop after this wall-clock time, on any number of cores. The image has the passes that are complete then.
     #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
     pub(crate) time: Option<Duration>,
-    /// Stop at the first round at which the mean squared error against the reference, corrected for the reference's own noise
-    /// where that is known, is no more than this.
+    /// Stop at the first round whose mean squared error against the reference is at most this. Noise of the reference
+    /// is subtracted where it is known.
     #[arg(long, value_name = "MSE", value_parser = parse_target)]
     pub(crate) target_mse: Option<f64>,
-    /// Stop at the first round, from four blocks of samples on, at which the mean squared error that the image's own noise
-    /// tells is no more than this.
+    /// Stop at the first round whose mean squared error, as estimated from the image's own noise, is at most this. The
+    /// estimate counts from four blocks of samples on.
     #[arg(long, value_name = "MSE", value_parser = parse_target)]
     pub(crate) target_estimated_mse: Option<f64>,
-    /// Render more where the image is noisy: share out the passes of a round among the tiles by their noise, which a few more
-    /// passes tell that are in no image. The noisiest tile gets all, a quiet one an eighth, and none less than two blocks of samples,
-    /// or four with --target-estimated-mse: the usual 256 samples are too few for it, so give --spp or --time beside it.
+    /// Render more where the image is noisy. A pilot of a few discarded passes measures the noise of each tile. The
+    /// noisiest tile gets all passes, and a quiet one an eighth. Each tile gets at least two blocks of samples, or four
+    /// with --target-estimated-mse. The default of 256 samples is too few, so give --spp or --time beside it.
     #[arg(long)]
     pub(crate) adaptive: bool,
 }
@@ -46,7 +46,7 @@ pub(crate) fn parse_seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|seconds: &f64| *seconds > 0.0 && *seconds <= MOST_SECONDS);
     seconds
         .and_then(|seconds| Duration::try_from_secs_f64(seconds).ok())
-        // A farm counts milliseconds, and none at all is no limit.
+        // A farm counts milliseconds, and 0 means no limit.
         .map(|time| time.max(Duration::from_millis(1)))
         .ok_or_else(|| format!("expected a positive number of seconds, at most {MOST_SECONDS} (ten years)"))
 }
@@ -64,25 +64,26 @@ impl RenderLimits {
         self.spp.unwrap_or(default)
     }
 
-    /// The errors at which to stop.
+    /// The errors at which the render stops.
     pub(crate) fn targets(&self) -> Targets {
         Targets { mse: self.target_mse, estimated_mse: self.target_estimated_mse }
     }
 
-    /// Checks the errors at which to stop for a render that has a reference or not, with the mean square of its standard
-    /// errors where that is known.
+    /// Checks the targets of a render with or without a reference. The mean square of the reference's standard errors
+    /// is given where it is known.
     pub(crate) fn check_targets(&self, has_reference: bool, reference_noise: Option<f64>) -> Result<(), Failure> {
         self.targets().check(has_reference, reference_noise).map_err(|InvalidTarget { field, value, expected }| {
             Failure::Usage(format!("--{} {value:e} cannot be used: expected {expected}", field.replace('_', "-")))
         })
     }
 
-    /// How so many passes are shared out among tiles, if they are to be.
+    /// How `passes` passes are shared out among tiles, if the render is adaptive.
     pub(crate) fn adaptation(&self, sampling: Sampling, passes: u32) -> Result<Option<Adaptation>, Failure> {
         let adaptation = self.adaptive.then(|| self.targets().adaptation(sampling, passes)).transpose();
         adaptation.map_err(|fewest| {
             Failure::Usage(format!(
-                "--adaptive with {} samples in each pixel has nothing to share out: expected --spp of at least {fewest} beside it, \
+                "--adaptive with {} samples in each pixel has nothing to share out: expected --spp of at least \
+                 {fewest} beside it, \
                  since every pixel gets {} at least; or --time without --spp",
                 self.samples_per_pixel(),
                 fewest.saturating_sub(1)
@@ -90,7 +91,7 @@ impl RenderLimits {
         })
     }
 
-    /// The time to render at most, in milliseconds, as a farm wants it.
+    /// The time limit in milliseconds, as a farm takes it.
     pub(crate) fn time_limit_ms(&self) -> Option<i64> {
         self.time.map(|time| i64::try_from(time.as_millis()).unwrap_or(i64::MAX))
     }

@@ -1,4 +1,4 @@
-//! What `clerestory render` says of an image that it has written.
+//! The summary that `clerestory render` prints.
 
 use std::path::PathBuf;
 use std::time::Duration;

@@ -1,7 +1,6 @@
 //! Settings of the services, in layers: defaults, then a TOML file, then the environment, then options.
 //!
-//! The environment and the options come out of the argument parser as one, but for the token; this module reads the file
-//! below them.
+//! The argument parser merges the environment and the options, except for the token. This module reads the file.
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +12,7 @@ use crate::failure::Failure;
 /// Where a coordinator keeps its data by default.
 pub(crate) const DEFAULT_DATA: &str = "clerestory-data";
 
-/// Reads a configuration file; without one, every setting is absent. A key that nobody knows is an error.
+/// Reads a configuration file. Without one, every setting is absent. An unknown key is an error.
 pub(crate) fn read<T: DeserializeOwned + Default>(file: Option<&Path>) -> Result<T, Failure> {
     let Some(file) = file else { return Ok(T::default()) };
     let text = fs::read_to_string(file).map_err(|source| Failure::Read { file: file.to_owned(), source })?;

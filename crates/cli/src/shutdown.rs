@@ -1,4 +1,4 @@
-//! When to stop: an interrupt or termination signal, or, for children of a farm, the end of standard input.
+//! When to stop: at an interrupt or termination signal, or, for children of a farm, at the end of standard input.
 
 use std::io::{Read, stdin};
 use std::process;
@@ -8,16 +8,16 @@ use tokio_util::sync::CancellationToken;
 use crate::failure::INTERRUPTED;
 use crate::output_file::remove_unfinished;
 
-/// What besides signals asks a process to stop.
+/// What besides signals stops a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Parent {
     /// Nothing.
     None,
-    /// The end of standard input: the parent holds its other end, so it ends with the parent, however that dies.
+    /// The end of standard input. The parent holds the other end, so the process ends with its parent.
     HoldsStdin,
 }
 
-/// A token that is cancelled when the process is asked to stop. Asked a second time, the process ends at once.
+/// Returns a token that is cancelled when the process should stop. A second signal ends the process at once.
 pub(crate) fn token(parent: Parent) -> CancellationToken {
     let stop = CancellationToken::new();
     let first = stop.clone();
@@ -39,7 +39,7 @@ pub(crate) fn token(parent: Parent) -> CancellationToken {
     stop
 }
 
-/// Completes when SIGINT or SIGTERM arrives. A signal that cannot be listened for never arrives.
+/// Completes when SIGINT or SIGTERM arrives. If the system refuses to listen, it never completes.
 #[cfg(unix)]
 async fn signal() {
     use tokio::signal::unix::{SignalKind, signal};
@@ -54,7 +54,7 @@ async fn signal() {
     }
 }
 
-/// Completes when the user interrupts. A signal that cannot be listened for never arrives.
+/// Completes when the user interrupts. If the system refuses to listen, it never completes.
 #[cfg(not(unix))]
 async fn signal() {
     if tokio::signal::ctrl_c().await.is_err() {

@@ -1,13 +1,13 @@
-//! What is said of the standard error of an image: where it is not known, why, and what would be done about it.
+//! Notes on the standard error of an image: where it is not known, why, and what to change.
 
 use clerestory_film::{FrameImage, ImageMetadata, Sampling};
 
 use crate::text::counted;
 
-/// Blocks that a suggestion makes, so that the spread of their means says something.
+/// Blocks of a suggested setting, so that the spread of their means is meaningful.
 const SUGGESTED_BLOCKS: u32 = 4;
 
-/// Says that an image of so many samples in each pixel will have no standard error; `None` when it will.
+/// The note that an image with this many samples has no standard error; `None` when it has one.
 pub(crate) fn absence(sampling: Sampling, samples: u32) -> Option<String> {
     let passes = samples.div_ceil(sampling.samples_per_pass());
     if sampling.complete_blocks(passes) >= 2 {
@@ -22,7 +22,7 @@ pub(crate) fn absence(sampling: Sampling, samples: u32) -> Option<String> {
     ))
 }
 
-/// Says in which tiles of an image the standard error is not known; `None` when it is known everywhere.
+/// The note on tiles without a standard error; `None` when all have one.
 pub(crate) fn gaps(metadata: &ImageMetadata) -> Option<String> {
     let (known, tiles) = (metadata.tiles_with_standard_error() as usize, metadata.tile_passes.len());
     if known == tiles {
@@ -33,7 +33,8 @@ pub(crate) fn gaps(metadata: &ImageMetadata) -> Option<String> {
         format!("no tile has a standard error: each has less than two blocks of {block} samples")
     } else {
         format!(
-            "{known} of {tiles} tiles have a standard error: the others have less than two blocks of {block} samples, and zeros \
+            "{known} of {tiles} tiles have a standard error: the others have less than two blocks of {block} \
+             samples, and zeros \
              in its place"
         )
     })
@@ -44,13 +45,13 @@ pub(crate) fn note_of_gaps(metadata: &ImageMetadata) -> Option<String> {
     gaps(metadata).map(|gaps| format!("Standard error: {gaps}"))
 }
 
-/// Says that the noise of a reference is known in some of its tiles only, so that too little of it is taken off the error.
+/// The note that the noise of a reference is known in some tiles only, so that the corrected error is too large.
 pub(crate) fn reference_gaps(reference: &FrameImage) -> Option<String> {
     let metadata = reference.metadata().filter(|metadata| metadata.tiles_with_standard_error() > 0)?;
     gaps(metadata).map(|gaps| format!("Of the reference, {gaps}; the corrected MSE is too large by their noise"))
 }
 
-/// What to set so that there is a standard error.
+/// Settings that give a standard error.
 fn ways_out(sampling: Sampling, samples: u32) -> String {
     let more = format!("--spp {} or more", sampling.samples_per_block().saturating_mul(2));
     let pass = sampling.samples_per_pass();

@@ -16,34 +16,34 @@ use crate::failure::Failure;
 use crate::image_file::read_reference;
 use crate::progress::upload_bar;
 
-/// How often an upload is repeated, with pauses of one second and more.
+/// Repetitions of an upload, with pauses of one second and more.
 const UPLOAD_REPETITIONS: usize = 5;
 
-/// How often a submission is repeated to a coordinator that is busy, with pauses of five seconds and more: for about half an hour.
+/// Repetitions of a submission to a busy coordinator, with pauses of five seconds and more: about half an hour.
 const BUSY_REPETITIONS: usize = 30;
 
-/// How a scene is to be rendered.
+/// How a scene is rendered.
 #[derive(Debug)]
 pub(crate) struct Order {
     pub(crate) name: Option<String>,
     pub(crate) samples_per_pixel: u32,
     pub(crate) time_limit_ms: Option<i64>,
     pub(crate) targets: Targets,
-    /// Whether passes are shared out among the tiles by their noise.
+    /// Whether the job is adaptive.
     pub(crate) adaptive: bool,
     pub(crate) tile_size: u32,
     pub(crate) priority: i32,
-    /// The reference image, whole.
+    /// The file of the reference image.
     pub(crate) reference: Option<Asset>,
 }
 
-/// Reads the reference for images of a scene, to be sent as it is.
+/// Reads the reference for images of a scene, as bytes to send.
 pub(crate) fn reference_asset(file: Option<&Path>, bundle: &SceneBundle) -> Result<Option<Asset>, Failure> {
     let reference = file.map(|file| read_reference(file, bundle.description().film)).transpose()?;
     Ok(reference.map(|(bytes, _)| Asset::new(bytes)))
 }
 
-/// Submits a job, and uploads what the coordinator does not have yet.
+/// Submits a job, and uploads the files that the coordinator lacks.
 pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order: Order) -> Result<JobView, Failure> {
     let scene = serde_json::from_str(&canonical_json(bundle.description())).expect("canonical JSON is JSON");
     let assets = bundle.assets().iter().map(|(name, asset)| (name.clone(), wire_hash(asset))).collect();
@@ -66,7 +66,7 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
         Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,
         answer => return answer.map_err(|error| connection.failure(error)),
     };
-    // A hash that is not ours cannot be helped; the second attempt says what is wrong with it.
+    // A hash of another file cannot be uploaded; the second submission says what is wrong.
     let missing: Vec<(ContentHash, &Asset)> =
         missing.into_iter().filter_map(|hash| Some((hash, *contents.get(&hash)?))).collect();
     let size = |asset: &Asset| asset.bytes().len() as u64;
@@ -75,9 +75,9 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
     for (hash, asset) in missing {
         bar.suspend(|| info!(%hash, bytes = size(asset), "uploading"));
         let content = Bytes::copy_from_slice(asset.bytes());
-        // The coordinator has answered once, so what fails now may well pass.
+        // The coordinator has answered once, so a failure may be transient.
         let upload = || {
-            // What an earlier attempt sent does not count.
+            // Bytes of an earlier attempt do not count.
             bar.set_position(uploaded);
             let bar = bar.clone();
             connection.client.upload_asset(&hash, content.clone(), move |bytes| bar.inc(bytes))
@@ -97,7 +97,7 @@ pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order:
     asked(connection, &submission).await.map_err(|error| connection.failure(error))
 }
 
-/// Asks a coordinator to take a job. It looks at the whole scene before it answers.
+/// Submits a job. The coordinator checks the whole scene before it answers.
 async fn asked(connection: &Connection, submission: &JobSubmission) -> Result<JobView, ClientError> {
     let activity = Activity::begin("Waiting for the coordinator, which checks the scene");
     let answer = send(connection, submission).await;
@@ -107,7 +107,7 @@ async fn asked(connection: &Connection, submission: &JobSubmission) -> Result<Jo
     answer
 }
 
-/// Sends a submission, again and again where the coordinator says that it is too busy to look at it: then it has not become a job.
+/// Sends a submission. It is repeated while the coordinator is too busy to look at it, since no job exists then.
 async fn send(connection: &Connection, submission: &JobSubmission) -> Result<JobView, ClientError> {
     let is_busy = |error: &ClientError| match error {
         ClientError::Problem { problem, retry_after } => {

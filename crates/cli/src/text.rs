@@ -26,7 +26,7 @@ fn escaped(text: &str, is_kept: impl Fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(escaped)
 }
 
-/// One line of JSON that does not steer the terminal. Such characters occur inside strings only, where an escape is equal.
+/// One line of JSON that does not steer the terminal. Such characters occur in strings only, where an escape is equal.
 pub(crate) fn printable_json(json: &str) -> String {
     let mut text = String::with_capacity(json.len());
     for character in json.chars() {

@@ -1,4 +1,4 @@
-//! Numbers of threads that a user gives: options, environment and configuration files have one range.
+//! Numbers of threads, with one range for options, environment and configuration files.
 
 use std::num::NonZeroUsize;
 use std::str::FromStr;
@@ -6,7 +6,7 @@ use std::thread::available_parallelism;
 
 use serde::Deserialize;
 
-/// Most threads that render in one process. No machine has more cores, and idle threads look for work among all others.
+/// Most threads that render in one process. No machine has more cores, and idle threads cost time.
 const MOST_THREADS: usize = 1024;
 
 /// A number of threads that render.
@@ -14,13 +14,13 @@ const MOST_THREADS: usize = 1024;
 #[serde(try_from = "i64")]
 pub(crate) struct ThreadCount(NonZeroUsize);
 
-/// A number that is out of range.
+/// A number out of range.
 #[derive(Debug, thiserror::Error)]
 #[error("expected a whole number of threads, 1 to {MOST_THREADS}")]
 pub(crate) struct InvalidThreadCount;
 
 impl ThreadCount {
-    /// A thread for each core that this process may use.
+    /// One thread for each core that this process may use.
     pub(crate) fn of_cores() -> Self {
         Self(NonZeroUsize::new(MOST_THREADS).map_or(cores(), |most| cores().min(most)))
     }

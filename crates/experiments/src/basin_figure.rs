@@ -73,7 +73,8 @@ impl BasinFigure<'_> {
         let [left, right] = [self.part.min.x, self.part.max.x].map(millimetres);
         let [low, high] = [self.part.min.y, self.part.max.y].map(millimetres);
         Ok(format!(
-            "<svg width=\"{size}\" height=\"{size}\" viewBox=\"0 0 {size} {size}\" xmlns=\"http://www.w3.org/2000/svg\" \
+            "<svg width=\"{size}\" height=\"{size}\" viewBox=\"0 0 {size} {size}\" \
+             xmlns=\"http://www.w3.org/2000/svg\" \
              font-family=\"sans-serif\" font-size=\"13\">\n<rect width=\"{size}\" height=\"{size}\" fill=\"white\"/>\n\
              <text x=\"{middle}\" y=\"30\" text-anchor=\"middle\" font-size=\"17\">{title}</text>\n\
              <image x=\"{MARGIN}\" y=\"{MARGIN}\" width=\"{EDGE}\" height=\"{EDGE}\" preserveAspectRatio=\"none\" \

@@ -1,7 +1,8 @@
-//! `basins`: FNEE paper, figures 5 and 13. To which path the solvers converge from each start.
+//! `basins`: FNEE paper, figures 5 and 13. The path to which the solvers converge from each start.
 //!
-//! The starts are the points of the pane with `u1 = u2`, `v1 = v2`, as in the paper: a plane through the four-dimensional
-//! space of starts. Beside the shares of that plane stand those of the seeds that each method really draws.
+//! The starts are the points of the pane with `u1 = u2` and `v1 = v2`, as in the paper: a plane through the
+//! four-dimensional space of starts. The report has the shares of that plane, and beside them the shares of the seeds
+//! that each method draws.
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{FrameImage, ImageLayers, SampleStream, SamplerSettings};
@@ -33,10 +34,10 @@ use crate::text::counted;
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     name: "basins",
     title: "Convergence basins of the solvers (FNEE paper, figures 5 and 13)",
-    question: "For one point O and one point S of the light, every point of the pane starts each solver on both faces at \
-               once (u1 = u2, v1 = v2), and is coloured by the path to which it converges. Huan et al. 2023 show three paths \
-               through a blown glass profile, whose basins are highly irregular and nearly cover the pane, and a finely \
-               detailed pane with many. The paper gives pictures and no numbers.",
+    question: "For one point O and one point S of the light, every point of the pane starts each solver on both faces \
+               at once (u1 = u2, v1 = v2), and is coloured by the path to which it converges. Huan et al. 2023 show \
+               three paths through a blown glass profile, whose basins are highly irregular and nearly cover the pane, \
+               and a finely detailed pane with many. The paper gives pictures and no numbers.",
     defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: None, renders: false },
     run,
 };
@@ -47,7 +48,7 @@ const CANDIDATES: u32 = 48;
 /// Seeds of the kind that a method draws, from which its probabilities are estimated.
 const SEEDS: u32 = 20_000;
 
-/// The close-up shows so many times the extent of the paths found.
+/// The close-up shows this many times the extent of the found paths.
 const CLOSE_UP: f64 = 1.6;
 
 /// What is solved for.
@@ -95,11 +96,13 @@ const COLUMNS: [Column; 11] = [
     ),
     column(
         "path",
-        "the path to which it converges, numbered by what carries most light; other: something that is no path of light through this pane; none: it does not converge",
+        "the path to which it converges, numbered by what carries most light; other: something that is no path of \
+         light through this pane; none: it does not converge",
     ),
     column(
         "kind",
-        "whether the optical length of the path is a minimum, a saddle or a maximum, with the stiff coordinates eliminated",
+        "whether the optical length of the path is a minimum, a saddle or a maximum, with the stiff coordinates \
+         eliminated",
     ),
     column("x", "where the path crosses the near face, tangential coordinate in the pane, m"),
     column("y", "where the path crosses the near face, tangential coordinate in the pane, m"),
@@ -107,7 +110,8 @@ const COLUMNS: [Column; 11] = [
     column("share_of_close_up", "share of the starts in the close-up that converge to it"),
     column(
         "share_of_seeds",
-        "share of 20000 seeds as the method draws them that converge to it: fnee published uniform in [0, 1]^4, fnee complete uniform in the deflection window, sms uniform on the near face",
+        "share of 20000 seeds as the method draws them that converge to it: fnee published uniform in [0, 1]^4, fnee \
+         complete uniform in the deflection window, sms uniform on the near face",
     ),
     column("expected_trials", "1 / share_of_seeds: the trials that an estimate of the inverse probability takes"),
     column("height_evaluations_per_call", "height evaluations for each of these seeds"),
@@ -150,7 +154,8 @@ fn run(session: &mut Session) -> Result<Report, ExperimentError> {
     Ok(report)
 }
 
-/// Where the paper looks: a point with three paths, as far from the border of their pane as there is, and one with as many as there are.
+/// The places of the paper: a point with three paths, as far from the border of their pane as possible, and a point
+/// with the most paths.
 fn problems(scene: &Scene) -> Vec<Problem<'_>> {
     let candidates = candidates(scene);
     let off_centre = |paths: &[Root]| paths.iter().map(|path| path.theta[0]).sum::<DVec2>().length();

@@ -1,5 +1,5 @@
-//! Variants compared on one scene: renders with several seeds to the same times, and what they say about error, bias and
-//! cost in each part of the picture.
+//! Variants compared on one scene. Renders with several seeds at the same times give error, bias and cost in each part
+//! of the picture.
 
 use clerestory_film::counters::Counters;
 use clerestory_film::decomposition::{Decomposition, decompose, mean, standard_error};
@@ -132,12 +132,14 @@ const SUMMARY_COLUMNS: [Column; 23] = [
     column("core_seconds", "time that all cores together spent on them, mean over the seeds, s"),
     column(
         "mse",
-        "1/N sum (x - r)^2 over the pixels and channels of the region less the noise of the reference, mean over the seeds",
+        "1/N sum (x - r)^2 over the pixels and channels of the region less the noise of the reference, mean over the \
+         seeds",
     ),
     column("mse_standard_error", "standard error of mse by the spread of the seeds"),
     column(
         "rel_mse",
-        "1/N sum (x - r)^2 / (r^2 + 0.01 m^2), m being the mean of |r| over the region, less the noise of the reference; mean over the seeds",
+        "1/N sum (x - r)^2 / (r^2 + 0.01 m^2), m being the mean of |r| over the region, less the noise of the \
+         reference; mean over the seeds",
     ),
     column(
         "rel_mse_standard_error",
@@ -165,9 +167,9 @@ impl Comparison {
         variants.len() * session.settings.seeds as usize
     }
 
-    /// Renders every variant of every case with every seed until the longest time, and measures at each.
+    /// Renders every variant of every case with every seed until the longest time, and measures at each time.
     ///
-    /// With one seed after the other, so that a machine that becomes slower meanwhile does so for all cases and variants.
+    /// Seeds come one after the other, so that a machine that becomes slower affects all cases and variants.
     pub(crate) fn run(
         &mut self,
         session: &mut Session,
@@ -365,7 +367,8 @@ impl<'a> Parts<'a> {
             let rel_mse = rel_mses.as_deref().map(|values| mean(values) - noise.mean);
             let rel_mse_standard_error =
                 rel_mses.as_deref().and_then(standard_error).zip(rel_mse).map(|(spread, error)| {
-                    // Errors of the reference also count times those of the renders, twice, and the same in three channels.
+                    // Errors of the reference also multiply those of the renders, twice, and are equal in three
+                    // channels.
                     let product = 2.0 * (3.0 * error.max(0.0) * noise.mean / part.numbers.len() as f64).sqrt();
                     spread.hypot(noise.deviation).hypot(product)
                 });
@@ -416,8 +419,8 @@ fn numbers(image: &FrameImage) -> Vec<f64> {
     image.layers().mean.as_flattened().iter().map(|number| f64::from(*number)).collect()
 }
 
-/// Standard error of the mean of an image's numbers: pixels are independent, and the channels of one are taken to be off
-/// in the same direction.
+/// Standard error of the mean of an image's numbers. Pixels are independent. The channels of a pixel are assumed to
+/// deviate in the same direction.
 fn mean_standard_error(image: &FrameImage) -> f64 {
     let Some(errors) = &image.layers().standard_error else { return 0.0 };
     let squares: f64 = errors.iter().map(|error| error.iter().map(|&one| f64::from(one)).sum::<f64>().powi(2)).sum();

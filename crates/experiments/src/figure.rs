@@ -40,8 +40,7 @@ pub(crate) struct Figure {
 /// Width and height of a figure, in CSS pixels.
 const SIZE: (u32, u32) = (620, 440);
 
-/// Colours that people with any kind of colour vision can tell apart (Okabe and Ito 2008), and four more that differ from those of their
-/// hue in how dark they are.
+/// Colours that differ under any kind of colour vision (Okabe and Ito 2008), and four more of other lightness.
 const COLOURS: [RGBColor; 12] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -60,8 +59,7 @@ const COLOURS: [RGBColor; 12] = [
 /// Space around the points, as a factor.
 const MARGIN: f64 = 1.3;
 
-/// Space for the legend to the right of the points, as a part of their range on the logarithmic axis, and as a factor at
-/// the least.
+/// Space for the legend to the right of the points: a part of their range on the logarithmic axis, and a least factor.
 const LEGEND: (f64, f64) = (0.42, 1.5);
 
 impl Figure {

@@ -20,10 +20,11 @@ use crate::variant::Variant;
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     name: "fine-detail",
     title: "Light lost behind finely detailed glass (FNEE paper, figure 12)",
-    question: "The pane with fine detail is rendered with estimates of inverse probabilities cut off after N_max trials. Huan et \
-               al. 2023 show unnaturally dark caustics and explain them by N_max being too low for small basins; the paper gives \
-               a picture and no numbers. The published line search finds saddles and maxima, too, but so rarely that their \
-               basins are the smallest: how far a larger N_max mends that is measured here.",
+    question: "The pane with fine detail is rendered with estimates of inverse probabilities cut off after N_max \
+               trials. Huan et al. 2023 show unnaturally dark caustics and explain them by N_max being too low for \
+               small basins; the paper gives a picture and no numbers. The published line search finds saddles and \
+               maxima, too, but so rarely that their basins are the smallest: how far a larger N_max mends that is \
+               measured here.",
     defaults: Defaults {
         times: Some(&[4.0]),
         seeds: Some(5),
@@ -40,8 +41,7 @@ const TRIALS: [u32; 4] = [10, 100, 1000, 10_000];
 /// Distances between dimples, metres, at equal slopes.
 const WAVELENGTHS: [(&str, f64); 2] = [("dimples 15 mm apart", 0.015), ("dimples 7.5 mm apart", 0.0075)];
 
-/// The solvers and their names. There is one pane, and both look at it: what a choice of panes would leave to chance is not
-/// what is lost here.
+/// The solvers and their names. There is one pane, and both search it, so the choice of panes loses nothing.
 const SOLVERS: [(&str, FneeSolver); 2] = [("published", FneeSolver::Published), ("complete", FneeSolver::Complete)];
 
 fn variant((name, solver): (&str, FneeSolver), trials: u32) -> Variant {
@@ -71,7 +71,8 @@ fn run(session: &mut Session) -> Result<Report, ExperimentError> {
     Ok(report)
 }
 
-/// The window with its fine pane alone, whose dimples have another distance and the same slopes, seen where its light falls.
+/// The window with its fine pane alone. Its dimples have another distance and the same slopes, and the camera sees its
+/// light.
 fn fine_pane(window: &SceneBundle, distance: f64) -> Result<SceneBundle, SceneError> {
     let mut description: SceneDescription = window.description().clone();
     description.panes.retain(|pane| pane.name == "fine");

@@ -19,15 +19,17 @@ use crate::variant::Variant;
 /// Granizo-Hidalgo and Holzschuch 2024, section 5.
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     name: "flicker",
-    title: "Noise between the frames of an animation, along the conic and by manifold sampling (conic paper, section 5)",
-    question: "The floor of a pool is seen straight from above while the waves move on in slow motion. Frames are rendered along the \
-               conic at one sample for each pixel, and by specular manifold sampling in the same time. What a pixel does \
-               from frame to frame that is not a straight line is noise, but for what the waves themselves do, which frames of many \
-               samples show. Noise is stated against the brightness of a method's own frames and against that of all light: a \
-               method that misses light is dark, and its noise is small for that. A frame's time is that of its samples and of \
-               what a method prepares for it, such as the tree of conic. Granizo-Hidalgo and Holzschuch 2024 say that their caustics are free of noise, and coherent over \
-               the frames of an animation. Each is rendered with the same random numbers in all frames, as one would to \
-               keep noise still, and with others in each.",
+    title: "Noise between the frames of an animation, along the conic and by manifold sampling (conic paper, section \
+            5)",
+    question: "The floor of a pool is seen straight from above while the waves move on in slow motion. Frames are \
+               rendered along the conic at one sample for each pixel, and by specular manifold sampling in the same \
+               time. What a pixel does from frame to frame that is not a straight line is noise, but for what the \
+               waves themselves do, which frames of many samples show. Noise is stated against the brightness of a \
+               method's own frames and against that of all light: a method that misses light is dark, and its noise is \
+               small for that. A frame's time is that of its samples and of what a method prepares for it, such as the \
+               tree of conic. Granizo-Hidalgo and Holzschuch 2024 say that their caustics are free of noise, and \
+               coherent over the frames of an animation. Each is rendered with the same random numbers in all frames, \
+               as one would to keep noise still, and with others in each.",
     defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: Some(256), renders: true },
     run,
 };
@@ -72,12 +74,14 @@ const COLUMNS: [Column; 11] = [
     column("light", "brightness, the mean radiance over pixels and frames, over that of converged frames by conic"),
     column(
         "flicker",
-        "root mean square of the second differences between frames, divided by the square root of 6, over the method's own \
+        "root mean square of the second differences between frames, divided by the square root of 6, over the \
+         method's own \
          brightness: the standard deviation of independent noise",
     ),
     column(
         "noise",
-        "the same without what the waves do: the root of the difference to the square for converged frames by conic. Of \
+        "the same without what the waves do: the root of the difference to the square for converged frames by conic. \
+         Of \
          a method that misses light, the waves are taken to move the rest as much; flicker is what it is at the most",
     ),
     column(
@@ -112,7 +116,7 @@ fn run(session: &mut Session) -> Result<Report, ExperimentError> {
     for variant in &variants {
         costs.push(Cost::of(session, &bundles[0], variant)?);
     }
-    // One sample along the conic, and what others can do in that time.
+    // One sample along the conic, and the samples of other methods in the same time.
     let frame_seconds = costs[0].preparation + costs[0].sample;
     let mut rows = Vec::new();
     let mut curves = vec![curve("conic, converged", &converged.frames, 0)];
@@ -177,7 +181,7 @@ impl Cost {
         Ok(Self { preparation: measure::preparation_seconds(session, &bundle)?, sample })
     }
 
-    /// Samples of each pixel for which there is time in a frame that takes so long: at least a hundredth.
+    /// Samples of each pixel that fit into a frame of this time: at least a hundredth.
     fn samples_in(&self, seconds: f64) -> f64 {
         ((seconds - self.preparation) / self.sample).max(0.01)
     }
@@ -190,7 +194,8 @@ fn frame_bundle(session: &Session, frame: u32) -> Result<SceneBundle, Experiment
     computed_pool(&settings, session.settings.size).map_err(failure)
 }
 
-/// Renders each frame with so many samples, the first with the seed 1 and each other one with the seed before it and `step`.
+/// Renders each frame with `samples` samples. The first frame has the seed 1, and each later one the seed before it
+/// plus `step`.
 fn animation(
     session: &mut Session,
     bundles: &[SceneBundle],
@@ -219,8 +224,8 @@ fn brightness(frames: &[Vec<f64>]) -> f64 {
     pixels.clone().sum::<f64>() / pixels.count() as f64
 }
 
-/// Standard deviation of the noise of a pixel over its mean, by the second differences between frames: the sum of the squares of
-/// their coefficients 1, -2 and 1 is 6, and what changes evenly has none.
+/// Standard deviation of the noise of a pixel over its mean, by the second differences between frames. Their
+/// coefficients 1, -2 and 1 have 6 as the sum of squares, and an even change has no second difference.
 fn flicker(frames: &[Vec<f64>]) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for three in frames.windows(3) {
@@ -249,7 +254,8 @@ fn statements(rows: &[Row], motion: f64) -> Vec<String> {
         let first = rows.iter().find(|first| first.random_numbers == row.random_numbers);
         let ratio = |value: fn(&Row) -> f64| rounded_number(first.map_or(f64::NAN, |first| value(row) / value(first)));
         statements.push(format!(
-            "{}, random numbers {}: noise of {} percent of its brightness and {} of that of all light with {} samples in {} core seconds; at equal time {} and {} times those of conic.",
+            "{}, random numbers {}: noise of {} percent of its brightness and {} of that of all light with {} \
+             samples in {} core seconds; at equal time {} and {} times those of conic.",
             row.variant,
             row.random_numbers,
             percent(row.noise),

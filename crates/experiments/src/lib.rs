@@ -1,14 +1,14 @@
 //! Experiments: the comparisons of the papers, measured again by one command each.
 //!
-//! An [`Experiment`] renders scenes that are part of the program with several variants of the integrators. It turns the
-//! measurements into a report: JSON, CSV, OpenEXR images and a page with figures. The program around it provides a [`Host`],
-//! which shows progress, writes files and passes renders on to a farm.
+//! An [`Experiment`] renders embedded scenes with several variants of the integrators, and turns the measurements into
+//! a report: JSON, CSV, OpenEXR images and a page with figures. The program around it provides a [`Host`], which shows
+//! progress, writes files and passes renders on to a farm.
 //!
 //! - `scenes`, `variant`: the scenes, and the integrators with their settings;
 //! - `reference`, `region`: images without bias, and parts of an image whose errors are stated apart;
 //! - `measure`, `farm`, `snapshot`: renders for a time or a number of samples, here or on a farm;
 //! - `comparison`: variants at equal time;
-//! - `report`, `table`, `figure`, `page`, `files`: what an experiment writes.
+//! - `report`, `table`, `figure`, `page`, `files`: the report and its files.
 
 mod adaptive;
 mod basin_figure;

@@ -14,14 +14,14 @@ use crate::variant::Variant;
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     name: "manifold",
     title: "Specular manifold sampling, biased and unbiased (SMS paper, figure 18; lecture, swimming pool)",
-    question: "A slab of glass and a pool of water are rendered by specular manifold sampling with M = 1, 4 and 16 trials, and \
-               without bias, for the same time, beside the other methods. Zeltner et al. 2020 show such a slab after 5 minutes \
-               with M = 1, 2, 4 and 8, and the lecture a pool after 5 minutes with M = 4 (28 samples a pixel), without bias (52) \
-               and by path tracing (976); neither states errors. Biased images are too dark: a path found with probability p \
-               lacks the part (1 - p)^M of its light. From each point the slab has one path to the light; the caustic of the \
-               pool folds, and where it does, points have three paths or more. Methods that know panes only are left out of the \
-               pool. Its lamp is so small that path tracing, and what mnee leaves to it, looks dark until it has had its rare \
-               bright finds.",
+    question: "A slab of glass and a pool of water are rendered by specular manifold sampling with M = 1, 4 and 16 \
+               trials, and without bias, for the same time, beside the other methods. Zeltner et al. 2020 show such a \
+               slab after 5 minutes with M = 1, 2, 4 and 8, and the lecture a pool after 5 minutes with M = 4 (28 \
+               samples a pixel), without bias (52) and by path tracing (976); neither states errors. Biased images are \
+               too dark: a path found with probability p lacks the part (1 - p)^M of its light. From each point the \
+               slab has one path to the light; the caustic of the pool folds, and where it does, points have three \
+               paths or more. Methods that know panes only are left out of the pool. Its lamp is so small that path \
+               tracing, and what mnee leaves to it, looks dark until it has had its rare bright finds.",
     defaults: Defaults {
         times: Some(&[1.0, 2.0, 4.0, 8.0]),
         seeds: Some(5),
@@ -46,7 +46,7 @@ const SETTINGS: [Setting; 2] = [
     Setting { file: &POOL, name: "pool", others: || vec![Variant::conic(), Variant::path()] },
 ];
 
-/// Walks over water do not leave it, so that only through panes there are others than the published ones.
+/// Walks over water never leave it, so only walks through panes differ from the published ones.
 fn of_panes() -> Vec<Variant> {
     vec![Variant::sms_published(), Variant::sms_published_biased(1), Variant::fnee(), Variant::cone()]
 }

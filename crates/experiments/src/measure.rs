@@ -15,8 +15,8 @@ use crate::session::Session;
 use crate::snapshot::Snapshot;
 use crate::variant::Variant;
 
-/// Renders until each of the times, in seconds, is reached: here by whole passes of one render, on a farm as one job for
-/// each time, which measures its own error against the reference.
+/// Renders until each of the times, in seconds. This process renders whole passes of one render. A farm renders one job
+/// for each time, and measures its error against the reference.
 pub(crate) fn until(
     session: &mut Session,
     bundle: &SceneBundle,
@@ -42,9 +42,10 @@ pub(crate) fn until(
     Ok(snapshots)
 }
 
-/// Renders each of some numbers of samples in each pixel, ascending, until that has taken so many core seconds, and the first in any
-/// case: here by whole passes of one render, on a farm as one job for each number. Building the scene, with what the integrator
-/// looks things up in, does not count: [`preparation_seconds`] says how long that takes.
+/// Renders ascending numbers of samples in each pixel, until `core_seconds` are spent; the first number is always
+/// rendered. This process renders whole passes of one render, and a farm one job for each number.
+///
+/// The time to build the scene does not count; [`preparation_seconds`] measures it.
 pub(crate) fn counts(
     session: &mut Session,
     bundle: &SceneBundle,
@@ -80,7 +81,7 @@ pub(crate) fn counts(
     Ok(snapshots)
 }
 
-/// Renders so many samples in each pixel, rounded up to whole passes.
+/// Renders `samples` samples in each pixel, rounded up to whole passes.
 pub(crate) fn samples(session: &mut Session, bundle: &SceneBundle, samples: u32) -> Result<Snapshot, ExperimentError> {
     if farm::is_there(session) {
         return farm::render(session, bundle, Amount::Samples(samples), None);
@@ -96,19 +97,19 @@ pub(crate) fn samples(session: &mut Session, bundle: &SceneBundle, samples: u32)
     render.snapshot(session)
 }
 
-/// How many passes each tile gets.
+/// How passes are shared out among tiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Sharing {
-    /// All get the same.
+    /// Every tile gets the same.
     Even,
-    /// They are shared out by the noise of a pilot.
+    /// By the noise of a pilot.
     ByNoise,
 }
 
-/// Edge of a tile where passes are shared out among them, in pixels: as many tiles in a small picture as in a large one.
+/// Edge of a tile in an adaptive render, in pixels: a small picture then has as many tiles as a large one.
 const SHARED_TILE: u32 = 8;
 
-/// Renders so many samples in each pixel, or in those that get most, in this process. The time is that of the pilot, too.
+/// Renders `samples` samples in each pixel, or in the noisiest tiles, in this process. The time includes the pilot.
 pub(crate) fn shared(
     session: &Session,
     bundle: &SceneBundle,
@@ -145,8 +146,7 @@ pub(crate) fn shared(
     })
 }
 
-/// Core seconds that it takes to build a scene, with all that is computed for it: what an animation does for each frame before it
-/// renders.
+/// Core seconds to build a scene: the work of an animation for each frame before it renders.
 pub(crate) fn build_seconds(session: &Session, bundle: &SceneBundle) -> Result<f64, ExperimentError> {
     let clocks = Clocks::now();
     let build_scene = session.build_scene;
@@ -155,11 +155,11 @@ pub(crate) fn build_seconds(session: &Session, bundle: &SceneBundle) -> Result<f
     Ok(clocks.spent(session.settings.threads.get()).core.as_secs_f64())
 }
 
-/// How often a scene is built to learn how long that takes.
+/// Repetitions of a build whose time is measured.
 const BUILDS: u32 = 5;
 
-/// Core seconds in which an integrator makes what it looks things up in, such as the tree of `conic`, once for each frame of an
-/// animation: by how much longer the scene takes to build than for path tracing alone, the shortest of some times in turns.
+/// Core seconds in which an integrator prepares its search, such as the tree of `conic`, once for each frame. It is the
+/// difference to a build for path tracing alone, by the shortest of several builds in turn.
 pub(crate) fn preparation_seconds(session: &Session, bundle: &SceneBundle) -> Result<f64, ExperimentError> {
     let description = bundle.description();
     let path = Variant::path().integrator(&description.integrator);
@@ -195,7 +195,7 @@ struct Render<'a> {
     plan: &'a PassPlan,
     film: LocalFilm<'a>,
     passes: u32,
-    /// Spent on passes; looking at the picture meanwhile does not count.
+    /// Time of passes, without the time of snapshots.
     spent: Spent,
 }
 

@@ -15,7 +15,8 @@ use crate::text::{counted, escaped};
 const STYLE: &str = "\
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 1300px; margin: 2rem auto; padding: 0 1rem }
 h1 { font-size: 1.6rem } h2 { font-size: 1.2rem; margin-top: 2rem }
-.flow { display: flex; flex-wrap: wrap; gap: 1rem } figure { margin: 0 } figcaption { font-size: .9rem; color: #555; max-width: 256px }
+.flow { display: flex; flex-wrap: wrap; gap: 1rem } figure { margin: 0 }
+figcaption { font-size: .9rem; color: #555; max-width: 256px }
 svg { max-width: 100%; height: auto } img { width: 256px; image-rendering: pixelated }
 .wide { overflow-x: auto } table { border-collapse: collapse; font-size: .85rem }
 th, td { padding: .15rem .6rem; border-bottom: 1px solid #ddd; text-align: right; white-space: nowrap }

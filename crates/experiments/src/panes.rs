@@ -18,10 +18,11 @@ use crate::variant::Variant;
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     name: "panes",
     title: "Cost and error with 4 to 256 panes (FNEE paper, figure 11)",
-    question: "A stone nave with 4, 16, 64 and 256 panes in the same windows is rendered by each method for the same time. Huan \
-               et al. 2023 show an interior after 100 s and say that the speed of FNEE \"remains practically constant with the \
-               number of windows used\", while SMS with a random choice of panes suffers; the paper gives pictures and no \
-               numbers. What a method costs whatever the time is its variance times its time.",
+    question: "A stone nave with 4, 16, 64 and 256 panes in the same windows is rendered by each method for the same \
+               time. Huan et al. 2023 show an interior after 100 s and say that the speed of FNEE \"remains \
+               practically constant with the number of windows used\", while SMS with a random choice of panes \
+               suffers; the paper gives pictures and no numbers. What a method costs whatever the time is its variance \
+               times its time.",
     defaults: Defaults {
         times: Some(&[4.0]),
         seeds: Some(5),
@@ -163,7 +164,8 @@ fn growth(rows: &[Row], variant: &Variant) -> Option<String> {
     let fewest = of_variant.next()?;
     let most = of_variant.next_back()?;
     Some(format!(
-        "{}: from {} to {} panes, variance times time grows by a factor of {} (relative to the square of the light, {}), \
+        "{}: from {} to {} panes, variance times time grows by a factor of {} (relative to the square of the light, \
+         {}), \
          core seconds for each sample by {}, height evaluations for each sample by {}.",
         variant.name,
         fewest.panes,

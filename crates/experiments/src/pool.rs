@@ -1,7 +1,7 @@
-//! `pool`: conic paper, section 5. How long specular manifold sampling takes to errors that the walk along the conic reaches.
+//! `pool`: conic paper, section 5. How long specular manifold sampling takes to the errors of the walk along the conic.
 //!
-//! Each method is rendered with several numbers of samples ([`Method`]), whose errors are one table ([`Measured`]). How long the
-//! methods along the conic take to the same errors ([`equal`]) is the other.
+//! Each method is rendered with several numbers of samples ([`Method`]); one table has their errors ([`Measured`]). The
+//! other has the times of the methods along the conic to the same errors ([`equal`]).
 
 mod equal;
 mod measured;
@@ -29,14 +29,16 @@ use crate::variant::Variant;
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     name: "pool",
     title: "Time to equal error in a pool, along the conic and by manifold sampling (conic paper, section 5)",
-    question: "A pool is rendered along the conic, by the published walk to the first path and by all paths over the water, with and without rays to where it focuses the lamp, and by \
-               specular manifold sampling, biased with M = 1 to 32 trials and without bias. Granizo-Hidalgo and Holzschuch 2024 \
-               compare pictures of one sample a pixel and find their walk 6 times as fast as biased manifold sampling of the same \
-               quality, and more than 100 times as fast as 256 unbiased samples. Here unbiased sampling is rendered with 1, 4, 16, \
-               64 and 256 samples a pixel, as there, and all else with 1, 2, 4 and so on up to 256, until a render has taken the \
-               longest of the times, in core seconds. The error that biased sampling ends with is mostly bias, which more time does not \
-               mend: what counts is when it first comes within 5 percent of it. Each time is that of the samples and of what a method \
-               prepares once for each frame, such as the tree of conic.",
+    question: "A pool is rendered along the conic, by the published walk to the first path and by all paths over the \
+               water, with and without rays to where it focuses the lamp, and by specular manifold sampling, biased \
+               with M = 1 to 32 trials and without bias. Granizo-Hidalgo and Holzschuch 2024 compare pictures of one \
+               sample a pixel and find their walk 6 times as fast as biased manifold sampling of the same quality, and \
+               more than 100 times as fast as 256 unbiased samples. Here unbiased sampling is rendered with 1, 4, 16, \
+               64 and 256 samples a pixel, as there, and all else with 1, 2, 4 and so on up to 256, until a render has \
+               taken the longest of the times, in core seconds. The error that biased sampling ends with is mostly \
+               bias, which more time does not mend: what counts is when it first comes within 5 percent of it. Each \
+               time is that of the samples and of what a method prepares once for each frame, such as the tree of \
+               conic.",
     defaults: Defaults {
         times: Some(&[60.0]),
         seeds: Some(5),

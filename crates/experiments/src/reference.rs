@@ -1,4 +1,4 @@
-//! References: the same scene rendered with many samples, kept in the folder of the experiment for the next time.
+//! References: the same scene rendered with many samples, kept in the folder of the experiment.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,10 +19,10 @@ use crate::variant::{Variant, file_name};
 /// Seed of references; those of the variants count from 1.
 const SEED: u64 = 0;
 
-/// Blocks of samples that a reference consists of at the least: their spread is its standard error.
+/// Fewest blocks of a reference: their spread is its standard error.
 const LEAST_BLOCKS: u32 = 16;
 
-/// Samples with a scramble of their own, at the most.
+/// Most samples of a block.
 const MOST_SAMPLES_PER_BLOCK: u32 = 256;
 
 /// Samples of a pass, at the most.
@@ -51,8 +51,8 @@ pub(crate) struct ReferenceRecord {
     samples_per_pixel: u32,
     /// Mean of its numbers, W/(m2 sr).
     pub(crate) mean: f64,
-    /// Mean square of the standard error of its numbers: what it adds to the mean squared error of a variant, and what is
-    /// taken off again. Absent where it has fewer than two blocks of samples.
+    /// Mean square of the standard error of its numbers, which is subtracted from the error of a variant. Absent with
+    /// fewer than two blocks of samples.
     pub(crate) noise: Option<f64>,
     /// Hash of the scene that was rendered.
     scene_hash: String,
@@ -96,13 +96,12 @@ pub(crate) fn reference(session: &mut Session, name: &str, bundle: &SceneBundle)
     Ok(Reference { image, asset, record })
 }
 
-/// The method without bias that is the least noisy: forward sampling, or `fnee` where there is a point light, which forward
-/// sampling never meets. Both know panes only.
+/// The least noisy method without bias: `cone`, or `fnee` with a point light, which `cone` never meets. Both know panes
+/// only.
 ///
-/// Where there are none, light comes by way of smooth meshes. Over one surface, `conic` finds all of it. Over several, `sms`
-/// is the only method without bias that finds every path in each sample with a probability that does not shrink with the
-/// light: `mnee` and `path` leave some paths or all to chance, which meets a small light so rarely that a picture lacks them,
-/// and its standard error does not tell.
+/// Without panes, light comes by way of specular meshes. Over one surface, `conic` finds all of it. Over several, `sms`
+/// is the only method whose probability to find a path does not shrink with the light. `mnee` and `path` leave paths to
+/// chance, which meets a small light too rarely, and their standard error does not show that.
 fn method(scene: &SceneDescription) -> Variant {
     let is_point = |light: &LightDescription| matches!(light, LightDescription::Point(PointLight { .. }));
     let over_one_surface = match &scene.integrator {
@@ -121,7 +120,7 @@ fn method(scene: &SceneDescription) -> Variant {
     }
 }
 
-/// What is needed of an image to measure errors against it.
+/// The layers of an image that errors are measured against.
 fn bare(image: &FrameImage) -> Result<FrameImage, ExperimentError> {
     let ImageLayers { mean, standard_error, .. } = image.layers().clone();
     let layers = ImageLayers { mean, standard_error, ..ImageLayers::default() };
@@ -135,8 +134,8 @@ pub(crate) fn noise(image: &FrameImage) -> Option<f64> {
     Some(squares / errors.len() as f64)
 }
 
-/// An image of this very scene that an earlier run of this very build has left: what another one rendered may have had a
-/// fault that has been mended since. A file that is damaged is as good as none.
+/// An image of the same scene that the same build has rendered before. An image of another build may have a fault. A
+/// damaged file counts as absent.
 fn kept(session: &Session, file: &str, bundle: &SceneBundle) -> Option<FrameImage> {
     let path: PathBuf = session.folder.join(file);
     if !path.is_file() {
@@ -162,7 +161,7 @@ fn read(file: &Path) -> Result<FrameImage, ExperimentError> {
     FrameImage::decode(&bytes, BUDGET).map_err(|source| ExperimentError::Image { file: file.to_owned(), source })
 }
 
-/// Blocks as long as they may be when there are to be enough of them for a standard error.
+/// The longest blocks that are enough for a standard error.
 fn sampling(samples: u32) -> SamplingDescription {
     let longest = (samples / LEAST_BLOCKS).clamp(1, MOST_SAMPLES_PER_BLOCK);
     // The largest power of two that is no longer.

@@ -20,7 +20,7 @@ pub(crate) struct Region {
     pub(crate) pixels: Vec<usize>,
 }
 
-/// Where the straight line from what a pixel shows to a light leads first.
+/// Where the straight line from a surface point to a light leads first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Way {
     /// To this pane.
@@ -38,9 +38,9 @@ impl Region {
         Self { name: "whole picture".to_owned(), pixels: (0..pixels).collect() }
     }
 
-    /// The picture cut into the neighbourhoods of the panes' caustics: each pixel belongs to the pane in the middle of
-    /// whose straight-line shadow (the "approximate caustic area" of Huan et al. 2023, section 3.3) it is nearest. Panes
-    /// that throw no light into the picture have none.
+    /// The picture cut into the neighbourhoods of the panes' caustics. A pixel belongs to the pane whose straight-line
+    /// shadow has the nearest middle (the "approximate caustic area" of Huan et al. 2023, section 3.3). Panes that
+    /// throw no light into the picture have no region.
     pub(crate) fn of_panes(scene: &Scene) -> Vec<Self> {
         let width = scene.description().film.width;
         let place = |index: usize| DVec2::new((index % width as usize) as f64, (index / width as usize) as f64);
@@ -67,8 +67,8 @@ impl Region {
         regions.into_iter().map(|(pane, pixels)| Self { name: name(pane), pixels }).collect()
     }
 
-    /// The picture cut into what lies in the straight-line shadow of a pane and what does not: where the light would fall
-    /// without refraction, and where it bleeds to.
+    /// The picture cut into the straight-line shadow of the panes and the rest: where light would fall without
+    /// refraction, and where it bleeds to.
     pub(crate) fn by_straight_line(scene: &Scene) -> Vec<Self> {
         let ways = ways(scene);
         let of = |name: &str, is_wanted: fn(&Way) -> bool| Self {

@@ -1,4 +1,4 @@
-//! What an experiment leaves behind: JSON with everything, CSV, OpenEXR images, and a page to read.
+//! The report of an experiment: variants, references, statements, figures, tables and pictures.
 
 use clerestory_film::{FrameImage, encode_png, preview};
 use clerestory_render_core::scene::SceneBundle;
@@ -12,13 +12,13 @@ use crate::reference::{Reference, ReferenceRecord};
 use crate::table::Table;
 use crate::variant::{Variant, file_name};
 
-/// What came out of an experiment.
+/// The report of an experiment.
 #[derive(Default)]
 pub(crate) struct Report {
     pub(crate) variants: Vec<Variant>,
     pub(crate) references: Vec<ReferenceRecord>,
     pub(crate) scenes: Vec<Value>,
-    /// What the figures say, in sentences, beside the paper.
+    /// Statements on the results, beside those of the paper.
     pub(crate) statements: Vec<String>,
     /// Figures, as SVG.
     pub(crate) figures: Vec<String>,

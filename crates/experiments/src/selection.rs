@@ -17,12 +17,13 @@ use crate::variant::Variant;
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     name: "selection",
     title: "Bias of the choice of panes (FNEE paper, figure 8)",
-    question: "The window of four panes is rendered with each choice of panes: all whose deflection window is not empty; \
-               sharp, the one on the straight line to the light; bleed, one at random wherever something blocks that line. \
-               Huan et al. 2023 show that sharp loses the light that bleeds out of the shadow of the panes, and that bleed \
-               keeps it at the price of noise; the paper gives pictures and no numbers. Before a point of light, nothing else \
-               can find what the choice passes over. Before a small sphere, our path tracer owns exactly those paths, so that \
-               no choice is biased; but it meets the sphere so rarely that a short render is as dark, with rare bright finds.",
+    question: "The window of four panes is rendered with each choice of panes: all whose deflection window is not \
+               empty; sharp, the one on the straight line to the light; bleed, one at random wherever something blocks \
+               that line. Huan et al. 2023 show that sharp loses the light that bleeds out of the shadow of the panes, \
+               and that bleed keeps it at the price of noise; the paper gives pictures and no numbers. Before a point \
+               of light, nothing else can find what the choice passes over. Before a small sphere, our path tracer \
+               owns exactly those paths, so that no choice is biased; but it meets the sphere so rarely that a short \
+               render is as dark, with rare bright finds.",
     defaults: Defaults {
         times: Some(&[4.0]),
         seeds: Some(5),

@@ -17,11 +17,11 @@ use crate::variant::Variant;
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     name: "solvers",
     title: "Error against time on four profiles of old glass (FNEE paper, figures 9 and 10)",
-    question: "The window of four panes is rendered by every method for the same time, with several seeds, and compared \
-               with a reference. Huan et al. 2023 show FNEE and SMS, both with FNEE's choice of panes, after 100 s at 256 x 256 \
-               pixels: FNEE has the lower error on all four profiles. The paper gives curves and no numbers. Estimates of inverse \
-               probabilities are cut off after 1000 trials for fnee, as in the paper, and after 10 million for sms, as in its \
-               authors' scenes.",
+    question: "The window of four panes is rendered by every method for the same time, with several seeds, and \
+               compared with a reference. Huan et al. 2023 show FNEE and SMS, both with FNEE's choice of panes, after \
+               100 s at 256 x 256 pixels: FNEE has the lower error on all four profiles. The paper gives curves and no \
+               numbers. Estimates of inverse probabilities are cut off after 1000 trials for fnee, as in the paper, \
+               and after 10 million for sms, as in its authors' scenes.",
     defaults: Defaults {
         times: Some(&[1.0, 2.0, 4.0, 8.0]),
         seeds: Some(5),

@@ -1,4 +1,4 @@
-//! Tables: one definition for JSON, CSV and the page.
+//! Tables, with one definition for JSON, CSV and the page.
 
 use serde::Serialize;
 use serde_json::{Map, Value};

@@ -19,13 +19,14 @@ use crate::variant::Variant;
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     name: "table1",
     title: "Work of the solvers at 100 samples a pixel (FNEE paper, table 1)",
-    question: "The window of four panes is rendered with 100 samples a pixel, and everything that the solvers do is counted. \
-               Huan et al. 2023 state evaluations of the height field, unique solutions, and success, the ratio of the solver \
-               calls that converge to all of them, for FNEE and SMS, both with FNEE's choice of panes (the pane on the straight \
-               line), at 256 x 256 pixels. There, rays find the faces by sphere tracing, here by bounds on slopes; the rows with \
-               sphere tracing are as in the paper. Estimates of inverse probabilities are cut off after 1000 trials for fnee, as in \
-               the paper, and after 10 million for sms, as in its authors' scenes. Whether calls that estimate inverse probabilities count is not said, so success is \
-               stated in every sense that the words allow.",
+    question: "The window of four panes is rendered with 100 samples a pixel, and everything that the solvers do is \
+               counted. Huan et al. 2023 state evaluations of the height field, unique solutions, and success, the \
+               ratio of the solver calls that converge to all of them, for FNEE and SMS, both with FNEE's choice of \
+               panes (the pane on the straight line), at 256 x 256 pixels. There, rays find the faces by sphere \
+               tracing, here by bounds on slopes; the rows with sphere tracing are as in the paper. Estimates of \
+               inverse probabilities are cut off after 1000 trials for fnee, as in the paper, and after 10 million for \
+               sms, as in its authors' scenes. Whether calls that estimate inverse probabilities count is not said, so \
+               success is stated in every sense that the words allow.",
     defaults: Defaults { times: None, seeds: None, size: [256, 256], reference_samples: None, renders: true },
     run,
 };
@@ -70,20 +71,23 @@ const COLUMNS: [Column; 15] = [
     ),
     column(
         "solver_calls",
-        "starts of the solver from one seed, those of trials included (paper: total number of calls; its number is unique_solutions / success)",
+        "starts of the solver from one seed, those of trials included (paper: total number of calls; its number is \
+         unique_solutions / success)",
     ),
     column("trials", "solver calls that estimate an inverse probability"),
     column("converged", "solver calls that converged to a path, whether or not it had been found before"),
     column(
         "unique_solutions",
-        "paths that entered an estimate, told apart within it (of fnee, rays that see the light too) (paper: unique solutions discovered)",
+        "paths that entered an estimate, told apart within it (of fnee, rays that see the light too) (paper: unique \
+         solutions discovered)",
     ),
     column("truncated", "estimates of an inverse probability that were cut off at the largest number of trials"),
     column("success", "converged / solver_calls, the paper's definition by its words"),
     column("unique_per_call", "unique_solutions / solver_calls"),
     column(
         "unique_per_estimate",
-        "unique_solutions / (solver_calls - trials): how often the first seed of an estimate finds a path that carries light",
+        "unique_solutions / (solver_calls - trials): how often the first seed of an estimate finds a path that \
+         carries light",
     ),
     column("height_evaluations_per_sample", "height_evaluations for each camera sample"),
     column("height_evaluations_per_call", "height_evaluations / solver_calls"),
@@ -222,7 +226,8 @@ fn statements(rows: &[Row], suffix: &str) -> Vec<String> {
             100.0 * sms_success
         ),
         format!(
-            "Success, unique solutions over all calls{suffix}: FNEE {:.2} percent, SMS {:.2} percent; over first seeds alone: \
+            "Success, unique solutions over all calls{suffix}: FNEE {:.2} percent, SMS {:.2} percent; over first \
+             seeds alone: \
              {:.2} and {:.2} percent.",
             100.0 * number(fnee.unique_per_call),
             100.0 * number(sms.unique_per_call),

@@ -21,13 +21,14 @@ use crate::variant::Variant;
 pub(crate) const EXPERIMENT: Experiment = Experiment {
     name: "triangles",
     title: "Cost with 1000 to 2 million triangles of water (conic paper, section 5)",
-    question: "The same water of a pool is cut into more and more triangles. For each number its floor, seen straight from above, is \
-               rendered with the light that the walk along the conic finds, published and complete, and by path tracing alone, \
-               which does not find it: the difference is what the caustic costs. Granizo-Hidalgo and Holzschuch 2024 show an \
-               animated pool with up to two million triangles, whose caustic takes at most a third of the time of a frame on a GPU; \
-               the published walk should slow down with about the square root of the number. Frames of a view from above the \
-               pool, with light of all kinds at one sample for each pixel, show what the caustic adds to a picture, and to a \
-               frame of an animation, for which the water is computed and the scene built anew.",
+    question: "The same water of a pool is cut into more and more triangles. For each number its floor, seen straight \
+               from above, is rendered with the light that the walk along the conic finds, published and complete, and \
+               by path tracing alone, which does not find it: the difference is what the caustic costs. \
+               Granizo-Hidalgo and Holzschuch 2024 show an animated pool with up to two million triangles, whose \
+               caustic takes at most a third of the time of a frame on a GPU; the published walk should slow down with \
+               about the square root of the number. Frames of a view from above the pool, with light of all kinds at \
+               one sample for each pixel, show what the caustic adds to a picture, and to a frame of an animation, for \
+               which the water is computed and the scene built anew.",
     defaults: Defaults { times: None, seeds: Some(5), size: [960, 720], reference_samples: None, renders: true },
     run,
 };
@@ -214,7 +215,8 @@ fn statements(rows: &[Row]) -> Vec<String> {
         };
         if let (Some(fewest), Some(most)) = (of("floor").next(), of("floor").next_back()) {
             statements.push(format!(
-                "{}: from {} to {} triangles the caustic costs {} times as much ({} and {} microseconds for each sample, {} and {} paths).",
+                "{}: from {} to {} triangles the caustic costs {} times as much ({} and {} microseconds for each \
+                 sample, {} and {} paths).",
                 variant.name,
                 fewest.triangles,
                 most.triangles,
@@ -227,7 +229,8 @@ fn statements(rows: &[Row]) -> Vec<String> {
         }
         statements.extend(of(FRAME).map(|row| {
             format!(
-                "{}: a frame with {} triangles takes {} times as long as by path tracing alone; the caustic is {} of it, {} where the scene is built for each frame.",
+                "{}: a frame with {} triangles takes {} times as long as by path tracing alone; the caustic is {} of \
+                 it, {} where the scene is built for each frame.",
                 variant.name,
                 row.triangles,
                 rounded_number(row.ratio_to_path.unwrap_or(f64::NAN)),

@@ -12,8 +12,8 @@ const PAPER_TRIALS: u32 = 1000;
 /// Largest number of trials of unbiased `sms`, as in the scenes of its authors.
 const MANIFOLD_TRIALS: u32 = 10_000_000;
 
-/// An integrator with settings. Its `max_depth` is replaced by the scene's, and its `chains` are by those that the scene's
-/// own integrator names: which chains there are to be found is a property of the scene.
+/// An integrator with settings. The scene's `max_depth` and `chains` replace its own, because which chains exist is a
+/// property of the scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Variant {
     /// What figures and files call it.
@@ -100,7 +100,7 @@ impl Variant {
         Self::new("sms unbiased random", sms(estimator, PaneSelection::Random, WalkSteps::OnPanes))
     }
 
-    /// Biased specular manifold sampling with so many trials for every pane.
+    /// Biased specular manifold sampling with `trials` trials for every pane.
     pub(crate) fn sms_biased(trials: u32) -> Self {
         let estimator = ManifoldEstimator::Biased { trials };
         Self::new(&format!("sms biased M = {trials}"), sms(estimator, PaneSelection::All, WalkSteps::OnPanes))
@@ -112,7 +112,7 @@ impl Variant {
         Self::new(&format!("sms published M = {trials}"), sms(estimator, PaneSelection::All, WalkSteps::Published))
     }
 
-    /// Biased specular manifold sampling with so many trials and the choice of panes of the FNEE paper.
+    /// Biased specular manifold sampling with `trials` trials and the choice of panes of the FNEE paper.
     pub(crate) fn sms_biased_sharp(trials: u32) -> Self {
         let estimator = ManifoldEstimator::Biased { trials };
         Self::new(&format!("sms biased M = {trials} sharp"), sms(estimator, PaneSelection::Sharp, WalkSteps::OnPanes))

@@ -9,8 +9,6 @@
 //! darker than a thousandth of the mean luminance are left out of it, so that black surroundings do not count. In whatever pieces an image comes, the bits
 //! are the same.
 
-use super::preview::luminance;
-
 /// What the log-average luminance becomes.
 const MIDDLE_GREY: f64 = 0.18;
 
@@ -94,4 +92,9 @@ impl LogLuminance {
 /// The luminances, linear Rec. 709, of the pixels that have one.
 fn luminances(pixels: &[[f32; 3]]) -> impl Iterator<Item = f64> {
     pixels.iter().map(|pixel| luminance(*pixel)).filter(|luminance| *luminance > 0.0 && luminance.is_finite())
+}
+
+/// Luminance of linear Rec. 709.
+pub(super) fn luminance([red, green, blue]: [f32; 3]) -> f64 {
+    0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)
 }

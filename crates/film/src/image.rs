@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-use super::address::{Tile, TileGrid};
-use super::openexr::OpenExrError;
+use super::address::TileGrid;
+use super::image_error::ImageError;
+use super::image_layers::ImageLayers;
 use super::rows::{ImageRows, LayerChoice};
 use super::sampling::Sampling;
 use super::tree::TileSum;
@@ -62,26 +62,6 @@ impl ImageMetadata {
     }
 }
 
-/// The layers of an image, one entry for each pixel in rows from the top left. All values are finite.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ImageLayers {
-    /// Mean radiance of the samples, W/(m2 sr); zero where there is none.
-    pub mean: Vec<[f32; 3]>,
-    /// Standard error of the mean, `sqrt(M / (n (n - 1)))` with the second moment M of n block means. Zero at pixels
-    /// of fewer than two blocks, for which it is not known; absent when that is all of them.
-    pub standard_error: Option<Vec<[f32; 3]>>,
-    /// Samples.
-    pub samples: Option<Vec<u32>>,
-    /// Mean diffuse reflectance of what camera rays meet first.
-    pub albedo: Option<Vec<[f32; 3]>>,
-    /// Mean normal in world space of what camera rays meet first.
-    pub normal: Option<Vec<[f32; 3]>>,
-    /// Mean distance to what camera rays meet first, metres.
-    pub depth: Option<Vec<f32>>,
-    /// Means of two disjoint, independent halves of the samples.
-    pub halves: Option<[Vec<[f32; 3]>; 2]>,
-}
-
 /// A finished or unfinished image of a frame, or a reference.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameImage {
@@ -89,88 +69,6 @@ pub struct FrameImage {
     height: u32,
     layers: ImageLayers,
     metadata: Option<ImageMetadata>,
-}
-
-/// Why there is no image.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum ImageError {
-    /// The bytes are no OpenEXR file, too large, or damaged.
-    #[error(transparent)]
-    OpenExr(#[from] OpenExrError),
-    /// There is no picture in the file.
-    #[error("no part has the channels R, G and B; the channels are {found}")]
-    NoPicture {
-        /// The channels that there are.
-        found: String,
-    },
-    /// Some channels of a layer are there and some are not.
-    #[error("channel {channel} is missing or does not hold floats")]
-    MissingChannel {
-        /// The channel.
-        channel: &'static str,
-    },
-    /// The attribute `clerestory` is not the metadata of an image.
-    #[error("the attribute clerestory is not the metadata of an image: {message}")]
-    BadMetadata {
-        /// What is wrong.
-        message: String,
-    },
-    /// An image must have pixels.
-    #[error("the image has {width} x {height} pixels; each must be 1 to 2147483647")]
-    BadSize {
-        /// Pixels across.
-        width: u64,
-        /// Pixels down.
-        height: u64,
-    },
-    /// A layer has too few or too many pixels.
-    #[error("layer {layer} has {found} pixels; the image has {expected}")]
-    WrongPixelCount {
-        /// The layer.
-        layer: &'static str,
-        /// Pixels in it.
-        found: usize,
-        /// Pixels of the image.
-        expected: usize,
-    },
-    /// A value is infinite or not a number.
-    #[error("layer {layer} is not finite at pixel ({x}, {y})")]
-    NotFinite {
-        /// The layer.
-        layer: &'static str,
-        /// Column.
-        x: u32,
-        /// Row.
-        y: u32,
-    },
-    /// A standard error is negative.
-    #[error("layer stderr is negative at pixel ({x}, {y})")]
-    NegativeStandardError {
-        /// Column.
-        x: u32,
-        /// Row.
-        y: u32,
-    },
-    /// The metadata count the tiles of another image.
-    #[error("the metadata count {found} tiles of {tile_size} pixels; this image has {expected}")]
-    WrongTileCount {
-        /// Edge of a tile.
-        tile_size: u32,
-        /// Tiles counted.
-        found: u64,
-        /// Tiles of this size that the image has.
-        expected: u64,
-    },
-    /// A tile does not fit the grid of the image.
-    #[error("tile {index} is {found:?}; in this image it is {expected:?}")]
-    WrongTile {
-        /// Its number.
-        index: u32,
-        /// Its pixels.
-        found: Tile,
-        /// What they should be.
-        expected: Option<Tile>,
-    },
 }
 
 impl FrameImage {
@@ -294,7 +192,7 @@ pub(super) mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::address::NodeAddress;
+    use crate::address::{NodeAddress, Tile};
     use crate::node::{Node, PassSums};
     use crate::sampler::{SampleStream, SamplerSettings};
     use crate::test_nodes::noise_node;

@@ -9,18 +9,12 @@
 
 use std::collections::BTreeMap;
 
-use super::image::{FrameImage, ImageError, ImageLayers, ImageMetadata};
+use super::image::{FrameImage, ImageMetadata};
+use super::image_error::ImageError;
+use super::image_layers::{ALBEDO, DEPTH, HALF_A, HALF_B, ImageLayers, NORMAL, RGB, SAMPLES, STANDARD_ERROR};
 use super::image_writer::ImageWriter;
-use super::openexr::{self, DecodeBudget, InputPart, OpenExr, OpenExrError, Plane};
-
-pub(super) const RGB: [&str; 3] = ["R", "G", "B"];
-pub(super) const STANDARD_ERROR: [&str; 3] = ["stderr.R", "stderr.G", "stderr.B"];
-pub(super) const SAMPLES: &str = "samples";
-pub(super) const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
-pub(super) const NORMAL: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
-pub(super) const DEPTH: &str = "depth.Z";
-pub(super) const HALF_A: [&str; 3] = ["half_a.R", "half_a.G", "half_a.B"];
-pub(super) const HALF_B: [&str; 3] = ["half_b.R", "half_b.G", "half_b.B"];
+use super::openexr::{self, DecodeBudget, InputPart, OpenExr, Plane};
+use super::openexr_error::OpenExrError;
 
 impl FrameImage {
     /// The OpenEXR file of the image. The same image gives the same bytes.

@@ -12,9 +12,10 @@ use exr::meta::header::Header;
 use rayon::prelude::*;
 
 use super::address::Tile;
-use super::image::{ImageLayers, ImageMetadata};
-use super::image_file::{ALBEDO, DEPTH, HALF_A, HALF_B, NORMAL, RGB, SAMPLES, STANDARD_ERROR};
-use super::openexr::{self, OpenExrError, OutputPart, Samples};
+use super::image::ImageMetadata;
+use super::image_layers::{ALBEDO, DEPTH, HALF_A, HALF_B, ImageLayers, NORMAL, RGB, SAMPLES, STANDARD_ERROR};
+use super::openexr::{self, OutputPart, Samples};
+use super::openexr_error::OpenExrError;
 
 /// Rows of pixels that are compressed together. A strip begins at a multiple of it.
 pub const ROWS_PER_BLOCK: u32 = 16;

@@ -13,14 +13,18 @@ pub mod decomposition;
 pub mod exposure;
 pub mod file_format;
 pub mod image;
+mod image_error;
 mod image_file;
+mod image_layers;
 mod image_writer;
 pub mod metrics;
 pub mod node;
 pub mod openexr;
+mod openexr_error;
 mod openexr_header;
 pub mod partial;
 mod partial_error;
+mod partial_format;
 mod partial_header;
 pub mod picture;
 pub mod preview;
@@ -40,7 +44,9 @@ pub use address::{LARGEST_TILE, NodeAddress, PassRange, Tile, TileGrid, smallest
 pub use counters::Counters;
 pub use decomposition::{Decomposition, decompose};
 pub use exposure::{LogLuminance, MeanLuminance};
-pub use image::{FrameImage, ImageError, ImageLayers, ImageMetadata};
+pub use image::{FrameImage, ImageMetadata};
+pub use image_error::ImageError;
+pub use image_layers::ImageLayers;
 pub use image_writer::{ImageWriter, ROWS_PER_BLOCK, first_bytes};
 pub use metrics::flip::{FlipComparison, FlipError, mean_flip};
 pub use metrics::{
@@ -48,9 +54,10 @@ pub use metrics::{
     mean_squared_standard_error, relative_noise,
 };
 pub use node::{FirstHitLayers, FirstHitSums, MergeError, Node, NodeError, NodeLayers, NonFinite, PassSums};
-pub use openexr::{DecodeBudget, OpenExrError};
-pub use partial::{Expectation, PartialHeader, Rendered};
+pub use openexr::DecodeBudget;
+pub use openexr_error::OpenExrError;
 pub use partial_error::PartialError;
+pub use partial_format::{Expectation, PartialHeader, Rendered};
 pub use picture::{picture_rows, picture_size};
 pub use preview::{Exposure, PreviewError, PreviewSettings, ToneCurve, encode_png};
 pub use reduced::ReducedImage;

@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::address::TileGrid;
-use super::image::{FrameImage, ImageLayers};
+use super::image::FrameImage;
+use super::image_layers::ImageLayers;
 
 /// Edge of the tiles in which an image is measured that does not say how it was cut.
 const TILE_SIZE: u32 = 64;
@@ -319,7 +320,7 @@ pub fn relative_noise(reference: &FrameImage) -> Option<RelativeNoise> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::ImageLayers;
+    use crate::image_layers::ImageLayers;
     use crate::sampler::{SampleStream, SamplerSettings};
 
     fn image(mean: Vec<[f32; 3]>, standard_error: Option<Vec<[f32; 3]>>) -> FrameImage {

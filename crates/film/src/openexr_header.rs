@@ -3,7 +3,7 @@
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Seek};
 
-use super::openexr::OpenExrError;
+use super::openexr_error::OpenExrError;
 
 /// Flags of the version of a file.
 const DEEP_DATA: u32 = 1 << 11;

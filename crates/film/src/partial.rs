@@ -5,75 +5,22 @@
 //! is and what work it took, and holds the hash of all that, since OpenEXR files have none. What arrives is not trusted:
 //! the headers of all parts are compared with what was leased before a pixel is decoded, and then every value is checked.
 
-use std::collections::{BTreeMap, BTreeSet};
-
-use exr::meta::attribute::Compression;
+use std::collections::BTreeMap;
 
 use super::address::{NodeAddress, Tile, TileGrid};
 use super::node::{FirstHitLayers, Node, NodeLayers};
-use super::openexr::{self, ChannelKind, DecodeBudget, InputPart, OpenExr, OpenExrError, OutputPart, Plane, Samples};
+use super::openexr::{self, ChannelKind, DecodeBudget, InputPart, OpenExr, OutputPart, Plane, Samples};
+use super::openexr_error::OpenExrError;
 use super::partial_error::PartialError;
+use super::partial_format::{COMPRESSION, Expectation, PartialHeader, Rendered};
 use super::partial_header::{self, NodeHeader};
 use super::sampling::Sampling;
-use crate::counters::Counters;
-
-/// How parts are compressed: run lengths take out black pixels and zero moments at several times the speed of ZIP, which
-/// makes noise no smaller than that. Measured in `docs/film.md`.
-pub(super) const COMPRESSION: Compression = Compression::RLE;
-
-/// A rendered node, and the work that it took.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Rendered {
-    /// The node.
-    pub node: Node,
-    /// What the methods did.
-    pub counters: Counters,
-}
-
-/// What is common to the nodes of a partial.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PartialHeader {
-    /// The job.
-    pub job: String,
-    /// Hash of the canonical scene, in hexadecimal.
-    pub scene_hash: String,
-    /// The program that rendered.
-    pub build: String,
-}
-
-/// What a partial must be to be taken.
-#[derive(Clone, Debug)]
-pub struct Expectation {
-    /// The job.
-    pub job: String,
-    /// Hash of the canonical scene, in hexadecimal.
-    pub scene_hash: String,
-    /// How the image is cut into tiles.
-    pub grid: TileGrid,
-    /// How samples are grouped.
-    pub sampling: Sampling,
-    /// The nodes that may be in it.
-    pub allowed: BTreeSet<NodeAddress>,
-}
-
-impl Expectation {
-    /// What decoding the nodes that may be in it can need at most: all layers of each, and its largest block, which is a
-    /// row of the tile.
-    pub fn budget(&self) -> DecodeBudget {
-        let tiles = self.allowed.iter().filter_map(|node| self.grid.tile(node.tile));
-        let pixels: u64 = tiles.map(|tile| u64::from(tile.width) * (u64::from(tile.height) + 1)).sum();
-        DecodeBudget { pixel_bytes: pixels * NODE_BYTES_PER_PIXEL }
-    }
-}
 
 const BEAUTY: [&str; 3] = ["R", "G", "B"];
 const MOMENT: [&str; 3] = ["moment.R", "moment.G", "moment.B"];
 const ALBEDO: [&str; 3] = ["albedo.R", "albedo.G", "albedo.B"];
 const NORMAL: [&str; 3] = ["normal.X", "normal.Y", "normal.Z"];
 const DEPTH: &str = "depth.Z";
-
-/// Bytes of a pixel in a node with all its layers: beauty, moment, albedo, normal (three floats each) and depth (one).
-const NODE_BYTES_PER_PIXEL: u64 = 13 * 4;
 
 /// The partial with these nodes, for an image of `grid`. The same nodes give the same bytes.
 ///
@@ -222,8 +169,11 @@ fn node_of_planes(
 mod tests {
     use proptest::prelude::*;
 
+    use exr::meta::attribute::Compression;
+
     use super::*;
     use crate::address::Tile;
+    use crate::counters::Counters;
     use crate::openexr::tests::{TESTS_BESIDE, address_space_bytes, attribute, patch};
     use crate::test_nodes::{bits, noise_node, odd_node};
 

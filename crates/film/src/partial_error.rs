@@ -4,9 +4,8 @@ use thiserror::Error;
 
 use super::address::{NodeAddress, Tile};
 use super::node::NodeError;
-use super::openexr::OpenExrError;
-use super::partial::COMPRESSION;
-use super::partial_header::FORMAT_VERSION;
+use super::openexr_error::OpenExrError;
+use super::partial_format::{COMPRESSION, FORMAT_VERSION};
 use super::sampling::Sampling;
 
 /// Why a partial is not taken; each is one way to be wrong.

@@ -3,14 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::address::{NodeAddress, Tile};
-use super::partial::{Expectation, PartialHeader, Rendered};
 use super::partial_error::PartialError;
+use super::partial_format::{Expectation, FORMAT_VERSION, PartialHeader, Rendered};
 use super::sampling::Sampling;
 use super::store;
 use crate::counters::Counters;
-
-/// The version of the header that this build writes and reads.
-pub(super) const FORMAT_VERSION: u32 = 2;
 
 /// Most of anything that a worker may count for each camera sample, in the mean over a node. At a hundred million a
 /// second that is ten minutes a sample: who claims more has not counted.

@@ -6,8 +6,10 @@
 use std::io::{Read, Seek};
 use std::ops::Range;
 
-use super::image::{ImageError, ImageLayers, check_layers};
-use super::image_file::{self, RGB, STANDARD_ERROR};
+use super::image::check_layers;
+use super::image_error::ImageError;
+use super::image_file;
+use super::image_layers::{ImageLayers, RGB, STANDARD_ERROR};
 use super::openexr::{DecodeBudget, OpenExr};
 
 /// Pixels across and down the picture in a file. Only the header is read.

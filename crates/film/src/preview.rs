@@ -97,11 +97,6 @@ fn automatic_scale(pixels: &[[f32; 3]]) -> f64 {
     log.scale()
 }
 
-/// Luminance of linear Rec. 709.
-pub(super) fn luminance([red, green, blue]: [f32; 3]) -> f64 {
-    0.2126 * f64::from(red) + 0.7152 * f64::from(green) + 0.0722 * f64::from(blue)
-}
-
 /// Bits of a radiance that do not tell its cell: there are 256 cells from each power of two to the next, so that two thresholds, unless the
 /// radiance is next to nothing, never lie in one.
 const BITS_IN_A_CELL: u32 = 15;
@@ -160,7 +155,7 @@ fn code(radiance: f32, scale: f64, curve: ToneCurve) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::ImageLayers;
+    use crate::image_layers::ImageLayers;
 
     fn image(mean: Vec<[f32; 3]>) -> FrameImage {
         let width = mean.len() as u32;

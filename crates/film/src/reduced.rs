@@ -4,7 +4,7 @@
 //! made from one tile, so a tile that grows changes no other's pixels.
 
 use super::address::TileGrid;
-use super::image::ImageError;
+use super::image_error::ImageError;
 use super::preview::{PreviewError, PreviewSettings, encode_pixels};
 use super::tree::TileSum;
 

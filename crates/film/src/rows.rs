@@ -6,7 +6,8 @@
 use std::ops::Range;
 
 use super::address::{Tile, TileGrid};
-use super::image::{ImageError, ImageLayers};
+use super::image_error::ImageError;
+use super::image_layers::ImageLayers;
 use super::tree::TileSum;
 
 /// Which layers of an image are made; its means always are.

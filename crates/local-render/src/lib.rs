@@ -1,8 +1,8 @@
 //! Renders the image of a scene in this process.
 //!
-//! Passes and their sums are those of a farm, so the image has the same bits. [`render`] renders round by round, up to a
-//! [`PassPlan`]. [`LocalFilm`] renders pass by pass, for a caller that decides after each one. [`image`] makes the image of
-//! the sums. A [`Control`] stops a render from another thread.
+//! Passes and their sums are those of a farm, so the image has the same bits. [`render`] renders round by round, up to
+//! a [`PassPlan`]. [`LocalFilm`] renders pass by pass, for a caller that decides after each one. [`image()`] makes the
+//! image of the sums. A [`Control`] stops a render from another thread.
 
 mod clocks;
 mod control;

@@ -1,6 +1,6 @@
-//! What the machine does without a farm: the numbers beside which those of the farm are read.
+//! The speed of the machine without a farm, beside which the figures of the farm are read.
 //!
-//! Each is measured for about a second, on the disk of the farm and with nothing else going on.
+//! Each speed is measured for about a second, on the disk of the farm, while nothing else runs.
 
 use std::fs::{self, File};
 use std::io::Write;
@@ -14,51 +14,53 @@ use sqlx::{ConnectOptions, Connection, Executor, PgConnection, Row};
 use crate::error::LoadError;
 use crate::settings::BUILD;
 
-/// How long each is measured.
+/// Time of each measurement.
 const TIME: Duration = Duration::from_secs(1);
 
-/// Rows of a group: as many nodes as a lease has unless it is told otherwise, and those of sixteen leases whose partials come at the same time.
+/// Rows of a group: the nodes of one lease, and those of sixteen leases whose partials come at the same time.
 const GROUPS: [u32; 2] = [16, 256];
 
-/// A table as that of the coordinator's accepted nodes, which has the largest rows of those that it writes for every node.
+/// A table like that of the coordinator's accepted nodes, whose rows are its largest.
 const NODES_TABLE: &str = "
     create table clerestory_bench_nodes (
         job text not null, frame bigint not null, tile bigint not null, level bigint not null, idx bigint not null,
-        first_pass bigint not null, end_pass bigint not null, blob text not null, blob_offset bigint not null, blob_length bigint,
+        first_pass bigint not null, end_pass bigint not null, blob text not null, blob_offset bigint not null,
+        blob_length bigint,
         counters text not null, builds text not null, primary key (job, frame, tile, level, idx)
     );
     create index clerestory_bench_nodes_by_pass on clerestory_bench_nodes (job, frame, tile, first_pass);
     create index clerestory_bench_nodes_by_blob on clerestory_bench_nodes (blob)";
 
-/// Stores a group of rows in SQLite, in one statement as the coordinator's.
+/// Stores a group of rows in SQLite, in one statement as the coordinator does.
 const SQLITE_INSERT: &str = "
     insert into clerestory_bench_nodes
         (job, frame, tile, level, idx, first_pass, end_pass, blob, blob_offset, blob_length, counters, builds)
-    select ?1, value ->> 0, value ->> 1, value ->> 2, value ->> 3, value ->> 4, value ->> 5, value ->> 6, value ->> 7, value ->> 8,
-        value ->> 9, value ->> 10
+    select ?1, value ->> 0, value ->> 1, value ->> 2, value ->> 3, value ->> 4, value ->> 5, value ->> 6, value ->> 7,
+        value ->> 8, value ->> 9, value ->> 10
     from json_each(?2)";
 
 /// The same in PostgreSQL.
 const POSTGRES_INSERT: &str = "
     insert into clerestory_bench_nodes
         (job, frame, tile, level, idx, first_pass, end_pass, blob, blob_offset, blob_length, counters, builds)
-    select $1, (value ->> 0)::bigint, (value ->> 1)::bigint, (value ->> 2)::bigint, (value ->> 3)::bigint, (value ->> 4)::bigint,
-        (value ->> 5)::bigint, value ->> 6, (value ->> 7)::bigint, (value ->> 8)::bigint, value ->> 9, value ->> 10
+    select $1, (value ->> 0)::bigint, (value ->> 1)::bigint, (value ->> 2)::bigint, (value ->> 3)::bigint,
+        (value ->> 4)::bigint, (value ->> 5)::bigint, value ->> 6, (value ->> 7)::bigint, (value ->> 8)::bigint, value ->> 9, value ->> 10
     from jsonb_array_elements($2::jsonb) as listed (value)";
 
 /// A job's identity.
 const JOB: &str = "01999999-9999-7999-8999-999999999999";
 
-/// What a node's row says of the work that it took.
-const COUNTERS: &str = r#"{"height_evaluations":0,"solver_calls":0,"converged":0,"unique_solutions":0,"trials":0,"truncated":0,"rays":4096,"samples":4096}"#;
+/// The counters of a node's row.
+const COUNTERS: &str = "{\"height_evaluations\":0,\"solver_calls\":0,\"converged\":0,\"unique_solutions\":0,\"trials\":0,\
+    \"truncated\":0,\"rays\":4096,\"samples\":4096}";
 
-/// Bytes of a node that is said to be stored.
+/// Bytes of a stored node.
 const NODE_BYTES: u32 = 12_000;
 
 /// Bytes of an append: a page of most file systems.
 const APPEND: usize = 4096;
 
-/// Bytes that are written in a row, or copied.
+/// Bytes that are written in sequence, or copied.
 const LARGE: usize = 256 << 20;
 
 /// Bytes that are written at a time.
@@ -67,14 +69,14 @@ const PIECE: usize = 1 << 20;
 /// Copies of the large buffer.
 const COPIES: u32 = 8;
 
-/// What the disk, the databases and the memory do.
+/// The speed of disk, databases and memory.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub(crate) struct Ceilings {
-    /// Transactions of one small row that a SQLite file commits each second, synced as the coordinator's.
+    /// Transactions of one small row that a SQLite file commits each second, with the coordinator's sync setting.
     sqlite_commits_per_second: f64,
     /// Transactions of groups of rows that it commits, for each size of a group.
     sqlite_groups: [Grouped; 2],
-    /// The same of the PostgreSQL database, where there is one.
+    /// The same for the PostgreSQL database, where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     postgres_commits_per_second: Option<f64>,
     /// The same of groups of rows.
@@ -82,13 +84,13 @@ pub(crate) struct Ceilings {
     postgres_groups: Option<[Grouped; 2]>,
     /// Appends of 4 KiB to a file, each synced.
     synced_appends_per_second: f64,
-    /// Megabytes (10^6 bytes) a second written to a file in a row and synced once.
+    /// Megabytes (10^6 bytes) a second written to a file in sequence and synced once.
     disk_megabytes_per_second: f64,
     /// Megabytes a second that one core copies in memory.
     memory_megabytes_per_second: f64,
 }
 
-/// Transactions with as many rows as the coordinator's writer has when many uploads come at the same time.
+/// Transactions of groups of rows, as the coordinator commits them when many uploads come together.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 struct Grouped {
     /// Rows in each transaction, of the size of an accepted node's.
@@ -100,7 +102,7 @@ struct Grouped {
 }
 
 impl Grouped {
-    /// So many transactions were committed in this time.
+    /// The rates of `commits` transactions in this time.
     fn new(rows: u32, commits: u32, time: Duration) -> Self {
         let commits_per_second = f64::from(commits) / time.as_secs_f64();
         Self { rows, commits_per_second, rows_per_second: commits_per_second * f64::from(rows) }
@@ -162,8 +164,8 @@ pub(crate) async fn database_bytes(url: &str) -> Result<u64, LoadError> {
     Ok(bytes.map_err(database_failure)?.unsigned_abs())
 }
 
-/// Bytes that a PostgreSQL server has written to its log (WAL) so far, for all of its databases; `None` where it does not say so, as some do
-/// that speak its language and are none.
+/// Bytes that a PostgreSQL server has written to its log (WAL), for all of its databases. `None` for a server that does
+/// not report it.
 pub(crate) async fn log_bytes(url: &str) -> Result<Option<u64>, LoadError> {
     let statement = "select cast(pg_wal_lsn_diff(pg_current_wal_lsn(), '0/0') as bigint) as number";
     match number(url, statement).await {
@@ -181,13 +183,13 @@ async fn number(url: &str, statement: &'static str) -> Result<i64, sqlx::Error> 
     row.try_get::<i64, _>("number")
 }
 
-/// A database that was measured failed.
+/// The failure of a measured database.
 fn database_failure(error: impl std::error::Error + Send + Sync + 'static) -> LoadError {
     LoadError::Database(Box::new(error))
 }
 
-/// A group of accepted nodes as the coordinator's writer hands them to a database: a JSON array of arrays. Groups of one size have each its own
-/// number, and with it addresses and a blob of their own.
+/// A group of accepted nodes as the coordinator's writer passes them to a database: a JSON array of arrays. Each group
+/// has a number of its own, and with it its own addresses and blob.
 fn group(rows: u32, number: u32) -> String {
     let (blob, builds) = (format!("nodes/{JOB}/{rows:04}{number:032}"), format!("[\"{BUILD}\"]"));
     let row = |place: u32| {
@@ -239,7 +241,7 @@ async fn postgres(url: &str) -> Result<(f64, [Grouped; 2]), sqlx::Error> {
     const DROP: &str = "drop table if exists clerestory_bench_commits, clerestory_bench_nodes";
     let mut connection = url.parse::<PgConnectOptions>()?.connect().await?;
     connection.execute("set synchronous_commit = on").await?;
-    // A run that was killed may have left them.
+    // A killed run may have left them.
     connection.execute(DROP).await?;
     connection.execute("create table clerestory_bench_commits (number bigint primary key)").await?;
     sqlx::raw_sql(NODES_TABLE).execute(&mut connection).await?;

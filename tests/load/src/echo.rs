@@ -1,4 +1,4 @@
-//! The ceiling of HTTP: exchanges with a server that does nothing, through the same crates as those of workers and coordinator.
+//! The ceiling of HTTP: exchanges with a server that does nothing, through the crates of worker and coordinator.
 
 use std::net::Ipv4Addr;
 use std::time::{Duration, Instant};
@@ -14,14 +14,14 @@ use tokio_util::task::AbortOnDropHandle;
 
 use crate::error::LoadError;
 
-/// Most connections: both ends of each are open files of this process, and more are not faster.
+/// Most connections. Both ends of each are open files of this process, and more are not faster.
 const MOST_CONNECTIONS: u32 = 1000;
 
-/// How long it is measured.
+/// Measured time.
 const TIME: Duration = Duration::from_secs(2);
 
-/// Exchanges per second over so many connections at the same time, though 1000 at most, each of which sends a body of so many bytes and waits for an
-/// answer, which is short as that of the coordinator. Server and clients are in this process.
+/// Exchanges per second over `connections` connections at the same time, at most 1000. Each sends a body of `bytes`
+/// bytes and waits for a short answer. Server and clients are in this process.
 pub(crate) async fn exchanges_per_second(connections: u32, bytes: usize) -> Result<f64, LoadError> {
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).await.map_err(LoadError::Listen)?;
     let url = format!("http://{}/", listener.local_addr().map_err(LoadError::Listen)?);
@@ -38,7 +38,7 @@ pub(crate) async fn exchanges_per_second(connections: u32, bytes: usize) -> Resu
     Ok(exchanges as f64 / start.elapsed().as_secs_f64())
 }
 
-/// Exchanges over all connections until then, at least one over each, and answers how many there were.
+/// Exchanges over all connections until `end`, at least one over each. Returns their number.
 async fn exchange_until(
     client: &reqwest::Client,
     url: &str,
@@ -53,7 +53,7 @@ async fn exchange_until(
             let exchange = async || client.put(&url).body(body.clone()).send().await?.error_for_status()?.bytes().await;
             let mut exchanges = 0;
             loop {
-                // As for workers, a connection that cannot be made at once is tried again.
+                // Like a worker, repeats a connection that fails.
                 exchange.retry(ExponentialBuilder::default().with_jitter()).await?;
                 exchanges += 1;
                 if Instant::now() >= end {

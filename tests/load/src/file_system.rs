@@ -1,4 +1,4 @@
-//! Which file system a folder is on: one in memory syncs for nothing, and its figures are not those of a disk.
+//! The file system of a folder. One in memory syncs at no cost, so its figures are not those of a disk.
 
 use std::fs;
 use std::path::Path;
@@ -15,7 +15,7 @@ pub(crate) fn of(folder: &Path) -> String {
     kind().unwrap_or_else(|| "unknown".to_owned())
 }
 
-/// The kind of the innermost mount that holds a folder; of several on one place the last, which hides the others.
+/// The kind of the innermost mount that holds a folder. Of several mounts on one place, the last hides the others.
 fn holder<'a>(mounts: &'a str, folder: &Path) -> Option<&'a str> {
     let holders = mounts.lines().filter_map(|line| {
         let mut fields = line.split(' ').skip(1);

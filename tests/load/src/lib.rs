@@ -1,9 +1,9 @@
 //! Load on a coordinator: how many nodes a second it leases, accepts and merges, and at what cost.
 //!
-//! A coordinator runs as a process of its own (`coordinator`). Simulated workers in this process (`worker`) call it as real
-//! workers do, but upload noise (`partials`) instead of renders. `supply` submits jobs so that there is always work. After the
-//! measured time it waits until every round is recorded. A node that is only accepted counts as uploaded and not yet as merged;
-//! `merging` measures the time between. `viewer` fetches previews meanwhile. `measurement` makes a column of the report for each
+//! A coordinator runs as a process of its own (`coordinator`). Simulated workers in this process (`worker`) call it as
+//! real workers do, but upload noise (`partials`). `supply` submits jobs so that there is always work. After the
+//! measured time it waits until every round is recorded. An accepted node counts as uploaded and not yet as merged;
+//! `merging` measures the time between. `viewer` fetches previews. `measurement` makes a column of the report for each
 //! number of workers. `ceilings` and `echo` measure the machine without a farm.
 
 mod ceilings;

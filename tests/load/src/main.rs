@@ -1,5 +1,5 @@
-//! Puts a coordinator on this machine under load. Simulated workers lease nodes and upload noise. The rates, times and sizes are
-//! printed beside the speed of the bare machine.
+//! Puts a coordinator on this machine under load. Simulated workers lease nodes and upload noise. Prints rates, times
+//! and sizes beside the speed of the bare machine.
 //!
 //! ```text
 //! tests/run build && target/release/load-generator --workers 10,100,1000 -o load.json
@@ -20,8 +20,8 @@ const MOST_WORKERS: u64 = 20_000;
 /// Exit code for settings that cannot be used.
 const USAGE: u8 = 2;
 
-/// Puts a coordinator on this machine under load: simulated workers lease nodes and upload noise. Prints rates, times and sizes beside
-/// the speed of the bare machine.
+/// Puts a coordinator on this machine under load: simulated workers lease nodes and upload noise. Prints rates, times
+/// and sizes beside the speed of the bare machine.
 #[derive(Parser)]
 struct Arguments {
     /// Connected workers, such as 10,1000: a column of the report for each.
@@ -45,7 +45,8 @@ struct Arguments {
         value_parser = RangedU64ValueParser::<u32>::new().range(1..=256)
     )]
     nodes_per_lease: u32,
-    /// Nodes a second that all workers together offer; each holds its leases as if it rendered [default: as many as the coordinator takes].
+    /// Nodes a second that all workers together offer; each holds its leases as if it rendered [default: as many as the
+    /// coordinator takes].
     #[arg(long, value_name = "NODES")]
     rate: Option<NonZeroU32>,
     /// Fetch the preview again and again, as the page of a job does; jobs are 1920 pixels wide and 1080 high.

@@ -1,4 +1,5 @@
-//! One line of the report: a coordinator, so many workers, a measured time, and the wait until everything is merged.
+//! One column of the report: a coordinator, a number of workers, a measured time, and the wait until everything is
+//! merged.
 
 use std::ffi::OsString;
 use std::path::Path;
@@ -27,20 +28,20 @@ use crate::tally::{Counts, Tally};
 use crate::viewer;
 use crate::worker::Load;
 
-/// Workers that register at the same time: all of several thousand at once would time out and register again.
+/// Workers that register at the same time. Several thousand at once would time out and register again.
 const REGISTRATIONS: usize = 100;
 
 /// Shortest time under load before times are measured.
 const SHORTEST_RAMP: Duration = Duration::from_secs(1);
 
-/// Time between looks at whether the coordinator is at rest.
+/// Time between two checks whether the coordinator rests.
 const REST_PERIOD: Duration = Duration::from_millis(250);
 
 /// Most processor time of a coordinator at rest in that time.
 const REST_PROCESSOR: Duration = Duration::from_millis(20);
 
-/// How long a coordinator without work may go on working.
-const REST_PATIENCE: Duration = Duration::from_secs(120);
+/// Longest time for a coordinator without work to come to rest.
+const REST_TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A coordinator under load.
 pub(crate) struct Measurement<'a> {
@@ -52,7 +53,7 @@ pub(crate) struct Measurement<'a> {
     load: Arc<Load>,
 }
 
-/// What has been used and counted by a moment.
+/// Counts and usage at a moment.
 struct Moment {
     time: Instant,
     counts: Counts,
@@ -60,7 +61,7 @@ struct Moment {
     coordinator: Usage,
 }
 
-/// Starts a coordinator in `folder`, puts it under the load of so many workers, and stops it.
+/// Starts a coordinator in `folder`, puts it under the load of `workers` workers, and stops it.
 pub(crate) async fn measure(settings: &Settings, folder: &Path, workers: u32) -> Result<Line, LoadError> {
     let data = folder.join("farm");
     let mut arguments: Vec<OsString> =
@@ -122,7 +123,7 @@ impl<'a> Measurement<'a> {
         let tally = &self.load.tally;
         let leased_nodes = u64::from(self.workers) * u64::from(self.settings.nodes_per_lease);
         let mut supply = Supply::new(&self.client, tally, self.grid, leased_nodes);
-        // What workers bring of their first leases is not yet spread over the time as that of later ones.
+        // The first leases are not yet spread over time like later ones.
         let ramp = (2 * self.load.cycle.unwrap_or_default()).max(SHORTEST_RAMP);
         supply.begin().await?;
         let own = Process::this();
@@ -139,7 +140,7 @@ impl<'a> Measurement<'a> {
         let unloaded = self.moment(&mut supply).await?;
         supply.finish().await?;
         drop(follower);
-        // All work is done, so no claim that is cut off here takes a lease with it.
+        // All work is done, so no aborted claim takes a lease.
         running.abort_all();
         while running.join_next().await.is_some() {}
         let rested = self.rest().await?;
@@ -207,13 +208,14 @@ impl<'a> Measurement<'a> {
         })
     }
 
-    /// Noise must not get into anybody's film.
+    /// The farm must have no work, because noise must not reach another film.
     async fn check_empty(&self) -> Result<(), LoadError> {
         let jobs = self.client.jobs().await?;
         match jobs.iter().find(|job| !job.state.is_final()) {
             None => Ok(()),
             Some(job) => Err(LoadError::Usage(format!(
-                "the farm has the unfinished job {}, to which simulated workers would bring noise: expected a farm without work",
+                "the farm has the unfinished job {}, to which simulated workers would bring noise: expected a farm \
+                 without work",
                 job.id
             ))),
         }
@@ -224,7 +226,7 @@ impl<'a> Measurement<'a> {
         let count = self.settings.nodes_per_lease.min(self.grid.len());
         let node = |tile| clerestory_api::NodeAddress { frame: 0, tile, level: 0, index: 0 };
         let nodes: Vec<_> = (0..count).map(node).collect();
-        // As long as the real ones.
+        // As long as real identities.
         let (job, scene_hash) = ("0".repeat(36), "0".repeat(64));
         let partial = self.load.noise.partial(job, scene_hash, &nodes);
         Ok(partial.map_err(|error| LoadError::Ended(format!("cannot make a partial: {error}")))?.len())
@@ -237,7 +239,7 @@ impl<'a> Measurement<'a> {
         Ok(registered?)
     }
 
-    /// Lets the workers work, the first claims of all spread over the time from one lease of a worker to its next.
+    /// Starts the workers. Their first claims are spread over the time from one lease of a worker to its next.
     fn start(&self, workers: Vec<WorkerId>) -> JoinSet<()> {
         let (start, count) = (Instant::now(), self.workers);
         let mut running = JoinSet::new();
@@ -248,13 +250,13 @@ impl<'a> Measurement<'a> {
         running
     }
 
-    /// Follows complete rounds until the answer is dropped.
+    /// Follows complete rounds until the handle is dropped.
     fn follow(&self) -> AbortOnDropHandle<()> {
         let load = self.load.clone();
         AbortOnDropHandle::new(tokio::spawn(async move { merging::follow(&load.client, &load.tally).await }))
     }
 
-    /// Looks at the image for as long as times are measured and the answer is not dropped.
+    /// Fetches previews while times are measured and the handle is not dropped.
     fn view(&self) -> AbortOnDropHandle<()> {
         let load = self.load.clone();
         AbortOnDropHandle::new(tokio::spawn(async move { viewer::look(&load.client, &load.tally).await }))
@@ -266,7 +268,7 @@ impl<'a> Measurement<'a> {
         Ok(Moment { time, counts, merged_passes: supply.merged_passes().await?, coordinator })
     }
 
-    /// What the server of the database has written to its log so far, if there is one that says so.
+    /// Bytes of the database server's log so far, if it reports them.
     async fn log_bytes(&self) -> Result<Option<u64>, LoadError> {
         match &self.settings.database {
             Some(url) => log_bytes(url).await,
@@ -274,7 +276,7 @@ impl<'a> Measurement<'a> {
         }
     }
 
-    /// Waits until the coordinator has nothing left to do, and answers since when that is so.
+    /// Waits until the coordinator rests, and returns when that began.
     async fn rest(&self) -> Result<Instant, LoadError> {
         let start = Instant::now();
         loop {
@@ -283,8 +285,8 @@ impl<'a> Measurement<'a> {
             if self.process.processor()? - before <= REST_PROCESSOR {
                 return Ok(time);
             }
-            if start.elapsed() > REST_PATIENCE {
-                let seconds = REST_PATIENCE.as_secs();
+            if start.elapsed() > REST_TIMEOUT {
+                let seconds = REST_TIMEOUT.as_secs();
                 return Err(LoadError::Ended(format!(
                     "the coordinator still works {seconds} s after the end of all jobs"
                 )));

@@ -1,8 +1,8 @@
-//! Merging: how long after its last upload a round is merged, that is, shown as recorded by the coordinator.
+//! Merging: the time from the last upload of a round until the coordinator shows the round as recorded.
 //!
-//! All nodes come from this process, so it knows which answer acknowledges the last one of a round. From then on, and at no other time, the job is
-//! asked for until it shows the round. The event stream would tell as well, but it gathers news for up to 200 ms, and a coordinator to which
-//! anybody listens makes a view of every worker several times a second: that would be a load of its own.
+//! All nodes come from this process, so it knows which answer acknowledges the last node of a round. From then on, it
+//! requests the job until the job shows the round. The event stream is no alternative: it batches events for up to 200
+//! ms, and a subscriber makes the coordinator build a view of every worker.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -15,10 +15,10 @@ use tokio::time::Instant;
 use crate::supply::PASSES;
 use crate::tally::Tally;
 
-/// Shortest and longest time between two looks at a job.
+/// Shortest and longest pause between two requests for a job.
 const PAUSES: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(50)];
 
-/// Between these, the time between two looks is this part of what has been waited: a long wait need not be known to the millisecond.
+/// Between these limits, the pause is this fraction of the time waited so far.
 const PART: u32 = 20;
 
 /// Rounds of jobs, from their first node until they are complete and recorded.
@@ -44,21 +44,21 @@ pub(crate) struct MergeTimes {
 struct Round {
     /// Passes of tiles that have been acknowledged.
     passes: u64,
-    /// When that was, where the time is measured.
+    /// When they were acknowledged, where the time is measured.
     acknowledged: Vec<Instant>,
-    /// When the last of them was acknowledged, and whether the time since is measured.
+    /// When the last of them was acknowledged, and whether that time is measured.
     complete: Option<(Instant, bool)>,
-    /// When the coordinator first showed that it is recorded: before it is complete here, where the last answer is still on its way.
+    /// When the coordinator first showed the round as recorded. That can be before the last answer arrives here.
     recorded: Option<Instant>,
 }
 
 impl OpenRounds {
-    /// Rounds of jobs that have so many tiles.
+    /// Rounds of jobs of `tiles` tiles.
     pub(crate) fn new(tiles: u32) -> Self {
         Self { tiles, ..Self::default() }
     }
 
-    /// Nodes of a job have been acknowledged by one answer.
+    /// Notes nodes of a job that one answer acknowledges.
     pub(crate) fn acknowledged<'a>(
         &mut self,
         job: JobId,
@@ -85,7 +85,7 @@ impl OpenRounds {
         }
     }
 
-    /// The coordinator shows that the rounds of a job are recorded up to so many passes.
+    /// Notes that the coordinator shows the rounds of a job up to `complete_passes` passes as recorded.
     pub(crate) fn recorded(&mut self, job: JobId, complete_passes: u32, now: Instant) {
         let keys: Vec<(JobId, u32)> =
             self.rounds.range((job, 0)..=(job, complete_passes)).map(|(key, _)| *key).collect();
@@ -111,7 +111,7 @@ impl OpenRounds {
         }
     }
 
-    /// Jobs with rounds that are complete and not known to be recorded, and when the first of these became complete.
+    /// Jobs with complete rounds that are not known to be recorded, and when the first of these was complete.
     pub(crate) fn due(&self) -> Vec<(JobId, Instant)> {
         let mut due: Vec<(JobId, Instant)> = Vec::new();
         for ((job, _), round) in &self.rounds {
@@ -130,7 +130,8 @@ impl OpenRounds {
     }
 }
 
-/// The passes of the round that a node is work of: the first, and the one after the last. `None` where the jobs of a load have no such pass.
+/// The passes of a node's round: the first, and the one after the last. `None` where the jobs of a load have no such
+/// pass.
 fn round_of(node: &NodeAddress) -> Option<[u32; 2]> {
     let pass = u64::from(node.index).checked_shl(node.level)?;
     let rounds = Rounds::new(PASSES);
@@ -144,7 +145,7 @@ fn round_of(node: &NodeAddress) -> Option<[u32; 2]> {
     None
 }
 
-/// Looks at jobs with complete rounds until these are recorded, for as long as it is polled.
+/// Requests jobs with complete rounds until these are recorded, for as long as it is polled.
 pub(crate) async fn follow(client: &Client, tally: &Tally) {
     let [shortest, longest] = PAUSES;
     loop {
@@ -152,7 +153,7 @@ pub(crate) async fn follow(client: &Client, tally: &Tally) {
         for (job, _) in &due {
             match client.job(*job).await {
                 Ok(view) => tally.recorded(*job, view.complete_passes),
-                // It is asked for again soon.
+                // The next request follows soon.
                 Err(_) => tally.repeats(),
             }
         }
@@ -194,7 +195,7 @@ mod tests {
         let after = |seconds| start + Duration::from_secs(seconds);
         rounds.acknowledged(job(1), [node(0, 0, 0)].iter(), true, after(0));
         assert!(rounds.due().is_empty());
-        // The last node of the first round comes together with one of the next.
+        // The last node of the first round comes with a node of the next.
         rounds.acknowledged(job(1), [node(1, 0, 0), node(0, 0, 1)].iter(), true, after(1));
         rounds.acknowledged(job(2), [node(0, 0, 0), node(1, 0, 0)].iter(), true, after(2));
         assert_eq!(rounds.due(), [(job(1), after(1)), (job(2), after(2))]);

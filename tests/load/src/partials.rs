@@ -1,7 +1,7 @@
-//! Partials of noise: what a worker would bring if it had rendered.
+//! Partials of noise, in place of rendered ones.
 //!
-//! The coordinator checks every byte of a partial, down to a hash over address and pixels, so each is encoded by the same code as a
-//! real one. What is saved is the rendering: the pixels are drawn once and are the same in all nodes.
+//! The coordinator checks every byte of a partial, including a hash over address and pixels. So each partial is encoded
+//! by the same code as a real one. Only the rendering is saved: the pixels are drawn once and are equal in all nodes.
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{
@@ -11,10 +11,10 @@ use clerestory_film::{
 
 use crate::settings::BUILD;
 
-/// Size of the sums at which a parcel of the real worker is full.
+/// Size of the sums at which the real worker uploads a partial.
 const FULL_PARCEL_BYTES: usize = 8 << 20;
 
-/// A partial of noise cannot be made.
+/// Why a partial of noise cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum NoiseError {
     /// The lease has a tile that the image does not have.
@@ -25,7 +25,7 @@ pub(crate) enum NoiseError {
         /// Tiles of the image.
         tiles: u32,
     },
-    /// The lease has a node that cannot be.
+    /// The lease has an impossible node.
     #[error("the lease has a node that cannot be")]
     Node(#[from] NodeError),
     /// It cannot be encoded.
@@ -44,7 +44,7 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
-    /// Noise for an image that its tiles cut without remainder.
+    /// Noise for an image that its tiles divide without remainder.
     pub(crate) fn new(grid: TileGrid, sampling: Sampling) -> Self {
         let pixels = (grid.tile_size * grid.tile_size) as usize;
         let mut state = 1;
@@ -55,9 +55,9 @@ impl Noise {
         Self { grid, sampling, beauty, moment, first_hit }
     }
 
-    /// Nodes that the real worker puts into one partial at most, when all of them are there at once.
+    /// Most nodes of a partial of the real worker, when all of them are ready.
     pub(crate) fn nodes_per_parcel(&self) -> usize {
-        // Beauty, albedo and normal have three channels, depth one; blocks, which have a moment, are seldom given out.
+        // Beauty, albedo and normal have three channels, depth one. Blocks, which have a moment, are rare.
         (FULL_PARCEL_BYTES / (self.beauty.len() * 10 * size_of::<f32>())).max(1)
     }
 
@@ -91,7 +91,7 @@ impl Noise {
     }
 }
 
-/// The next of a series of numbers that look random, 0 to 1: linear congruential, of Knuth.
+/// The next pseudorandom number, 0 to 1: Knuth's linear congruential generator.
 fn uniform(state: &mut u64) -> f32 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*state >> 40) as f32 / (1_u64 << 24) as f32

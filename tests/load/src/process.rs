@@ -1,4 +1,4 @@
-//! What Linux says of a process: memory, processor time, what it wrote, and its sockets. And how many sockets one may have.
+//! Usage of a process, as Linux reports it: memory, processor time, writes and sockets. And the limit on sockets.
 
 use std::fs;
 use std::io;
@@ -10,30 +10,30 @@ use crate::error::LoadError;
 /// Ticks in a second of the times in `/proc`, on every Linux.
 const TICKS: u64 = 100;
 
-/// Sockets for each worker: one for its claims, one for its uploads, and one for signs of life while it waits for a lease.
+/// Sockets for each worker: one for its claims, one for its uploads, and one for heartbeats while it waits for a lease.
 const SOCKETS: u64 = 3;
 
 /// Files and sockets that a process has open besides these.
 const OTHER_FILES: u64 = 200;
 
-/// A process, by what `/proc` says of it.
+/// A process in `/proc`.
 #[derive(Clone, Debug)]
 pub(crate) struct Process {
     folder: PathBuf,
 }
 
-/// What a process has used so far.
+/// The usage of a process so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Usage {
-    /// Time of all its cores.
+    /// Core time.
     pub(crate) processor: Duration,
     /// Bytes that it made the system write to a disk.
     pub(crate) written_bytes: u64,
-    /// Memory that it has now, bytes.
+    /// Memory now, bytes.
     pub(crate) resident_bytes: u64,
-    /// The most memory that it has had, bytes.
+    /// Most memory so far, bytes.
     pub(crate) peak_bytes: u64,
-    /// Sockets that it has open.
+    /// Open sockets.
     pub(crate) sockets: u64,
 }
 
@@ -48,7 +48,7 @@ impl Process {
         Self { folder: PathBuf::from(format!("/proc/{id}")) }
     }
 
-    /// What it has used so far.
+    /// Its usage so far.
     pub(crate) fn usage(&self) -> Result<Usage, LoadError> {
         let status = self.read("status")?;
         let kibibytes = |name| self.number("status", &status, name).map(|kibibytes| kibibytes << 10);
@@ -62,7 +62,7 @@ impl Process {
         })
     }
 
-    /// Time of all its cores so far, in steps of 10 ms.
+    /// Core time so far, in steps of 10 ms.
     pub(crate) fn processor(&self) -> Result<Duration, LoadError> {
         let stat = self.read("stat")?;
         let ticks = ticks(&stat).ok_or_else(|| self.malformed("stat", "utime"))?;
@@ -98,13 +98,13 @@ fn named_number(text: &str, name: &str) -> Option<u64> {
     value.split_whitespace().next()?.parse().ok()
 }
 
-/// Ticks in programs and in the system on behalf of the process. Its name, which may hold anything, ends at the last parenthesis.
+/// Ticks in user and kernel mode. The name of the process may contain anything and ends at the last parenthesis.
 fn ticks(stat: &str) -> Option<u64> {
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     Some(fields.get(11)?.parse::<u64>().ok()? + fields.get(12)?.parse::<u64>().ok()?)
 }
 
-/// Lets this process and its children have the sockets of so many workers.
+/// Raises the limit of open files of this process and its children for `workers` workers.
 #[cfg(unix)]
 pub(crate) fn allow_workers(workers: u32) -> Result<(), LoadError> {
     use nix::sys::resource::{Resource, getrlimit, setrlimit};
@@ -132,7 +132,7 @@ pub(crate) fn allow_workers(_workers: u32) -> Result<(), LoadError> {
     Ok(())
 }
 
-/// Bytes of all files in a folder and the folders in it. What disappears meanwhile does not count.
+/// Bytes of all files below a folder, without files that disappear.
 pub(crate) fn bytes_in(folder: &Path) -> u64 {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let sizes = entries.map(|entry| match entry.metadata() {

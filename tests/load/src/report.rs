@@ -1,4 +1,4 @@
-//! What came out, for people and for programs.
+//! The report of a run, for people and programs.
 
 use std::fs;
 use std::num::NonZeroU32;
@@ -23,17 +23,18 @@ pub struct Report {
     state: &'static str,
     /// `folder` or `bucket`.
     blobs: &'static str,
-    /// What the folder of the coordinator is on.
+    /// File system of the coordinator's folder.
     file_system: String,
-    /// Fraction of the nodes that were rendered twice to be compared.
+    /// Fraction of the nodes that a second worker checks.
     checked_fraction: f64,
-    /// Whether somebody looked at the image.
+    /// Whether previews were fetched.
     is_watched: bool,
     ceilings: Ceilings,
     lines: Vec<Line>,
 }
 
-/// What so many workers came to. Rates are those of the measured time unless they say otherwise; a megabyte is 10^6 bytes.
+/// The figures of one number of workers. Rates are those of the measured time unless stated otherwise. A megabyte is
+/// 10^6 bytes.
 #[derive(Debug, Serialize)]
 pub(crate) struct Line {
     /// Connected workers.
@@ -42,14 +43,14 @@ pub(crate) struct Line {
     pub(crate) tile_size: u32,
     /// Nodes in a lease.
     pub(crate) nodes_per_lease: u32,
-    /// What the workers offered together; absent where that is as much as the coordinator takes.
+    /// The rate that the workers offered together; absent where workers ask again at once.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) offered_nodes_per_second: Option<NonZeroU32>,
     /// Jobs that were submitted.
     pub(crate) jobs: u64,
     /// The measured time.
     pub(crate) load_seconds: f64,
-    /// From the end of the measured time until all work was uploaded and merged and the coordinator at rest.
+    /// From the end of the measured time until all work is merged and the coordinator rests.
     pub(crate) drain_seconds: f64,
     /// Until all workers were registered, 100 at a time.
     pub(crate) registration_seconds: f64,
@@ -77,13 +78,14 @@ pub(crate) struct Line {
     pub(crate) upload: Latency,
     /// From the answer that acknowledged the last node of a round until the coordinator showed the round as recorded.
     pub(crate) round_merge: Latency,
-    /// From every answer that acknowledged nodes of a round until the same moment: with the wait for the others of the round.
+    /// The same from every answer that acknowledged nodes of a round, with the wait for other nodes of the round.
     pub(crate) upload_merge: Latency,
     /// Encoding of a partial by the generator.
     pub(crate) encoding: Latency,
-    /// From the answer that acknowledged the first node which a preview lacked until it came; nothing where no preview was looked at.
+    /// From the answer that acknowledged the first node which a preview lacked until the preview came. Empty without
+    /// previews.
     pub(crate) preview_age: Latency,
-    /// The same until a preview took its place that showed more of the same job: the greatest age that somebody saw.
+    /// The same until a preview with more of the same job replaced it.
     pub(crate) preview_replaced_age: Latency,
     /// From the request for a preview to its last byte.
     pub(crate) preview: Latency,
@@ -97,34 +99,36 @@ pub(crate) struct Line {
     pub(crate) uploaded_nodes: u64,
     /// Nodes in recorded rounds at the end.
     pub(crate) merged_nodes: u64,
-    /// Nodes that were there already.
+    /// Nodes that were accepted before.
     pub(crate) duplicate_nodes: u64,
-    /// Nodes that the coordinator did not take.
+    /// Nodes that the coordinator refused.
     pub(crate) refused_nodes: u64,
-    /// Nodes whose lease had run out, or which others had brought by then: at the end, whoever has nothing to do takes over what others hold.
+    /// Nodes whose lease had run out, or which another worker had uploaded. At the end, idle workers take over leased
+    /// nodes.
     pub(crate) late_nodes: u64,
-    /// Those of them until the end of the measured time, while there was work for all.
+    /// The same until the end of the measured time, while there was work for all.
     pub(crate) late_nodes_under_load: u64,
     /// Nodes that were accepted and are in no recorded round at the end.
     pub(crate) lost_nodes: u64,
-    /// Calls that were repeated because they failed in a way that may pass.
+    /// Calls that were repeated after a transient failure.
     pub(crate) repeated_calls: u64,
     /// Camera samples that the accepted nodes stand for.
     pub(crate) samples: u64,
-    /// Most memory that the coordinator had.
+    /// Most memory of the coordinator.
     pub(crate) coordinator_peak_megabytes: f64,
-    /// Memory that it had at the end of the measured time.
+    /// Its memory at the end of the measured time.
     pub(crate) coordinator_megabytes_under_load: f64,
-    /// Its sockets then.
+    /// Its sockets at that time.
     pub(crate) coordinator_sockets: u64,
     /// Its processor time, from the first claim to the end.
     pub(crate) coordinator_processor_seconds: f64,
-    /// That of the generator in the same time.
+    /// Processor time of the generator in the same time.
     pub(crate) generator_processor_seconds: f64,
-    /// Bytes that the coordinator made the system write, for each byte of a partial. Those that a database server writes are not in it.
+    /// Bytes that the coordinator made the system write, for each byte of a partial. Writes of a database server are
+    /// not in it.
     pub(crate) write_amplification: f64,
-    /// Bytes that a PostgreSQL server wrote to its log (WAL), for all of its databases, for each byte of a partial; absent where there is none, or it
-    /// does not say so.
+    /// Bytes that a PostgreSQL server wrote to its log (WAL), for all of its databases, for each byte of a partial.
+    /// Absent where no server reports it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) database_log_amplification: Option<f64>,
     /// Growth of the state and of the blobs that are not in a bucket, for each camera sample.
@@ -164,7 +168,7 @@ impl Report {
         fs::write(file, json).map_err(|source| LoadError::Write { file: file.to_owned(), source })
     }
 
-    /// It as a table: a column for each number of workers, and below it what the bare machine does.
+    /// The report as a table: a column for each number of workers, and below it the speed of the bare machine.
     pub fn table(&self) -> String {
         let mut table = String::new();
         let Some(first) = self.lines.first() else { return table };
@@ -175,7 +179,8 @@ impl Report {
         );
         let Self { state, blobs, file_system, checked_fraction, .. } = self;
         table.push_str(&format!(
-            "state: {state}, blobs: {blobs}, on {file_system}; tiles of {tile_size} x {tile_size} pixels, {nodes_per_lease} nodes in a lease, partials of \
+            "state: {state}, blobs: {blobs}, on {file_system}; tiles of {tile_size} x {tile_size} pixels, \
+             {nodes_per_lease} nodes in a lease, partials of \
              {partial_bytes} bytes, {offered}; fraction of nodes that are checked: {checked_fraction}\n"
         ));
         let [names, numbers] = WIDTHS;
@@ -239,11 +244,11 @@ const ROWS: &[Row] = &[
     ("written for each byte of partials, bytes", 2, |line| line.write_amplification),
 ];
 
-/// Rows for databases whose server says what it writes to its log.
+/// Rows for servers that report their log.
 const LOGGED_ROWS: &[Row] =
     &[("  and by PostgreSQL to its log, bytes", 2, |line| line.database_log_amplification.unwrap_or(0.0))];
 
-/// Rows for loads whose image was looked at.
+/// Rows for loads with previews.
 const WATCHED_ROWS: &[Row] = &[
     ("previews", 0, |line| line.preview.count as f64),
     ("previews that failed", 0, |line| line.failed_previews as f64),

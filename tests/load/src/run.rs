@@ -10,8 +10,12 @@ use crate::report::Report;
 use crate::settings::Settings;
 use crate::{coordinator, file_system, measurement, process};
 
-/// Measures all lines, one after the other, on one farm whose coordinator is started anew for each. When one fails, the report has those before
-/// it, and the failure comes with it.
+/// Measures all numbers of workers, one after the other, on one farm whose coordinator is started anew for each. When
+/// one fails, the report has the lines before it.
+///
+/// # Errors
+///
+/// When the folder, the coordinator or the bare machine cannot be used. The inner result has the failure of a line.
 pub async fn run(settings: &Settings) -> Result<(Report, Result<(), LoadError>), LoadError> {
     let most = settings.workers.iter().copied().max().unwrap_or(0);
     process::allow_workers(most)?;
@@ -44,7 +48,7 @@ pub async fn run(settings: &Settings) -> Result<(Report, Result<(), LoadError>),
     Ok((Report::new(settings, machine, file_system::of(&folder), ceilings, lines), outcome))
 }
 
-/// The sizes of what is there would be taken for those of the load.
+/// Refuses a folder with files, whose sizes would count as those of the load.
 fn check_empty(folder: &Path) -> Result<(), LoadError> {
     fs::create_dir_all(folder).map_err(|source| LoadError::Write { file: folder.to_owned(), source })?;
     let mut entries = fs::read_dir(folder).map_err(|source| LoadError::Read { file: folder.to_owned(), source })?;
@@ -58,7 +62,7 @@ fn check_empty(folder: &Path) -> Result<(), LoadError> {
 pub fn clerestory() -> PathBuf {
     let this = std::env::current_exe().unwrap_or_default();
     let folder = this.parent().unwrap_or(Path::new(""));
-    // Tests lie in a folder below it.
+    // Tests are in the folder `deps` below it.
     let folder = if folder.ends_with("deps") { folder.parent().unwrap_or(folder) } else { folder };
     folder.join(format!("clerestory{}", std::env::consts::EXE_SUFFIX))
 }

@@ -1,13 +1,13 @@
-//! What many measured times come to.
+//! Summaries of measured times.
 
 use std::time::Duration;
 
 use serde::Serialize;
 
-/// Latencies in summary, milliseconds. All are 0 where nothing was measured.
+/// Summary of latencies, milliseconds. All are 0 where nothing was measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub(crate) struct Latency {
-    /// How many were measured.
+    /// Number of measurements.
     pub(crate) count: u64,
     /// The time that half of them do not exceed.
     pub(crate) p50_ms: f64,

@@ -1,4 +1,4 @@
-//! The work of a load: jobs that are submitted as the last ones are used up, and followed until all their rounds are recorded.
+//! The work of a load: jobs that are submitted as earlier ones are used up, and followed until all rounds are recorded.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -11,35 +11,35 @@ use tokio::time::Instant;
 use crate::error::LoadError;
 use crate::tally::Tally;
 
-/// Passes of a job: five rounds, and one block, so that every node has its first-hit layers.
+/// Passes of a job: five rounds and one block, so that every node has its first-hit layers.
 pub(crate) const PASSES: u32 = 16;
 
-/// Samples of a pixel in a pass, and in a block: those of scenes that say nothing else.
+/// Samples of a pixel in a pass, and in a block: the defaults of scenes.
 const SAMPLES: [u32; 2] = [16, 256];
 
 /// Least and most tiles of a job.
 const TILES: [u64; 2] = [64, 1024];
 
-/// Most pixels of a job's image, so that large tiles do not make images that nobody renders.
+/// Most pixels of a job's image, so that large tiles do not make unrealistic images.
 const MOST_PIXELS: u64 = 1 << 20;
 
-/// Pixels across and down an image that is looked at.
+/// Pixels across and down an image with previews.
 const WATCHED_SIZE: [u32; 2] = [1920, 1080];
 
-/// Passes of tiles that are kept free at least, if a job has as many: a second's work of a coordinator.
+/// Fewest free passes of tiles, if a job has as many: a second's work of a coordinator.
 const LEAST_RESERVE: u64 = 4096;
 
-/// Leases of every worker for which passes are kept free, if a job has as many.
+/// Leases of every worker for which passes stay free, if a job has as many.
 const RESERVED_LEASES: u64 = 8;
 
-/// Time between looks at how much work is left, and at jobs.
+/// Time between two requests for the jobs.
 const PERIOD: Duration = Duration::from_millis(20);
 
-/// How long nothing may come of all jobs before they are given up; much longer than a lease lasts, or the merging after a round takes.
-const PATIENCE: Duration = Duration::from_secs(300);
+/// Longest time without progress: much longer than a lease, or than merging after a round.
+const PROGRESS_TIMEOUT: Duration = Duration::from_secs(300);
 
-/// The image of every job for so many nodes that are leased at the same time, in tiles of this edge in pixels: about as many nodes in a
-/// job, so that few jobs are worked on at the same time.
+/// The image of every job, in tiles of `tile_size` pixels, for `leased_nodes` nodes that are leased at the same time. A
+/// job has about as many nodes, so that few jobs run at the same time.
 pub(crate) fn grid(tile_size: u32, leased_nodes: u64) -> TileGrid {
     let most = (MOST_PIXELS / (u64::from(tile_size) * u64::from(tile_size))).clamp(1, TILES[1]);
     let tiles = (leased_nodes / u64::from(PASSES)).next_power_of_two().clamp(TILES[0].min(most), most);
@@ -47,7 +47,7 @@ pub(crate) fn grid(tile_size: u32, leased_nodes: u64) -> TileGrid {
     TileGrid { width: tile_size << doublings.div_ceil(2), height: tile_size << (doublings / 2), tile_size }
 }
 
-/// The image of a job that is looked at: 1920 pixels wide and 1080 high, or more where tiles of this edge do not cut that without remainder.
+/// The image of a job with previews: 1920 x 1080 pixels, or the next whole tiles.
 pub(crate) fn watched_grid(tile_size: u32) -> TileGrid {
     let [width, height] = WATCHED_SIZE.map(|length| length.next_multiple_of(tile_size));
     TileGrid { width, height, tile_size }
@@ -68,12 +68,12 @@ pub(crate) struct Supply<'a> {
     scene: Value,
     /// Nodes that are leased at the same time.
     leased_nodes: u64,
-    /// All jobs of the load, with the passes that every tile had at the last look.
+    /// All jobs of the load, with the complete passes of every tile at the last request.
     jobs: BTreeMap<JobId, u32>,
 }
 
 impl<'a> Supply<'a> {
-    /// A supply of jobs with this image for workers who lease so many nodes at the same time.
+    /// A supply of jobs with this image for workers that lease `leased_nodes` nodes at the same time.
     pub(crate) fn new(client: &'a Client, tally: &'a Tally, grid: TileGrid, leased_nodes: u64) -> Self {
         let scene = scene(grid);
         Self { client, tally, grid, scene, leased_nodes, jobs: BTreeMap::new() }
@@ -84,8 +84,8 @@ impl<'a> Supply<'a> {
         u64::from(self.grid.len()) * u64::from(PASSES)
     }
 
-    /// Passes of tiles that are to be free all the while: those of a job, but of a large one, as images that are looked at are, no more than are
-    /// needed until the next is there. All that is submitted has to be worked off in the end.
+    /// Passes of tiles that stay free: those of a job, but of a large job only those needed until the next exists. All
+    /// submitted work must be rendered in the end.
     fn reserve(&self) -> u64 {
         self.job_passes().min((RESERVED_LEASES * self.leased_nodes).max(LEAST_RESERVE))
     }
@@ -95,12 +95,12 @@ impl<'a> Supply<'a> {
         self.jobs.len() as u64
     }
 
-    /// Submits the first jobs: a lease for every worker, since without a pause all ask at once, and the reserve.
+    /// Submits the first jobs: a lease for every worker, since all may ask at once, and the reserve.
     pub(crate) async fn begin(&mut self) -> Result<(), LoadError> {
         self.fill(self.leased_nodes + self.reserve()).await
     }
 
-    /// Submits jobs until at least so many passes of tiles are free.
+    /// Submits jobs until at least `passes` passes of tiles are free.
     async fn fill(&mut self, passes: u64) -> Result<(), LoadError> {
         while self.tally.free_passes() < passes {
             let submission = JobSubmission {
@@ -123,7 +123,7 @@ impl<'a> Supply<'a> {
         Ok(())
     }
 
-    /// Sees to it, for so long, that the reserve is free.
+    /// Keeps the reserve free for a time.
     pub(crate) async fn keep_full(&mut self, time: Duration) -> Result<(), LoadError> {
         let end = Instant::now() + time;
         while Instant::now() < end {
@@ -158,10 +158,11 @@ impl<'a> Supply<'a> {
             let now = (self.tally.counts().accepted, merged);
             if now != last.0 {
                 last = (now, Instant::now());
-            } else if last.1.elapsed() > PATIENCE {
+            } else if last.1.elapsed() > PROGRESS_TIMEOUT {
                 return Err(LoadError::Ended(format!(
-                    "nothing was uploaded and no round recorded for {} s: {left} passes of tiles are not merged, {} not leased",
-                    PATIENCE.as_secs(),
+                    "nothing was uploaded and no round recorded for {} s: {left} passes of tiles are not merged, {} \
+                     not leased",
+                    PROGRESS_TIMEOUT.as_secs(),
                     self.tally.free_passes()
                 )));
             }
@@ -169,7 +170,7 @@ impl<'a> Supply<'a> {
         }
     }
 
-    /// Looks at a job, and answers how many of its passes are in recorded rounds.
+    /// Requests a job, and returns its passes in recorded rounds.
     async fn look(&self, id: JobId) -> Result<u32, LoadError> {
         let job = self.client.job(id).await?;
         if job.state.is_final() && job.state != JobState::Done {
@@ -187,7 +188,7 @@ impl<'a> Supply<'a> {
     }
 }
 
-/// A scene that could be rendered: a wall and a lamp.
+/// A renderable scene: a wall and a lamp.
 fn scene(grid: TileGrid) -> Value {
     json!({
         "version": 1,

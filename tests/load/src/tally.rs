@@ -1,7 +1,7 @@
-//! What the workers of a load count together, and which of their times are measured.
+//! The counters that the workers of a load share, and their measured times.
 //!
-//! A claim's time is measured only if work was there all the while: one that was sent when all nodes were leased, or met the moment when
-//! the last one went, has waited for work and not for the coordinator.
+//! The time of a claim is measured only if there was unleased work all the while. A claim that met the moment without
+//! work waited for work and not for the coordinator.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -12,7 +12,7 @@ use tokio::time::Instant;
 
 use crate::merging::{MergeTimes, OpenRounds};
 
-/// What has been counted so far.
+/// The counts so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counts {
     /// Leases granted.
@@ -27,23 +27,23 @@ pub(crate) struct Counts {
     pub(crate) accepted: u64,
     /// Passes of a tile in these; a node has at least one.
     pub(crate) accepted_passes: u64,
-    /// Nodes that were there already.
+    /// Nodes that were accepted before.
     pub(crate) duplicate: u64,
-    /// Nodes that were not taken.
+    /// Nodes that the coordinator refused.
     pub(crate) refused: u64,
-    /// Nodes whose lease was over before they were answered.
+    /// Nodes whose lease had ended before their answer.
     pub(crate) late: u64,
-    /// Calls that were repeated because they failed in a way that may pass.
+    /// Calls that were repeated after a transient failure.
     pub(crate) repeated: u64,
-    /// Previews that were asked for and did not come.
+    /// Previews that failed.
     pub(crate) failed_previews: u64,
 }
 
-/// When a claim was sent, if its time is to be measured.
+/// The state at the start of a claim, if its time is measured.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Asked(Option<u64>);
 
-/// Whether the time of an upload is to be measured.
+/// Whether the time of an upload is measured.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sent(bool);
 
@@ -58,14 +58,14 @@ struct State {
     counts: Counts,
     /// Passes of tiles in all jobs that were submitted, less those that are leased or done.
     free_passes: u64,
-    /// How often the last free pass has been leased.
+    /// How often the last free pass was leased.
     droughts: u64,
     is_measuring: bool,
     times: Times,
-    /// Of each job, when partials of it were answered, and how many nodes of it had then been accepted.
+    /// For each job, the times of answered partials, and the nodes accepted by then.
     arrivals: BTreeMap<JobId, Vec<(Instant, u64)>>,
     rounds: OpenRounds,
-    /// The preview that somebody looks at: its job, and how many nodes of it had been accepted when it was begun.
+    /// The shown preview: its job, and the nodes of it that had been accepted when the preview was begun.
     shown: Option<(JobId, u64)>,
     failure: Option<String>,
 }
@@ -81,14 +81,14 @@ pub(crate) struct Times {
     pub(crate) encodings: Vec<Duration>,
     /// From the request for a preview to its last byte.
     pub(crate) previews: Vec<Duration>,
-    /// From the answer that acknowledged the first node which had not been accepted when a preview was begun until it came.
+    /// From the answer that acknowledged the first node which a preview lacks until the preview came.
     pub(crate) ages: Vec<Duration>,
-    /// The same until another took its place that shows more of the job.
+    /// The same until a preview with more of the job replaced it.
     pub(crate) replaced_ages: Vec<Duration>,
 }
 
 impl Tally {
-    /// Nothing is counted yet; every job will have so many tiles.
+    /// No counts yet. Every job has `tiles` tiles.
     pub(crate) fn new(tiles: u32) -> Self {
         Self { state: Mutex::new(State { rounds: OpenRounds::new(tiles), ..State::default() }) }
     }
@@ -122,23 +122,23 @@ impl Tally {
         self.state().rounds.times().clone()
     }
 
-    /// Passes of tiles that nobody has leased yet.
+    /// Passes of tiles that no worker has leased.
     pub(crate) fn free_passes(&self) -> u64 {
         self.state().free_passes
     }
 
-    /// A job has been submitted.
+    /// Notes a submitted job.
     pub(crate) fn supply(&self, passes: u64) {
         self.state().free_passes += passes;
     }
 
-    /// A claim is about to be sent.
+    /// Notes the start of a claim.
     pub(crate) fn asks(&self) -> Asked {
         let state = self.state();
         Asked((state.is_measuring && state.free_passes > 0).then_some(state.droughts))
     }
 
-    /// It was granted after so long.
+    /// Notes that a claim was granted after `time`.
     pub(crate) fn granted(&self, asked: Asked, time: Duration, nodes: &[NodeAddress]) {
         let mut state = self.state();
         state.counts.leases += 1;
@@ -152,15 +152,15 @@ impl Tally {
         }
     }
 
-    /// It was answered after so long that there is no work. If there was, that is how long the worker was without.
-    pub(crate) fn claimed_in_vain(&self, asked: Asked, time: Duration) {
+    /// Notes that a claim was answered without work after `time`.
+    pub(crate) fn claim_without_work(&self, asked: Asked, time: Duration) {
         let mut state = self.state();
         if asked.0 == Some(state.droughts) {
             state.times.claims.push(time);
         }
     }
 
-    /// A partial is about to be sent, which took so long to encode.
+    /// Notes the start of an upload, after the time of its encoding.
     pub(crate) fn sends(&self, encoding: Duration) -> Sent {
         let mut state = self.state();
         if state.is_measuring {
@@ -169,7 +169,7 @@ impl Tally {
         Sent(state.is_measuring)
     }
 
-    /// It was answered after so long; it was of this job.
+    /// Notes the answer to an upload of a job after `time`.
     pub(crate) fn answered(&self, sent: Sent, job: JobId, time: Duration, bytes: u64, answer: &PartialAnswer) {
         let with = |verdict| answer.nodes.iter().filter(move |node| node.verdict == verdict).map(|node| &node.node);
         let mut state = self.state();
@@ -190,53 +190,53 @@ impl Tally {
         state.rounds.acknowledged(job, with(NodeVerdict::Accepted), sent.0, now);
     }
 
-    /// Jobs with rounds that are complete and not known to be recorded, and since when.
+    /// Jobs with complete rounds that are not known to be recorded, and since when.
     pub(crate) fn due(&self) -> Vec<(JobId, Instant)> {
         self.state().rounds.due()
     }
 
-    /// The coordinator shows that the rounds of a job are recorded up to so many passes.
+    /// Notes that the coordinator shows the rounds of a job up to `complete_passes` passes as recorded.
     pub(crate) fn recorded(&self, job: JobId, complete_passes: u32) {
         let now = Instant::now();
         self.state().rounds.recorded(job, complete_passes, now);
     }
 
-    /// A preview has come that was asked for at a moment, and shows what had been accepted of a job when it had so many nodes.
+    /// Notes a preview of a job, requested at `asked`, with `accepted_nodes` nodes.
     pub(crate) fn seen(&self, job: JobId, accepted_nodes: u64, asked: Instant) {
         let now = Instant::now();
         self.state().sees(job, accepted_nodes, asked, now);
     }
 
-    /// A preview was asked for and did not come.
-    pub(crate) fn looked_in_vain(&self) {
+    /// Notes a preview that failed.
+    pub(crate) fn preview_failed(&self) {
         self.state().counts.failed_previews += 1;
     }
 
-    /// These nodes are back in the queue: their lease was over before they were answered.
-    pub(crate) fn came_late(&self, nodes: &[NodeAddress]) {
+    /// Notes nodes that are back in the queue, because their lease had ended before their answer.
+    pub(crate) fn note_late(&self, nodes: &[NodeAddress]) {
         let mut state = self.state();
         state.counts.late += nodes.len() as u64;
         state.free_passes += passes(nodes.iter());
     }
 
-    /// A call is repeated.
+    /// Notes a repeated call.
     pub(crate) fn repeats(&self) {
         self.state().counts.repeated += 1;
     }
 
-    /// A worker has ended for this reason. The first one is kept.
+    /// Notes the failure of a worker. The first failure is kept.
     pub(crate) fn fails(&self, reason: String) {
         self.state().failure.get_or_insert(reason);
     }
 
-    /// Why a worker has ended, if one has.
+    /// The first failure of a worker.
     pub(crate) fn failure(&self) -> Option<String> {
         self.state().failure.clone()
     }
 }
 
 impl State {
-    /// So many nodes of a job have been acknowledged.
+    /// Notes `accepted` acknowledged nodes of a job.
     fn arrives(&mut self, job: JobId, accepted: u64, now: Instant) {
         let arrivals = self.arrivals.entry(job).or_default();
         let before = arrivals.last().map_or(0, |(_, nodes)| *nodes);
@@ -244,7 +244,7 @@ impl State {
     }
 
     fn sees(&mut self, job: JobId, accepted_nodes: u64, asked: Instant, now: Instant) {
-        // The same once more does not replace it, and with another job somebody begins anew.
+        // An equal preview replaces nothing, and a preview of another job begins anew.
         if let Some((shown_job, shown_nodes)) = self.shown.replace((job, accepted_nodes))
             && shown_job == job
             && shown_nodes != accepted_nodes
@@ -257,7 +257,8 @@ impl State {
         self.times.previews.push(now - asked);
     }
 
-    /// Since when a node of a job has been acknowledged that a preview with so many of them lacks; nothing, when it lacks none.
+    /// The time since the first node was acknowledged that a preview with `accepted_nodes` nodes lacks. Zero when it
+    /// lacks none.
     fn age(&self, job: JobId, accepted_nodes: u64, now: Instant) -> Duration {
         let arrivals = self.arrivals.get(&job).map(Vec::as_slice).unwrap_or_default();
         let first_lacking = arrivals.partition_point(|(_, nodes)| *nodes <= accepted_nodes);
@@ -298,9 +299,9 @@ mod tests {
         assert_eq!(measured(), 2, "waited for work");
         tally.granted(tally.asks(), time, &nodes(1));
         assert_eq!((measured(), tally.counts().leased, tally.counts().leases), (3, 7, 6));
-        tally.claimed_in_vain(tally.asks(), time);
+        tally.claim_without_work(tally.asks(), time);
         assert_eq!((measured(), tally.counts().leases), (4, 6));
-        tally.claimed_in_vain(idle, time);
+        tally.claim_without_work(idle, time);
         assert_eq!(measured(), 4, "there was none");
     }
 

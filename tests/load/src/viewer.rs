@@ -1,8 +1,7 @@
-//! Somebody who looks at a job: fetches its preview again and again, as the page does, and notes how old each is when it comes, and when a newer
-//! one replaces it.
+//! A viewer: fetches the preview of a job again and again, as the page does, and notes the age of each preview.
 //!
-//! The age of a preview is the time since the first node was acknowledged that had not been accepted when it was begun; nothing, when all had been. What
-//! lies behind a gap of the film is shown when the gap is closed, however fast previews are made.
+//! The age of a preview is the time since the first node was acknowledged that the preview lacks. It is zero when the
+//! preview lacks none. Nodes behind a gap of the film show when the gap closes.
 
 use std::time::Duration;
 
@@ -11,11 +10,11 @@ use tokio::time::Instant;
 
 use crate::tally::Tally;
 
-/// From one request to the next at least, as in the page.
+/// Shortest time between two requests, as on the page.
 const PERIOD: Duration = Duration::from_millis(300);
 
-/// Looks at the job that is being rendered for as long as times are measured, and then waits for the preview that is still to come: one
-/// that is slow is not left out. What fails is tried again.
+/// Fetches previews of the running job while times are measured, and then waits for the last one, so that slow previews
+/// count. Failed previews are requested again.
 pub(crate) async fn look(client: &Client, tally: &Tally) {
     let mut watched = None;
     while tally.is_measuring() {
@@ -28,7 +27,7 @@ pub(crate) async fn look(client: &Client, tally: &Tally) {
     }
 }
 
-/// The oldest job that is being rendered; the last one, as long as it is.
+/// The running job that was watched before, or else the oldest running one.
 async fn running(client: &Client, tally: &Tally, watched: Option<JobId>) -> Option<JobId> {
     let is_running = |state| state == JobState::Running;
     if let Some(job) = watched
@@ -50,6 +49,6 @@ async fn look_at(client: &Client, tally: &Tally, job: JobId) {
     match client.preview(job, &PreviewQuery::default()).await {
         Ok(preview) => tally.seen(job, preview.accepted_nodes, start),
         Err(failure) if failure.problem().is_some_and(|problem| problem.code == ProblemCode::NoImageYet) => {}
-        Err(_) => tally.looked_in_vain(),
+        Err(_) => tally.preview_failed(),
     }
 }

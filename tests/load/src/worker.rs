@@ -1,8 +1,8 @@
-//! A simulated worker: it speaks to the coordinator as a real one does, and brings noise.
+//! A simulated worker: it calls the coordinator as a real one does, but uploads noise.
 //!
-//! It registers, sends signs of life, waits for leases, renews them while it holds them, uploads nodes as the real one does, as often as its
-//! lease says, those that would have been rendered by then, and repeats calls that fail in a way that may pass. Two things are left out: it does not fetch the scene,
-//! which real ones do once for each job; and it claims only after its upload was answered, where real ones claim meanwhile.
+//! It registers, sends heartbeats, waits for leases, renews them, uploads nodes at the times of a real worker, and
+//! repeats calls after transient failures. Two things differ: it does not fetch the scene, and it claims only after its
+//! upload was answered.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,24 +20,24 @@ use crate::partials::{Noise, NoiseError};
 use crate::settings::BUILD;
 use crate::tally::Tally;
 
-/// How long the coordinator may let a claim wait for work, as real workers do, milliseconds.
+/// Longest wait of a claim for work, as of real workers, milliseconds.
 const LONG_POLL_MS: u32 = 15_000;
 
-/// Time between signs of life, as real workers send them.
+/// Time between heartbeats, as of real workers.
 const HEARTBEAT_PERIOD: Duration = Duration::from_secs(5);
 
-/// What a pass of a tile is said to have taken, milliseconds of one core: as long as the work of a whole lease should take, so that
-/// the coordinator cuts no larger nodes.
+/// Reported core time of a pass of a tile, milliseconds: as long as the work of a whole lease should take, so that the
+/// coordinator cuts no larger nodes.
 const PASS_CORE_MS: u64 = 10_000;
 
-/// What the workers of a load have in common.
+/// The shared state of the workers of a load.
 #[derive(Debug)]
 pub(crate) struct Load {
-    /// The connections; each call that is under way has one of its own.
+    /// The client. Each call in progress has a connection of its own.
     pub(crate) client: Client,
-    /// What they bring.
+    /// The noise that they upload.
     pub(crate) noise: Noise,
-    /// What they count.
+    /// Their counters.
     pub(crate) tally: Tally,
     /// Time from one lease of a worker to its next; without one, the next follows at once.
     pub(crate) cycle: Option<Duration>,
@@ -60,7 +60,8 @@ impl Load {
         Ok(self.until_answered(|| self.client.register_worker(&registration)).await?.id)
     }
 
-    /// Works as a registered worker for as long as it is polled, from `start` on. Ends only for a failure, which is noted.
+    /// Works as a registered worker from `start` on, for as long as it is polled. Ends only on a failure, which is
+    /// noted.
     pub(crate) async fn work(self: Arc<Self>, worker: WorkerId, start: Instant) {
         let failure = tokio::select! {
             failure = self.leases(worker, start) => failure,
@@ -77,12 +78,12 @@ impl Load {
                 Err(failure) => return failure.into(),
                 Ok(None) => turn = Instant::now(),
                 Ok(Some(lease)) => {
-                    // Who is late does not catch up: a farm that cannot follow is offered less.
+                    // A late worker does not catch up, so a farm that cannot follow is offered less.
                     let now = Instant::now();
                     turn = now.max(turn + self.cycle.unwrap_or_default());
                     tokio::select! {
-                        worked_off = self.work_off(&lease, now, turn) => {
-                            if let Err(failure) = worked_off {
+                        uploaded_all = self.upload_all(&lease, now, turn) => {
+                            if let Err(failure) = uploaded_all {
                                 return failure;
                             }
                         }
@@ -101,25 +102,25 @@ impl Load {
         let lease = self.until_answered(|| self.client.claim_lease(&request)).await?;
         match &lease {
             Some(lease) => self.tally.granted(asked, start.elapsed(), &lease.nodes),
-            None => self.tally.claimed_in_vain(asked, start.elapsed()),
+            None => self.tally.claim_without_work(asked, start.elapsed()),
         }
         Ok(lease)
     }
 
-    /// Uploads the nodes of a lease as if one after the other had been rendered from `start` to `due`.
-    async fn work_off(&self, lease: &Lease, start: Instant, due: Instant) -> Result<(), WorkerFailure> {
+    /// Uploads the nodes of a lease as if they were rendered one after the other from `start` to `due`.
+    async fn upload_all(&self, lease: &Lease, start: Instant, due: Instant) -> Result<(), WorkerFailure> {
         let count = lease.nodes.len().max(1);
         let each = (due - start).div_f64(count as f64);
         let rendered = |time: Instant| match each.is_zero() {
             true => count,
             false => ((time - start).div_duration_f64(each).round() as usize).min(count),
         };
-        let gathering_time = Duration::from_millis(lease.gather_ms.into());
+        let linger = Duration::from_millis(lease.gather_ms.into());
         let (mut next, mut outstanding) = (0, 0);
         while next < lease.nodes.len() {
-            let hand_in = due.min(start + each.mul_f64((next + 1) as f64) + gathering_time);
-            tokio::time::sleep_until(hand_in).await;
-            let end = rendered(hand_in).max(next + 1);
+            let upload_at = due.min(start + each.mul_f64((next + 1) as f64) + linger);
+            tokio::time::sleep_until(upload_at).await;
+            let end = rendered(upload_at).max(next + 1);
             for nodes in lease.nodes[next..end].chunks(self.noise.nodes_per_parcel()) {
                 match self.upload(lease, nodes).await? {
                     Some(left) => outstanding = left,
@@ -131,7 +132,7 @@ impl Load {
         if outstanding > 0 {
             let body = LeaseReturn { token: lease.token, failure: None };
             match self.until_answered(|| self.client.return_lease(lease.id, &body)).await {
-                // Others have taken the rest over, and the job may have ended.
+                // Another worker has taken over the rest, or the job has ended.
                 Err(failure) if !is_lease_over(&failure) => return Err(failure.into()),
                 Ok(()) | Err(_) => {}
             }
@@ -139,7 +140,7 @@ impl Load {
         Ok(())
     }
 
-    /// Uploads nodes of a lease, and answers how many of it are still wanted; `None` when it is over.
+    /// Uploads nodes of a lease. Returns how many nodes of it are still wanted, or `None` when the lease has ended.
     async fn upload(&self, lease: &Lease, nodes: &[NodeAddress]) -> Result<Option<u32>, WorkerFailure> {
         let start = Instant::now();
         let body = Bytes::from(self.noise.partial(lease.job.to_string(), lease.scene_hash.clone(), nodes)?);
@@ -153,14 +154,14 @@ impl Load {
                 Ok(Some(answer.outstanding))
             }
             Err(failure) if is_lease_over(&failure) => {
-                self.tally.came_late(nodes);
+                self.tally.note_late(nodes);
                 Ok(None)
             }
             Err(failure) => Err(failure.into()),
         }
     }
 
-    /// Renews a lease for as long as it is polled. When that is over, the upload hears of it.
+    /// Renews a lease for as long as it is polled. The upload fails when the lease has ended.
     async fn renew(&self, lease: &Lease) {
         let mut expires_in_ms = lease.expires_in_ms;
         loop {
@@ -176,14 +177,14 @@ impl Load {
     async fn heartbeats(&self, worker: WorkerId) {
         loop {
             tokio::time::sleep(HEARTBEAT_PERIOD).await;
-            // The next one is due soon.
+            // The next heartbeat follows soon.
             if self.client.heartbeat(worker, &WorkerActivity::default()).await.is_err() {
                 self.tally.repeats();
             }
         }
     }
 
-    /// Repeats a call until it is answered for good, with the pauses of a real worker.
+    /// Repeats a call until it has a final answer, with the pauses of a real worker.
     async fn until_answered<T, Answer>(&self, call: impl FnMut() -> Answer) -> Result<T, ClientError>
     where
         Answer: Future<Output = Result<T, ClientError>>,
@@ -201,7 +202,7 @@ impl Load {
     }
 }
 
-/// Whether the nodes of a lease are somebody else's by now.
+/// Whether a lease has ended.
 fn is_lease_over(failure: &ClientError) -> bool {
     let is_over =
         |code| matches!(code, ProblemCode::LeaseExpired | ProblemCode::LeaseReturned | ProblemCode::JobNotRunning);

@@ -1,5 +1,5 @@
-//! How much a coordinator takes: the loads of docs/results/farm.md, one after the other, each on a SQLite file or a PostgreSQL
-//! server of its own. Fails when a load fails or a figure misses its goal.
+//! How much a coordinator takes: the loads of docs/results/farm.md, one after the other, each on a SQLite file or a
+//! PostgreSQL server of its own. Fails when a load fails or a figure misses its goal.
 //!
 //! ```text
 //! tests/run build && target/release/load
@@ -16,8 +16,8 @@ use clerestory_tests::farm::program;
 use clerestory_tests::load_page;
 use serde_json::Value;
 
-/// Options of `load-generator`, and the goals of the load. A load whose p99 or rate is a goal is measured for longer, so that one short pause
-/// of the machine does not decide.
+/// Options of `load-generator`, and the goals of the load. A load with a goal for a p99 or a rate is measured for
+/// longer, so that one short pause of the machine does not decide.
 type Load = (&'static str, &'static [Goal]);
 
 const ON_SQLITE: &[Load] = &[
@@ -54,7 +54,7 @@ const SUSTAINED_ON_POSTGRES: Goal = ("sustained_per_second", Wanted::AtLeast(150
 /// How long a worker waits for a lease while the coordinator can follow the load.
 const LEASE: Goal = ("claim/p99_ms", Wanted::Below(50.0));
 
-/// Nodes a second that are uploaded: nine tenths of the offered rate, since a worker that waits for an answer offers less.
+/// Uploaded nodes a second: nine tenths of the offered rate, since a worker that waits for an answer offers less.
 const fn uploaded(offered: f64) -> Goal {
     ("uploaded_per_second", Wanted::AtLeast(0.9 * offered))
 }
@@ -115,7 +115,7 @@ fn run(page: Option<&Path>) -> io::Result<bool> {
         let mut command = program("load-generator");
         command.arg("--output").arg(&file);
         command.arg("--workers").args(load.split(' '));
-        // A server that earlier loads used would vacuum their tables meanwhile.
+        // A server of earlier loads would vacuum their tables during the measurement.
         let postgres = is_on_postgres.then(Postgres::start).transpose()?;
         if let Some(postgres) = &postgres {
             postgres.settle()?;

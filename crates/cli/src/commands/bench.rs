@@ -1,4 +1,4 @@
-//! `clerestory bench`: measurements that anybody can repeat.
+//! `clerestory bench`: measurements that any user can repeat.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ use crate::shutdown::{self, Parent};
 use crate::threads::ThreadCount;
 use crate::version::BUILD;
 
-/// Most renders of a variant, and most samples of a reference: more would not end.
+/// Most samples of a reference: more would not end.
 const MOST: u32 = 1 << 24;
 
 /// Options of `clerestory bench`.
@@ -48,7 +48,8 @@ struct ExperimentArguments {
     #[arg(value_name = "NAME", value_parser = experiments::find, required_unless_present = "list")]
     experiment: Option<&'static Experiment>,
     /// List the experiments, and end.
-    #[arg(long, conflicts_with_all = ["experiment", "output", "times", "seeds", "size", "reference_spp", "threads", "farm"])]
+    #[arg(long, conflicts_with_all =
+        ["experiment", "output", "times", "seeds", "size", "reference_spp", "threads", "farm"])]
     list: bool,
     /// Folder to write into [default: experiment-NAME]. References that are there already are used again.
     #[arg(short, long, value_name = "FOLDER")]
@@ -113,7 +114,7 @@ async fn run_experiment(arguments: ExperimentArguments) -> Result<(), Failure> {
     }
 }
 
-/// Writes what experiments there are.
+/// Lists the experiments.
 fn list() -> Result<(), Failure> {
     let width = experiments::ALL.iter().map(|experiment| experiment.name.len()).max().unwrap_or(0);
     experiments::ALL
@@ -121,7 +122,7 @@ fn list() -> Result<(), Failure> {
         .try_for_each(|experiment| print_line(&format!("{:width$}  {}", experiment.name, experiment.title)))
 }
 
-/// The settings of an experiment; those that it does not have cannot be given.
+/// The settings of an experiment. An option for a setting that the experiment lacks is an error.
 fn interpret(experiment: &Experiment, arguments: &ExperimentArguments) -> Result<Settings, Failure> {
     let defaults = experiment.defaults;
     let given = [

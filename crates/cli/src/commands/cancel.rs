@@ -6,7 +6,7 @@ use crate::output::{print_json, print_line};
 
 pub(crate) async fn run(arguments: OneJob) -> Result<(), Failure> {
     let connection = arguments.connection.open()?;
-    // Asked before, because the answer to the second cancelling is that to the first.
+    // The job is fetched before, because a second cancellation has the same answer as the first.
     let before = connection.client.job(arguments.job).await.map_err(|error| connection.failure(error))?;
     let job = connection.client.cancel_job(arguments.job).await.map_err(|error| connection.failure(error))?;
     if arguments.json {

@@ -1,4 +1,4 @@
-//! `clerestory compare`: how far an image is from a reference.
+//! `clerestory compare`: measures how far an image is from a reference.
 
 use std::path::PathBuf;
 
@@ -16,9 +16,9 @@ use crate::standard_error::reference_gaps;
 pub(crate) struct CompareArguments {
     /// The image.
     image: PathBuf,
-    /// The reference, of the same size. Where it has a standard error, so has the corrected MSE a value.
+    /// The reference, of the same size. With a standard error in it, the corrected MSE has a value.
     reference: PathBuf,
-    /// Write the measures as JSON; those that do not exist, as the PSNR of identical images, are null.
+    /// Write the measures as JSON; a measure that does not exist, such as the PSNR of identical images, is null.
     #[arg(long)]
     json: bool,
 }

@@ -31,33 +31,33 @@ pub(crate) struct CoordinatorArguments {
     /// Folder for the database and the images [default: clerestory-data].
     #[arg(long, value_name = "FOLDER", env = "CLERESTORY_DATA")]
     data: Option<PathBuf>,
-    /// PostgreSQL database of the farm's state, such as postgres://clerestory@db.example/farm; without one, the state is a file in the data
-    /// folder. A password is better given in the environment.
+    /// PostgreSQL database of the farm's state, such as postgres://clerestory@db.example/farm. Without one, the state
+    /// is a file in the data folder. A password is safer in the environment.
     #[arg(long, value_name = "URL", env = "CLERESTORY_DATABASE", hide_env_values = true)]
     database: Option<String>,
-    /// Bucket of an S3-compatible object store for the scenes, references and images, such as s3://glass/farm; without one, they are in the
-    /// data folder. Endpoint, region and keys come from the usual variables (AWS_ENDPOINT_URL, AWS_REGION, AWS_ACCESS_KEY_ID,
-    /// AWS_SECRET_ACCESS_KEY).
+    /// Bucket of an S3-compatible object store for scenes, references and images, such as s3://glass/farm. Without one,
+    /// they are in the data folder. Endpoint, region and keys come from AWS_ENDPOINT_URL, AWS_REGION, AWS_ACCESS_KEY_ID
+    /// and AWS_SECRET_ACCESS_KEY.
     #[arg(long, value_name = "URL", env = "CLERESTORY_OBJECT_STORE")]
     object_store: Option<String>,
     /// File with the farm's token, required off loopback [env: CLERESTORY_TOKEN_FILE]; the token itself can be in
     /// CLERESTORY_TOKEN.
     #[arg(long, value_name = "FILE")]
     token_file: Option<PathBuf>,
-    /// How long a lease lasts unless its worker renews it [default: 60].
+    /// Lifetime of a lease that its worker does not renew [default: 60].
     #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_SECONDS", value_parser = positive)]
     lease_seconds: Option<NonZeroU32>,
-    /// How long the work of a lease should take [default: 10].
+    /// Time that the work of a lease should take [default: 10].
     #[arg(long, value_name = "SECONDS", env = "CLERESTORY_LEASE_WORK_SECONDS", value_parser = positive)]
     lease_work_seconds: Option<NonZeroU32>,
-    /// Fraction of nodes that a second worker renders too, to be compared; a worker with other bits than two others is given no work
-    /// any more [default: 0.01].
+    /// Fraction of nodes that a second worker renders too, as a check. A worker whose bits differ from those of two
+    /// others gets no more work [default: 0.01].
     #[arg(long, value_name = "FRACTION", env = "CLERESTORY_CHECKED_FRACTION", value_parser = fraction)]
     checked_fraction: Option<f64>,
-    /// Give out exactly this many nodes with each lease, whatever they take; for experiments.
+    /// Put exactly this many nodes into each lease, whatever time they take; for experiments.
     #[arg(long, value_name = "N", env = "CLERESTORY_LEASE_NODES", value_parser = positive)]
     lease_nodes: Option<NonZeroU32>,
-    /// Print the settings as they come out of all layers, as a configuration file, and end.
+    /// Print the settings of all layers together, as a configuration file, and end.
     #[arg(long)]
     print_config: bool,
     /// Stop when standard input ends; for a coordinator that belongs to another process.
@@ -65,7 +65,7 @@ pub(crate) struct CoordinatorArguments {
     stop_with_stdin: bool,
 }
 
-/// The settings, as the configuration file has them.
+/// The settings, with the names of the configuration file.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Settings {
@@ -131,7 +131,7 @@ pub(crate) async fn run(arguments: CoordinatorArguments) -> Result<(), Failure> 
     }
     let stop = shutdown::token(if arguments.stop_with_stdin { Parent::HoldsStdin } else { Parent::None });
     let mut printed = Ok(());
-    // A coordinator waits to be stopped from when it serves: one that cannot start has no address, and a farm starts no workers for it.
+    // The address is printed when the coordinator serves. A farm waits for it before it starts workers.
     let stopped = async {
         printed = print_line(&format!("http://{}", reachable(address)));
         if printed.is_ok() {
@@ -189,7 +189,7 @@ impl Settings {
     }
 }
 
-/// Reads a fraction of a whole.
+/// Parses a fraction, 0 to 1.
 fn fraction(text: &str) -> Result<f64, String> {
     let value = text.parse::<f64>().ok().filter(|value| (0.0..=1.0).contains(value));
     value.ok_or_else(|| "expected a number from 0 to 1".to_owned())
@@ -200,7 +200,7 @@ fn environment() -> impl Iterator<Item = (String, String)> {
     std::env::vars_os().filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
 }
 
-/// Where this machine reaches a server that listens on `address`.
+/// The address at which this machine reaches a server that listens on `address`.
 fn reachable(mut address: SocketAddr) -> SocketAddr {
     if address.ip().is_unspecified() {
         address.set_ip(match address {

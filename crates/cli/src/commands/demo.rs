@@ -1,4 +1,4 @@
-//! `clerestory demo`: a farm on this machine renders sunlight through four old panes, and its error falls before your eyes.
+//! `clerestory demo`: a farm on this machine renders sunlight through four old panes, and shows its error falling.
 
 use std::fs;
 use std::io::{self, IsTerminal};
@@ -31,10 +31,10 @@ use crate::text::{counted, duration_text};
 /// The scene that is rendered, from the root of the repository.
 const SCENE: &str = "scenes/room.json";
 
-/// Its reference: the same room with another seed, and some 280 samples a pixel.
+/// The reference: the same room with another seed, and some 280 samples a pixel.
 const REFERENCE: &str = "scenes/room/demo-reference.exr";
 
-/// Size of its image, unless the options say otherwise.
+/// Default size of the image.
 const SIZE: [u32; 2] = [640, 480];
 
 /// Worker processes.
@@ -43,10 +43,10 @@ const WORKERS: usize = 2;
 /// Longest time to render, so that the demo ends soon on small machines too.
 const TIME_LIMIT: Duration = Duration::from_secs(90);
 
-/// Samples per pixel at which it ends on faster ones.
+/// Samples per pixel at which it ends on faster machines.
 const SAMPLES_PER_PIXEL: u32 = 256;
 
-/// Smaller passes than usual, so that the first rounds come within seconds.
+/// Smaller passes than the default, so that the first rounds come within seconds.
 const SAMPLING: SamplingDescription = SamplingDescription { samples_per_pass: 4, samples_per_block: 64 };
 
 /// Options of `clerestory demo`.
@@ -62,10 +62,11 @@ pub(crate) struct DemoArguments {
     limits: RenderLimits,
     #[command(flatten)]
     overrides: SceneOverrides,
-    /// Where the images and logs go.
+    /// Folder for the images and logs.
     #[arg(long, value_name = "FOLDER", default_value = "demo-output")]
     output: PathBuf,
-    /// End when the job has ended, instead of keeping the page open until Ctrl-C. The same where standard output is no terminal.
+    /// End when the job has ended, instead of keeping the page open until Ctrl-C. Without a terminal on standard
+    /// output, the demo always ends.
     #[arg(long)]
     exit: bool,
     /// Write the job as JSON.
@@ -160,7 +161,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     check_done(&job)
 }
 
-/// Says what came out of it.
+/// Prints the result.
 fn report(job: &JobView, points: &[ConvergencePoint], files: &[PathBuf]) -> Result<(), Failure> {
     let rate = job.samples as f64 / (job.core_ms.max(1) as f64 / 1000.0);
     let core_time = Duration::from_millis(u64::try_from(job.core_ms).unwrap_or(0));
@@ -172,19 +173,20 @@ fn report(job: &JobView, points: &[ConvergencePoint], files: &[PathBuf]) -> Resu
     let errors: Vec<_> = points.iter().filter_map(|point| Some((point.samples_per_pixel, point.mse?))).collect();
     if let [(first_samples, first), .., (last_samples, last)] = errors[..] {
         print_line(&format!(
-            "Mean squared error against the reference: {first:.3e} at {first_samples} samples per pixel, {last:.3e} at {last_samples}"
+            "Mean squared error against the reference: {first:.3e} at {first_samples} samples per pixel, {last:.3e} \
+             at {last_samples}"
         ))?;
     }
     files.iter().try_for_each(|file| print_line(&format!("Wrote {}", file.display())))
 }
 
-/// A place for a new farm, which goes with the demo.
+/// The folder of a new farm, which is removed with the demo.
 fn new_folder(output: &Path) -> Result<TempDir, Failure> {
     let made = fs::create_dir_all(output).and_then(|()| tempfile::Builder::new().prefix("farm-").tempdir_in(output));
     made.map_err(|source| Failure::Write { file: output.to_owned(), source })
 }
 
-/// The reference that ships with Clerestory, if the image has its size.
+/// The shipped reference, if the image has its size.
 fn shipped_reference(film: FilmDescription, progress: &Progress) -> Result<Option<PathBuf>, Failure> {
     let file = shipped(REFERENCE)?;
     let image = image_file::read(&file)?;
@@ -196,14 +198,15 @@ fn shipped_reference(film: FilmDescription, progress: &Progress) -> Result<Optio
     Ok(None)
 }
 
-/// A file that ships with Clerestory: below the working directory, or below a folder above the binary, as it is after
-/// `cargo build` in the repository.
+/// A shipped file: below the working directory, or below a folder above the binary, as after `cargo build` in the
+/// repository.
 fn shipped(name: &str) -> Result<PathBuf, Failure> {
     let binary = std::env::current_exe().unwrap_or_default();
     let roots = std::iter::once(Path::new("")).chain(binary.ancestors().skip(1));
     roots.map(|root| root.join(name)).find(|file| file.is_file()).ok_or_else(|| {
         Failure::Usage(format!(
-            "the demo's file {name} is not here: run the demo in a clone of the repository, or give a scene with --scene"
+            "the demo's file {name} is not here: run the demo in a clone of the repository, or give a scene with \
+             --scene"
         ))
     })
 }

@@ -1,4 +1,4 @@
-//! `clerestory farm`: a coordinator and workers on this machine.
+//! `clerestory farm`: runs a coordinator and workers on this machine.
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use crate::settings::DEFAULT_DATA;
 use crate::shutdown::{self, Parent};
 use crate::threads::ThreadCount;
 
-/// Most workers of a farm on one machine, each of which is a process.
+/// Most workers of a farm on one machine; each is a process.
 const MOST_WORKERS: usize = 256;
 
 /// Most threads of all workers together.
@@ -30,13 +30,13 @@ pub(crate) struct FarmArguments {
     /// Threads of each worker [default: the cores, shared evenly].
     #[arg(long, value_name = "N")]
     threads: Option<ThreadCount>,
-    /// Memory that the scenes of each worker may take together, MiB [default: the machine's, shared evenly].
+    /// Most memory of the scenes of each worker together, MiB [default: an even share of the machine's].
     #[arg(long, value_name = "N", env = "CLERESTORY_MEMORY_MIB", value_parser = positive)]
     memory_mib: Option<NonZeroU32>,
     /// Address on which the coordinator listens.
     #[arg(long, value_name = "HOST:PORT", default_value = DEFAULT_LISTEN, env = "CLERESTORY_LISTEN")]
     listen: String,
-    /// Where the coordinator keeps its data.
+    /// Folder for the data of the coordinator.
     #[arg(long, value_name = "FOLDER", default_value = DEFAULT_DATA, env = "CLERESTORY_DATA")]
     data: PathBuf,
     /// File with the farm's token [env: CLERESTORY_TOKEN_FILE]; the token itself can be in CLERESTORY_TOKEN.
@@ -74,7 +74,8 @@ fn threads(arguments: &FarmArguments) -> Result<usize, Failure> {
     let threads = threads.get().get();
     if workers * threads > MOST_THREADS {
         return Err(Failure::Usage(format!(
-            "--workers {workers} with --threads {threads} each are {} threads: expected at most {MOST_THREADS} on this machine",
+            "--workers {workers} with --threads {threads} each are {} threads: expected at most {MOST_THREADS} on \
+             this machine",
             workers * threads
         )));
     }

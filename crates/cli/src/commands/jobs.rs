@@ -1,4 +1,4 @@
-//! `clerestory jobs`: the jobs of a farm, newest first.
+//! `clerestory jobs`: lists the jobs of a farm, newest first.
 
 use clap::Args;
 use clerestory_api::{ConvergencePoint, JobView};
@@ -44,7 +44,7 @@ fn trouble(job: &JobView) -> Option<&str> {
     job.hold.as_ref().map(|hold| hold.reason.as_str()).or(job.failure.as_deref())
 }
 
-/// The state of a job in a word: a held one gets no leases, whatever state it is in.
+/// The state of a job in a word. A held job gets no leases in any state.
 fn state_text(job: &JobView) -> &'static str {
     if job.hold.is_some() { "held" } else { job.state.name() }
 }
@@ -62,7 +62,7 @@ fn line([id, state, done, samples, mse, method, name]: [&str; 7]) -> String {
     format!("{id:<36}  {state:<9}  {done:>6}  {samples:>24}  {mse:>15}  {method:<6}  {name}")
 }
 
-/// The error against the reference; marked with `~`, what the image itself knows of it where there is no reference.
+/// The error against the reference, or, marked with `~`, the estimate of an image without one.
 fn mse_text(point: &ConvergencePoint) -> String {
     match (point.mse, point.estimated_mse) {
         (Some(measured), _) => format!("{measured:.3e}"),
@@ -78,11 +78,13 @@ mod tests {
     #[test]
     fn a_job_that_is_held_or_has_failed_says_why() {
         let job = |state: &str, more: &str| -> JobView {
-            let counters = r#"{"height_evaluations":0,"solver_calls":0,"converged":0,"unique_solutions":0,"trials":0,"truncated":0,"rays":0,"samples":0}"#;
+            let counters = r#"{"height_evaluations":0,"solver_calls":0,"converged":0,"unique_solutions":0,
+                "trials":0,"truncated":0,"rays":0,"samples":0}"#;
             let text = format!(
-                r#"{{"id":"01890a5d-ac96-774b-bcce-b302099a8057","name":"window","state":"{state}","priority":0,"integrator":"path",
-                "scene_hash":"","missing_light":[],"frames":1,"width":8,"height":8,"tile_size":8,"tiles":1,"samples_per_pass":16,"passes":1,
-                "complete_passes":0,"rounds":0,"progress":0.0,"samples":0,"core_ms":0,"created_ms":0,"counters":{counters}{more}}}"#
+                r#"{{"id":"01890a5d-ac96-774b-bcce-b302099a8057","name":"window","state":"{state}","priority":0,
+                "integrator":"path","scene_hash":"","missing_light":[],"frames":1,"width":8,"height":8,"tile_size":8,
+                "tiles":1,"samples_per_pass":16,"passes":1,"complete_passes":0,"rounds":0,"progress":0.0,"samples":0,
+                "core_ms":0,"created_ms":0,"counters":{counters}{more}}}"#
             );
             serde_json::from_str(&text).unwrap()
         };

@@ -6,7 +6,7 @@ use crate::output::{print_json, print_line};
 
 pub(crate) async fn run(arguments: OneJob) -> Result<(), Failure> {
     let connection = arguments.connection.open()?;
-    // The answer does not tell whether the job was held.
+    // The job is fetched before, because the answer does not say whether it was held.
     let before = connection.client.job(arguments.job).await.map_err(|error| connection.failure(error))?;
     let job = connection.client.release_job(arguments.job).await.map_err(|error| connection.failure(error))?;
     if arguments.json {

@@ -1,4 +1,4 @@
-//! `clerestory render`: a scene rendered in this process, without a farm.
+//! `clerestory render`: renders a scene in this process, without a farm.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -47,12 +47,12 @@ pub(crate) struct RenderArguments {
     /// Edge of a tile in pixels.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=1024_u32))]
     tile: u32,
-    /// Make this image again, bit for bit: its seed, integrator, size, sampling, tiles and the passes of each.
+    /// Make this image again, bit for bit: with its seed, integrator, size, sampling, tiles and passes.
     #[arg(long, value_name = "FILE", conflicts_with_all =
         ["spp", "time", "target_mse", "target_estimated_mse", "adaptive", "integrator", "solver", "selection", "max_trials", "walks", "constraint", "steps", "chains", "casters",
         "receivers", "search", "missed", "reflected", "seed", "size", "samples_per_pass", "samples_per_block", "tile"])]
     like: Option<PathBuf>,
-    /// OpenEXR image that the error is measured against at each round.
+    /// OpenEXR image to measure the error against at each round.
     #[arg(long, value_name = "FILE")]
     reference: Option<PathBuf>,
     /// Threads that render [default: one for each core].
@@ -112,7 +112,7 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     if arguments.json {
         print_json(&summary)?;
     } else if is_standard_output(&output) {
-        // The image is there, and nothing else belongs into it.
+        // The image is on standard output, and nothing else belongs there.
         Progress::new().note(&summary.text());
     } else {
         print_line(&summary.text())?;
@@ -149,7 +149,8 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
             let smallest = smallest_tile(film.width, film.height);
             if arguments.tile < smallest {
                 return Err(Failure::Usage(format!(
-                    "tiles of {0} x {0} pixels are too many: expected --tile of at least {smallest} pixels for an image of {1} x {2}",
+                    "tiles of {0} x {0} pixels are too many: expected --tile of at least {smallest} pixels for an \
+                     image of {1} x {2}",
                     arguments.tile, film.width, film.height
                 )));
             }

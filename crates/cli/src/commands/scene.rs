@@ -1,4 +1,4 @@
-//! `clerestory scene`: scenes that are computed.
+//! `clerestory scene`: computed scenes.
 
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -24,10 +24,10 @@ pub(crate) struct SceneArguments {
 /// Which scene.
 #[derive(Debug, Subcommand)]
 enum GeneratedScene {
-    /// A stone nave with panes of old glass in its clerestory, through which the sun shines. The same windows are cut into
-    /// more or fewer panes: for measuring what a pane costs.
+    /// A stone nave whose clerestory windows have panes of old glass, in the sun. The same windows are cut into more or
+    /// fewer panes, to measure the cost of a pane.
     Nave(NaveArguments),
-    /// A swimming pool in the sun, with balls afloat: for measuring what a triangle of the water costs, and for animations.
+    /// A swimming pool in the sun, with balls afloat, to measure the cost of a triangle of water, and for animations.
     Pool(WaterArguments),
     /// A lagoon with sand and stones in the sun.
     Lagoon(WaterArguments),
@@ -47,13 +47,13 @@ struct NaveArguments {
 /// Options of `clerestory scene pool` and `clerestory scene lagoon`.
 #[derive(Debug, Args)]
 struct WaterArguments {
-    /// About so many triangles of the water's surface, 8 to 20000000.
+    /// Triangles of the water's surface, approximately, 8 to 20000000.
     #[arg(long, value_name = "N", default_value = "100000")]
     triangles: TriangleCount,
-    /// The moment at which the waves are seen, seconds. For the frames of an animation, one scene each.
+    /// The time of the waves, seconds: the frames of an animation are one scene each.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, value_parser = seconds, allow_negative_numbers = true)]
     time: f64,
-    /// From where it is seen.
+    /// The view.
     #[arg(long, value_enum, default_value_t = View::Above)]
     view: View,
     /// The scene file to write [default: standard output].
@@ -61,14 +61,14 @@ struct WaterArguments {
     output: Option<PathBuf>,
 }
 
-/// From where water is seen.
+/// The view of the water.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum View {
     /// From above the surface.
     Above,
     /// From below the surface.
     Below,
-    /// The floor alone, with the light that comes to it through the surface: for comparing methods.
+    /// The floor alone, with the light that reaches it through the surface, to compare methods.
     Floor,
 }
 
@@ -91,7 +91,7 @@ fn seconds(words: &str) -> Result<f64, String> {
         .ok_or_else(|| format!("found {words}, expected a number of seconds from -{LATEST} to {LATEST}"))
 }
 
-/// The farthest time from zero, seconds.
+/// Largest time in either direction, seconds.
 const LATEST: f64 = 1e9;
 
 pub(crate) fn run(arguments: &SceneArguments) -> Result<(), Failure> {
@@ -110,7 +110,7 @@ pub(crate) fn run(arguments: &SceneArguments) -> Result<(), Failure> {
     }
 }
 
-/// A scene as JSON, as people would write it: a line for each member, and arrays of numbers in one line.
+/// A scene as readable JSON: a line for each member, and arrays of numbers in one line.
 fn scene_text(scene: &SceneDescription) -> String {
     let mut bytes = Vec::new();
     let mut serializer = serde_json::Serializer::with_formatter(&mut bytes, SceneFormatter::default());
@@ -118,13 +118,13 @@ fn scene_text(scene: &SceneDescription) -> String {
     String::from_utf8(bytes).expect("JSON is text")
 }
 
-/// Objects with a line for each member; numbers of an array in one line, and arrays of arrays with a line for each.
+/// Objects have a line for each member, arrays of numbers one line, and arrays of arrays a line for each.
 #[derive(Default)]
 struct SceneFormatter {
     objects: PrettyFormatter<'static>,
-    /// Objects around the place of writing.
+    /// Depth of nested objects.
     depth: usize,
-    /// Arrays around it, since the innermost object began.
+    /// Depth of nested arrays within each object.
     arrays: Vec<u32>,
 }
 

@@ -1,4 +1,4 @@
-//! `clerestory submit`: a scene on its way to a farm, and its image back.
+//! `clerestory submit`: sends a scene to a farm and downloads its image.
 
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -45,7 +45,7 @@ pub(crate) struct SubmitArguments {
     /// Jobs of higher priority are served first.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(i32::MIN..=i32::MAX))]
     priority: i32,
-    /// OpenEXR image that the error is measured against.
+    /// OpenEXR image to measure the error against.
     #[arg(long, value_name = "FILE")]
     reference: Option<PathBuf>,
     /// Wait for the job to end, and show its progress.
@@ -57,9 +57,9 @@ pub(crate) struct SubmitArguments {
     /// Also write a PNG beside it.
     #[arg(long, requires = "output")]
     png: bool,
-    /// Write the counters (height evaluations, solver calls, solutions, ...) as JSON to this file when the job has ended.
-    /// They count all work that was accepted; of a job that ended before its last sample, that may be more than is in the
-    /// image.
+    /// Write the counters (height evaluations, solver calls, solutions, ...) as JSON to this file when the job has
+    /// ended. They count all accepted work. Of a job that a time or a target ended, that may be more than the image
+    /// has.
     #[arg(long, value_name = "FILE", requires = "wait")]
     stats: Option<PathBuf>,
     /// Write the job as JSON.
@@ -79,7 +79,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         &[("the scene", Some(arguments.scene.as_path())), ("the reference", arguments.reference.as_deref())],
     )?;
     let connection = arguments.connection.open()?;
-    // The coordinator looks at the reference; here it is only sent.
+    // The coordinator checks the reference, which is only sent from here.
     arguments.limits.check_targets(arguments.reference.is_some(), None)?;
     let activity = Activity::begin("Reading the scene and its files");
     let bundle = arguments.overrides.load(&arguments.scene, arguments.sampling)?;
@@ -95,7 +95,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
     };
     let sampling = bundle.description().sampling;
-    // A scene with others is refused by the coordinator.
+    // The coordinator refuses a scene with others.
     let sampling = Sampling::new(sampling.samples_per_pass, sampling.samples_per_block).ok();
     let absence = sampling.and_then(|sampling| standard_error::absence(sampling, order.samples_per_pixel));
     let stop = shutdown::token(Parent::None);
@@ -103,7 +103,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     let submitted = OnceLock::new();
     let work = async {
         let job = submit(&connection, &bundle, order).await?;
-        // Nobody has set it before.
+        // It is set once.
         let _ = submitted.set(job.id);
         let mut progress = Progress::new();
         progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
@@ -125,14 +125,14 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     if arguments.wait { check_done(&job) } else { Ok(()) }
 }
 
-/// Where the results of a job go.
+/// The files for the results of a job.
 struct Files {
     exr: Option<PathBuf>,
     png: Option<PathBuf>,
     stats: Option<PathBuf>,
 }
 
-/// Waits for a job to end, and fetches its results. Returns the job as it ended, and how its image was made if it was fetched.
+/// Waits for a job to end and fetches its results. Returns the job, and the metadata of its image if that was fetched.
 async fn wait(
     connection: &Connection,
     job: JobId,
@@ -150,7 +150,7 @@ async fn wait(
     Ok((job, metadata))
 }
 
-/// What an interruption leaves.
+/// The failure of an interrupted command, which says what becomes of the job.
 fn interrupted(job: Option<&JobId>) -> Failure {
     Failure::Interrupted(match job {
         None => "interrupted before the coordinator had taken the job".to_owned(),

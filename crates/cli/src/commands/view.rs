@@ -1,4 +1,4 @@
-//! `clerestory view`: a scene in the browser, rendered anew whenever the camera or the sun moves.
+//! `clerestory view`: a scene in the browser, rendered again whenever the camera or the sun moves.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -22,13 +22,13 @@ use crate::viewer::Viewer;
 pub(crate) struct ViewArguments {
     /// The scene file.
     scene: PathBuf,
-    /// Samples per pixel after which the picture is left as it is.
+    /// Samples per pixel at which rendering stops.
     #[arg(long, value_name = "N", default_value_t = DEFAULT_SAMPLES_PER_PIXEL,
           value_parser = whole(1..=UNREACHABLE_SAMPLES_PER_PIXEL))]
     spp: u32,
     #[command(flatten)]
     overrides: SceneOverrides,
-    /// Address on which the page is. Whoever reaches it can use this machine's processors: keep it to this machine.
+    /// Address of the page. A user who reaches it can use this machine's processors, so it must be local.
     #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:7272")]
     listen: SocketAddr,
     /// Threads that render [default: one for each core].

@@ -1,4 +1,4 @@
-//! `clerestory watch`: progress and rounds of a job until it ends.
+//! `clerestory watch`: shows progress and rounds of a job until it ends.
 
 use clap::Args;
 use clerestory_api::JobId;

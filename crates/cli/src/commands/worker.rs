@@ -1,4 +1,4 @@
-//! `clerestory worker`: a worker in this process.
+//! `clerestory worker`: runs a worker in this process.
 
 use std::fs;
 use std::num::NonZeroU32;
@@ -34,7 +34,7 @@ pub(crate) struct WorkerArguments {
     /// Threads that render [default: one for each core].
     #[arg(long, value_name = "N", env = "CLERESTORY_THREADS")]
     threads: Option<ThreadCount>,
-    /// Memory that scenes may take together, MiB [default: all that the machine has].
+    /// Most memory of all scenes together, MiB [default: all that the machine has].
     #[arg(long, value_name = "N", env = "CLERESTORY_MEMORY_MIB", value_parser = positive)]
     memory_mib: Option<NonZeroU32>,
     /// Stop when standard input ends; for workers that belong to another process.

@@ -1,4 +1,4 @@
-//! Where an output goes. Symbolic links are followed, so that the file they point to is written and the links stay.
+//! Where an output goes. Symbolic links are followed, so that the target is written and the links stay.
 
 use std::ffi::{OsStr, OsString};
 use std::io::{self, ErrorKind};
@@ -11,13 +11,13 @@ const MOST_LINKS: usize = 40;
 /// Where an output goes.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum Destination {
-    /// A regular file, whether it exists or not: replaced as a whole.
+    /// A regular file, existing or not, which is replaced as a whole.
     File {
         /// The folder's real path.
         folder: PathBuf,
         name: OsString,
     },
-    /// Standard output, whatever that is: written in place.
+    /// Standard output, which is written in place.
     StandardOutput,
     /// A device, a pipe or another descriptor of this process: written in place.
     Special(PathBuf),
@@ -78,8 +78,8 @@ fn real_folder(file: &Path) -> io::Result<PathBuf> {
     })
 }
 
-/// Whether the files of a folder stand for open files of a process, as that of `/dev/stdout` does. Renaming something over
-/// them would replace what the system has there.
+/// Whether the files of a folder stand for open files of a process, as the target of `/dev/stdout` does. A rename over
+/// such a file would replace the system's entry.
 fn is_folder_of_descriptors(folder: &Path) -> bool {
     folder.starts_with("/proc") || folder.starts_with("/dev/fd")
 }

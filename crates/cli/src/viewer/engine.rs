@@ -1,5 +1,5 @@
-//! The thread that renders: whenever the look changes it gives up what it is doing, and begins with frames so coarse that they come
-//! at once. The first frame of a look is always finished: there are pictures also while the look changes all the time.
+//! The thread that renders. When the view changes, it gives up its frame and begins with coarse frames, which come at
+//! once. The first frame of a view is always finished, so that the page has pictures while the view keeps changing.
 
 use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -19,27 +19,27 @@ use super::look::Look;
 use crate::failure::Failure;
 use crate::version::BUILD;
 
-/// A first frame takes about so long.
+/// Time for a first frame.
 const FIRST_FRAME: Duration = Duration::from_millis(60);
 
-/// Frames do not follow each other faster.
+/// Shortest time between two frames.
 const FRAME_PERIOD: Duration = Duration::from_millis(80);
 
-/// The coarsest frames have a pixel for so many by so many.
+/// Edge of a pixel of the coarsest frames, in pixels of the scene.
 const COARSEST: u32 = 16;
 
 /// Edge of a tile, pixels.
 const TILE: u32 = 32;
 
-/// Passes of one sample, so that the first is there soon.
+/// Passes of one sample, so that the first comes soon.
 const SAMPLING: SamplingDescription = SamplingDescription { samples_per_pass: 1, samples_per_block: 256 };
 
-/// Which frame: those of later looks are larger, and of one look those with more samples.
+/// The number of a frame. Frames of later views are greater, and so are frames of one view with more samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct FrameNumber {
-    /// The look that it shows.
+    /// The view that it shows.
     pub(super) look: u64,
-    /// Its number among those of the look.
+    /// Its number among the frames of the view.
     pub(super) frame: u32,
 }
 
@@ -53,11 +53,11 @@ pub(super) struct Frame {
     pub(super) png: Bytes,
 }
 
-/// What is shown.
+/// The scene and its view.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Shown {
     pub(super) name: String,
-    /// That of the scene file.
+    /// The view of the scene file.
     pub(super) original: Look,
     pub(super) look: Look,
     pub(super) width: u32,
@@ -65,19 +65,19 @@ pub(super) struct Shown {
     pub(super) most_samples: u32,
 }
 
-/// What the thread that renders and those that serve share.
+/// The state that the rendering thread shares with the server.
 pub(super) struct Engine {
     original: SceneBundle,
     obstacles: Obstacles,
     most_samples: u32,
-    /// The look that is wanted, with its number, and how what is being rendered is stopped.
+    /// The wanted view.
     wanted: Mutex<Wanted>,
-    /// Tells the thread that something else is wanted.
+    /// Wakes the thread when the wanted view changes.
     changed: watch::Sender<u64>,
     frames: watch::Sender<Option<Frame>>,
 }
 
-/// Gets how the thread ended.
+/// Receives the result of the thread.
 pub(super) type Ended = oneshot::Receiver<Result<(), Failure>>;
 
 struct Wanted {
@@ -89,7 +89,7 @@ struct Wanted {
 }
 
 impl Engine {
-    /// Starts the thread. Nothing is said of its end if it panicked.
+    /// Starts the thread. The receiver gets nothing if the thread panics.
     pub(super) fn start(
         original: SceneBundle,
         scene: Scene,
@@ -108,13 +108,13 @@ impl Engine {
         });
         let shared = engine.clone();
         let (ended, end) = oneshot::channel();
-        // Whoever was to hear of it may be gone.
+        // The receiver may be gone.
         let render = move || _ = ended.send(pool.install(|| shared.render(scene)));
         thread::Builder::new().name("viewer".to_owned()).spawn(render).map_err(Failure::Runtime)?;
         Ok((engine, end))
     }
 
-    /// What is shown, or about to be.
+    /// The wanted view and the scene.
     pub(super) fn shown(&self) -> Shown {
         let SceneDescription { name, film, .. } = self.original.description();
         Shown {
@@ -127,7 +127,7 @@ impl Engine {
         }
     }
 
-    /// Shows something else; returns its number.
+    /// Changes the view and returns its number.
     pub(super) fn show(&self, look: Look) -> Result<u64, SceneError> {
         let bundle = look.applied(&self.original)?;
         self.obstacles.check(bundle.description())?;
@@ -138,7 +138,7 @@ impl Engine {
         Ok(wanted.number)
     }
 
-    /// The frames, each in place of the one before.
+    /// The latest frame.
     pub(super) fn frames(&self) -> watch::Receiver<Option<Frame>> {
         self.frames.subscribe()
     }
@@ -150,16 +150,16 @@ impl Engine {
         wanted.number += 1;
         wanted.control.cancelled.store(true, Ordering::Relaxed);
         self.changed.send_replace(wanted.number);
-        // Pages that wait for a frame wait no longer.
+        // Wakes pages that wait for a frame.
         self.frames.send_modify(|_| ());
     }
 
-    /// Whether the thread has ended, or is about to.
+    /// Whether the thread has ended or is about to end.
     pub(super) fn is_over(&self) -> bool {
         self.wanted().is_over
     }
 
-    /// Nothing is left half done while it is held.
+    /// No code leaves the value half changed while it holds the lock.
     fn wanted(&self) -> MutexGuard<'_, Wanted> {
         self.wanted.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -192,14 +192,15 @@ impl Engine {
                 }
                 coarseness = (coarseness / 4).max(1);
             }
-            // Until the next look.
+            // Waits for the next view.
             if runtime.block_on(changed.wait_for(|&wanted| wanted != look)).is_err() {
                 return Ok(());
             }
         }
     }
 
-    /// Renders frames; returns the scene, and how long a sample of the first pass took, if it was finished.
+    /// Renders the frames of one size. Returns the scene, and the time of a sample of the first pass if that was
+    /// finished.
     fn render_stage(
         &self,
         scene: Scene,
@@ -250,16 +251,16 @@ impl Engine {
 /// Frames of one size.
 struct Stage<'a> {
     bundle: &'a SceneBundle,
-    /// A pixel stands for so many by so many of the scene's.
+    /// Edge of a pixel, in pixels of the scene.
     coarseness: u32,
     /// Passes.
     most: u32,
-    /// What stops the first pass, and the others.
+    /// The controls of the first pass and of the others.
     first: &'a Control,
     control: &'a Control,
 }
 
-/// Edge of the pixels of a first frame, by how long samples took; nothing is known before the first.
+/// Edge of the pixels of a first frame, by the time of earlier samples.
 fn coarseness(film: FilmDescription, seconds_per_sample: Option<f64>) -> u32 {
     let Some(seconds_per_sample) = seconds_per_sample else { return COARSEST };
     let pixels = f64::from(film.width) * f64::from(film.height);

@@ -1,4 +1,4 @@
-//! From where a scene is looked at, and where its sun stands.
+//! The view of a scene: its camera, and the direction of its sun.
 
 use clerestory_render_core::light::SunLight;
 use clerestory_render_core::scene::description::{CameraDescription, LightDescription, SceneDescription, Triple};
@@ -16,7 +16,7 @@ pub(super) struct Look {
 }
 
 impl Look {
-    /// That of a scene file.
+    /// The view of a scene file.
     pub(super) fn of(description: &SceneDescription) -> Self {
         let sun = description.lights.iter().find_map(|light| match light {
             LightDescription::Sun(SunLight { direction, .. }) => Some(*direction),
@@ -25,7 +25,7 @@ impl Look {
         Self { camera: description.camera.clone(), sun }
     }
 
-    /// A scene that is looked at in this way.
+    /// The scene with this view.
     pub(super) fn applied(&self, bundle: &SceneBundle) -> Result<SceneBundle, SceneError> {
         let mut description = bundle.description().clone();
         description.camera = self.camera.clone();

@@ -1,7 +1,7 @@
-//! A scene in the browser: a page, a camera that is moved there, and a thread that renders what it sees.
+//! A scene in the browser: a page, a camera that the user moves, and a thread that renders its view.
 //!
-//! The page sends where it looks from ([`look::Look`]); whatever is being rendered is given up, and frames follow, coarse ones first
-//! ([`engine`]). The page asks for the next frame after the one that it has, and waits for the answer.
+//! The page sends a new view ([`look::Look`]). The render in progress is given up, and frames follow, coarse ones first
+//! ([`engine`]). The page requests the frame after the one that it shows, and waits for the answer.
 
 mod engine;
 mod look;
@@ -17,15 +17,15 @@ use tokio_util::sync::CancellationToken;
 use self::engine::{Ended, Engine};
 use crate::failure::Failure;
 
-/// A scene that is looked at.
+/// A scene that a page shows.
 pub(crate) struct Viewer {
     engine: Arc<Engine>,
-    /// How the thread that renders ended.
+    /// The result of the thread that renders.
     ended: Ended,
 }
 
 impl Viewer {
-    /// Starts to render a scene with at most so many samples in each pixel.
+    /// Starts to render a scene with at most `most_samples` samples in each pixel.
     pub(crate) fn start(
         bundle: SceneBundle,
         scene: Scene,

@@ -25,7 +25,7 @@ const LOOK: HeaderName = HeaderName::from_static("clerestory-look");
 const FRAME: HeaderName = HeaderName::from_static("clerestory-frame");
 const SAMPLES: HeaderName = HeaderName::from_static("clerestory-samples");
 
-/// What the page consists of.
+/// The files of the page.
 const FILES: [(&str, &str, &str); 4] = [
     ("/", "text/html; charset=utf-8", include_str!("page/index.html")),
     ("/viewer.js", "text/javascript; charset=utf-8", include_str!("page/viewer.js")),
@@ -33,7 +33,7 @@ const FILES: [(&str, &str, &str); 4] = [
     ("/viewer.css", "text/css; charset=utf-8", include_str!("page/viewer.css")),
 ];
 
-/// Everything that the page asks for.
+/// The routes of the page.
 pub(super) fn routes(engine: Arc<Engine>) -> Router {
     let mut router = Router::new();
     for (path, media_type, content) in FILES {
@@ -58,7 +58,7 @@ async fn show(State(engine): State<Arc<Engine>>, look: Result<Json<Look>, JsonRe
     }
 }
 
-/// The frame that a page has.
+/// The frame that a page shows.
 #[derive(Deserialize)]
 struct After {
     #[serde(default)]
@@ -67,7 +67,7 @@ struct After {
     frame: u32,
 }
 
-/// The newest frame after one, as soon as there is one; 204 when there is none for long.
+/// The newest frame after another, as soon as there is one. Answers 204 when there is none for long.
 async fn frame(State(engine): State<Arc<Engine>>, Query(after): Query<After>) -> Response {
     let after = FrameNumber { look: after.look, frame: after.frame };
     let mut frames = engine.frames();

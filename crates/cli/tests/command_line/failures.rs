@@ -238,7 +238,7 @@ fn who_speaks_http_to_a_server_with_tls_is_told_its_address() {
 fn a_proxy_of_the_environment_is_not_asked_for_this_machine_and_named_where_it_fails() {
     let folder = Folder::new();
     let farm = folder.coordinator("127.0.0.1:0", None);
-    // Nobody listens there.
+    // No server listens there.
     let proxy = "http://127.0.0.1:9";
     let variables = ["http_proxy", "HTTP_PROXY", "https_proxy", "HTTPS_PROXY", "all_proxy", "ALL_PROXY"];
     let behind = |words: &[&str]| folder.command(words).envs(variables.map(|name| (name, proxy))).output().unwrap();

@@ -1,4 +1,4 @@
-//! Jobs on a farm, and how those who wait for them hear of it.
+//! Jobs on a farm, and the commands that wait for them.
 
 use std::fs;
 use std::io::{BufRead, BufReader, Lines};
@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use crate::support::{Folder, Service};
 
-/// A command that submits and waits, and what it says meanwhile.
+/// A command that submits and waits, with its output.
 struct Waiting {
     process: Child,
     messages: Lines<BufReader<ChildStderr>>,
@@ -36,7 +36,7 @@ impl Waiting {
         self.messages.by_ref().map(Result::unwrap).find(|line| line.contains(text)).unwrap()
     }
 
-    /// Waits for the end; returns the exit code and what was said since.
+    /// Waits for the end. Returns the exit code and the output since the last look.
     fn end(mut self) -> (Option<i32>, String) {
         let rest: Vec<String> = self.messages.map(Result::unwrap).collect();
         (self.process.wait().unwrap().code(), rest.join("\n"))

@@ -86,7 +86,7 @@ fn an_image_without_a_standard_error_says_why_and_what_to_set() {
         (summary["standard_error_tiles"].clone(), summary["tiles"].clone())
     };
     assert_eq!(known(&output), (json!(0), json!(6)));
-    // Nothing is measured, so nothing is said of errors; not even by dashes.
+    // Nothing is measured, so no error is printed, not even as a dash.
     let rows: Vec<&str> = messages.lines().skip_while(|line| *line != "  round     spp       time").collect();
     assert!(rows.len() > 1 && rows.iter().all(|row| !row.contains('-')), "{messages}");
 

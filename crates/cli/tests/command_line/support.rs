@@ -1,4 +1,4 @@
-//! A folder to work in, and services that run meanwhile.
+//! A folder to work in, and running services.
 
 use std::fs;
 use std::io::{BufRead, BufReader};

@@ -51,9 +51,9 @@ impl Cost {
         Self { samples: measured.samples_per_pixel, core_seconds: measured.core_seconds }
     }
 
-    /// What a method takes until it first has an error, by what was measured of it with ascending numbers of samples; `None` where
-    /// it never has. At least that of the first number. Between two numbers the error falls in a straight line over the inverse of
-    /// the samples, as variance does, and time grows with the samples.
+    /// The cost of a method until it first has an error, by measurements with ascending numbers of samples. `None`
+    /// where it never has the error. Between two numbers, the error falls linearly over the inverse of the samples, and
+    /// time grows linearly with the samples.
     fn to(measured: &[Measured], mse: f64) -> Option<Self> {
         let first = measured.first()?;
         if first.mse <= mse {
@@ -84,7 +84,8 @@ impl At {
         Self { variant: measured.variant.clone(), point: "rendered", mse: measured.mse, cost: Cost::of(measured) }
     }
 
-    /// What is asked of biased sampling: with its first number of samples, one as in the paper, and where more hardly help.
+    /// The points of biased sampling: its first number of samples, one as in the paper, and the number from which more
+    /// hardly help.
     pub(super) fn of_biased(measured: &[Measured]) -> Vec<Self> {
         let settled = || {
             let last = measured.last()?;
@@ -117,7 +118,7 @@ impl At {
     }
 }
 
-/// What is said of an error and all methods that may come to it.
+/// The statement on an error, with all methods that may reach it.
 pub(super) fn statement(equals: &[Equal]) -> Option<String> {
     let Equal { variant, point, mse, samples_per_pixel, core_seconds, .. } = equals.first()?;
     let [mse, samples, seconds] = [mse, samples_per_pixel, core_seconds].map(|number| rounded_number(*number));

@@ -1,7 +1,7 @@
 use super::perception::{BLUE_YELLOW, EDGE_WIDTH, FEATURE_RADIUS, PIXELS_PER_DEGREE};
 use super::*;
 use crate::exposure::MeanLuminance;
-use crate::image::ImageLayers;
+use crate::image_layers::ImageLayers;
 use crate::preview::{Exposure, PreviewSettings, encode_png};
 use crate::sampler::{SampleStream, SamplerSettings};
 
