@@ -50,7 +50,7 @@ impl Activity {
 
     /// Goes on with another step.
     pub(crate) fn step(&self, step: String) {
-        self.tell(Step::Begun(step));
+        self.send(Step::Begun(step));
     }
 
     /// Builds a scene, with a step for each of its parts.
@@ -60,10 +60,10 @@ impl Activity {
 
     /// Ends the work. If the work was shown, a line says how long it took.
     pub(crate) fn done(self, what: &'static str) {
-        self.tell(Step::Done(what));
+        self.send(Step::Done(what));
     }
 
-    fn tell(&self, step: Step) {
+    fn send(&self, step: Step) {
         // A thread that has ended shows nothing, which does not stop the work.
         let _ = self.steps.as_ref().map(|steps| steps.send(step));
     }

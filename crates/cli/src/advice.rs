@@ -49,11 +49,11 @@ pub(crate) fn advice(failure: &Failure) -> Option<String> {
     let says = |text: &str| failure.causes().any(|cause| cause.to_string().contains(text));
     if address.starts_with("https://") && says(NO_TLS) {
         let plain = address.replacen("https", "http", 1);
-        return Some(format!("whoever listens there speaks no TLS: is it {plain}?"));
+        return Some(format!("the server there does not speak TLS: is it {plain}?"));
     }
     if address.starts_with("http://") && says(NO_HTTP) {
         let secure = address.replacen("http", "https", 1);
-        return Some(format!("whoever listens there speaks no HTTP: is it {secure}?"));
+        return Some(format!("the server there does not speak plain HTTP: is it {secure}?"));
     }
     None
 }

@@ -17,7 +17,7 @@ use crate::outage::until_answered;
 use crate::output_file;
 use crate::progress::{Advance, Progress};
 use crate::render_limits::RenderLimits;
-use crate::submission::{Order, submit};
+use crate::submission::{JobSettings, submit};
 
 /// Time between two requests for a job.
 const POLL_PERIOD: Duration = Duration::from_millis(200);
@@ -86,7 +86,7 @@ async fn render(
         Amount::Samples(samples) => limits.spp = Some(samples),
         Amount::Seconds(seconds) => limits.time = Duration::try_from_secs_f64(seconds).ok(),
     }
-    let submission = Order {
+    let submission = JobSettings {
         name: Some(order.name.to_owned()),
         samples_per_pixel: limits.samples_per_pixel(),
         time_limit_ms: limits.time_limit_ms(),

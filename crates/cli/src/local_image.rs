@@ -27,7 +27,7 @@ use crate::version::BUILD;
 const REFRESH_PERIOD: Duration = Duration::from_millis(200);
 
 /// What to render, and when to stop.
-pub(crate) struct Order {
+pub(crate) struct RenderTask {
     pub(crate) scene: Scene,
     pub(crate) plan: PassPlan,
     pub(crate) reference: Option<FrameImage>,
@@ -51,28 +51,28 @@ pub(crate) struct Rendering {
 }
 
 /// Renders on a pool of threads and shows progress.
-pub(crate) async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
+pub(crate) async fn render(task: Arc<RenderTask>) -> Result<Rendering, Failure> {
     let clocks = Clocks::now();
     let start = Instant::now();
     // A deadline that the clock cannot represent never comes.
-    let deadline = order.time.and_then(|time| start.checked_add(time));
+    let deadline = task.time.and_then(|time| start.checked_add(time));
     let control = Arc::new(Control { deadline, ..Control::default() });
-    let threads = order.threads.get();
+    let threads = task.threads.get();
     let pool = ThreadPoolBuilder::new().num_threads(threads).build().map_err(Failure::Threads)?;
     let (rounds, mut complete) = mpsc::unbounded_channel();
     let mut work = {
-        let (order, control) = (order.clone(), control.clone());
+        let (task, control) = (task.clone(), control.clone());
         tokio::task::spawn_blocking(move || {
             let mut reached = None;
             let on_round = |round: &Round<'_>| {
-                let point = order.point(round, control.samples.load(Ordering::Relaxed), clocks.spent(threads));
+                let point = task.point(round, control.samples.load(Ordering::Relaxed), clocks.spent(threads));
                 let errors = [round_error(&point)];
-                reached = order.targets.reached(order.plan.sampling.samples_per_block(), &errors).map(reason);
+                reached = task.targets.reached(task.plan.sampling.samples_per_block(), &errors).map(reason);
                 // The receiver is gone only when the process ends.
                 let _ = rounds.send(point);
                 if reached.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             };
-            let outcome = pool.install(|| local_render::render(&order.scene, &order.plan, &control, on_round))?;
+            let outcome = pool.install(|| local_render::render(&task.scene, &task.plan, &control, on_round))?;
             Ok::<_, LocalRenderError>((outcome, reached))
         })
     };
@@ -84,7 +84,7 @@ pub(crate) async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
         tokio::select! {
             result = &mut work => break result,
             Some(point) = complete.recv() => progress.round(latest.insert(point)),
-            _ = refresh.tick() => progress.show(&order.advance(&control, start, latest.as_ref())),
+            _ = refresh.tick() => progress.show(&task.advance(&control, start, latest.as_ref())),
             () = stop.cancelled(), if !control.cancelled.load(Ordering::Relaxed) => {
                 control.cancelled.store(true, Ordering::Relaxed);
             }
@@ -107,9 +107,9 @@ pub(crate) async fn render(order: Arc<Order>) -> Result<Rendering, Failure> {
     Ok(Rendering { sums, counters, pilot, spent: clocks.spent(threads), stopped_by, is_interrupted })
 }
 
-impl Order {
+impl RenderTask {
     /// Tells the user what is known of the image before the render.
-    pub(crate) fn tell(&self) {
+    pub(crate) fn announce(&self) {
         let progress = Progress::new();
         for mesh in self.scene.meshes().iter().filter(|mesh| mesh.omitted_triangles() > 0) {
             let (name, omitted) = (mesh.name(), mesh.omitted_triangles());

@@ -24,7 +24,7 @@ const BUSY_REPETITIONS: usize = 30;
 
 /// How a scene is rendered.
 #[derive(Debug)]
-pub(crate) struct Order {
+pub(crate) struct JobSettings {
     pub(crate) name: Option<String>,
     pub(crate) samples_per_pixel: u32,
     pub(crate) time_limit_ms: Option<i64>,
@@ -44,23 +44,27 @@ pub(crate) fn reference_asset(file: Option<&Path>, bundle: &SceneBundle) -> Resu
 }
 
 /// Submits a job, and uploads the files that the coordinator lacks.
-pub(crate) async fn submit(connection: &Connection, bundle: &SceneBundle, order: Order) -> Result<JobView, Failure> {
+pub(crate) async fn submit(
+    connection: &Connection,
+    bundle: &SceneBundle,
+    settings: JobSettings,
+) -> Result<JobView, Failure> {
     let scene = serde_json::from_str(&canonical_json(bundle.description())).expect("canonical JSON is JSON");
     let assets = bundle.assets().iter().map(|(name, asset)| (name.clone(), wire_hash(asset))).collect();
     let contents: BTreeMap<ContentHash, &Asset> =
-        bundle.assets().values().chain(&order.reference).map(|asset| (wire_hash(asset), asset)).collect();
+        bundle.assets().values().chain(&settings.reference).map(|asset| (wire_hash(asset), asset)).collect();
     let submission = JobSubmission {
-        name: order.name,
+        name: settings.name,
         scene,
         assets,
-        samples_per_pixel: order.samples_per_pixel,
-        tile_size: order.tile_size,
-        priority: order.priority,
-        reference: order.reference.as_ref().map(wire_hash),
-        time_limit_ms: order.time_limit_ms,
-        target_mse: order.targets.mse,
-        target_estimated_mse: order.targets.estimated_mse,
-        adaptive: order.adaptive,
+        samples_per_pixel: settings.samples_per_pixel,
+        tile_size: settings.tile_size,
+        priority: settings.priority,
+        reference: settings.reference.as_ref().map(wire_hash),
+        time_limit_ms: settings.time_limit_ms,
+        target_mse: settings.targets.mse,
+        target_estimated_mse: settings.targets.estimated_mse,
+        adaptive: settings.adaptive,
     };
     let missing = match asked(connection, &submission).await {
         Err(ClientError::Problem { problem, .. }) if problem.code == ProblemCode::MissingAssets => problem.missing,

@@ -50,3 +50,90 @@ impl Experiment {
         files::write(&report, &heading, session)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::path::Path;
+    use std::sync::{Arc, Mutex};
+
+    use clerestory_local_render::Control;
+    use clerestory_render_core::scene::Scene;
+    use rayon::ThreadPoolBuilder;
+
+    use super::*;
+    use crate::error::HostError;
+    use crate::host::{Farm, FarmOrder, FarmRender, FarmView, Host};
+    use crate::session::{Settings, Surroundings};
+    use crate::{selection, table1};
+
+    /// Files by their names.
+    type Files = Arc<Mutex<BTreeMap<PathBuf, Vec<u8>>>>;
+
+    /// A host that keeps files in memory, perhaps with a farm whose jobs the user interrupts.
+    struct MemoryHost {
+        files: Files,
+        has_farm: bool,
+    }
+
+    impl Host for MemoryHost {
+        fn show(&mut self, _fraction: f64, _activity: &str) {}
+
+        fn note(&self, _line: &str) {}
+
+        fn write(&self, file: &Path, content: &[u8]) -> Result<(), HostError> {
+            if file.extension().is_some_and(|extension| extension == "html") {
+                return Err("no room for the page".into());
+            }
+            self.files.lock().unwrap().insert(file.to_owned(), content.to_vec());
+            Ok(())
+        }
+
+        fn farm(&mut self) -> Option<&mut dyn Farm> {
+            if self.has_farm { Some(self) } else { None }
+        }
+    }
+
+    impl Farm for MemoryHost {
+        fn render(&mut self, _order: &FarmOrder<'_>) -> Result<Option<FarmRender>, HostError> {
+            Ok(None)
+        }
+
+        fn view(&self) -> Result<FarmView, HostError> {
+            Ok(FarmView::default())
+        }
+    }
+
+    fn run(experiment: &Experiment, has_farm: bool) -> (ExperimentError, Files) {
+        let threads = std::num::NonZeroUsize::MIN;
+        let settings = Settings { times: vec![0.01], seeds: 1, size: [4, 4], reference_samples: 16, threads };
+        let files = Files::default();
+        let surroundings = Surroundings {
+            folder: PathBuf::from("experiment"),
+            pool: ThreadPoolBuilder::new().num_threads(1).build().unwrap(),
+            control: Arc::new(Control::default()),
+            build_scene: Scene::build,
+            build: "test",
+            host: Box::new(MemoryHost { files: Arc::clone(&files), has_farm }),
+        };
+        (experiment.run(&mut Session::new(settings, surroundings)).unwrap_err(), files)
+    }
+
+    #[test]
+    fn a_report_goes_to_the_host_and_a_failure_of_the_host_is_that_of_the_experiment() {
+        let (error, files) = run(&table1::EXPERIMENT, false);
+        assert!(matches!(&error, ExperimentError::Host(_)), "{error:?}");
+        assert_eq!(error.to_string(), "no room for the page");
+        let files = files.lock().unwrap();
+        let json: serde_json::Value = serde_json::from_slice(&files[Path::new("experiment/table1.json")]).unwrap();
+        assert_eq!((&json["experiment"], &json["machine"]["build"]), (&"table1".into(), &"test".into()));
+        assert!(json.get("farm").is_none() && files.keys().any(|file| file.extension().unwrap() == "csv"));
+    }
+
+    #[test]
+    fn a_job_that_the_user_interrupts_ends_the_experiment() {
+        let (error, files) = run(&selection::EXPERIMENT, true);
+        assert!(error.to_string().starts_with("interrupted; references that were complete are kept"), "{error}");
+        assert!(files.lock().unwrap().is_empty());
+    }
+}

@@ -25,7 +25,7 @@ use crate::progress::Progress;
 use crate::render_limits::RenderLimits;
 use crate::scene_overrides::{SamplingOverrides, SceneOverrides, Size};
 use crate::shutdown::{self, Parent};
-use crate::submission::{Order, reference_asset, submit};
+use crate::submission::{JobSettings, reference_asset, submit};
 use crate::text::{counted, duration_text};
 
 /// The scene that is rendered, from the root of the repository.
@@ -95,7 +95,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
         None => shipped_reference(bundle.description().film, &progress)?,
     };
     limits.check_targets(reference.is_some(), None)?;
-    let order = Order {
+    let settings = JobSettings {
         name: None,
         samples_per_pixel: limits.samples_per_pixel(),
         time_limit_ms: limits.time_limit_ms(),
@@ -125,7 +125,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     progress.note(&format!("Rendering {} on {WORKERS} workers of {threads}", scene.display()));
 
     let rendering = async {
-        let job = submit(&connection, &bundle, order).await?;
+        let job = submit(&connection, &bundle, settings).await?;
         progress.note(&format!("The job's page:  {}", connection.job_page(job.id)));
         progress.missing_light(&job.missing_light, &job.left_to_chance);
         let job = follow(&connection, job.id, &mut progress).await?;

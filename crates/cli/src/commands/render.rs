@@ -11,7 +11,7 @@ use crate::activity::Activity;
 use crate::failure::Failure;
 use crate::image_file::read_reference;
 use crate::like::{self, Recipe};
-use crate::local_image::{Order, render};
+use crate::local_image::{RenderTask, render};
 use crate::numbers::whole;
 use crate::output::{print_json, print_line};
 use crate::output_file::{
@@ -74,12 +74,12 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
         &[("--output", Some(output.as_path())), ("--png", png.as_deref()), ("--stats", arguments.stats.as_deref())],
         &[("the scene", Some(arguments.scene.as_path())), ("the reference", arguments.reference.as_deref())],
     )?;
-    let order = Arc::new(interpret(&arguments)?);
-    order.tell();
-    let rendering = render(order.clone()).await?;
+    let task = Arc::new(interpret(&arguments)?);
+    task.announce();
+    let rendering = render(task.clone()).await?;
 
     let Spent { wall, core } = rendering.spent;
-    let image = order.image(&rendering.sums, rendering.counters, Some(wall)).map_err(Failure::BadImage)?;
+    let image = task.image(&rendering.sums, rendering.counters, Some(wall)).map_err(Failure::BadImage)?;
     write_or_keep(&output, &image.encode().map_err(|error| Failure::BadImage(error.into()))?)?;
     if let Some(file) = &png {
         let bytes = encode_png(&image, &arguments.preview.settings()).map_err(Failure::Preview)?;
@@ -90,25 +90,25 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     let summary = Summary {
         output: output.clone(),
         png,
-        scene_hash: order.scene.hash().to_string(),
+        scene_hash: task.scene.hash().to_string(),
         width: image.width(),
         height: image.height(),
         samples: work.samples,
         passes: PassCounts::of(&image),
-        tiles: order.plan.grid.len(),
+        tiles: task.plan.grid.len(),
         standard_error_tiles: image.metadata().map_or(0, ImageMetadata::tiles_with_standard_error),
         seconds: wall.as_secs_f64(),
         core_seconds: core.as_secs_f64(),
         samples_per_second: work.samples as f64 / wall.as_secs_f64(),
-        threads: order.threads.get(),
+        threads: task.threads.get(),
         stopped_by: rendering.stopped_by,
-        metrics: order.measures(&image)?,
+        metrics: task.measures(&image)?,
         counters: work,
     };
     if let Some(file) = &arguments.stats {
         write_stats(file, &work)?;
     }
-    let metadata = image.metadata().filter(|_| order.absence.is_none());
+    let metadata = image.metadata().filter(|_| task.absence.is_none());
     if arguments.json {
         print_json(&summary)?;
     } else if is_standard_output(&output) {
@@ -127,7 +127,7 @@ pub(crate) async fn run(arguments: RenderArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
+fn interpret(arguments: &RenderArguments) -> Result<RenderTask, Failure> {
     let file = &arguments.scene;
     let failure = |source| Failure::scene(file, source);
     let activity = Activity::begin("Reading the scene and its files");
@@ -168,7 +168,7 @@ fn interpret(arguments: &RenderArguments) -> Result<Order, Failure> {
     let (time, targets) = (arguments.limits.time, arguments.limits.targets());
     let samples = Some(arguments.limits.samples_per_pixel()).filter(|_| arguments.like.is_none());
     let absence = samples.and_then(|samples| standard_error::absence(sampling, samples));
-    Ok(Order { scene, plan, reference, threads, time, targets, absence })
+    Ok(RenderTask { scene, plan, reference, threads, time, targets, absence })
 }
 
 fn default_output(scene: &Path) -> PathBuf {

@@ -21,7 +21,7 @@ use crate::render_limits::RenderLimits;
 use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
 use crate::shutdown::{self, Parent};
 use crate::standard_error;
-use crate::submission::{Order, reference_asset, submit};
+use crate::submission::{JobSettings, reference_asset, submit};
 
 /// Options of `clerestory submit`.
 #[derive(Debug, Args)]
@@ -84,7 +84,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     let activity = Activity::begin("Reading the scene and its files");
     let bundle = arguments.overrides.load(&arguments.scene, arguments.sampling)?;
     activity.done("The scene is read");
-    let order = Order {
+    let settings = JobSettings {
         name: arguments.name,
         samples_per_pixel: arguments.limits.samples_per_pixel(),
         time_limit_ms: arguments.limits.time_limit_ms(),
@@ -97,12 +97,12 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     let sampling = bundle.description().sampling;
     // The coordinator refuses a scene with others.
     let sampling = Sampling::new(sampling.samples_per_pass, sampling.samples_per_block).ok();
-    let absence = sampling.and_then(|sampling| standard_error::absence(sampling, order.samples_per_pixel));
+    let absence = sampling.and_then(|sampling| standard_error::absence(sampling, settings.samples_per_pixel));
     let stop = shutdown::token(Parent::None);
     let files = Files { exr: arguments.output, png, stats: arguments.stats };
     let submitted = OnceLock::new();
     let work = async {
-        let job = submit(&connection, &bundle, order).await?;
+        let job = submit(&connection, &bundle, settings).await?;
         // It is set once.
         let _ = submitted.set(job.id);
         let mut progress = Progress::new();

@@ -232,7 +232,7 @@ fn what_is_protected_is_noticed_before_the_work() {
 fn an_image_that_does_not_fit_on_the_disk_is_kept_elsewhere() {
     use std::os::unix::fs::PermissionsExt;
 
-    // Somebody guesses a name, to have another file overwritten.
+    // Another user guesses the name, to have another file overwritten.
     let folder = tempfile::tempdir().unwrap();
     let victim = folder.path().join("victim");
     let guess = std::env::temp_dir().join(format!("clerestory-{}-full", std::process::id()));

@@ -16,7 +16,7 @@ use nix::unistd::Pid;
 use crate::support::Folder;
 
 /// Longest time that a demo may take for anything before it counts as stuck.
-const PATIENCE: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 /// A demo whose standard input, output and error are a terminal; killed with the value.
 struct Demo {
@@ -69,7 +69,7 @@ impl Demo {
     /// Waits for a line with this text; returns the word that follows it.
     #[track_caller]
     fn word_after(&mut self, text: &str) -> String {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         loop {
             if let Some((_, rest)) = self.text.split_once(text)
                 && let Some((line, _)) = rest.split_once('\n')
@@ -83,7 +83,7 @@ impl Demo {
     /// Waits for its end; returns how it ended and all that it wrote.
     #[track_caller]
     fn end(mut self) -> (ExitStatus, String) {
-        let deadline = Instant::now() + PATIENCE;
+        let deadline = Instant::now() + TIMEOUT;
         while self.reads_more(deadline) {}
         (self.process.wait().unwrap(), std::mem::take(&mut self.text))
     }
@@ -101,7 +101,7 @@ impl Drop for Demo {
 fn answer(address: &str) -> String {
     let host = address.strip_prefix("http://").unwrap();
     let mut stream = TcpStream::connect(host).unwrap();
-    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.set_read_timeout(Some(TIMEOUT)).unwrap();
     write!(stream, "GET / HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
     let mut text = Vec::new();
     stream.read_to_end(&mut text).unwrap();

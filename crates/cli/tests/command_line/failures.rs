@@ -229,7 +229,7 @@ fn who_speaks_http_to_a_server_with_tls_is_told_its_address() {
     folder.fails(
         &["jobs", "--coordinator", &coordinator],
         1,
-        &["speaks no HTTP", &format!("is it https://{address}?")],
+        &["does not speak plain HTTP", &format!("is it https://{address}?")],
     );
     server.join().unwrap();
 }

@@ -133,7 +133,7 @@ fn a_comparison_has_every_measure() {
     assert!(comparison["mse"].as_f64() > Some(0.0) && comparison["bit_identical"] == false);
     let again = ["render", "scene.json", "--spp", "4", "-o", "again.exr", "--reference", "b.exr", "--json"];
     let summary: Value = serde_json::from_str(&folder.succeeds(&again)).unwrap();
-    assert_eq!(summary["metrics"], comparison, "whoever compares");
+    assert_eq!(summary["metrics"], comparison, "render and compare measure alike");
     let rows = folder.succeeds(&["compare", "a.exr", "b.exr"]);
     let values: Vec<&str> = rows.lines().map(|row| row.split_whitespace().next_back().unwrap()).collect();
     assert_eq!(values.len(), 8, "{rows}");
