@@ -30,6 +30,8 @@ use clerestory_render_core::scene::{
     Scene,
     description::{FneeSolver, IntegratorDescription, ManifoldEstimator},
 };
+use clerestory_render_core::specular::fnee::FneeSettings;
+use clerestory_render_core::specular::sms::SmsSettings;
 use clerestory_render_core::specular::{ShadingPoint, SpecularMethod, THROUGH_PANE};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -191,21 +193,23 @@ impl Connections {
         let mut description = bundle.description().clone();
         description.integrator = methods::integrator(method, description.integrator.max_depth());
         let held_to = match description.integrator {
-            IntegratorDescription::Fnee { solver: FneeSolver::Published, max_trials, .. }
+            IntegratorDescription::Fnee(FneeSettings { solver: FneeSolver::Published, max_trials, .. })
                 if max_trials <= MOST_SEARCHES =>
             {
                 HeldTo::FoundBy(max_trials, Search::LineSearch)
             }
-            IntegratorDescription::Sms {
+            IntegratorDescription::Sms(SmsSettings {
                 constraint,
                 steps,
                 estimator: ManifoldEstimator::Unbiased { max_trials },
                 ..
-            } if max_trials <= MOST_SEARCHES => HeldTo::FoundBy(max_trials, Search::Walk { constraint, steps }),
-            IntegratorDescription::Sms { constraint, steps, .. } if case == "room" => {
+            }) if max_trials <= MOST_SEARCHES => HeldTo::FoundBy(max_trials, Search::Walk { constraint, steps }),
+            IntegratorDescription::Sms(SmsSettings { constraint, steps, .. }) if case == "room" => {
                 HeldTo::Scouted(Search::Walk { constraint, steps })
             }
-            IntegratorDescription::Fnee { solver: FneeSolver::Complete, .. } if case == "room" => HeldTo::Complete,
+            IntegratorDescription::Fnee(FneeSettings { solver: FneeSolver::Complete, .. }) if case == "room" => {
+                HeldTo::Complete
+            }
             _ => HeldTo::All,
         };
         let bundle = bundle.with_description(description).expect("the changed scene is valid");

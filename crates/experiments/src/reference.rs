@@ -7,6 +7,9 @@ use clerestory_film::{DecodeBudget, FrameImage, ImageLayers};
 use clerestory_render_core::light::PointLight;
 use clerestory_render_core::scene::description::{IntegratorDescription, LightDescription, SamplingDescription};
 use clerestory_render_core::scene::{Asset, SceneBundle, SceneDescription};
+use clerestory_render_core::specular::conic::ConicSettings;
+use clerestory_render_core::specular::mnee::MneeSettings;
+use clerestory_render_core::specular::sms::SmsSettings;
 use serde::Serialize;
 
 use crate::error::ExperimentError;
@@ -105,10 +108,9 @@ pub(crate) fn reference(session: &mut Session, name: &str, bundle: &SceneBundle)
 fn method(scene: &SceneDescription) -> Variant {
     let is_point = |light: &LightDescription| matches!(light, LightDescription::Point(PointLight { .. }));
     let over_one_surface = match &scene.integrator {
-        IntegratorDescription::Sms { chains, .. } | IntegratorDescription::Mnee { chains, .. } => {
-            chains.iter().all(|chain| chain.len() == 1)
-        }
-        IntegratorDescription::Conic { .. } => true,
+        IntegratorDescription::Sms(SmsSettings { chains, .. })
+        | IntegratorDescription::Mnee(MneeSettings { chains, .. }) => chains.iter().all(|chain| chain.len() == 1),
+        IntegratorDescription::Conic(ConicSettings { .. }) => true,
         _ => false,
     };
     if scene.panes.is_empty() {

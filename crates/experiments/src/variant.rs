@@ -4,6 +4,12 @@ use clerestory_render_core::scene::description::{
     ConicSearch, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
     WalkSteps,
 };
+use clerestory_render_core::specular::cone::ConeSettings;
+use clerestory_render_core::specular::conic::ConicSettings;
+use clerestory_render_core::specular::fnee::FneeSettings;
+use clerestory_render_core::specular::mnee::MneeSettings;
+use clerestory_render_core::specular::path::PathSettings;
+use clerestory_render_core::specular::sms::SmsSettings;
 use serde::Serialize;
 
 /// Largest number of trials of `fnee`, as in the FNEE paper, section 3.2.
@@ -31,12 +37,12 @@ impl Variant {
 
     /// Path tracing alone.
     pub(crate) fn path() -> Self {
-        Self::new("path", IntegratorDescription::Path { max_depth: DEPTH })
+        Self::new("path", IntegratorDescription::Path(PathSettings { max_depth: DEPTH }))
     }
 
     /// Forward sampling.
     pub(crate) fn cone() -> Self {
-        Self::new("cone", IntegratorDescription::Cone { max_depth: DEPTH })
+        Self::new("cone", IntegratorDescription::Cone(ConeSettings { max_depth: DEPTH }))
     }
 
     /// `fnee` as it is by default.
@@ -67,7 +73,10 @@ impl Variant {
     /// `fnee` with everything that it can be given.
     pub(crate) fn fnee_trials(name: &str, solver: FneeSolver, selection: PaneSelection, max_trials: u32) -> Self {
         let reflected = false;
-        Self::new(name, IntegratorDescription::Fnee { max_depth: DEPTH, solver, selection, max_trials, reflected })
+        Self::new(
+            name,
+            IntegratorDescription::Fnee(FneeSettings { max_depth: DEPTH, solver, selection, max_trials, reflected }),
+        )
     }
 
     /// Unbiased specular manifold sampling, with an estimate for every pane, as its authors have it.
@@ -132,7 +141,13 @@ impl Variant {
         let (casters, receivers) = (None, None);
         Self::new(
             name,
-            IntegratorDescription::Mnee { max_depth: DEPTH, missed, chains: through_panes(), casters, receivers },
+            IntegratorDescription::Mnee(MneeSettings {
+                max_depth: DEPTH,
+                missed,
+                chains: through_panes(),
+                casters,
+                receivers,
+            }),
         )
     }
 
@@ -153,30 +168,33 @@ impl Variant {
 
     fn conic_with(name: &str, search: ConicSearch) -> Self {
         let (chains, casters, receivers) = (vec!["T".to_owned()], None, None);
-        Self::new(name, IntegratorDescription::Conic { max_depth: DEPTH, search, chains, casters, receivers })
+        Self::new(
+            name,
+            IntegratorDescription::Conic(ConicSettings { max_depth: DEPTH, search, chains, casters, receivers }),
+        )
     }
 
     /// The integrator for a scene, whose own integrator is `scenes`.
     pub(crate) fn integrator(&self, scenes: &IntegratorDescription) -> IntegratorDescription {
         let mut integrator = self.integrator.clone();
         if let (
-            IntegratorDescription::Sms { chains, .. }
-            | IntegratorDescription::Mnee { chains, .. }
-            | IntegratorDescription::Conic { chains, .. },
-            IntegratorDescription::Sms { chains: named, .. }
-            | IntegratorDescription::Mnee { chains: named, .. }
-            | IntegratorDescription::Conic { chains: named, .. },
+            IntegratorDescription::Sms(SmsSettings { chains, .. })
+            | IntegratorDescription::Mnee(MneeSettings { chains, .. })
+            | IntegratorDescription::Conic(ConicSettings { chains, .. }),
+            IntegratorDescription::Sms(SmsSettings { chains: named, .. })
+            | IntegratorDescription::Mnee(MneeSettings { chains: named, .. })
+            | IntegratorDescription::Conic(ConicSettings { chains: named, .. }),
         ) = (&mut integrator, scenes)
         {
             chains.clone_from(named);
         }
         match &mut integrator {
-            IntegratorDescription::Path { max_depth }
-            | IntegratorDescription::Cone { max_depth }
-            | IntegratorDescription::Fnee { max_depth, .. }
-            | IntegratorDescription::Sms { max_depth, .. }
-            | IntegratorDescription::Mnee { max_depth, .. }
-            | IntegratorDescription::Conic { max_depth, .. } => *max_depth = scenes.max_depth(),
+            IntegratorDescription::Path(PathSettings { max_depth })
+            | IntegratorDescription::Cone(ConeSettings { max_depth })
+            | IntegratorDescription::Fnee(FneeSettings { max_depth, .. })
+            | IntegratorDescription::Sms(SmsSettings { max_depth, .. })
+            | IntegratorDescription::Mnee(MneeSettings { max_depth, .. })
+            | IntegratorDescription::Conic(ConicSettings { max_depth, .. }) => *max_depth = scenes.max_depth(),
         }
         integrator
     }
@@ -194,7 +212,7 @@ fn through_panes() -> Vec<String> {
 
 fn sms(estimator: ManifoldEstimator, selection: PaneSelection, steps: WalkSteps) -> IntegratorDescription {
     let constraint = ManifoldConstraint::AngleDifference;
-    IntegratorDescription::Sms {
+    IntegratorDescription::Sms(SmsSettings {
         max_depth: DEPTH,
         constraint,
         steps,
@@ -203,7 +221,7 @@ fn sms(estimator: ManifoldEstimator, selection: PaneSelection, steps: WalkSteps)
         chains: through_panes(),
         casters: None,
         receivers: None,
-    }
+    })
 }
 
 #[cfg(test)]
@@ -212,10 +230,11 @@ mod tests {
 
     #[test]
     fn variants_take_depth_and_chains_of_the_scene_and_names_that_files_can_have() {
-        let deep = IntegratorDescription::Path { max_depth: 7 };
+        let deep = IntegratorDescription::Path(PathSettings { max_depth: 7 });
         assert_eq!(Variant::sms().integrator(&deep).max_depth(), 7);
         let chains = |variant: Variant, scenes: &IntegratorDescription| match variant.integrator(scenes) {
-            IntegratorDescription::Sms { chains, .. } | IntegratorDescription::Mnee { chains, .. } => chains,
+            IntegratorDescription::Sms(SmsSettings { chains, .. })
+            | IntegratorDescription::Mnee(MneeSettings { chains, .. }) => chains,
             other => panic!("{other:?} has no chains"),
         };
         let pool = crate::scenes::POOL.bundle([8, 8]).unwrap();

@@ -8,6 +8,7 @@
 //! - [`texture`]: pictures and colours over surfaces;
 //! - [`bsdf`]: materials, one file for each kind;
 //! - [`light`]: lights, one file for each kind;
+//! - [`document`]: changes of a scene file by the paths of its members;
 //! - [`specular`]: how light from a light reaches a shading point through glass, one file for each method;
 //! - [`integrator`]: the path tracer, which asks [`specular`] for the light that next event estimation cannot see.
 //!
@@ -20,6 +21,7 @@
 //! - Transcendental functions come from `libm`, so that every machine computes the same bits.
 
 pub mod bsdf;
+pub mod document;
 pub mod geometry;
 pub mod integrator;
 mod lanes;

@@ -5,27 +5,12 @@ use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
 use crate::integrator::{RenderError, render_node};
+use crate::scene::description::IntegratorDescription;
 use crate::scene::{Scene, SceneBundle, SceneDescription, SceneError};
 use clerestory_film::{NodeAddress, TileGrid, store};
 
 /// The scene, without an integrator.
 const SCENE: &str = include_str!("probe.json");
-
-/// The integrators: each method, and each of its forms that has code of its own.
-const INTEGRATORS: [&str; 12] = [
-    r#"{"path": {}}"#,
-    r#"{"cone": {}}"#,
-    r#"{"fnee": {"reflected": true}}"#,
-    r#"{"fnee": {"solver": "published", "max_trials": 20}}"#,
-    r#"{"sms": {"estimator": {"unbiased": {"max_trials": 20}}}}"#,
-    r#"{"sms": {"constraint": "half_vector", "estimator": {"biased": {"trials": 4}}}}"#,
-    r#"{"sms": {"chains": ["T"], "casters": ["water"], "estimator": {"biased": {"trials": 4}}}}"#,
-    r#"{"sms": {"steps": "published", "selection": "random", "estimator": {"biased": {"trials": 4}}}}"#,
-    r#"{"mnee": {}}"#,
-    r#"{"mnee": {"chains": ["T"], "casters": ["water"]}}"#,
-    r#"{"conic": {"casters": ["water"], "chains": ["T", "R"]}}"#,
-    r#"{"conic": {"casters": ["water"], "search": "published"}}"#,
-];
 
 /// The probe cannot be rendered: what is built in does not fit together.
 #[derive(Debug, thiserror::Error)]
@@ -48,10 +33,15 @@ pub enum ProbeError {
 /// [`ProbeError`] when what is built in does not fit together.
 pub fn digest() -> Result<String, ProbeError> {
     let mut hasher = blake3::Hasher::new();
-    for integrator in INTEGRATORS {
+    for integrator in integrators() {
         hasher.update(&image(integrator)?);
     }
     Ok(hasher.finalize().to_hex().to_string())
+}
+
+/// The settings under which each method is probed.
+fn integrators() -> impl Iterator<Item = &'static str> {
+    IntegratorDescription::PROBES.iter().flat_map(|(_, probes)| probes.iter().copied())
 }
 
 /// The bytes of the image with one integrator.
@@ -72,10 +62,10 @@ mod tests {
 
     #[test]
     fn every_integrator_has_an_image_of_its_own_with_light_in_it() {
-        let images: Vec<Vec<u8>> = INTEGRATORS.iter().map(|integrator| image(integrator).unwrap()).collect();
+        let images: Vec<Vec<u8>> = integrators().map(|integrator| image(integrator).unwrap()).collect();
         for (number, image) in images.iter().enumerate() {
             for other in &images[..number] {
-                assert_ne!(image, other, "{}", INTEGRATORS[number]);
+                assert_ne!(image, other, "{}", integrators().nth(number).unwrap());
             }
         }
         assert_eq!(digest().unwrap(), digest().unwrap());

@@ -12,6 +12,7 @@ use clerestory_render_core::scene::description::{
 };
 use clerestory_render_core::scene::water::{WaterSettings, WaterView, lagoon, pool};
 use clerestory_render_core::scene::{self, Scene, SceneBundle};
+use clerestory_render_core::specular::path::PathSettings;
 use clerestory_tests::pixel_digests::{DigestTable, PixelDigest};
 use serde_json::{Value, json};
 
@@ -254,7 +255,7 @@ fn a_scene_whose_integrator_is_changed_has_the_pixels_of_one_that_is_built_with_
     assert_eq!(shipped.len(), 2);
     for (name, bundle) in shipped {
         let digests = methods(bundle.description()).into_iter().map(|Method { settings, integrator, .. }| {
-            let path = IntegratorDescription::Path { max_depth: 16 };
+            let path = IntegratorDescription::Path(PathSettings { max_depth: 16 });
             let changed = prepared(Some(prepared(None, &bundle, &SMALL, &path)), &bundle, &SMALL, &integrator);
             let built = prepared(None, &bundle, &SMALL, &integrator);
             let [changed, built] = [changed, built].map(|scene| rendered(&scene, 0, 1));

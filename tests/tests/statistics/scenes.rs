@@ -12,7 +12,9 @@ use clerestory_render_core::scene::description::{
     PaneSelection, SamplingDescription, SceneDescription, WalkSteps,
 };
 use clerestory_render_core::scene::{self, Scene, SceneBundle};
+use clerestory_render_core::specular::conic::ConicSettings;
 use clerestory_render_core::specular::fnee::PathSearch;
+use clerestory_render_core::specular::path::PathSettings;
 use clerestory_render_core::specular::side::PaneSide;
 use clerestory_render_core::specular::{
     ShadingPoint, SpecularEvent, SpecularMethod, conic::Conic, scope::Scope, sms::Sms,
@@ -269,9 +271,11 @@ mod pool {
         check_agreement("sms", &block_means(&sms, 60, BLOCKS), &expected, 0.2);
         let conic = bundle.description().clone().with_integrator_named("conic").expect("there is one").integrator;
         check_agreement("conic", &block_means(&small(&bundle, conic.clone()), 60, BLOCKS), &expected, 0.05);
-        let IntegratorDescription::Conic { max_depth, chains, casters, receivers, .. } = conic else { panic!("conic") };
+        let IntegratorDescription::Conic(ConicSettings { max_depth, chains, casters, receivers, .. }) = conic else {
+            panic!("conic")
+        };
         let search = ConicSearch::Published;
-        let first = IntegratorDescription::Conic { max_depth, search, chains, casters, receivers };
+        let first = IntegratorDescription::Conic(ConicSettings { max_depth, search, chains, casters, receivers });
         let first = Estimate::mean(&block_means(&small(&bundle, first), 16, BLOCKS));
         let part = first.mean / Estimate::mean(&expected).mean;
         println!("the published walk finds {part:.3} of the light");
@@ -284,7 +288,7 @@ mod pool {
         let LightDescription::Disk(DiskLight { radius, radiance, .. }) = &mut light else { panic!("a disk") };
         (*radius, *radiance) = (1.0, [100.0; 3]);
         let bundle = lit_by(light);
-        let chance = small(&bundle, IntegratorDescription::Path { max_depth: 16 });
+        let chance = small(&bundle, IntegratorDescription::Path(PathSettings { max_depth: 16 }));
         check_agreement("path", &block_means(&chance, 1000, BLOCKS), &traced_forward(&bundle), 0.05);
     }
 }

@@ -76,7 +76,7 @@ pub(crate) async fn job(farm: &Farm, mut submission: JobSubmission, room: Parsin
         priority: submission.priority,
         scene: scene::canonical_json(description),
         scene_hash: hash.to_string(),
-        integrator: description.integrator.name().to_owned(),
+        integrator: description.integrator.kind().to_owned(),
         missing_light: description.missing_light(),
         left_to_chance: facts.left_to_chance.clone(),
         grid,

@@ -15,8 +15,11 @@ use crate::{
     },
     geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface},
     light::{LightHit, Source},
-    scene::{Scene, description::MOST_SPECULAR_VERTICES, visibility::SAME_PLACE},
-    specular::{Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, side::unit_normal},
+    scene::{Scene, visibility::SAME_PLACE},
+    specular::{
+        Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, scope::MOST_SPECULAR_VERTICES,
+        side::unit_normal,
+    },
 };
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;

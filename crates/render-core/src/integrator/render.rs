@@ -7,10 +7,7 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::path::{PathSample, PathTracer};
-use crate::{
-    scene::{Scene, description::IntegratorDescription},
-    specular::{SpecularMethod, cone::Cone, conic::Conic, fnee::Fnee, mnee::Mnee, scope::Scope, sms::Sms},
-};
+use crate::{scene::Scene, specular::SpecularMethod};
 use clerestory_film::counters::Counters;
 use clerestory_film::{
     FirstHitSums, MergeError, Node, NodeAddress, NodeError, PassSums, Rendered, SampleStream, SamplerSettings,
@@ -67,34 +64,7 @@ pub fn render_node(
 
 /// The method that the scene's integrator uses for light by way of specular surfaces; `None` for path tracing alone.
 pub fn specular_method(scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
-    match &scene.description().integrator {
-        IntegratorDescription::Path { .. } => None,
-        IntegratorDescription::Cone { .. } => Some(Box::new(Cone)),
-        &IntegratorDescription::Fnee { solver, selection, max_trials, reflected, .. } => {
-            Some(Box::new(Fnee { solver, selection, max_trials, reflected }))
-        }
-        IntegratorDescription::Conic { search, chains, casters, receivers, .. } => {
-            let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());
-            Some(Box::new(Conic { search: *search, scope: scope.over_meshes() }))
-        }
-        IntegratorDescription::Mnee { missed, chains, casters, receivers, .. } => {
-            let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());
-            Some(Box::new(Mnee { missed: *missed, scope }))
-        }
-        &IntegratorDescription::Sms {
-            constraint,
-            steps,
-            estimator,
-            selection,
-            ref chains,
-            ref casters,
-            ref receivers,
-            ..
-        } => {
-            let scope = Scope::new(scene, chains, casters.as_deref(), receivers.as_deref());
-            Some(Box::new(Sms { constraint, steps, estimator, selection, scope }))
-        }
-    }
+    scene.description().integrator.build(scene)
 }
 
 struct Renderer<'a> {

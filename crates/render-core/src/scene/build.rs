@@ -10,7 +10,7 @@ use super::build_panes::build_panes;
 use super::build_step::BuildStep;
 use super::bundle::SceneBundle;
 use super::camera::Camera;
-use super::description::{ConicSearch, IntegratorDescription, SamplingDescription, SceneDescription};
+use super::description::{SamplingDescription, SceneDescription};
 use super::hash::{ContentHash, SceneHash};
 use super::memory::SceneMemory;
 use super::surface::MeshSurface;
@@ -160,13 +160,7 @@ impl Scene {
 
     /// Makes what the integrator looks things up in, so that no sample waits for it.
     fn prepare(&self) {
-        let IntegratorDescription::Conic { search, .. } = self.description.integrator else { return };
-        for (mesh, _) in (0u32..).zip(&self.meshes).filter(|(_, mesh)| mesh.is_smooth()) {
-            match search {
-                ConicSearch::Complete | ConicSearch::WithoutRays => _ = self.facets(mesh),
-                ConicSearch::Published => _ = self.neighbours(mesh),
-            }
-        }
+        self.description.integrator.prepare(self);
     }
 
     /// The identity of the scene.

@@ -290,9 +290,11 @@ mod tests {
         let published = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
         assert_eq!(published.clone().with_integrator_named("fnee").unwrap().integrator, published.integrator);
         let mut deep = description.clone();
-        deep.integrator = super::super::description::IntegratorDescription::Path { max_depth: 5 };
+        deep.integrator = super::super::description::IntegratorDescription::Path(crate::specular::path::PathSettings {
+            max_depth: 5,
+        });
         let cone = deep.with_integrator_named("cone").unwrap();
-        assert_eq!((cone.integrator.name(), cone.integrator.max_depth()), ("cone", 5));
+        assert_eq!((cone.integrator.kind(), cone.integrator.max_depth()), ("cone", 5));
         // Chains that it cannot look for are not kept.
         scene["integrator"] = serde_json::json!({"sms": {"max_depth": 6, "chains": ["TT", "R"]}});
         let chains = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
@@ -303,7 +305,7 @@ mod tests {
         let error = cone.with_integrator_named("magic").unwrap_err().to_string();
         assert!(
             error.contains(
-                "integrator: found \"magic\", must be \"path\", \"cone\", \"fnee\", \"sms\", \"mnee\" or \"conic\""
+                "integrator: found \"magic\", must be \"path\" or \"cone\" or \"fnee\" or \"sms\" or \"mnee\" or \"conic\""
             ),
             "{error}"
         );

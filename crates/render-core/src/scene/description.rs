@@ -16,6 +16,14 @@ use crate::geometry::FaceCrossing;
 pub use crate::bsdf::MaterialDescription;
 pub use crate::light::LightDescription;
 pub use crate::settings::{SCENE_FORMAT_VERSION, Triple};
+pub use crate::specular::conic::ConicSearch;
+pub use crate::specular::constraint::ManifoldConstraint;
+pub use crate::specular::fnee::FneeSolver;
+pub use crate::specular::manifold::WalkSteps;
+pub use crate::specular::mnee::MissedPaths;
+pub use crate::specular::registry::IntegratorDescription;
+pub use crate::specular::selection::PaneSelection;
+pub use crate::specular::sms::ManifoldEstimator;
 pub use crate::texture::ColourDescription;
 
 /// A scene: geometry, materials, panes, lights, camera, integrator settings and seed.
@@ -101,239 +109,6 @@ pub enum CameraDescription {
         #[schemars(extend("exclusiveMinimum" = 0))]
         height: f64,
     },
-}
-
-/// The integrator and its settings.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum IntegratorDescription {
-    /// Path tracing alone: light through glass is found by chance, light of point lights through glass not at all.
-    Path {
-        /// Largest number of vertices between camera and light, 1 to 1000.
-        #[serde(default = "default_max_depth")]
-        #[schemars(range(min = 1, max = 1000))]
-        max_depth: u32,
-    },
-    /// Path tracing, with light through panes found by sampling the cone from which the light can come.
-    Cone {
-        /// Largest number of vertices between camera and light, 1 to 1000.
-        #[serde(default = "default_max_depth")]
-        #[schemars(range(min = 1, max = 1000))]
-        max_depth: u32,
-    },
-    /// Path tracing, with light through panes found by Fermat next event estimation.
-    Fnee {
-        /// Largest number of vertices between camera and light, 1 to 1000.
-        #[serde(default = "default_max_depth")]
-        #[schemars(range(min = 1, max = 1000))]
-        max_depth: u32,
-        /// How stationary paths are searched for.
-        #[serde(default)]
-        solver: FneeSolver,
-        /// Which panes are searched.
-        #[serde(default)]
-        selection: PaneSelection,
-        /// Largest number of trials when an inverse probability is estimated, 1 to 1000000.
-        #[serde(default = "default_max_trials")]
-        #[schemars(range(min = 1, max = 1_000_000))]
-        max_trials: u32,
-        /// Whether light that the outside of a pane reflects is searched for, too.
-        #[serde(default, skip_serializing_if = "is_default")]
-        reflected: bool,
-    },
-    /// Path tracing, with light by way of panes and smooth meshes found by specular manifold sampling.
-    Sms {
-        /// Largest number of vertices between camera and light, 1 to 1000.
-        #[serde(default = "default_max_depth")]
-        #[schemars(range(min = 1, max = 1000))]
-        max_depth: u32,
-        /// What a vertex on a face has to obey.
-        #[serde(default)]
-        constraint: ManifoldConstraint,
-        /// Where walks go that leave a pane.
-        #[serde(default)]
-        steps: WalkSteps,
-        /// What is made of the paths that are found.
-        #[serde(default)]
-        estimator: ManifoldEstimator,
-        /// Which panes (or smooth meshes) are searched.
-        #[serde(default)]
-        selection: PaneSelection,
-        /// Which chains of specular vertices between a surface and a light are looked for: each a word of 1 to 16 letters R
-        /// (reflection) and T (transmission), from the surface to the light.
-        #[serde(default = "default_chains")]
-        #[schemars(length(min = 1, max = 16), inner(regex(pattern = "^[RT]{1,16}$")))]
-        chains: Vec<String>,
-        /// Names of the panes and smooth meshes on which chains begin; all by default.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        casters: Option<Vec<String>>,
-        /// Names of the meshes on which their light is gathered; all by default.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        receivers: Option<Vec<String>>,
-    },
-    /// Path tracing, with one path through what refracts on the straight line to a light found by a manifold walk.
-    Mnee {
-        /// Largest number of vertices between camera and light, 1 to 1000.
-        #[serde(default = "default_max_depth")]
-        #[schemars(range(min = 1, max = 1000))]
-        max_depth: u32,
-        /// What happens to the paths that the walk does not find.
-        #[serde(default)]
-        missed: MissedPaths,
-        /// Which chains of specular vertices between a surface and a light are looked for: each a word of 1 to 16 letters T
-        /// (transmission).
-        #[serde(default = "default_chains")]
-        #[schemars(length(min = 1, max = 16), inner(regex(pattern = "^T{1,16}$")))]
-        chains: Vec<String>,
-        /// Names of the panes and smooth meshes on which chains begin; all by default.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        casters: Option<Vec<String>>,
-        /// Names of the meshes on which their light is gathered; all by default.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        receivers: Option<Vec<String>>,
-    },
-    /// Path tracing, with all light over one interface, a smooth mesh, found on the curves along which surface, light and
-    /// normal are coplanar.
-    Conic {
-        /// Largest number of vertices between camera and light, 1 to 1000.
-        #[serde(default = "default_max_depth")]
-        #[schemars(range(min = 1, max = 1000))]
-        max_depth: u32,
-        /// Which paths are found.
-        #[serde(default)]
-        search: ConicSearch,
-        /// What happens between a surface and a light: `T`, refraction, or `R`, reflection, or both in turn.
-        #[serde(default = "default_conic_chains")]
-        #[schemars(length(min = 1, max = 2), inner(regex(pattern = "^[RT]$")))]
-        chains: Vec<String>,
-        /// Names of the smooth meshes on which it happens; all by default.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        casters: Option<Vec<String>>,
-        /// Names of the meshes on which the light is gathered; all by default.
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        receivers: Option<Vec<String>>,
-    },
-}
-
-/// Which paths over a mesh `conic` finds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ConicSearch {
-    /// All, with rays to where a surface focuses a light that has an extent.
-    #[default]
-    Complete,
-    /// All, without these rays.
-    WithoutRays,
-    /// The first along the curve from the straight line to the light (Granizo-Hidalgo and Holzschuch 2024).
-    Published,
-}
-
-/// What manifold next event estimation does about the paths through a pane that its walk does not find.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum MissedPaths {
-    /// They count when chance finds them: unbiased, but for point lights, which chance never meets.
-    #[default]
-    LeftToChance,
-    /// They are dropped: dark where there is more than one path, and without the noise of rare finds.
-    Dropped,
-}
-
-/// How a manifold walk writes Snell's law at a vertex (Zeltner et al. 2020, section 4).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum ManifoldConstraint {
-    /// The outgoing direction is that of the refracted ray.
-    #[default]
-    AngleDifference,
-    /// The half vector is the normal.
-    HalfVector,
-}
-
-/// Where a manifold walk goes whose next step, or whose seed, misses the pane.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum WalkSteps {
-    /// To the border of the pane, where that gains or nothing else helps, and half as far otherwise.
-    #[default]
-    OnPanes,
-    /// Half as far, and nowhere from a seed (Zeltner et al. 2020).
-    Published,
-}
-
-/// What specular manifold sampling makes of the paths that it finds (Zeltner et al. 2020, section 4.3).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum ManifoldEstimator {
-    /// One path, weighted by an unbiased estimate of one over the probability with which a seed leads to it.
-    Unbiased {
-        /// Largest number of trials of that estimate, 1 to 10000000.
-        #[serde(default = "default_manifold_trials")]
-        #[schemars(range(min = 1, max = 10_000_000))]
-        max_trials: u32,
-    },
-    /// All distinct paths that a fixed number of seeds finds: too dark where they find few.
-    Biased {
-        /// Number of seeds, 1 to 10000.
-        #[schemars(range(min = 1, max = 10_000))]
-        trials: u32,
-    },
-}
-
-impl Default for ManifoldEstimator {
-    fn default() -> Self {
-        Self::Unbiased { max_trials: default_manifold_trials() }
-    }
-}
-
-/// How Fermat next event estimation searches for stationary paths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum FneeSolver {
-    /// Enumerates the paths in the deflection window: minima, saddles and maxima alike.
-    #[default]
-    Complete,
-    /// Huan et al. 2023, Algorithm 1, with uniform seeds over both faces: finds minima almost exclusively.
-    Published,
-}
-
-/// Which panes are searched for paths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum PaneSelection {
-    /// Every pane through which light can arrive.
-    #[default]
-    All,
-    /// The pane that the straight line to the light meets first.
-    Sharp,
-    /// A pane at random whenever anything blocks the straight line to the light.
-    Bleed,
-    /// A pane at random.
-    Random,
-}
-
-fn default_max_depth() -> u32 {
-    16
-}
-
-pub(super) fn default_max_trials() -> u32 {
-    1000
-}
-
-/// Most specular vertices between a surface and a light that a manifold method looks for.
-pub const MOST_SPECULAR_VERTICES: usize = 16;
-
-pub(super) fn default_chains() -> Vec<String> {
-    vec!["TT".to_owned()]
-}
-
-pub(super) fn default_conic_chains() -> Vec<String> {
-    vec!["T".to_owned()]
-}
-
-/// As in the scenes of the authors of specular manifold sampling.
-fn default_manifold_trials() -> u32 {
-    10_000_000
 }
 
 /// How samples are grouped. Both numbers decide the order of summation and so the last bits of the image.
@@ -481,13 +256,8 @@ pub struct PaneDescription {
     #[serde(default)]
     pub back: ProfileDescription,
     /// How rays find where they cross the faces.
-    #[serde(default, skip_serializing_if = "is_default")]
+    #[serde(default, skip_serializing_if = "crate::settings::is_default")]
     pub crossing: FaceCrossing,
-}
-
-/// Settings that few scenes change are left out where they are as usual, so that the hashes of other scenes stay.
-fn is_default<T: Default + PartialEq>(value: &T) -> bool {
-    *value == T::default()
 }
 
 /// The height field of a face, in metres along the pane's z axis: a uniform cubic B-spline over a grid of coefficients.

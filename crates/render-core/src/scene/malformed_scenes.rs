@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::SceneDescription;
 
 /// A small valid scene with one of everything.
-pub(super) fn valid_scene() -> Value {
+pub(crate) fn valid_scene() -> Value {
     json!({
         "version": 1,
         "name": "test",

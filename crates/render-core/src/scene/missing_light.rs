@@ -4,20 +4,16 @@
 //! These are classes of paths. How much light there is in them depends on the scene. A class without a path that the path filter lets
 //! through is not named.
 
-use std::collections::BTreeSet;
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
 use super::Scene;
-use super::description::{
-    ConicSearch, FneeSolver, IntegratorDescription, ManifoldEstimator, MeshDescription, MissedPaths, PaneSelection,
-    SceneDescription,
-};
+use super::description::{MeshDescription, SceneDescription};
 use crate::geometry::Pane;
 use crate::integrator::PathFilter;
 use crate::light::Light;
-use crate::specular::side::GRAZING_COSINE;
+use crate::specular::missing::{Glass, LightGroup, PathClass};
 
 /// Vertices of the shortest path that brings light through a pane to a surface that the camera sees.
 const VERTICES_THROUGH_PANE: u32 = 3;
@@ -28,37 +24,6 @@ const SMALL_SOLID_ANGLE: f64 = PI / 1000.0;
 
 /// At most so many lights are named.
 const MOST_NAMES: usize = 3;
-
-/// Paths over any specular vertices to a surface.
-const ANY: &str = ".*D[RT]+L";
-
-/// Paths over other specular vertices than those of one pane that is passed through.
-const OTHER_THAN_TT: &str = ".*D([RT]|[RT]*R[RT]*|TTT+)L";
-
-/// Paths in through one face of a pane and out through the other.
-const THROUGH_ONE_PANE: &str = ".*DTTL";
-
-/// A class of paths.
-struct Class {
-    /// In words.
-    text: String,
-    /// A path expression that all of them match.
-    paths: String,
-}
-
-impl Class {
-    fn new(text: impl Into<String>, paths: impl Into<String>) -> Self {
-        Self { text: text.into(), paths: paths.into() }
-    }
-}
-
-/// Lights of which some do not reach some surfaces, or do so by chance.
-struct Lights {
-    /// What they are called.
-    name: String,
-    /// Whether a path may meet them by chance.
-    can_be_met: bool,
-}
 
 impl Scene {
     /// The light of small lights that an image of this scene leaves to chance, in words, for its metadata.
@@ -94,9 +59,12 @@ impl SceneDescription {
         if self.panes.is_empty() && !self.has_smooth_meshes() {
             return missing;
         }
-        let mut classes = self.unfound_paths();
+        let mut classes = self.integrator.unfound();
         if self.lights.iter().any(|light| light.build().is_delta()) {
-            classes.extend(self.unowned_light(&Lights { name: "point lights".to_owned(), can_be_met: false }));
+            classes.extend(
+                self.integrator
+                    .unowned(&LightGroup { name: "point lights".to_owned(), can_be_met: false }, self.glass()),
+            );
         }
         missing.extend(self.rendered(classes));
         missing
@@ -113,17 +81,21 @@ impl SceneDescription {
             count if count <= MOST_NAMES => format!("the small lights {}", quoted.join(", ")),
             count => format!("{count} small lights, {} and so on,", quoted.join(", ")),
         };
-        self.rendered(self.unowned_light(&Lights { name, can_be_met: true }))
+        self.rendered(self.integrator.unowned(&LightGroup { name, can_be_met: true }, self.glass()))
     }
 
     /// Those classes of which the path filter lets some path through.
-    fn rendered(&self, classes: Vec<Class>) -> Vec<String> {
+    fn rendered(&self, classes: Vec<PathClass>) -> Vec<String> {
         let filter = self.compiled_path_filter().ok().flatten();
-        let is_rendered = |class: &Class| match (&filter, PathFilter::parse(&class.paths)) {
+        let is_rendered = |class: &PathClass| match (&filter, PathFilter::parse(&class.paths)) {
             (Some(filter), Ok(paths)) => filter.shares_a_path(&paths),
             _ => true,
         };
         classes.into_iter().filter(is_rendered).map(|class| class.text).collect()
+    }
+
+    fn glass(&self) -> Glass {
+        Glass { has_panes: !self.panes.is_empty(), has_meshes: self.has_smooth_meshes() }
     }
 
     fn has_smooth_meshes(&self) -> bool {
@@ -145,188 +117,6 @@ impl SceneDescription {
         }
         Some(paths)
     }
-
-    /// Paths through panes, whatever light they come from, that the path tracer leaves to the search and that it misses.
-    fn unfound_paths(&self) -> Vec<Class> {
-        match &self.integrator {
-            IntegratorDescription::Path { .. }
-            | IntegratorDescription::Cone { .. }
-            | IntegratorDescription::Conic { search: ConicSearch::Complete | ConicSearch::WithoutRays, .. }
-            | IntegratorDescription::Mnee { missed: MissedPaths::LeftToChance, .. } => Vec::new(),
-            IntegratorDescription::Conic { search: ConicSearch::Published, chains, .. } => vec![Class::new(
-                "paths over a smooth mesh but for the first that a walk from the straight line to the light meets",
-                over(chains),
-            )],
-            IntegratorDescription::Mnee { missed: MissedPaths::Dropped, chains, .. } => vec![Class::new(
-                "paths through a pane but for the one that a walk from the straight line to the light finds",
-                over(chains),
-            )],
-            IntegratorDescription::Fnee { solver, max_trials, reflected, .. } => {
-                unfound_by_fnee(*solver, *reflected, &cut_off(*max_trials))
-            }
-            IntegratorDescription::Sms { estimator: ManifoldEstimator::Unbiased { max_trials }, chains, .. } => {
-                let text =
-                    format!("paths over {} (chains) that a random seed {}", chains.join(" or "), cut_off(*max_trials));
-                vec![Class::new(text, over(chains))]
-            }
-            IntegratorDescription::Sms { estimator: ManifoldEstimator::Biased { trials }, chains, .. } => {
-                let text = format!(
-                    "the part (1 - p)^{trials} of the light of each path over {} (chains), p being the probability with which a \
-                     random seed finds it (trials)",
-                    chains.join(" or ")
-                );
-                vec![Class::new(text, over(chains))]
-            }
-        }
-    }
-
-    /// Light of these lights that no method looks for: no path meets a point light by chance.
-    fn unowned_light(&self, lights: &Lights) -> Vec<Class> {
-        let of = &lights.name;
-        let all = || format!("light of {of} that comes through or off a pane or a smooth mesh to a surface");
-        let over_other = |chains: &[String]| {
-            let text = format!("light of {of} over other specular vertices than {} (chains)", chains.join(", "));
-            Class::new(text, other_than(chains))
-        };
-        match &self.integrator {
-            IntegratorDescription::Cone { .. } if lights.can_be_met => {
-                self.unowned_by_panes(of, PaneSelection::All, false)
-            }
-            IntegratorDescription::Path { .. } | IntegratorDescription::Cone { .. } => vec![Class::new(all(), ANY)],
-            IntegratorDescription::Fnee { selection, reflected, .. } => {
-                self.unowned_by_panes(of, *selection, *reflected)
-            }
-            IntegratorDescription::Sms { selection, chains, casters, receivers, .. } => {
-                let mut classes = vec![over_other(chains)];
-                classes.extend((!self.panes.is_empty()).then(|| between_the_faces(of, None)));
-                classes.extend(unmarked(of, casters.as_deref(), receivers.as_deref()));
-                classes.extend(unselected(of, *selection));
-                classes
-            }
-            IntegratorDescription::Conic { chains, casters, receivers, .. } => {
-                let text = format!("{}, but for that over one smooth mesh ({}; chains)", all(), chains.join(", "));
-                let paths = if self.panes.is_empty() { other_than(chains) } else { ANY.to_owned() };
-                let mut classes = vec![Class::new(text, paths)];
-                classes.extend(unmarked(of, casters.as_deref(), receivers.as_deref()));
-                classes
-            }
-            IntegratorDescription::Mnee { missed, chains, casters, receivers, .. } => {
-                let is_named_already = lights.can_be_met && *missed == MissedPaths::Dropped;
-                let found = chains.join(" or ");
-                let first = if is_named_already {
-                    over_other(chains)
-                } else {
-                    let but = "but for the one path over";
-                    let by = "that a walk from the straight line to the light finds";
-                    Class::new(format!("{}, {but} {found} {by}", all()), ANY)
-                };
-                let mut classes = vec![first];
-                classes.extend(unmarked(of, casters.as_deref(), receivers.as_deref()));
-                classes
-            }
-        }
-    }
-
-    /// As [`Self::unowned_light`], where a method looks for light through one pane.
-    fn unowned_by_panes(&self, of: &str, selection: PaneSelection, reflected: bool) -> Vec<Class> {
-        let mut classes = Vec::new();
-        if !self.panes.is_empty() {
-            let outside = if reflected { "" } else { "on its outside or " };
-            let text = format!(
-                "light of {of} that a pane reflects, {outside}between its faces, or that passes through more than one pane, on its \
-                 way to a surface"
-            );
-            classes.push(Class::new(text, OTHER_THAN_TT));
-            classes.push(between_the_faces(of, Some(libm::asin(GRAZING_COSINE).to_degrees())));
-        }
-        if self.has_smooth_meshes() {
-            classes.push(Class::new(format!("light of {of} that comes by way of a smooth mesh to a surface"), ANY));
-        }
-        if !self.panes.is_empty() {
-            classes.extend(unselected(of, selection));
-        }
-        classes
-    }
-}
-
-/// What the search of `fnee` misses; `cut_off` says what a seed finds.
-fn unfound_by_fnee(solver: FneeSolver, reflected: bool, cut_off: &str) -> Vec<Class> {
-    match solver {
-        FneeSolver::Complete => {
-            let text = format!("paths through a pane that the enumeration misses and a random seed {cut_off}");
-            let through = Class::new(text, THROUGH_ONE_PANE);
-            let text = format!("paths off the outside of a pane that a random seed {cut_off}");
-            let off = reflected.then(|| Class::new(text, ".*DRL"));
-            [through].into_iter().chain(off).collect()
-        }
-        FneeSolver::Published => {
-            let (ways, paths) = if reflected {
-                ("through a pane or off its outside", ".*D(TT|R)L")
-            } else {
-                ("through a pane", THROUGH_ONE_PANE)
-            };
-            let saddles = "along which the optical length is no minimum: the published solver finds almost none";
-            vec![
-                Class::new(format!("paths {ways} {saddles}"), paths),
-                Class::new(format!("paths {ways} that a random seed {cut_off}"), paths),
-            ]
-        }
-    }
-}
-
-/// Paths over one of these chains of specular vertices.
-fn over(chains: &[String]) -> String {
-    format!(".*D({})L", chains.join("|"))
-}
-
-/// Paths over any other chain than these.
-fn other_than(chains: &[String]) -> String {
-    // At each place where a chain may differ: another letter, an end, or more letters.
-    let others = chains.iter().flat_map(|chain| (0..=chain.len()).map(move |end| &chain[..end]));
-    let starts: BTreeSet<&str> = others.chain([""]).collect();
-    let differing = starts.iter().flat_map(|start| {
-        let go_on = ["R", "T"].map(|letter| format!("{start}{letter}"));
-        let fresh = go_on.into_iter().filter(|word| !starts.contains(word.as_str())).map(|word| format!("{word}[RT]*"));
-        let ends_here = (!start.is_empty() && !chains.iter().any(|chain| chain == start)).then(|| (*start).to_owned());
-        fresh.chain(ends_here)
-    });
-    format!(".*D({})L", differing.collect::<Vec<_>>().join("|"))
-}
-
-/// Light through panes that no method owns: at less than this angle [degrees], and too near to them.
-fn between_the_faces(of: &str, grazing: Option<f64>) -> Class {
-    let grazing = grazing.map_or(String::new(), |degrees| format!(" at less than {degrees:.2} degrees to it, or"));
-    let text = format!(
-        "light of {of} through a pane{grazing} to a surface that lies between the pane's highest and lowest point"
-    );
-    Class::new(text, ".*D[RT]*T[RT]*L")
-}
-
-/// What a selection of panes loses.
-fn unselected(of: &str, selection: PaneSelection) -> Option<Class> {
-    let lost = match selection {
-        PaneSelection::All | PaneSelection::Random => return None,
-        PaneSelection::Sharp => "any pane but the one that the straight line to the light meets first",
-        PaneSelection::Bleed => "a pane to a surface from which nothing blocks the straight line to the light",
-    };
-    Some(Class::new(format!("light of {of} through {lost}"), ".*D[RT]*T[RT]*L"))
-}
-
-/// What is lost where only some things are marked.
-fn unmarked(of: &str, casters: Option<&[String]>, receivers: Option<&[String]>) -> Vec<Class> {
-    let other = |names: &[String], place| {
-        let names = names.join(", ");
-        Class::new(format!("light of {of} over specular vertices {place} other than {names}"), ANY)
-    };
-    let casters = casters.map(|names| other(names, "of which the first is on a pane or a mesh"));
-    let receivers = receivers.map(|names| other(names, "to a mesh"));
-    casters.into_iter().chain(receivers).collect()
-}
-
-/// What a search by chance loses. A path that a seed finds with probability p is weighted by the number of seeds until the
-/// next success, cut off at N: on average by (1 - (1 - p)^N) / p instead of 1 / p.
-fn cut_off(max_trials: u32) -> String {
-    format!("finds with a small probability p, by up to the part (1 - p)^{max_trials} of their light (max_trials)")
 }
 
 #[cfg(test)]
@@ -436,24 +226,6 @@ mod tests {
         let sms = json!({"sms": {"chains": ["TT", "TTTT", "R"], "estimator": {"biased": {"trials": 4}}}});
         check(&of("D TTTT L", sms.clone()), &["path filter", "(1 - p)^4", "between the pane's highest"]);
         check(&of("D TRRT L", sms), &["path filter", "than TT, TTTT, R (chains)", "between the pane's highest"]);
-    }
-
-    #[test]
-    fn other_chains_are_all_but_those_that_are_named() {
-        let chains = ["TT", "R", "TRT"].map(str::to_owned);
-        let other = PathFilter::parse(&other_than(&chains)).unwrap();
-        for (chain, expected) in [
-            ("TT", false),
-            ("R", false),
-            ("TRT", false),
-            ("T", true),
-            ("RR", true),
-            ("TR", true),
-            ("TTT", true),
-            ("TRTR", true),
-        ] {
-            assert_eq!(other.shares_a_path(&PathFilter::parse(&format!("D{chain}L")).unwrap()), expected, "{chain}");
-        }
     }
 
     #[test]

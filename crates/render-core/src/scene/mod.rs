@@ -16,7 +16,7 @@ pub mod hash;
 #[cfg(test)]
 mod hostile_scenes;
 #[cfg(test)]
-mod malformed_scenes;
+pub(crate) mod malformed_scenes;
 pub mod memory;
 mod mesh;
 mod mesh_file;

@@ -4,11 +4,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_json::Value;
 
-use super::description::{
-    ConicSearch, FilmDescription, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator,
-    MissedPaths, PaneSelection, SCENE_FORMAT_VERSION, SceneDescription, WalkSteps, default_chains,
-    default_conic_chains,
-};
+use super::description::{FilmDescription, IntegratorDescription, SCENE_FORMAT_VERSION, SceneDescription};
 use super::syntax::{not_utf_8, refuse_other_formats, with_hint};
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
@@ -44,76 +40,10 @@ impl SceneDescription {
     ///
     /// When no integrator has that name.
     pub fn with_integrator_named(self, name: &str) -> Result<Self, SceneError> {
-        let max_depth = self.integrator.max_depth();
-        // Where light comes from is a property of the scene, whichever method looks for it.
-        let (chains, casters, receivers) = match &self.integrator {
-            IntegratorDescription::Sms { chains, casters, receivers, .. }
-            | IntegratorDescription::Mnee { chains, casters, receivers, .. }
-            | IntegratorDescription::Conic { chains, casters, receivers, .. } => {
-                (chains.clone(), casters.clone(), receivers.clone())
-            }
-            _ => (default_chains(), None, None),
-        };
-        let integrator = match name {
-            "path" => IntegratorDescription::Path { max_depth },
-            "cone" => IntegratorDescription::Cone { max_depth },
-            "fnee" => match self.integrator {
-                IntegratorDescription::Fnee { .. } => self.integrator,
-                _ => IntegratorDescription::Fnee {
-                    max_depth,
-                    solver: FneeSolver::default(),
-                    selection: PaneSelection::default(),
-                    max_trials: super::description::default_max_trials(),
-                    reflected: false,
-                },
-            },
-            "sms" => match self.integrator {
-                IntegratorDescription::Sms { .. } => self.integrator,
-                _ => IntegratorDescription::Sms {
-                    max_depth,
-                    constraint: ManifoldConstraint::default(),
-                    steps: WalkSteps::default(),
-                    estimator: ManifoldEstimator::default(),
-                    selection: PaneSelection::default(),
-                    chains,
-                    casters,
-                    receivers,
-                },
-            },
-            "conic" => match self.integrator {
-                IntegratorDescription::Conic { .. } => self.integrator,
-                _ => {
-                    let single = |chain: &String| chain.len() == 1;
-                    let chains =
-                        Some(chains.into_iter().filter(single).collect()).filter(|chains: &Vec<_>| !chains.is_empty());
-                    let chains = chains.unwrap_or_else(default_conic_chains);
-                    IntegratorDescription::Conic {
-                        max_depth,
-                        search: ConicSearch::default(),
-                        chains,
-                        casters,
-                        receivers,
-                    }
-                }
-            },
-            "mnee" => match self.integrator {
-                IntegratorDescription::Mnee { .. } => self.integrator,
-                _ => IntegratorDescription::Mnee {
-                    max_depth,
-                    missed: MissedPaths::default(),
-                    chains,
-                    casters,
-                    receivers,
-                },
-            },
-            other => {
-                let path = JsonPath::Root;
-                return Err(SceneError::value(
-                    &path.member("integrator"),
-                    format_args!("\"{other}\""),
-                    "\"path\", \"cone\", \"fnee\", \"sms\", \"mnee\" or \"conic\"",
-                ));
-            }
+        let Some(integrator) = self.integrator.named(name) else {
+            let names: Vec<String> = IntegratorDescription::NAMES.iter().map(|name| format!("\"{name}\"")).collect();
+            let expected = names.join(" or ");
+            return Err(SceneError::value(&JsonPath::Root.member("integrator"), format_args!("\"{name}\""), expected));
         };
         Ok(Self { integrator, ..self })
     }
@@ -132,32 +62,6 @@ impl SceneDescription {
         let description = Self { film: FilmDescription { width, height }, ..self };
         description.validate()?;
         Ok(description)
-    }
-}
-
-impl IntegratorDescription {
-    /// Its name in the scene file.
-    pub fn name(&self) -> &'static str {
-        match self {
-            Self::Path { .. } => "path",
-            Self::Cone { .. } => "cone",
-            Self::Fnee { .. } => "fnee",
-            Self::Sms { .. } => "sms",
-            Self::Mnee { .. } => "mnee",
-            Self::Conic { .. } => "conic",
-        }
-    }
-
-    /// Largest number of vertices between camera and light.
-    pub fn max_depth(&self) -> u32 {
-        match *self {
-            Self::Path { max_depth }
-            | Self::Cone { max_depth }
-            | Self::Fnee { max_depth, .. }
-            | Self::Sms { max_depth, .. }
-            | Self::Mnee { max_depth, .. }
-            | Self::Conic { max_depth, .. } => max_depth,
-        }
     }
 }
 

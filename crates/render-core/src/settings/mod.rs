@@ -18,3 +18,8 @@ pub type Triple = [f64; 3];
 
 /// The version of the scene format that this build reads.
 pub const SCENE_FORMAT_VERSION: u32 = 1;
+
+/// Settings that few scenes change are left out where they are as usual, so that the hashes of other scenes stay.
+pub(crate) fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}

@@ -4,6 +4,7 @@
 //! beforehand. The last vertex is to be joined to a point of a light, which it need not obey Snell's law to reach: how far it
 //! is from that, and how that changes with the first vertex, is what a walk over a specular manifold (`manifold`) needs.
 
+use crate::specular::constraint::ManifoldConstraint;
 use glam::{DMat2, DVec2, DVec3};
 use smallvec::SmallVec;
 
@@ -18,7 +19,7 @@ use crate::{
     bsdf::fresnel::{absorption, reflect, refract},
     geometry::{Hit, Leaving, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential},
     light::Source,
-    scene::{Scene, description::ManifoldConstraint, visibility::straight},
+    scene::{Scene, visibility::straight},
 };
 use clerestory_film::counters::Counters;
 

@@ -10,8 +10,21 @@
 //!   first order. Where `wi` is totally reflected, the two change places.
 
 use glam::{DMat2, DVec2, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-use crate::{bsdf::fresnel::refract, geometry::SurfaceDifferential, scene::description::ManifoldConstraint};
+use crate::{bsdf::fresnel::refract, geometry::SurfaceDifferential};
+
+/// How a manifold walk writes Snell's law at a vertex (Zeltner et al. 2020, section 4).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ManifoldConstraint {
+    /// The outgoing direction is that of the refracted ray.
+    #[default]
+    AngleDifference,
+    /// The half vector is the normal.
+    HalfVector,
+}
 
 /// What happens at a vertex.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -10,7 +10,10 @@
 //! Lengths below which the authors' code gives up are absolute and exceed the thickness of a window pane; all lengths here
 //! are relative to the shortest segment of the path.
 
+use crate::specular::constraint::ManifoldConstraint;
 use glam::{DVec2, DVec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::{
     Arrival, ShadingPoint, SpecularEvent,
@@ -22,12 +25,20 @@ use super::{
 use crate::{
     geometry::{Leaving, Ray},
     light::{Source, SourceSample},
-    scene::{
-        Scene,
-        description::{ManifoldConstraint, WalkSteps},
-    },
+    scene::Scene,
 };
 use clerestory_film::counters::Counters;
+
+/// Where a manifold walk goes whose next step, or whose seed, misses the pane.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum WalkSteps {
+    /// To the border of the pane, where that gains or nothing else helps, and half as far otherwise.
+    #[default]
+    OnPanes,
+    /// Half as far, and nowhere from a seed (Zeltner et al. 2020).
+    Published,
+}
 
 /// Zeltner et al. 2020, the published configuration.
 const MAX_ITERATIONS: usize = 20;

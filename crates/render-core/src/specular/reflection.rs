@@ -18,6 +18,7 @@
 //! Seeds lie in a window around the point at which a flat pane would reflect the light, as far away from it as the slopes of
 //! the relief can move that point, and now and then anywhere: what the window misses has a probability all the same.
 
+use crate::specular::fnee::FneeSolver;
 use glam::{DMat2, DVec2, DVec3};
 
 use super::{
@@ -32,7 +33,7 @@ use crate::{
     bsdf::fresnel::refract,
     geometry::{Leaving, PaneBoundary, Ray, Rect, Surface, SurfaceJet},
     light::{Source, SourceSample},
-    scene::{Scene, description::FneeSolver},
+    scene::Scene,
 };
 use clerestory_film::TrialStream;
 use clerestory_film::counters::Counters;

@@ -2,6 +2,8 @@
 //! receivers. What is not named is marked by what it is: panes and smooth meshes cast, everything else receives.
 
 use super::{ShadingPoint, SpecularEvent, SpecularPath, caster::Caster, caster::casters};
+use crate::settings::check::Quoted;
+use crate::settings::{Check, JsonPath, SceneError};
 use crate::{geometry::Leaving, light::SourceSample, scene::Scene};
 use clerestory_film::SampleStream;
 
@@ -80,4 +82,44 @@ impl Scope {
 fn events(chain: &str) -> Vec<SpecularEvent> {
     let event = |letter| if letter == 'R' { SpecularEvent::Reflection } else { SpecularEvent::Transmission };
     chain.chars().map(event).collect()
+}
+
+/// Most specular vertices between a surface and a light that a method looks for.
+pub const MOST_SPECULAR_VERTICES: usize = 16;
+
+/// The settings of a scope.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ScopeSettings<'a> {
+    /// Words of R (reflection) and T (transmission), from the surface to the light.
+    pub chains: &'a [String],
+    /// Names of the panes and specular meshes on which chains begin; all by default.
+    pub casters: Option<&'a [String]>,
+    /// Names of the meshes on which light is gathered; all by default.
+    pub receivers: Option<&'a [String]>,
+    /// Whether chains begin on meshes only.
+    pub only_meshes: bool,
+}
+
+/// In through one face of a pane, and out through the other.
+pub(super) fn through_panes() -> Vec<String> {
+    vec!["TT".to_owned()]
+}
+
+/// Checks the words of chains.
+pub(super) fn check_chains(chains: &[String], letters: &str, longest: usize, path: &JsonPath<'_>) -> Check {
+    let path = path.member("chains");
+    if chains.is_empty() || chains.len() > MOST_SPECULAR_VERTICES {
+        return Err(SceneError::value(&path, format_args!("{} words", chains.len()), "1 to 16 words"));
+    }
+    for (index, chain) in chains.iter().enumerate() {
+        let length = chain.chars().count();
+        let fits = (1..=longest).contains(&length) && chain.chars().all(|sign| letters.contains(sign));
+        if !fits || chains[..index].contains(chain) {
+            let letters: Vec<String> = letters.chars().map(String::from).collect();
+            let length = if longest == 1 { "one letter of".to_owned() } else { format!("1 to {longest} letters") };
+            let expected = format!("another word than those before, of {length} {}", letters.join(" and "));
+            return Err(SceneError::value(&path.element(index), Quoted(chain), expected));
+        }
+    }
+    Ok(())
 }

@@ -3,10 +3,27 @@
 use super::{ShadingPoint, caster::Caster};
 use crate::{
     light::Source,
-    scene::{Scene, description::PaneSelection, visibility::straight},
+    scene::{Scene, visibility::straight},
 };
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Which panes are searched for paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PaneSelection {
+    /// Every pane through which light can arrive.
+    #[default]
+    All,
+    /// The pane that the straight line to the light meets first.
+    Sharp,
+    /// A pane at random whenever anything blocks the straight line to the light.
+    Bleed,
+    /// A pane at random.
+    Random,
+}
 
 /// The casters to search.
 pub(super) enum Choice {

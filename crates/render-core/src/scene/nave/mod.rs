@@ -19,6 +19,7 @@ use super::description::{
 };
 use crate::bsdf::DiffuseMaterial;
 use crate::light::SunLight;
+use crate::specular::cone::ConeSettings;
 
 /// The openings of the clerestory, all alike.
 const WINDOWS: u32 = 4;
@@ -85,7 +86,7 @@ pub fn nave(panes: PaneCount) -> SceneDescription {
             up: [0.0, 0.0, 1.0],
             vertical_field_of_view: 45.0,
         },
-        integrator: IntegratorDescription::Cone { max_depth: 16 },
+        integrator: IntegratorDescription::Cone(ConeSettings { max_depth: 16 }),
         path_filter: None,
         sampling: SamplingDescription::default(),
         materials: materials(),

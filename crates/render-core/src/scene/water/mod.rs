@@ -15,10 +15,11 @@ pub use self::pool::pool;
 
 use super::description::{
     CameraDescription, ColourDescription, ConicSearch, IntegratorDescription, LightDescription, MaterialDescription,
-    MeshDescription, MeshSource, Triple, WaveDescription, default_conic_chains,
+    MeshDescription, MeshSource, Triple, WaveDescription,
 };
 use crate::bsdf::{DielectricMaterial, DiffuseMaterial};
 use crate::light::SunLight;
+use crate::specular::conic::{ConicSettings, through_one_interface};
 
 /// Index of refraction of water.
 const WATER: f64 = 1.33;
@@ -97,13 +98,13 @@ fn surface(waves: WaveDescription, level: f64) -> MeshDescription {
 
 /// The integrator that finds all light over one surface.
 fn integrator() -> IntegratorDescription {
-    IntegratorDescription::Conic {
+    IntegratorDescription::Conic(ConicSettings {
         max_depth: 12,
         search: ConicSearch::Complete,
-        chains: default_conic_chains(),
+        chains: through_one_interface(),
         casters: None,
         receivers: None,
-    }
+    })
 }
 
 fn sun(direction: Triple) -> LightDescription {

@@ -10,6 +10,7 @@ use super::*;
 use crate::integrator::render_node;
 use crate::scene::description::FilmDescription;
 use crate::scene::{Scene, SceneBundle, SceneDescription};
+use crate::specular::path::PathSettings;
 use clerestory_film::{NodeAddress, TileGrid};
 
 type Water = fn(&WaterSettings) -> SceneDescription;
@@ -68,7 +69,7 @@ fn every_view_sees_light_through_the_water() {
     pairs.into_par_iter().for_each(|(scene, view)| {
         let all = lit(scene(&settings("2000", view)));
         let mut dry = scene(&settings("2000", view));
-        dry.integrator = IntegratorDescription::Path { max_depth: 12 };
+        dry.integrator = IntegratorDescription::Path(PathSettings { max_depth: 12 });
         let by_chance = lit(dry);
         let name = scene(&settings("8", view)).name;
         println!("{name}, {view:?}: {all:.2} of the picture lit, by chance {by_chance:.2}");

@@ -1,5 +1,6 @@
 //! Tests that whatever chance comes up with, triangles, meshes and scenes of any kind, has an end, and paths that are paths.
 
+use super::ConicSearch;
 use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
@@ -18,10 +19,7 @@ use super::{
 use crate::{
     geometry::{Leaving, Ray, Surface},
     light::{LightBounds, Source},
-    scene::{
-        Scene, SceneBundle,
-        description::{ConicSearch, SceneDescription},
-    },
+    scene::{Scene, SceneBundle, description::SceneDescription},
     specular::{
         Arrival, ShadingPoint, SpecularEvent, SpecularMethod,
         scope::Scope,

@@ -24,12 +24,15 @@ mod published_equations;
 #[cfg(test)]
 mod scale;
 mod seen_ends;
+mod settings;
 #[cfg(test)]
 mod testing;
 #[cfg(test)]
 mod tests;
 mod walk;
 
+use crate::specular::constraint::ManifoldConstraint;
+use crate::specular::manifold::WalkSteps;
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 use smallvec::SmallVec;
@@ -51,14 +54,13 @@ use super::{
 use crate::{
     geometry::{Frame, Leaving, PaneBoundary, Ray, Surface},
     light::{Light, Source, SourceSample},
-    scene::{
-        Scene,
-        description::{ConicSearch, ManifoldConstraint, WalkSteps},
-        visibility::straight,
-    },
+    scene::{Scene, visibility::straight},
 };
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
+
+pub(crate) use self::settings::through_one_interface;
+pub use self::settings::{ConicSearch, ConicSettings};
 
 pub(crate) use self::{facet::Facet, facet_tree::FacetTree, neighbours::Neighbours};
 

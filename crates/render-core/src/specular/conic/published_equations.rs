@@ -1,6 +1,8 @@
 //! The published equations (Granizo-Hidalgo and Holzschuch 2024) against what they are to compute, found by other means: as they are
 //! corrected they agree, and as they are printed they do not. The list is in `docs/integrators.md`.
 
+use crate::specular::constraint::ManifoldConstraint;
+use crate::specular::manifold::WalkSteps;
 use std::collections::BTreeMap;
 
 use glam::{DMat3, DVec2, DVec3, Vec3Swizzles};
@@ -17,10 +19,7 @@ use crate::{
     bsdf::fresnel::refract,
     geometry::Leaving,
     light::{Source, SourceSample},
-    scene::{
-        Scene, SceneBundle,
-        description::{ManifoldConstraint, SceneDescription, WalkSteps},
-    },
+    scene::{Scene, SceneBundle, description::SceneDescription},
     specular::{
         ShadingPoint, SpecularEvent,
         caster::Caster,

@@ -5,6 +5,12 @@
 //! so its light counts with weight one. What it misses is either left to chance, which is unbiased (a path that chance finds
 //! counts if the walk from its own ends does not lead to it), or dropped.
 
+mod settings;
+
+pub use settings::{MissedPaths, MneeSettings};
+
+use crate::specular::constraint::ManifoldConstraint;
+use crate::specular::manifold::WalkSteps;
 use smallvec::SmallVec;
 
 use super::{
@@ -15,13 +21,7 @@ use super::{
     manifold::{ManifoldWalk, SolvedChain},
     scope::Scope,
 };
-use crate::{
-    light::Source,
-    scene::{
-        Scene,
-        description::{ManifoldConstraint, MissedPaths, WalkSteps},
-    },
-};
+use crate::{light::Source, scene::Scene};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
 

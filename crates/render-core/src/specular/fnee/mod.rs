@@ -21,6 +21,11 @@
 //!
 //! An estimate that exceeds `max_trials` is cut off there, which loses light; the counter `truncated` says how often.
 
+mod settings;
+
+pub use settings::{FneeSettings, FneeSolver};
+
+use crate::specular::selection::PaneSelection;
 use glam::{DVec2, DVec3};
 use smallvec::{SmallVec, smallvec};
 
@@ -43,10 +48,7 @@ use super::{
 use crate::{
     geometry::Rect,
     light::{Source, SourceSample},
-    scene::{
-        Scene,
-        description::{FneeSolver, PaneSelection},
-    },
+    scene::Scene,
 };
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, TrialStream};

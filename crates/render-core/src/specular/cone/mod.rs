@@ -8,6 +8,10 @@
 //! Behind rippled glass the sun shows as a few small patches in a large window: the rays are spread over the parts of the
 //! window that may hold one (`view`).
 
+mod settings;
+
+pub use settings::ConeSettings;
+
 use super::{
     Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage,
     view::{Effort, View},

@@ -4,6 +4,13 @@
 //! light is estimated from how often they are found (`trials`). Every caster gets an estimate of its own, as in the authors'
 //! code, unless the selection of panes says otherwise; a path belongs to the caster that it meets first.
 
+mod settings;
+
+pub use settings::{ManifoldEstimator, SmsSettings};
+
+use crate::specular::constraint::ManifoldConstraint;
+use crate::specular::manifold::WalkSteps;
+use crate::specular::selection::PaneSelection;
 use glam::DVec3;
 
 use super::{
@@ -14,13 +21,7 @@ use super::{
     selection::Choice,
     trials::RandomSearch,
 };
-use crate::{
-    light::Source,
-    scene::{
-        Scene,
-        description::{ManifoldConstraint, ManifoldEstimator, PaneSelection, WalkSteps},
-    },
-};
+use crate::{light::Source, scene::Scene};
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, TrialStream};
 

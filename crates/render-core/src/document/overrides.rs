@@ -1,0 +1,343 @@
+//! Changes of a scene file, written as `PATH=VALUE`.
+
+use std::str::FromStr;
+
+use serde_json::{Map, Value};
+use thiserror::Error;
+
+use super::path::{Step, matches, parse};
+use crate::scene::description::IntegratorDescription;
+use crate::scene::{SceneDescription, SceneError, scene_schema};
+
+/// Another value for members of a scene file, such as `lights[sun].direction=[0, 1, 1]`. A value is JSON; text that is
+/// not JSON is taken for a string.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Override {
+    text: String,
+    steps: Vec<Step>,
+    value: Value,
+}
+
+/// A change that cannot be made.
+#[derive(Debug, Error)]
+pub enum OverrideError {
+    /// The text is no change.
+    #[error("`{text}`: expected PATH=VALUE, such as lights[sun].direction=[0,1,1], with {expected}")]
+    Text {
+        /// The text.
+        text: String,
+        /// What it lacks.
+        expected: String,
+    },
+    /// There is no such place in the scene.
+    #[error("`{text}`: {place} {found}: expected {expected}")]
+    Place {
+        /// The change.
+        text: String,
+        /// How far the path leads.
+        place: String,
+        /// What is wrong there.
+        found: String,
+        /// What would be right.
+        expected: String,
+    },
+    /// The value makes no sense there.
+    #[error("`{text}`: {source}")]
+    Value {
+        /// The change.
+        text: String,
+        /// Why.
+        source: SceneError,
+    },
+}
+
+impl FromStr for Override {
+    type Err = OverrideError;
+
+    fn from_str(text: &str) -> Result<Self, OverrideError> {
+        let error = |expected: &str| OverrideError::Text { text: text.to_owned(), expected: expected.to_owned() };
+        let (path, value) = text.split_once('=').ok_or_else(|| error("an equals sign"))?;
+        let steps = parse(path.trim()).map_err(|expected| error(&expected))?;
+        let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
+        Ok(Self { text: text.to_owned(), steps, value })
+    }
+}
+
+impl Override {
+    /// A scene with the change made.
+    ///
+    /// # Errors
+    ///
+    /// [`OverrideError`] when the path leads nowhere in this scene, or the value makes no sense there.
+    pub fn apply(&self, description: &SceneDescription) -> Result<SceneDescription, OverrideError> {
+        let failed = |source| OverrideError::Value { text: self.text.clone(), source };
+        self.check_integrator(description)?;
+        let mut document = serde_json::to_value(description).expect("every member of a scene has a form in JSON");
+        let schema = scene_schema().to_value();
+        self.set(&mut document, Place { schema: &schema, root: &schema, path: String::new() }, &self.steps)?;
+        SceneDescription::parse(document.to_string().as_bytes()).map_err(failed)
+    }
+
+    /// Another integrator is chosen by its name, not by one of its settings: that keeps what describes the scene.
+    fn check_integrator(&self, description: &SceneDescription) -> Result<(), OverrideError> {
+        let kind = description.integrator.kind();
+        match self.steps.as_slice() {
+            [Step::Member(first), Step::Member(name), ..]
+                if first == "integrator" && name != kind && IntegratorDescription::NAMES.contains(&name.as_str()) =>
+            {
+                let expected = format!("a setting of {kind}, or the integrator {name} beside it");
+                Err(self.misplaced("integrator", &format!("is {kind}"), &expected))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn misplaced(&self, place: &str, found: &str, expected: &str) -> OverrideError {
+        let place = if place.is_empty() { "the scene" } else { place };
+        OverrideError::Place {
+            text: self.text.clone(),
+            place: place.to_owned(),
+            found: found.to_owned(),
+            expected: expected.to_owned(),
+        }
+    }
+
+    fn set(&self, target: &mut Value, place: Place<'_>, steps: &[Step]) -> Result<(), OverrideError> {
+        let Some((step, rest)) = steps.split_first() else {
+            *target = self.value.clone();
+            return Ok(());
+        };
+        match (step, target) {
+            (Step::Element(pattern), Value::Array(elements)) => self.set_elements(elements, pattern, &place, rest),
+            (Step::Element(pattern), Value::Object(members)) => self.set_members(members, pattern, &place, rest),
+            (Step::Member(name), target @ (Value::Object(_) | Value::String(_))) => {
+                // The name of a choice may be left out on the way to one of its settings.
+                if let Some((chosen, settings)) = place.chosen(target)
+                    && !place.is_choice_of(name)
+                {
+                    let below = place.member(&chosen);
+                    return self.set(settings, below, steps);
+                }
+                let known = place.members();
+                if !known.is_empty() && !known.contains(&name.as_str()) {
+                    return Err(self.misplaced(&place.path, &format!("has no member {name}"), &known.join(", ")));
+                }
+                // A choice is an object with one member: another choice takes its place.
+                if place.is_choice_of(name) && target.get(name).is_none() {
+                    *target = Value::Object(Map::new());
+                }
+                let Value::Object(members) = target else {
+                    return Err(self.misplaced(
+                        &place.path,
+                        &format!("has no member {name}"),
+                        "a path that ends there",
+                    ));
+                };
+                let below = place.member(name);
+                let member = members.entry(name.clone()).or_insert_with(|| Value::Object(Map::new()));
+                self.set(member, below, rest)
+            }
+            (Step::Member(name), Value::Array(elements)) => {
+                let expected = format!("an element in brackets, by its index from 0 or its name ({})", names(elements));
+                Err(self.misplaced(&place.path, &format!("is a list and has no member {name}"), &expected))
+            }
+            (step, _) => {
+                Err(self.misplaced(&place.path, &format!("has nothing like {step}"), "a path that ends there"))
+            }
+        }
+    }
+
+    fn set_elements(
+        &self,
+        elements: &mut [Value],
+        pattern: &str,
+        place: &Place<'_>,
+        rest: &[Step],
+    ) -> Result<(), OverrideError> {
+        let known = names(elements);
+        let count = elements.len();
+        let index: Option<usize> = pattern.parse().ok();
+        let is_named = |element: &Value| name_of(element).is_some_and(|name| matches(pattern, name));
+        let chosen: Vec<usize> = match index {
+            Some(index) if !elements.iter().any(is_named) => (index < count).then_some(index).into_iter().collect(),
+            _ if pattern == "*" => (0..count).collect(),
+            _ => (0..count).filter(|index| is_named(&elements[*index])).collect(),
+        };
+        if chosen.is_empty() {
+            let expected = format!("an index below {count}, or a name ({known}), in which * stands for any text");
+            return Err(self.misplaced(&place.path, &format!("has no element {pattern}"), &expected));
+        }
+        for index in chosen {
+            self.set(&mut elements[index], place.element(index), rest)?;
+        }
+        Ok(())
+    }
+
+    fn set_members(
+        &self,
+        members: &mut Map<String, Value>,
+        pattern: &str,
+        place: &Place<'_>,
+        rest: &[Step],
+    ) -> Result<(), OverrideError> {
+        let known: Vec<String> = members.keys().cloned().collect();
+        let chosen: Vec<&String> = known.iter().filter(|name| matches(pattern, name)).collect();
+        if chosen.is_empty() {
+            return Err(self.misplaced(&place.path, &format!("has no member {pattern}"), &known.join(", ")));
+        }
+        for name in chosen {
+            let member = members.get_mut(name).expect("it was found there");
+            self.set(member, place.member(name), rest)?;
+        }
+        Ok(())
+    }
+}
+
+/// The name of an element: its member `name`, or that of the choice which it is.
+fn name_of(element: &Value) -> Option<&str> {
+    let own = |value: &Value| value.get("name").and_then(Value::as_str).is_some();
+    let holder = if own(element) { element } else { element.as_object()?.values().find(|value| own(value))? };
+    holder["name"].as_str()
+}
+
+fn names(elements: &[Value]) -> String {
+    let names: Vec<&str> = elements.iter().filter_map(name_of).collect();
+    if names.is_empty() { "none has one".to_owned() } else { names.join(", ") }
+}
+
+/// A place in a scene file, with what its schema says of it.
+struct Place<'a> {
+    schema: &'a Value,
+    root: &'a Value,
+    path: String,
+}
+
+impl<'a> Place<'a> {
+    /// The schema, and behind a choice or a reference the schemas to which it leads.
+    fn schemas(&self) -> Vec<&'a Value> {
+        let mut found = Vec::new();
+        let mut open = vec![self.schema];
+        while let Some(schema) = open.pop() {
+            if let Some(pointer) = schema.get("$ref").and_then(Value::as_str)
+                && let Some(target) = self.root.pointer(pointer.trim_start_matches('#'))
+            {
+                open.push(target);
+            }
+            for choice in ["oneOf", "anyOf", "allOf"] {
+                open.extend(schema.get(choice).and_then(Value::as_array).into_iter().flatten());
+            }
+            found.push(schema);
+        }
+        found
+    }
+
+    /// The members that may stand here; none where any may.
+    fn members(&self) -> Vec<&'a str> {
+        let members = |schema: &'a Value| schema.get("properties").and_then(Value::as_object);
+        let known = self.schemas().into_iter().filter_map(members).flat_map(Map::keys);
+        let mut known: Vec<&str> = known.map(String::as_str).collect();
+        known.sort_unstable();
+        known
+    }
+
+    /// Whether a member is one of several choices.
+    fn is_choice_of(&self, name: &str) -> bool {
+        let is_one = |schema: &Value| {
+            let properties = schema.get("properties").and_then(Value::as_object);
+            properties.is_some_and(|properties| properties.len() == 1 && properties.contains_key(name))
+        };
+        let choices = |schema: &'a Value| schema.get("oneOf").and_then(Value::as_array);
+        self.schemas().into_iter().filter_map(choices).flatten().any(is_one)
+    }
+
+    /// Where one of several choices stands here, its name and its settings.
+    fn chosen<'v>(&self, value: &'v mut Value) -> Option<(String, &'v mut Value)> {
+        let members = value.as_object_mut().filter(|members| members.len() == 1)?;
+        let (name, settings) = members.iter_mut().next()?;
+        self.is_choice_of(name).then(|| (name.clone(), settings))
+    }
+
+    fn member(&self, name: &str) -> Self {
+        let of = |schema: &'a Value| {
+            schema
+                .get("properties")
+                .and_then(|members| members.get(name))
+                .or_else(|| schema.get("additionalProperties"))
+        };
+        let schema = self.schemas().into_iter().find_map(of).unwrap_or(&Value::Null);
+        let path = if self.path.is_empty() { name.to_owned() } else { format!("{}.{name}", self.path) };
+        Self { schema, path, root: self.root }
+    }
+
+    fn element(&self, index: usize) -> Self {
+        let schema = self.schemas().into_iter().find_map(|schema| schema.get("items")).unwrap_or(&Value::Null);
+        Self { schema, path: format!("{}[{index}]", self.path), root: self.root }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::malformed_scenes::valid_scene;
+
+    fn changed(change: &str) -> Result<Value, OverrideError> {
+        let scene = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
+        Ok(serde_json::to_value(change.parse::<Override>()?.apply(&scene)?).unwrap())
+    }
+
+    #[track_caller]
+    fn check(change: &str, pointers: &[&str], expected: &Value) {
+        let changed = changed(change).unwrap();
+        for pointer in pointers {
+            assert_eq!(changed.pointer(pointer), Some(expected), "{change}: {pointer}");
+        }
+    }
+
+    #[test]
+    fn any_member_can_be_set() {
+        check("film.width=40", &["/film/width"], &40.into());
+        check("name=a nave", &["/name"], &"a nave".into());
+        check("lights[sun].sun.angular_radius=0.5", &["/lights/3/sun/angular_radius"], &0.5.into());
+        check("lights[sun].angular_radius=0.5", &["/lights/3/sun/angular_radius"], &0.5.into());
+        check("lights[3].sun.direction=[0,1,1]", &["/lights/3/sun/direction"], &vec![0.0, 1.0, 1.0].into());
+        check("panes[*].thickness=0.004", &["/panes/0/thickness", "/panes/1/thickness"], &0.004.into());
+        check("panes[le*].thickness=0.004", &["/panes/0/thickness"], &0.004.into());
+        check(
+            "materials.stone.diffuse.reflectance.colour[1]=0.1",
+            &["/materials/stone/diffuse/reflectance/colour/1"],
+            &0.1.into(),
+        );
+        check("panes[1].front=flat", &["/panes/1/front"], &"flat".into());
+        // What is left out of the file because it is as usual.
+        check("path_filter=D TT L", &["/path_filter"], &"D TT L".into());
+    }
+
+    #[test]
+    fn another_choice_takes_the_place_of_the_first() {
+        let changed =
+            changed("camera.orthographic={\"position\":[0,0,2],\"look_at\":[0,0,0],\"up\":[0,1,0],\"height\":1}");
+        assert_eq!(changed.unwrap()["camera"].as_object().unwrap().len(), 1);
+    }
+
+    #[test]
+    fn what_cannot_be_set_is_refused_with_path_value_and_what_would_be_right() {
+        for (change, fragments) in [
+            ("film.width", &["`film.width`", "PATH=VALUE", "equals sign"][..]),
+            ("film..width=1", &["`film..width=1`", "a name before and behind each dot"]),
+            ("film.depth=1", &["film has no member depth", "height, width"]),
+            ("film.width=wide", &["film.width", "wide", "u32"]),
+            ("film.width=0", &["film.width", "found 0", "1 to 16384"]),
+            ("lights[sun].centre=[1,1,1]", &["lights[3].sun has no member centre", "direction"]),
+            ("lights[moon].sun.radiance=[1,1,1]", &["lights has no element moon", "below 5", "sun"]),
+            ("lights[9].sun.radiance=[1,1,1]", &["lights has no element 9", "below 5"]),
+            ("lights.sun.radiance=[1,1,1]", &["lights is a list", "in brackets"]),
+            ("integrator.conic.search=published", &["integrator is", "the integrator conic beside it"]),
+            ("film.width.pixels=4", &["film.width", "a path that ends there"]),
+        ] {
+            let message = changed(change).unwrap_err().to_string();
+            for fragment in fragments {
+                assert!(message.contains(fragment), "no {fragment:?} in: {message}");
+            }
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! The settings of `fnee`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::super::SpecularMethod;
+use super::super::missing::{Glass, LightGroup, PathClass, THROUGH_ONE_PANE, cut_off, unowned_by_panes};
+use super::super::registry::IntegratorDescription;
+use super::super::selection::PaneSelection;
+use super::super::settings::{Method, MethodSettings, default_max_depth};
+use super::Fnee;
+use crate::scene::Scene;
+use crate::settings::check::check_range;
+use crate::settings::{Check, JsonPath, is_default};
+
+/// Path tracing, with light through panes found by Fermat next event estimation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct FneeSettings {
+    /// Largest number of vertices between camera and light, 1 to 1000.
+    #[serde(default = "default_max_depth")]
+    #[schemars(range(min = 1, max = 1000))]
+    pub max_depth: u32,
+    /// How stationary paths are searched for.
+    #[serde(default)]
+    pub solver: FneeSolver,
+    /// Which panes are searched.
+    #[serde(default)]
+    pub selection: PaneSelection,
+    /// Largest number of trials when an inverse probability is estimated, 1 to 1000000.
+    #[serde(default = "default_max_trials")]
+    #[schemars(range(min = 1, max = 1_000_000))]
+    pub max_trials: u32,
+    /// Whether light that the outside of a pane reflects is searched for, too.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub reflected: bool,
+}
+
+fn default_max_trials() -> u32 {
+    1000
+}
+
+/// How Fermat next event estimation searches for stationary paths.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FneeSolver {
+    /// Enumerates the paths in the deflection window: minima, saddles and maxima alike.
+    #[default]
+    Complete,
+    /// Huan et al. 2023, Algorithm 1, with uniform seeds over both faces: finds minima almost exclusively.
+    Published,
+}
+
+impl MethodSettings for FneeSettings {
+    fn max_depth(&self) -> u32 {
+        self.max_depth
+    }
+
+    fn set_max_depth(&mut self, max_depth: u32) {
+        self.max_depth = max_depth;
+    }
+
+    fn check(&self, path: &JsonPath<'_>) -> Check {
+        check_range(self.max_trials, 1, 1_000_000, &path.member("max_trials"))
+    }
+
+    fn unfound(&self) -> Vec<PathClass> {
+        let cut_off = cut_off(self.max_trials);
+        match self.solver {
+            FneeSolver::Complete => {
+                let text = format!("paths through a pane that the enumeration misses and a random seed {cut_off}");
+                let through = PathClass::new(text, THROUGH_ONE_PANE);
+                let text = format!("paths off the outside of a pane that a random seed {cut_off}");
+                let off = self.reflected.then(|| PathClass::new(text, ".*DRL"));
+                [through].into_iter().chain(off).collect()
+            }
+            FneeSolver::Published => {
+                let (ways, paths) = if self.reflected {
+                    ("through a pane or off its outside", ".*D(TT|R)L")
+                } else {
+                    ("through a pane", THROUGH_ONE_PANE)
+                };
+                let saddles = "along which the optical length is no minimum: the published solver finds almost none";
+                vec![
+                    PathClass::new(format!("paths {ways} {saddles}"), paths),
+                    PathClass::new(format!("paths {ways} that a random seed {cut_off}"), paths),
+                ]
+            }
+        }
+    }
+
+    fn unowned(&self, lights: &LightGroup, glass: Glass) -> Vec<PathClass> {
+        unowned_by_panes(&lights.name, glass, self.selection, self.reflected)
+    }
+
+    fn build(&self, _: &Scene) -> Option<Box<dyn SpecularMethod>> {
+        let Self { solver, selection, max_trials, reflected, .. } = *self;
+        Some(Box::new(Fnee { solver, selection, max_trials, reflected }))
+    }
+}
+
+impl Method for FneeSettings {
+    const PROBES: &'static [&'static str] =
+        &[r#"{"fnee": {"reflected": true}}"#, r#"{"fnee": {"solver": "published", "max_trials": 20}}"#];
+
+    fn adopting(other: &IntegratorDescription) -> Self {
+        Self {
+            max_depth: other.max_depth(),
+            solver: FneeSolver::default(),
+            selection: PaneSelection::default(),
+            max_trials: default_max_trials(),
+            reflected: false,
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! The settings of `path`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::super::SpecularMethod;
+use super::super::missing::{ANY, Glass, LightGroup, PathClass};
+use super::super::registry::IntegratorDescription;
+use super::super::settings::{Method, MethodSettings, default_max_depth};
+use crate::scene::Scene;
+use crate::settings::{Check, JsonPath};
+
+/// Path tracing alone: light through glass is found by chance, light of point lights through glass not at all.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct PathSettings {
+    /// Largest number of vertices between camera and light, 1 to 1000.
+    #[serde(default = "default_max_depth")]
+    #[schemars(range(min = 1, max = 1000))]
+    pub max_depth: u32,
+}
+
+impl MethodSettings for PathSettings {
+    fn max_depth(&self) -> u32 {
+        self.max_depth
+    }
+
+    fn set_max_depth(&mut self, max_depth: u32) {
+        self.max_depth = max_depth;
+    }
+
+    fn check(&self, _: &JsonPath<'_>) -> Check {
+        Ok(())
+    }
+
+    fn unfound(&self) -> Vec<PathClass> {
+        Vec::new()
+    }
+
+    fn unowned(&self, lights: &LightGroup, _: Glass) -> Vec<PathClass> {
+        vec![PathClass::new(lights.all(), ANY)]
+    }
+
+    fn build(&self, _: &Scene) -> Option<Box<dyn SpecularMethod>> {
+        None
+    }
+}
+
+impl Method for PathSettings {
+    const PROBES: &'static [&'static str] = &[r#"{"path": {}}"#];
+
+    fn adopting(other: &IntegratorDescription) -> Self {
+        Self { max_depth: other.max_depth() }
+    }
+}

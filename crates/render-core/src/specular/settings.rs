@@ -1,0 +1,55 @@
+//! What the settings of all methods have in common.
+
+use super::SpecularMethod;
+use super::missing::{Glass, LightGroup, PathClass};
+use super::registry::IntegratorDescription;
+use super::scope::ScopeSettings;
+use crate::scene::Scene;
+use crate::settings::{Check, JsonPath};
+
+/// The settings of an integrator in the scene file, which is path tracing with a specular method.
+pub trait MethodSettings {
+    /// Largest number of vertices between camera and light.
+    fn max_depth(&self) -> u32;
+
+    /// Sets the largest number of vertices between camera and light.
+    fn set_max_depth(&mut self, max_depth: u32);
+
+    /// The chains that it looks for, where they can be chosen.
+    fn scope(&self) -> Option<ScopeSettings<'_>> {
+        None
+    }
+
+    /// Checks all settings but `max_depth` and names of other parts of the scene.
+    ///
+    /// # Errors
+    ///
+    /// The first setting that makes no sense, with its place, what stands there and what would be right.
+    fn check(&self, path: &JsonPath<'_>) -> Check;
+
+    /// The paths, whatever light they come from, that the path tracer leaves to the method and that it misses.
+    fn unfound(&self) -> Vec<PathClass>;
+
+    /// The paths from a group of lights that the method does not look for.
+    fn unowned(&self, lights: &LightGroup, glass: Glass) -> Vec<PathClass>;
+
+    /// The method for a scene; `None` for path tracing alone.
+    fn build(&self, scene: &Scene) -> Option<Box<dyn SpecularMethod>>;
+
+    /// Makes what the method looks things up in, so that no sample waits for it.
+    fn prepare(&self, _: &Scene) {}
+}
+
+/// What the registry needs of a method.
+pub trait Method: MethodSettings + Sized {
+    /// Settings under which the method is probed: one for each of its forms that has code of its own.
+    const PROBES: &'static [&'static str];
+
+    /// The usual settings, with what describes the scene rather than the method taken from another.
+    fn adopting(other: &IntegratorDescription) -> Self;
+}
+
+/// Largest number of vertices between camera and light, unless the scene says otherwise.
+pub(super) fn default_max_depth() -> u32 {
+    16
+}
