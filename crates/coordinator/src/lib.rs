@@ -27,7 +27,6 @@ pub mod config;
 mod dashboard;
 mod directory;
 mod error_chain;
-mod farm;
 mod films;
 mod http;
 mod jobs;

@@ -1,177 +1,264 @@
-//! Partials: decoded with distrust, stored, and accepted.
+//! Acceptance of partials: decoded with distrust, stored, and accepted exactly once.
 //!
-//! The order makes the promise: the blob of the nodes is synced to disk, then one transaction accepts them, then the worker
-//! is told. A crash anywhere in between leaves a blob that nobody names, or a worker that uploads again and hears that all
-//! is there. A worker that hangs up cuts none of it short: what is accepted has to be told to those who wait for it, and its next
-//! upload, of nodes that are all there, would tell nobody.
+//! The order keeps the promise that nothing acknowledged is lost. The blob of the nodes is synced to disk, then one transaction accepts
+//! them, then the worker is answered. A crash in between leaves a blob that no row names, or a worker that uploads again and is told
+//! that everything is there. A worker that hangs up interrupts none of it: its next upload would contain only accepted nodes and notify
+//! nobody.
 
 use std::sync::Arc;
 
 use bytes::Bytes;
-use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, ProblemCode, Quarantine};
-use clerestory_film::{Expectation, Rendered, partial};
+use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, Quarantine};
+use clerestory_film::{Expectation, Rendered, SamplingError, partial};
+use tokio::task::JoinError;
 
-use crate::farm::{DECODED_BYTES, Farm};
-use crate::http::problem::ApiError;
-use crate::memory::permits;
+use super::reader::FilmReader;
+use crate::blobs::{BlobError, Blobs};
+use crate::clock::Clock;
+use crate::memory::MemoryBudget;
 use crate::model::{
-    BlobRange, DeliveredNode, Delivery, JobRecord, LeaseRecord, WorkFailure, is_selected, wire_address,
+    BlobRange, CheckKey, DeliveredNode, Delivery, JobRecord, LeaseRecord, WorkFailure, is_selected, wire_address,
 };
-use crate::store::{LeaseError, Outcome};
+use crate::store::{LeaseError, Outcome, Store, StoreError};
 use crate::tasks::to_completion;
-use crate::watch::notifications::News;
+use crate::watch::liveness::Liveness;
+use crate::watch::notifications::{Notification, Notifications};
 
-/// Accepts a partial under a lease. A partial that cannot be merged sends the lease's nodes back to the queue.
-pub(crate) async fn accept(
-    farm: &Arc<Farm>,
-    record: LeaseRecord,
-    core_ms: u64,
-    body: Bytes,
-) -> Result<PartialAnswer, ApiError> {
-    let (lease, token) = (record.id, record.token);
-    let job = farm.store.job(record.job).await?.ok_or(LeaseError::JobNotRunning)?;
-    let expectation = Expectation {
-        job: job.id.to_string(),
-        scene_hash: job.scene_hash.clone(),
-        grid: job.grid,
-        sampling: job.sampling().map_err(ApiError::internal)?,
-        allowed: record.nodes,
-    };
-    let wanted = permits(memory(&body).min(DECODED_BYTES));
-    let permits = Arc::clone(&farm.decoding).acquire_many_owned(wanted).await.map_err(ApiError::internal)?;
-    let decoded = tokio::task::spawn_blocking(move || partial::decode(&body, &expectation, expectation.budget()));
-    let nodes = match decoded.await.map_err(ApiError::internal)? {
-        Ok(nodes) => nodes,
-        Err(error) => {
-            let reason = error.to_string();
-            tracing::warn!(%lease, worker = %record.worker, reason, "partial refused");
-            let (now_ms, alive_ms) = (farm.config.clock.now_ms(), farm.alive_ms());
-            let failure = WorkFailure { lease, token, reason: reason.clone(), refused_partials: 1, now_ms, alive_ms };
-            fail(farm, failure).await?;
-            return Err(ApiError::new(ProblemCode::InvalidPartial, reason).field("body"));
-        }
-    };
-    let farm = Arc::clone(farm);
-    let stored = to_completion(async move {
-        let answer = store(&farm, &job, lease, token, core_ms, nodes).await;
-        drop(permits);
-        answer
-    });
-    stored.await.map_err(ApiError::internal)?
+/// Memory for partials that are decoded at the same time, and for their nodes until they are accepted. A partial that needs more is
+/// decoded alone.
+const DECODED_BYTES: u64 = 64 << 20;
+
+/// A partial is not accepted.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum AcceptanceError {
+    /// Its lease does not allow it.
+    #[error(transparent)]
+    Lease(#[from] LeaseError),
+    /// It cannot be merged.
+    #[error("{0}")]
+    InvalidPartial(String),
+    /// The stored sampling is impossible.
+    #[error("the job's sampling is impossible")]
+    Sampling(#[from] SamplingError),
+    /// A blob could not be written.
+    #[error(transparent)]
+    Blob(#[from] BlobError),
+    /// The computation was stopped.
+    #[error("the computation was stopped")]
+    Stopped(#[from] JoinError),
 }
 
-/// Memory that a partial takes: that of its pixels twice, as they are decoded and as they are in its nodes, and then encoded again to be stored.
+impl From<StoreError> for AcceptanceError {
+    fn from(error: StoreError) -> Self {
+        Self::Lease(error.into())
+    }
+}
+
+/// Selects accepted nodes for a check by a second worker.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CheckSelection {
+    /// The farm's key.
+    pub(crate) key: CheckKey,
+    /// Fraction of nodes that are checked.
+    pub(crate) fraction: f64,
+}
+
+/// Accepts what workers bring under their leases.
+#[derive(Debug)]
+pub(crate) struct Acceptance {
+    store: Store,
+    blobs: Blobs,
+    reader: Arc<FilmReader>,
+    notifications: Arc<Notifications>,
+    liveness: Arc<Liveness>,
+    clock: Clock,
+    checks: CheckSelection,
+    decoding: MemoryBudget,
+}
+
+impl Acceptance {
+    /// Acceptance into a store and its blobs.
+    pub(crate) fn new(
+        store: Store,
+        blobs: Blobs,
+        reader: Arc<FilmReader>,
+        notifications: Arc<Notifications>,
+        liveness: Arc<Liveness>,
+        clock: Clock,
+        checks: CheckSelection,
+    ) -> Self {
+        let decoding = MemoryBudget::new(DECODED_BYTES);
+        Self { store, blobs, reader, notifications, liveness, clock, checks, decoding }
+    }
+
+    /// A lease under which work may be brought with this fencing token.
+    pub(crate) async fn valid_lease(&self, lease: LeaseId, token: u64) -> Result<LeaseRecord, LeaseError> {
+        let record = self.store.lease(lease).await?;
+        record.check(token, self.clock.now_ms())?;
+        Ok(record)
+    }
+
+    /// Accepts a partial under a lease. A partial that cannot be merged sends the lease's nodes back to the queue.
+    pub(crate) async fn accept(
+        self: &Arc<Self>,
+        record: LeaseRecord,
+        core_ms: u64,
+        body: Bytes,
+    ) -> Result<PartialAnswer, AcceptanceError> {
+        let (lease, token) = (record.id, record.token);
+        let job = self.store.job(record.job).await?.ok_or(LeaseError::JobNotRunning)?;
+        let expectation = Expectation {
+            job: job.id.to_string(),
+            scene_hash: job.scene_hash.clone(),
+            grid: job.grid,
+            sampling: job.sampling()?,
+            allowed: record.nodes,
+        };
+        let reserved = self.decoding.reserve_owned(memory(&body)).await;
+        let decoded = tokio::task::spawn_blocking(move || partial::decode(&body, &expectation, expectation.budget()));
+        let nodes = match decoded.await? {
+            Ok(nodes) => nodes,
+            Err(error) => {
+                let reason = error.to_string();
+                tracing::warn!(%lease, worker = %record.worker, reason, "partial refused");
+                self.fail(lease, token, reason.clone(), 1).await?;
+                return Err(AcceptanceError::InvalidPartial(reason));
+            }
+        };
+        let acceptance = Arc::clone(self);
+        let stored = to_completion(async move {
+            let answer = acceptance.store_nodes(&job, lease, token, core_ms, nodes).await;
+            drop(reserved);
+            answer
+        });
+        stored.await?
+    }
+
+    /// Takes a lease back because its work failed. `refused_partials` is 0 when the worker gave up by itself.
+    pub(crate) async fn fail(
+        &self,
+        lease: LeaseId,
+        token: u64,
+        reason: String,
+        refused_partials: u32,
+    ) -> Result<(), AcceptanceError> {
+        let (now_ms, alive_ms) = (self.clock.now_ms(), self.liveness.alive_ms());
+        let failure = WorkFailure { lease, token, reason, refused_partials, now_ms, alive_ms };
+        let (store, notifications) = (self.store.clone(), Arc::clone(&self.notifications));
+        let failed = to_completion(async move {
+            if let Some(job) = store.fail_lease(failure).await? {
+                tracing::warn!(%job, "the job has failed");
+                notifications.publish(Notification::Job(job));
+            }
+            notifications.publish(Notification::Work);
+            Ok::<_, LeaseError>(())
+        });
+        Ok(failed.await??)
+    }
+
+    /// Takes back a lease whose worker does no more of it.
+    pub(crate) async fn give_back(&self, lease: LeaseId, token: u64) -> Result<(), AcceptanceError> {
+        let (store, notifications, now_ms) = (self.store.clone(), Arc::clone(&self.notifications), self.clock.now_ms());
+        let returned = to_completion(async move {
+            store.return_lease(lease, token, now_ms).await?;
+            notifications.publish(Notification::Work);
+            Ok::<_, LeaseError>(())
+        });
+        Ok(returned.await??)
+    }
+
+    async fn store_nodes(
+        &self,
+        job: &JobRecord,
+        lease: LeaseId,
+        token: u64,
+        core_ms: u64,
+        rendered: Vec<Rendered>,
+    ) -> Result<PartialAnswer, AcceptanceError> {
+        let (id, CheckSelection { key, fraction }) = (job.id, self.checks);
+        let encode = move || {
+            let encoded: Vec<Vec<u8>> =
+                rendered.iter().map(|rendered| clerestory_film::store::encode(&rendered.node)).collect();
+            let digests: Vec<String> = encoded.iter().map(|bytes| blake3::hash(bytes).to_hex().to_string()).collect();
+            (rendered, encoded, digests)
+        };
+        let (rendered, encoded, digests) = tokio::task::spawn_blocking(encode).await?;
+        let blob_ranges = self.blobs.put_nodes(job.id, encoded).await?;
+        let blob = blob_ranges.first().map(|blob_range| blob_range.blob.clone());
+        let delivered = |((Rendered { node, counters }, blob_range), digest): ((&Rendered, &BlobRange), String)| {
+            let address = node.address();
+            DeliveredNode {
+                address,
+                blob_range: blob_range.clone(),
+                counters: *counters,
+                digest,
+                is_selected: is_selected(&key, id, &address, fraction),
+            }
+        };
+        let nodes = rendered.iter().zip(&blob_ranges).zip(digests).map(delivered).collect();
+        let (now_ms, alive_ms) = (self.clock.now_ms(), self.liveness.alive_ms());
+        let core_ms = i64::try_from(core_ms).unwrap_or(i64::MAX);
+        let delivery = Delivery { lease, token, nodes, core_ms, now_ms, alive_ms };
+        let acceptance = match self.store.accept(delivery).await {
+            Ok(acceptance) => acceptance,
+            Err(error) => {
+                // A database that failed may have accepted them before. Garbage collection removes the blob if it has not.
+                if !matches!(error, LeaseError::Store(_)) {
+                    self.blobs.remove(blob.into_iter().collect()).await;
+                }
+                return Err(error.into());
+            }
+        };
+        let mut answers = Vec::with_capacity(rendered.len());
+        let mut is_used = false;
+        for ((Rendered { node, .. }, blob_range), verdict) in
+            rendered.into_iter().zip(blob_ranges).zip(acceptance.verdicts)
+        {
+            let reason = match verdict {
+                NodeVerdict::Refused => Some("the node was not leased, or is not pending".to_owned()),
+                NodeVerdict::Accepted | NodeVerdict::Duplicate => None,
+            };
+            answers.push(NodeAnswer { node: wire_address(&node.address()), verdict, reason });
+            if verdict == NodeVerdict::Accepted {
+                is_used = true;
+                self.reader.cache(blob_range, Arc::new(node));
+            }
+        }
+        if !is_used {
+            self.blobs.remove(blob.into_iter().collect()).await;
+        }
+        if acceptance.samples > 0 {
+            self.notifications.publish(Notification::Film { job: job.id, samples: acceptance.samples });
+        }
+        if acceptance.completes_round || acceptance.checks.has_ended {
+            self.notifications.publish(Notification::Round(job.id));
+        }
+        self.publish_checks(acceptance.checks).await;
+        Ok(PartialAnswer { nodes: answers, outstanding: acceptance.outstanding })
+    }
+
+    /// Publishes the outcome of checks.
+    async fn publish_checks(&self, outcome: Outcome) {
+        for (worker, Quarantine { reason, ended_jobs, .. }) in &outcome.quarantined {
+            let ended_jobs: Vec<String> = ended_jobs.iter().map(ToString::to_string).collect();
+            tracing::error!(
+                %worker,
+                reason,
+                ?ended_jobs,
+                "worker quarantined; its work in jobs that have not ended is done again"
+            );
+        }
+        for job in outcome.redone {
+            self.notifications.publish(Notification::Job(job));
+        }
+        if outcome.has_work {
+            self.notifications.publish(Notification::Work);
+        }
+        self.reader.release(outcome.removed).await;
+    }
+}
+
+/// Memory that a partial takes: its pixels twice, once decoded and once in its nodes.
 fn memory(body: &[u8]) -> u64 {
     partial::decoded_bytes(body).saturating_mul(2)
-}
-
-/// Takes a lease back because its work failed.
-pub(crate) async fn fail(farm: &Arc<Farm>, failure: WorkFailure) -> Result<(), ApiError> {
-    let farm = Arc::clone(farm);
-    let failed = to_completion(async move {
-        if let Some(job) = farm.store.fail_lease(failure).await? {
-            tracing::warn!(%job, "the job has failed");
-            farm.tell(News::Job(job));
-        }
-        farm.tell(News::Work);
-        Ok::<_, LeaseError>(())
-    });
-    failed.await.map_err(ApiError::internal)??;
-    Ok(())
-}
-
-/// Takes back a lease whose worker does no more of it.
-pub(crate) async fn give_back(farm: &Arc<Farm>, lease: LeaseId, token: u64, now_ms: i64) -> Result<(), ApiError> {
-    let farm = Arc::clone(farm);
-    let returned = to_completion(async move {
-        farm.store.return_lease(lease, token, now_ms).await?;
-        farm.tell(News::Work);
-        Ok::<_, LeaseError>(())
-    });
-    returned.await.map_err(ApiError::internal)??;
-    Ok(())
-}
-
-/// Tells what checks have come to.
-async fn checked(farm: &Farm, outcome: Outcome) {
-    for (worker, Quarantine { reason, ended_jobs, .. }) in &outcome.quarantined {
-        let ended_jobs: Vec<String> = ended_jobs.iter().map(ToString::to_string).collect();
-        tracing::error!(%worker, reason, ?ended_jobs, "worker quarantined; its work in jobs that have not ended is done again");
-    }
-    for job in outcome.redone {
-        farm.tell(News::Job(job));
-    }
-    if outcome.has_work {
-        farm.tell(News::Work);
-    }
-    farm.let_go(outcome.removed).await;
-}
-
-async fn store(
-    farm: &Farm,
-    job: &JobRecord,
-    lease: LeaseId,
-    token: u64,
-    core_ms: u64,
-    rendered: Vec<Rendered>,
-) -> Result<PartialAnswer, ApiError> {
-    let (id, check_key, checked_fraction) = (job.id, farm.check_key, farm.config.checked_fraction);
-    let encode = move || {
-        let encoded: Vec<Vec<u8>> =
-            rendered.iter().map(|rendered| clerestory_film::store::encode(&rendered.node)).collect();
-        let digests: Vec<String> = encoded.iter().map(|bytes| blake3::hash(bytes).to_hex().to_string()).collect();
-        (rendered, encoded, digests)
-    };
-    let (rendered, encoded, digests) = tokio::task::spawn_blocking(encode).await.map_err(ApiError::internal)?;
-    let blob_ranges = farm.blobs.put_nodes(job.id, encoded).await?;
-    let blob = blob_ranges.first().map(|blob_range| blob_range.blob.clone());
-    let delivered = |((Rendered { node, counters }, blob_range), digest): ((&Rendered, &BlobRange), String)| {
-        let (address, blob_range) = (node.address(), blob_range.clone());
-        DeliveredNode {
-            address,
-            blob_range,
-            counters: *counters,
-            digest,
-            is_selected: is_selected(&check_key, id, &address, checked_fraction),
-        }
-    };
-    let nodes = rendered.iter().zip(&blob_ranges).zip(digests).map(delivered).collect();
-    let (now_ms, alive_ms) = (farm.config.clock.now_ms(), farm.alive_ms());
-    let core_ms = i64::try_from(core_ms).unwrap_or(i64::MAX);
-    let delivery = Delivery { lease, token, nodes, core_ms, now_ms, alive_ms };
-    let acceptance = match farm.store.accept(delivery).await {
-        Ok(acceptance) => acceptance,
-        Err(error) => {
-            // Where the database failed, it may have accepted them before: what it has not is left for the sweep.
-            if !matches!(error, LeaseError::Store(_)) {
-                farm.blobs.remove(blob.into_iter().collect()).await;
-            }
-            return Err(error.into());
-        }
-    };
-    let mut answers = Vec::with_capacity(rendered.len());
-    let mut is_used = false;
-    for ((Rendered { node, .. }, blob_range), verdict) in rendered.into_iter().zip(blob_ranges).zip(acceptance.verdicts)
-    {
-        let reason = match verdict {
-            NodeVerdict::Refused => Some("the node was not leased, or is not pending".to_owned()),
-            NodeVerdict::Accepted | NodeVerdict::Duplicate => None,
-        };
-        answers.push(NodeAnswer { node: wire_address(&node.address()), verdict, reason });
-        if verdict == NodeVerdict::Accepted {
-            is_used = true;
-            farm.film.keep(blob_range, Arc::new(node));
-        }
-    }
-    if !is_used {
-        farm.blobs.remove(blob.into_iter().collect()).await;
-    }
-    if acceptance.samples > 0 {
-        farm.tell(News::Film { job: job.id, samples: acceptance.samples });
-    }
-    if acceptance.completes_round || acceptance.checks.has_ended {
-        farm.tell(News::Wave(job.id));
-    }
-    checked(farm, acceptance.checks).await;
-    Ok(PartialAnswer { nodes: answers, outstanding: acceptance.outstanding })
 }

@@ -1,4 +1,4 @@
-//! TODO
+//! Why a film cannot be read.
 
 use clerestory_film::{ImageError, InsertError, NodeAddress, SamplingError, SumError};
 

@@ -1,30 +1,29 @@
 //! The image of a frame, a strip of rows at a time.
 //!
-//! A frame may be far larger than the coordinator's memory. So its image is never whole: nodes are read tile by tile and summed into rows
-//! over the frame's whole width, of which there are as many at a time as fit, and the rows go on to a measurement, a file or a preview.
+//! A frame may be far larger than the coordinator's memory, so its image is never whole. Nodes are read tile by tile and summed into
+//! strips of rows over the frame's whole width. Strips go on to a measurement, a file or a preview.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use clerestory_film::{ImageMetadata, ImageRows, LayerChoice, Node, ROWS_PER_BLOCK, SumError, TileGrid, TileSum};
 
-use crate::farm::Farm;
-use crate::films::FilmError;
-use crate::films::reader::{batches, film_tile, metadata, runs, unless_merged};
+use super::batches::{batches, film_tile, runs};
+use super::error::FilmError;
+use super::reader::FilmReader;
 use crate::model::{JobRecord, NodeRow, TilePasses, Work};
 
-/// Up to which pass an image is wanted.
+/// The passes of an image.
 #[derive(Clone, Debug)]
 pub(crate) enum Extent {
-    /// That of the round of so many passes, up to which all tiles must be complete.
+    /// Those of a round, up to which all tiles must be complete.
     Round(u32, TilePasses),
-    /// As far as each tile is complete from its first pass on. Such an image can be rendered again from its pass counts;
-    /// one with holes could not.
+    /// Those of each tile from its first pass on without a gap. Such an image can be rendered again from its pass counts.
     Complete,
 }
 
 impl Extent {
-    /// The passes that a tile of a frame must have; `None` where those count that it has.
+    /// The passes that a tile must have, or `None` when every tile shows what it has.
     fn passes(&self, frame: u32, tile: u32) -> Option<u32> {
         match self {
             Self::Round(passes, tiles) => Some(tiles.at(frame, tile, *passes)),
@@ -33,11 +32,12 @@ impl Extent {
     }
 }
 
-/// The rows of an image in strips that take at most so many bytes, if a block of rows does: whole tiles and whole blocks, if they fit.
+/// The rows of an image in strips of at most `most_bytes`, but at least a block of rows. Strips are whole tiles and whole blocks
+/// where those fit.
 pub(crate) fn strips(grid: TileGrid, bytes_per_pixel: u64, most_bytes: u64) -> impl Iterator<Item = Range<u32>> {
     let row_bytes = (u64::from(grid.width) * bytes_per_pixel).max(1);
     let fitting = u32::try_from(most_bytes / row_bytes).unwrap_or(u32::MAX);
-    // The smallest common multiple of two numbers, one of which is a power of two.
+    // The least common multiple of two numbers, one of which is a power of two.
     let whole = grid.tile_size * (ROWS_PER_BLOCK >> grid.tile_size.trailing_zeros().min(ROWS_PER_BLOCK.ilog2()));
     let rows = if fitting >= grid.height {
         grid.height.max(1)
@@ -49,20 +49,20 @@ pub(crate) fn strips(grid: TileGrid, bytes_per_pixel: u64, most_bytes: u64) -> i
     (0..grid.height).step_by(rows as usize).map(move |first| first..grid.height.min(first + rows))
 }
 
-/// What of a frame is read.
+/// A frame of a job, up to some passes.
 #[derive(Clone, Debug)]
 pub(crate) struct Frame<'a> {
-    /// The farm.
-    pub(crate) farm: &'a Farm,
+    /// Reads its nodes.
+    pub(crate) reader: &'a FilmReader,
     /// The job.
     pub(crate) job: &'a JobRecord,
     /// The frame.
     pub(crate) frame: u32,
-    /// How far.
+    /// Its passes.
     pub(crate) extent: Extent,
 }
 
-/// What has been read of a frame so far.
+/// The part of a frame that was read so far.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Reading {
     /// Passes of each tile, in the order of the tiles.
@@ -83,7 +83,7 @@ impl Frame<'_> {
             let wanted: Option<Vec<u32>> = tiles.clone().map(|tile| self.extent.passes(self.frame, tile)).collect();
             let passes = match wanted {
                 Some(passes) => passes,
-                None => self.farm.store.complete_passes(self.job.id, self.frame, tiles).await?,
+                None => self.reader.store.complete_passes(self.job.id, self.frame, tiles).await?,
             };
             most = passes.into_iter().fold(most, u32::max);
         }
@@ -93,7 +93,7 @@ impl Frame<'_> {
         Ok(self.job.sampling()?.complete_blocks(most) >= 2)
     }
 
-    /// Rows of the image. Strips are read in order; what has been read so far grows with each.
+    /// Rows of the image. The caller reads strips in order, with the same `reading`.
     ///
     /// # Errors
     ///
@@ -111,17 +111,17 @@ impl Frame<'_> {
         let end_tile = rows.end.div_ceil(grid.tile_size) * grid.columns();
         for Range { start: mut next, end } in runs(first_tile..end_tile) {
             while next < end {
-                let nodes = self.farm.store.nodes(self.job.id, self.frame, next..end, self.end_pass()).await?;
+                let nodes = self.reader.store.nodes(self.job.id, self.frame, next..end, self.end_pass()).await?;
                 self.check_present(&nodes, next..end)?;
                 let tiles = nodes.chunk_by(|a, b| a.address.tile == b.address.tile).collect();
                 for tiles in batches(tiles) {
                     let Some(last) = tiles.last().and_then(|rows| rows.first()).map(|row| row.address.tile) else {
                         continue;
                     };
-                    let loaded = match load(self.farm, tiles).await {
+                    let loaded = match load(self.reader, tiles).await {
                         Ok(loaded) => loaded,
                         Err(failure) => {
-                            unless_merged(self.farm, self.job.id, failure).await?;
+                            self.reader.unless_merged(self.job.id, failure).await?;
                             break;
                         }
                     };
@@ -137,18 +137,38 @@ impl Frame<'_> {
         Ok(image)
     }
 
-    /// Passes of each tile and the work of the whole image, once all of it has been read: what its metadata say of how it was made.
-    pub(crate) async fn metadata(&self, reading: Reading) -> Result<ImageMetadata, FilmError> {
-        let mut metadata = metadata(self.farm, self.job, self.frame).await?;
+    /// The metadata of the image, once all of it has been read.
+    pub(crate) async fn metadata(&self, reading: Reading, build: &str) -> Result<ImageMetadata, FilmError> {
+        let job = self.job;
+        let scene: serde_json::Value = match self.reader.store.job_scene(job.id).await? {
+            Some((scene, _)) => serde_json::from_str(&scene)?,
+            None => serde_json::Value::Null,
+        };
+        let elapsed_ms = job.started_ms.zip(job.finished_ms).map(|(started_ms, finished_ms)| finished_ms - started_ms);
+        let mut metadata = ImageMetadata {
+            scene_hash: job.scene_hash.clone(),
+            frame: self.frame,
+            seed: scene.get("seed").and_then(serde_json::Value::as_u64).unwrap_or(0),
+            integrator: scene.get("integrator").cloned().unwrap_or_default(),
+            sampling: job.sampling()?,
+            tile_size: job.grid.tile_size,
+            tile_passes: Vec::new(),
+            standard_error_tiles: None,
+            build: build.to_owned(),
+            worker_builds: Vec::new(),
+            missing_light: job.missing_light.clone(),
+            left_to_chance: job.left_to_chance.clone(),
+            counters: reading.work.counters,
+            elapsed_seconds: elapsed_ms.map(|elapsed_ms| elapsed_ms as f64 / 1000.0),
+        };
         metadata.set_tile_passes(reading.tile_passes);
-        metadata.counters = reading.work.counters;
         if !reading.work.builds.iter().eq([&metadata.build]) {
             metadata.worker_builds = reading.work.builds.into_iter().collect();
         }
         Ok(metadata)
     }
 
-    /// The pass before which all begins that the image may hold: workers go on beyond a round before it is measured.
+    /// The end of the passes that the image may hold: workers render beyond a round before it is measured.
     fn end_pass(&self) -> u32 {
         match &self.extent {
             Extent::Round(passes, _) => *passes,
@@ -156,7 +176,7 @@ impl Frame<'_> {
         }
     }
 
-    /// Makes sure that all tiles have nodes of which a certain number of passes is wanted.
+    /// Fails when a tile that must have passes has no node.
     fn check_present(&self, nodes: &[NodeRow], mut tiles: Range<u32>) -> Result<(), FilmError> {
         let is_missing = |tile: &u32| nodes.binary_search_by_key(tile, |row| row.address.tile).is_err();
         match tiles.find(|tile| self.extent.passes(self.frame, *tile).is_some() && is_missing(tile)) {
@@ -168,7 +188,7 @@ impl Frame<'_> {
         }
     }
 
-    /// Fills the sums of tiles into rows of an image.
+    /// Writes the sums of tiles into rows of an image.
     async fn fill(
         &self,
         mut image: ImageRows,
@@ -177,7 +197,7 @@ impl Frame<'_> {
     ) -> Result<ImageRows, FilmError> {
         let (job, first_row) = (self.job.clone(), image.rows().start);
         let wanted = tiles.iter().map(|tile| {
-            // A tile that began in an earlier strip has the passes that it had there.
+            // A tile that began in an earlier strip keeps the passes that it had there.
             let is_begun = job.grid.tile(tile.index).is_some_and(|tile| tile.y < first_row);
             let begun = reading.tile_passes.get(tile.index as usize).copied().filter(|_| is_begun);
             (is_begun, begun.or_else(|| self.extent.passes(self.frame, tile.index)))
@@ -204,9 +224,9 @@ impl Frame<'_> {
 }
 
 /// Reads the nodes of tiles, several at the same time.
-pub(crate) async fn load(farm: &Farm, tiles: Vec<&[NodeRow]>) -> Result<Vec<LoadedTile>, FilmError> {
+pub(crate) async fn load(reader: &FilmReader, tiles: Vec<&[NodeRow]>) -> Result<Vec<LoadedTile>, FilmError> {
     let rows = tiles.concat();
-    let mut nodes = farm.film.load(&rows).await?.into_iter();
+    let mut nodes = reader.load(&rows).await?.into_iter();
     let loaded = rows.chunk_by(|a, b| a.address.tile == b.address.tile).filter_map(|rows| {
         let index = rows.first()?.address.tile;
         Some(LoadedTile { index, rows: rows.to_vec(), nodes: nodes.by_ref().take(rows.len()).collect() })
@@ -223,7 +243,7 @@ pub(crate) struct LoadedTile {
 }
 
 impl LoadedTile {
-    /// The sums over so many passes, or over those that are complete; `None` when that is no pass.
+    /// The sums over `passes`, or over the complete ones. `None` when there is no pass.
     pub(crate) fn sum(&self, job: &JobRecord, passes: Option<u32>) -> Result<Option<TileSum>, FilmError> {
         let Some(tile) = film_tile(job, &self.nodes, passes)? else { return Ok(None) };
         match passes.unwrap_or_else(|| tile.complete_passes()) {
@@ -232,7 +252,7 @@ impl LoadedTile {
         }
     }
 
-    /// The work that the first passes took; nodes beyond them are not in the image.
+    /// The work of the first passes. Nodes beyond them are not in the image.
     fn work(&self, passes: u32) -> Work {
         let mut work = Work::default();
         for row in &self.rows {

@@ -1,8 +1,8 @@
-//! The error of a frame between its rounds, for whoever looks at a job while it converges.
+//! The error of a frame between its rounds, for clients that watch a job converge.
 //!
-//! It is measured over the pixels that have passes now, and belongs to no pass count: it is never stored, and nothing is stopped by it. What
-//! is known of each tile is kept, so that a look measures those alone that have grown. However many look, there is one update in a second at
-//! most, no more than half of the time of a core goes into those of a job, and the tiles of a large frame are measured over several looks.
+//! It is measured over the pixels that have passes now, and belongs to no pass count. It is never stored and stops nothing. The cache
+//! holds the measurement of each tile, so that an update measures only tiles that have grown. A job gets at most one update a second,
+//! in at most half of a core's time. The tiles of a large frame are measured over several updates.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -12,22 +12,25 @@ use clerestory_api::{ContentHash, JobId, LiveMeasurement};
 use clerestory_film::{
     DecodeBudget, ImageLayers, ImageRows, LayerChoice, ROWS_PER_BLOCK, Tile, TileGrid, picture_rows,
 };
-use tokio::sync::{Mutex as AsyncMutex, Semaphore, SemaphorePermit};
+use tokio::sync::{Mutex as AsyncMutex, SemaphorePermit};
 
-use crate::farm::Farm;
-use crate::films::FilmError;
-use crate::films::frame::{LoadedTile, load};
-use crate::films::reader::{batches, runs, unless_merged};
-use crate::memory::permits;
+use super::batches::{batches, runs};
+use super::error::FilmError;
+use super::frame::{LoadedTile, load};
+use super::reader::FilmReader;
+use super::repair::Repair;
+use crate::blobs::Blobs;
+use crate::clock::Clock;
+use crate::memory::MemoryBudget;
 use crate::model::{JobRecord, NodeRow};
 
-/// How long the value of a running job may stay as it is although its film has grown, if its updates do not take longer.
+/// Shortest time between two updates of a running job.
 const FRESH_MS: i64 = 1000;
 
-/// How long an update goes on before it is left to the next look.
+/// Longest time of an update. The next one goes on where it ended.
 const UPDATE_MS: i64 = 1000;
 
-/// Tiles of which something is kept, of all jobs: 8 MiB.
+/// Most tiles in the cache, of all jobs: 8 MiB.
 const MOST_TILES: u64 = 1 << 18;
 
 /// Bytes of rows of references that are in memory at the same time.
@@ -36,16 +39,22 @@ const REFERENCE_BYTES: u64 = 32 << 20;
 /// Bytes of a pixel of a reference: its mean and its standard error.
 const REFERENCE_PIXEL_BYTES: u64 = 24;
 
-/// What is known of the jobs that may be asked for again. Those unused for longest go when there are too many.
+/// Measures jobs between their rounds, and caches the measurements. The least recently used are evicted first.
 #[derive(Debug)]
-pub(crate) struct LiveValues {
-    kept: Mutex<Kept>,
-    /// Permits for rows of references, one for each kibibyte.
-    rows: Semaphore,
+pub(crate) struct LiveErrors {
+    reader: Arc<FilmReader>,
+    repair: Arc<Repair>,
+    blobs: Blobs,
+    clock: Clock,
+    /// Most decoded bytes of one read of a reference.
+    decoding: DecodeBudget,
+    /// Rows of references.
+    rows: MemoryBudget,
+    cache: Mutex<Cache>,
 }
 
 #[derive(Debug, Default)]
-struct Kept {
+struct Cache {
     jobs: BTreeMap<JobId, Entry>,
     uses: u64,
 }
@@ -57,23 +66,23 @@ struct Entry {
     live: Arc<AsyncMutex<Live>>,
 }
 
-/// What is known of a job.
+/// The last measurement of a job.
 #[derive(Debug)]
 struct Live {
     tiles: Vec<MeasuredTile>,
     /// Where the next update begins.
     next_tile: u32,
-    /// Whether all tiles were as they are now when they were looked at last.
+    /// Whether the last update measured all tiles.
     is_complete: bool,
     accepted_nodes: u64,
-    /// Nodes that had been taken out of the film when it was read.
+    /// Nodes that had been removed from the film when it was read.
     redone_nodes: u64,
     is_final: bool,
-    /// Until when it may stay as it is; `None` when it was never brought up to date.
+    /// Time of the next update; `None` before the first.
     fresh_until_ms: Option<i64>,
 }
 
-/// What is known of a tile, as it was when it had so many passes.
+/// The measurement of a tile when it had these passes.
 #[derive(Clone, Copy, Debug, Default)]
 struct MeasuredTile {
     passes: u32,
@@ -83,32 +92,137 @@ struct MeasuredTile {
     noise: Option<f64>,
 }
 
-impl Default for LiveValues {
-    fn default() -> Self {
-        Self { kept: Mutex::default(), rows: Semaphore::new(permits(REFERENCE_BYTES) as usize) }
+impl LiveErrors {
+    /// Measurements that read references within these bytes at a time.
+    pub(crate) fn new(
+        reader: Arc<FilmReader>,
+        repair: Arc<Repair>,
+        blobs: Blobs,
+        clock: Clock,
+        image_bytes: u64,
+    ) -> Self {
+        Self {
+            reader,
+            repair,
+            blobs,
+            clock,
+            decoding: DecodeBudget { pixel_bytes: image_bytes },
+            rows: MemoryBudget::new(REFERENCE_BYTES),
+            cache: Mutex::default(),
+        }
     }
-}
 
-impl LiveValues {
-    /// What is known of a job.
-    fn of(&self, job: &JobRecord) -> Arc<AsyncMutex<Live>> {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.uses += 1;
-        let used = kept.uses;
-        if let Some(entry) = kept.jobs.get_mut(&job.id) {
+    /// The error of a job's first frame over the pixels that have passes.
+    ///
+    /// # Errors
+    ///
+    /// When the film or the reference cannot be read.
+    pub(crate) async fn current(&self, job: JobRecord) -> Result<LiveMeasurement, FilmError> {
+        match self.current_once(job.clone()).await {
+            Err(error) if self.repair.repair(job.id, &error).await? => self.current_once(job).await,
+            measured => measured,
+        }
+    }
+
+    async fn current_once(&self, job: JobRecord) -> Result<LiveMeasurement, FilmError> {
+        let mut live = self.cached(&job).lock_owned().await;
+        // The lock may have been held by other requests for a while.
+        let job = self.reader.store.job(job.id).await?.unwrap_or(job);
+        if live.redone_nodes != job.redone_nodes {
+            // A tile may have as many passes as before, but others.
+            *live = Live::of_nothing(&job);
+        }
+        let (now_ms, is_final) = (self.clock.now_ms(), job.state.is_final());
+        let is_same = live.is_complete && live.accepted_nodes == job.accepted_nodes && live.is_final == is_final;
+        if live.fresh_until_ms.is_none_or(|until_ms| !is_same && now_ms >= until_ms) {
+            // Also after a failure: otherwise each request would try all of it again.
+            (live.is_complete, live.fresh_until_ms) = (false, Some(now_ms + FRESH_MS));
+            let is_complete = self.update(&job, &mut live, now_ms).await?;
+            (live.is_complete, live.accepted_nodes, live.is_final) = (is_complete, job.accepted_nodes, is_final);
+            let end_ms = self.clock.now_ms();
+            live.fresh_until_ms = Some((now_ms + FRESH_MS).max(end_ms + (end_ms - now_ms)));
+        }
+        Ok(live.measurement(&job))
+    }
+
+    /// Measures the tiles that have changed, from where the last update ended. `false` when the time was too short for all.
+    async fn update(&self, job: &JobRecord, live: &mut Live, begin_ms: i64) -> Result<bool, FilmError> {
+        let mut reference = match job.reference {
+            Some(hash) => Some(ReferenceRows::new(self, job.grid, hash).await),
+            None => None,
+        };
+        let (first, end) = (live.next_tile, job.grid.len());
+        for tiles in runs(first..end).chain(runs(0..first)) {
+            let is_complete = loop {
+                match self.measure_run(job, live, tiles.clone(), &mut reference, begin_ms).await {
+                    Ok(is_complete) => break is_complete,
+                    Err(failure) => self.reader.unless_merged(job.id, failure).await?,
+                }
+                if self.clock.now_ms() - begin_ms >= UPDATE_MS {
+                    break false;
+                }
+            };
+            if !is_complete {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Measures the tiles of one run that have changed. `false` when the time was too short for all.
+    async fn measure_run(
+        &self,
+        job: &JobRecord,
+        live: &mut Live,
+        tiles: Range<u32>,
+        reference: &mut Option<ReferenceRows<'_>>,
+        begin_ms: i64,
+    ) -> Result<bool, FilmError> {
+        let complete = self.reader.store.complete_passes(job.id, 0, tiles.clone()).await?;
+        let mut changed = Vec::new();
+        for (tile, passes) in tiles.zip(complete) {
+            let measured = &mut live.tiles[tile as usize];
+            if passes == 0 {
+                *measured = MeasuredTile::default();
+            } else if measured.passes != passes {
+                changed.push(tile);
+            }
+        }
+        let (Some(first), Some(last)) = (changed.first(), changed.last()) else { return Ok(true) };
+        let rows = self.reader.store.nodes(job.id, 0, *first..last + 1, job.passes).await?;
+        let of_tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
+        let of_changed = of_tiles.filter(|rows| is_of(rows, &changed)).collect();
+        for batch in batches(of_changed) {
+            for (tile, measured) in measure(job, load(&self.reader, batch).await?, reference).await? {
+                live.tiles[tile as usize] = measured;
+                live.next_tile = (tile + 1) % job.grid.len();
+            }
+            if self.clock.now_ms() - begin_ms >= UPDATE_MS {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// The cached measurement of a job, or an empty one.
+    fn cached(&self, job: &JobRecord) -> Arc<AsyncMutex<Live>> {
+        let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+        cache.uses += 1;
+        let used = cache.uses;
+        if let Some(entry) = cache.jobs.get_mut(&job.id) {
             entry.used = used;
             return Arc::clone(&entry.live);
         }
         let tiles = u64::from(job.grid.len());
-        while kept.jobs.values().map(|entry| entry.tiles).sum::<u64>() + tiles > MOST_TILES {
-            let idle = kept.jobs.iter().filter(|(_, entry)| Arc::strong_count(&entry.live) == 1);
+        while cache.jobs.values().map(|entry| entry.tiles).sum::<u64>() + tiles > MOST_TILES {
+            let idle = cache.jobs.iter().filter(|(_, entry)| Arc::strong_count(&entry.live) == 1);
             let oldest = idle.min_by_key(|(_, entry)| entry.used).map(|(job, _)| *job);
-            // The others are being looked at.
+            // The others are in use.
             let Some(oldest) = oldest else { break };
-            kept.jobs.remove(&oldest);
+            cache.jobs.remove(&oldest);
         }
         let live = Arc::new(AsyncMutex::new(Live::of_nothing(job)));
-        kept.jobs.insert(job.id, Entry { used, tiles, live: Arc::clone(&live) });
+        cache.jobs.insert(job.id, Entry { used, tiles, live: Arc::clone(&live) });
         live
     }
 }
@@ -148,97 +262,12 @@ impl Live {
     }
 }
 
-/// The error of a job's first frame over the pixels that have passes.
-///
-/// # Errors
-///
-/// When the film or the reference cannot be read.
-pub(crate) async fn current(farm: &Farm, job: JobRecord) -> Result<LiveMeasurement, FilmError> {
-    let mut live = farm.live.of(&job).lock_owned().await;
-    // Others may have been waited for.
-    let job = farm.store.job(job.id).await?.unwrap_or(job);
-    if live.redone_nodes != job.redone_nodes {
-        // A tile may have as many passes as before, and others.
-        *live = Live::of_nothing(&job);
-    }
-    let (now_ms, is_final) = (farm.config.clock.now_ms(), job.state.is_final());
-    let is_same = live.is_complete && live.accepted_nodes == job.accepted_nodes && live.is_final == is_final;
-    if live.fresh_until_ms.is_none_or(|until_ms| !is_same && now_ms >= until_ms) {
-        // Also when it fails: whoever asks again at once would have all of it tried again.
-        (live.is_complete, live.fresh_until_ms) = (false, Some(now_ms + FRESH_MS));
-        let is_complete = update(farm, &job, &mut live, now_ms).await?;
-        (live.is_complete, live.accepted_nodes, live.is_final) = (is_complete, job.accepted_nodes, is_final);
-        let end_ms = farm.config.clock.now_ms();
-        live.fresh_until_ms = Some((now_ms + FRESH_MS).max(end_ms + (end_ms - now_ms)));
-    }
-    Ok(live.measurement(&job))
-}
-
-/// Measures the tiles that have changed, beginning where the last update ended; `false` when there was no time for all.
-async fn update(farm: &Farm, job: &JobRecord, live: &mut Live, begin_ms: i64) -> Result<bool, FilmError> {
-    let mut reference = match job.reference {
-        Some(hash) => Some(ReferenceRows::new(farm, job.grid, hash).await),
-        None => None,
-    };
-    let (first, end) = (live.next_tile, job.grid.len());
-    for tiles in runs(first..end).chain(runs(0..first)) {
-        let is_complete = loop {
-            match measure_run(farm, job, live, tiles.clone(), &mut reference, begin_ms).await {
-                Ok(is_complete) => break is_complete,
-                Err(failure) => unless_merged(farm, job.id, failure).await?,
-            }
-            if farm.config.clock.now_ms() - begin_ms >= UPDATE_MS {
-                break false;
-            }
-        };
-        if !is_complete {
-            return Ok(false);
-        }
-    }
-    Ok(true)
-}
-
-/// Measures the tiles of one run that have changed; `false` when there was no time for all.
-async fn measure_run(
-    farm: &Farm,
-    job: &JobRecord,
-    live: &mut Live,
-    tiles: Range<u32>,
-    reference: &mut Option<ReferenceRows<'_>>,
-    begin_ms: i64,
-) -> Result<bool, FilmError> {
-    let complete = farm.store.complete_passes(job.id, 0, tiles.clone()).await?;
-    let mut changed = Vec::new();
-    for (tile, passes) in tiles.zip(complete) {
-        let measured = &mut live.tiles[tile as usize];
-        if passes == 0 {
-            *measured = MeasuredTile::default();
-        } else if measured.passes != passes {
-            changed.push(tile);
-        }
-    }
-    let (Some(first), Some(last)) = (changed.first(), changed.last()) else { return Ok(true) };
-    let rows = farm.store.nodes(job.id, 0, *first..last + 1, job.passes).await?;
-    let of_tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
-    let of_changed = of_tiles.filter(|rows| is_of(rows, &changed)).collect();
-    for batch in batches(of_changed) {
-        for (tile, measured) in measure(job, load(farm, batch).await?, reference).await? {
-            live.tiles[tile as usize] = measured;
-            live.next_tile = (tile + 1) % job.grid.len();
-        }
-        if farm.config.clock.now_ms() - begin_ms >= UPDATE_MS {
-            return Ok(false);
-        }
-    }
-    Ok(true)
-}
-
-/// Whether nodes are those of one of these tiles, which are in their order.
+/// Whether nodes belong to one of these sorted tiles.
 fn is_of(rows: &[NodeRow], tiles: &[u32]) -> bool {
     rows.first().is_some_and(|row| tiles.binary_search(&row.address.tile).is_ok())
 }
 
-/// Measures tiles that have been read, which are in their order.
+/// Measures tiles that have been read, in their order.
 async fn measure(
     job: &JobRecord,
     tiles: Vec<LoadedTile>,
@@ -260,7 +289,7 @@ async fn measure(
 struct ShownTile {
     index: u32,
     measured: MeasuredTile,
-    /// Where it lies in the frame and what it shows; `None` when it has no pass.
+    /// Its position in the frame and its picture; `None` when it has no pass.
     image: Option<(Tile, ImageRows)>,
 }
 
@@ -283,7 +312,7 @@ impl ShownTile {
         Ok(Self { index, measured, image: Some((place, image)) })
     }
 
-    /// Adds what differs in some rows of the frame, which are told with their reference. Rows come from the top to the bottom.
+    /// Adds the differences from some rows of the reference. Rows come from the top to the bottom.
     fn compare(&mut self, rows: &Range<u32>, frame_width: u32, reference: &ImageLayers) {
         let Some((tile, image)) = &self.image else { return };
         let width = tile.width as usize;
@@ -299,33 +328,32 @@ impl ShownTile {
     }
 }
 
-/// Rows of a reference. Those that were read last are kept, since the next tiles lie in them too.
+/// Rows of a reference. The rows of the last read are kept, because the next tiles lie in them too.
 struct ReferenceRows<'a> {
-    farm: &'a Farm,
+    errors: &'a LiveErrors,
     grid: TileGrid,
     hash: ContentHash,
     /// Most rows at a time.
     most_rows: u32,
     last: Option<(Range<u32>, Arc<ImageLayers>)>,
-    /// Returned when it is dropped.
-    _memory: Option<SemaphorePermit<'a>>,
+    /// Freed when it is dropped.
+    _memory: SemaphorePermit<'a>,
 }
 
 impl<'a> ReferenceRows<'a> {
-    /// Waits for the memory that it takes.
-    async fn new(farm: &'a Farm, grid: TileGrid, hash: ContentHash) -> Self {
+    /// Waits until its memory is free.
+    async fn new(errors: &'a LiveErrors, grid: TileGrid, hash: ContentHash) -> Self {
         let row_bytes = (u64::from(grid.width) * REFERENCE_PIXEL_BYTES).max(1);
         let fitting = u32::try_from(REFERENCE_BYTES / row_bytes).unwrap_or(u32::MAX);
         // Rows of whole tiles, if they fit, or else of whole blocks of a file.
         let most_rows =
             if fitting >= grid.tile_size { grid.tile_size } else { (fitting / ROWS_PER_BLOCK).max(1) * ROWS_PER_BLOCK };
         let bytes = (row_bytes * u64::from(most_rows)).min(REFERENCE_BYTES);
-        // The semaphore is never closed.
-        let memory = farm.live.rows.acquire_many(permits(bytes)).await.ok();
-        Self { farm, grid, hash, most_rows, last: None, _memory: memory }
+        let memory = errors.rows.reserve(bytes).await;
+        Self { errors, grid, hash, most_rows, last: None, _memory: memory }
     }
 
-    /// Compares tiles, which are in their order, with their pixels of the reference.
+    /// Compares tiles, in their order, with their pixels of the reference.
     async fn compare(&mut self, mut tiles: Vec<ShownTile>) -> Result<Vec<ShownTile>, FilmError> {
         let TileGrid { width, height, tile_size } = self.grid;
         let mut tile_rows: Vec<u32> = tiles.iter().map(|tile| tile.index / self.grid.columns()).collect();
@@ -350,8 +378,8 @@ impl<'a> ReferenceRows<'a> {
             return Ok(Arc::clone(layers));
         }
         self.last = None;
-        let file = self.farm.blobs.asset_file(self.hash).await?;
-        let budget = DecodeBudget { pixel_bytes: self.farm.config.image_bytes };
+        let file = self.errors.blobs.asset_file(self.hash).await?;
+        let budget = self.errors.decoding;
         let wanted = rows.clone();
         let layers = Arc::new(tokio::task::spawn_blocking(move || picture_rows(file, wanted, budget)).await??);
         self.last = Some((rows, Arc::clone(&layers)));

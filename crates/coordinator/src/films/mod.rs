@@ -1,13 +1,15 @@
-//! TODO
+//! Films: partials are accepted, nodes merged, rounds recorded, images made, lost nodes repaired and garbage collected.
 
 pub(crate) mod acceptance;
+pub(crate) mod assets;
+mod batches;
 pub(crate) mod convergence;
 mod error;
 mod frame;
 pub(crate) mod garbage_collection;
 pub(crate) mod images;
 pub(crate) mod live;
-mod pass_sharing;
+pub(crate) mod pass_sharing;
 pub(crate) mod previews;
 mod reader;
 pub(crate) mod repair;

@@ -1,9 +1,8 @@
-//! Previews: images as they are now, for whoever looks at a job while it converges.
+//! Previews: small images of a job while it converges.
 //!
-//! What a preview shows is kept, and with it how many passes of each tile it shows. So an update reads the nodes of those tiles alone that
-//! have grown; the cost is in proportion to what has changed. Only where nodes were taken out of the film, to be rendered again, all tiles are
-//! read: one may have as many passes as before, and others. However many look, there is one update in a quarter of a second at most, and no
-//! more than half of the time of a core goes into those of a job.
+//! The cache holds the canvas of each preview with the number of passes that each tile shows. So an update reads only the nodes of tiles
+//! that have grown. It reads all tiles after nodes were removed from the film to be rendered again: a tile may have as many passes as
+//! before, but others. A job gets at most one update in a quarter of a second, in at most half of a core's time.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -13,22 +12,24 @@ use std::time::Duration;
 use bytes::Bytes;
 use clerestory_api::JobId;
 use clerestory_film::{PreviewSettings, ReducedImage};
-use tokio::sync::{Mutex as AsyncMutex, OwnedMutexGuard, OwnedSemaphorePermit, Semaphore};
+use tokio::sync::{Mutex as AsyncMutex, OwnedMutexGuard, OwnedSemaphorePermit};
 
-use crate::farm::Farm;
-use crate::films::FilmError;
-use crate::films::frame::load;
-use crate::films::reader::{batches, runs, unless_merged};
-use crate::memory::permits;
+use super::batches::{batches, runs};
+use super::error::FilmError;
+use super::frame::load;
+use super::reader::FilmReader;
+use super::repair::Repair;
+use crate::clock::Clock;
+use crate::memory::MemoryBudget;
 use crate::model::JobRecord;
 
-/// How long the preview of a running job may stay as it is although its film has grown, if its updates do not take longer.
+/// Shortest time between two updates of the preview of a running job.
 const FRESH_MS: i64 = 250;
 
-/// How long somebody waits for whom there is no memory until looking whether there is some: less than most updates take.
+/// Pause between two attempts to get memory: shorter than most updates.
 const BUSY: Duration = Duration::from_millis(20);
 
-/// Bytes of a pixel that is kept.
+/// Bytes of a pixel of a canvas.
 const PIXEL_BYTES: u64 = size_of::<[f32; 3]>() as u64;
 
 /// A preview.
@@ -36,82 +37,88 @@ const PIXEL_BYTES: u64 = size_of::<[f32; 3]>() as u64;
 pub(crate) struct Preview {
     /// As PNG.
     pub(crate) png: Bytes,
-    /// How many nodes of the job had been accepted when it was begun: it shows them all, or as much of them as has no gap before it.
+    /// Accepted nodes of the job when the preview was begun. It shows those of them that have no gap before them.
     pub(crate) accepted_nodes: u64,
 }
 
-/// The previews that may be asked for again. Those unused for longest go when there are too many.
+/// Makes previews, and caches them. The least recently used are evicted first.
 #[derive(Debug)]
 pub(crate) struct Previews {
-    most_pixels: u64,
-    /// Permits for what previews show, one for each kibibyte.
-    memory: Arc<Semaphore>,
-    all_permits: u32,
-    kept: Mutex<Kept>,
+    reader: Arc<FilmReader>,
+    repair: Arc<Repair>,
+    clock: Clock,
+    memory: MemoryBudget,
+    cache: Mutex<Cache>,
 }
 
 #[derive(Debug, Default)]
-struct Kept {
+struct Cache {
     canvases: BTreeMap<JobId, (u64, Arc<AsyncMutex<Canvas>>)>,
     uses: u64,
 }
 
-/// What the preview of a job shows.
+/// The picture of a preview.
 #[derive(Debug)]
 struct Canvas {
     image: ReducedImage,
-    /// Passes of each tile in it.
+    /// Passes that each tile shows.
     tile_passes: Vec<u32>,
     accepted_nodes: u64,
-    /// Nodes that had been taken out of the film when it was read.
+    /// Nodes that had been removed from the film when it was read.
     redone_nodes: u64,
     is_final: bool,
-    /// Until when it may stay as it is; `None` when it was never brought up to date.
+    /// Time of the next update; `None` before the first.
     fresh_until_ms: Option<i64>,
     png: Option<(PreviewSettings, Bytes)>,
-    /// Returned when it is dropped.
+    /// Freed when it is dropped.
     _memory: OwnedSemaphorePermit,
 }
 
 impl Canvas {
-    /// Shows nothing, of a film out of which so many nodes have been taken.
-    fn restart(&mut self, redone_nodes: u64) {
+    /// Clears a canvas of a film from which nodes were removed.
+    fn clear(&mut self, redone_nodes: u64) {
         for (tile, passes) in (0..).zip(&mut self.tile_passes) {
             if std::mem::take(passes) > 0 {
                 self.image.clear(tile);
             }
         }
         self.redone_nodes = redone_nodes;
-        // Nobody is shown it again, even if the film cannot be read now.
+        // No request gets the old picture, even if the film cannot be read now.
         (self.fresh_until_ms, self.png) = (None, None);
     }
 }
 
 impl Previews {
-    /// Keeps up to so many bytes of previews.
-    pub(crate) fn new(bytes: u64) -> Self {
-        let all_permits = permits(bytes);
-        Self {
-            most_pixels: bytes / PIXEL_BYTES,
-            memory: Arc::new(Semaphore::new(all_permits as usize)),
-            all_permits,
-            kept: Mutex::default(),
+    /// Previews that cache up to these bytes.
+    pub(crate) fn new(reader: Arc<FilmReader>, repair: Arc<Repair>, clock: Clock, bytes: u64) -> Self {
+        Self { reader, repair, clock, memory: MemoryBudget::new(bytes), cache: Mutex::default() }
+    }
+
+    /// The preview of a job's first frame, in which every tile shows its complete passes.
+    ///
+    /// # Errors
+    ///
+    /// [`FilmError::Empty`] when no tile has a pass.
+    pub(crate) async fn current(&self, job: JobRecord, settings: PreviewSettings) -> Result<Preview, FilmError> {
+        match self.current_once(job.clone(), settings).await {
+            Err(error) if self.repair.repair(job.id, &error).await? => self.current_once(job, settings).await,
+            preview => preview,
         }
     }
 
-    /// What the preview of a job shows; black, and room is made for it, when that is not known.
+    /// The canvas of a job: the cached one, or a black one for which memory is freed.
     async fn canvas(&self, job: &JobRecord) -> Arc<AsyncMutex<Canvas>> {
-        let image = ReducedImage::new(job.grid, self.most_pixels);
-        let wanted = permits(image.pixels() * PIXEL_BYTES).min(self.all_permits);
+        let image = ReducedImage::new(job.grid, self.memory.bytes() / PIXEL_BYTES);
+        let bytes = image.pixels() * PIXEL_BYTES;
         let memory = loop {
-            if let Some(known) = self.use_known(job.id) {
+            if let Some(known) = self.use_cached(job.id) {
                 return known;
             }
-            match Arc::clone(&self.memory).try_acquire_many_owned(wanted) {
-                Ok(memory) => break memory,
-                Err(_) if self.forget_one() => {}
-                // All others are being looked at. Whoever is done keeps what it has looked at, so that nothing says when that may go.
-                Err(_) => tokio::time::sleep(BUSY).await,
+            match self.memory.try_reserve(bytes) {
+                Some(memory) => break memory,
+                None if self.evict_one() => {}
+                // All other canvases are in use. A use that ends leaves its canvas in the cache and notifies nobody.
+                None => tokio::time::sleep(BUSY).await,
             }
         };
         let canvas = Arc::new(AsyncMutex::new(Canvas {
@@ -124,84 +131,79 @@ impl Previews {
             png: None,
             _memory: memory,
         }));
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.uses += 1;
-        let used = kept.uses;
-        // Of two that were made at the same time, one is kept.
-        Arc::clone(&kept.canvases.entry(job.id).or_insert((used, canvas)).1)
+        let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+        cache.uses += 1;
+        let used = cache.uses;
+        // Of two that were made at the same time, one is cached.
+        Arc::clone(&cache.canvases.entry(job.id).or_insert((used, canvas)).1)
     }
 
-    fn use_known(&self, job: JobId) -> Option<Arc<AsyncMutex<Canvas>>> {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.uses += 1;
-        let now = kept.uses;
-        let (used, canvas) = kept.canvases.get_mut(&job)?;
+    async fn current_once(&self, job: JobRecord, settings: PreviewSettings) -> Result<Preview, FilmError> {
+        let mut canvas = self.canvas(&job).await.lock_owned().await;
+        // The lock may have been held by other requests for a while.
+        let job = self.reader.store.job(job.id).await?.unwrap_or(job);
+        let (now_ms, is_final) = (self.clock.now_ms(), job.state.is_final());
+        let is_same = canvas.accepted_nodes == job.accepted_nodes && canvas.is_final == is_final;
+        let is_fresh = canvas.fresh_until_ms.is_some_and(|until_ms| is_same || (!is_final && now_ms < until_ms));
+        if !is_fresh {
+            canvas = update(&self.reader, &job, canvas).await?;
+            canvas.png = None;
+            (canvas.accepted_nodes, canvas.is_final) = (job.accepted_nodes, is_final);
+            let end_ms = self.clock.now_ms();
+            canvas.fresh_until_ms = Some((now_ms + FRESH_MS).max(end_ms + (end_ms - now_ms)));
+        }
+        if canvas.tile_passes.iter().all(|passes| *passes == 0) {
+            return Err(FilmError::Empty);
+        }
+        let accepted_nodes = canvas.accepted_nodes;
+        if let Some((_, png)) = canvas.png.as_ref().filter(|(known, _)| *known == settings) {
+            return Ok(Preview { png: png.clone(), accepted_nodes });
+        }
+        let encoded = tokio::task::spawn_blocking(move || {
+            let png = Bytes::from(canvas.image.encode_png(&settings)?);
+            canvas.png = Some((settings, png.clone()));
+            Ok(Preview { png, accepted_nodes })
+        });
+        encoded.await?
+    }
+
+    fn use_cached(&self, job: JobId) -> Option<Arc<AsyncMutex<Canvas>>> {
+        let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+        cache.uses += 1;
+        let now = cache.uses;
+        let (used, canvas) = cache.canvases.get_mut(&job)?;
         *used = now;
         Some(Arc::clone(canvas))
     }
 
-    /// Lets go of the preview that nobody has looked at for longest, if there is one that nobody looks at now.
-    fn forget_one(&self) -> bool {
-        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let idle = kept.canvases.iter().filter(|(_, (_, canvas))| Arc::strong_count(canvas) == 1);
+    /// Evicts the least recently used canvas that nobody uses now. Answers whether there was one.
+    fn evict_one(&self) -> bool {
+        let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+        let idle = cache.canvases.iter().filter(|(_, (_, canvas))| Arc::strong_count(canvas) == 1);
         let oldest = idle.min_by_key(|(_, (used, _))| *used).map(|(job, _)| *job);
-        oldest.and_then(|job| kept.canvases.remove(&job)).is_some()
+        oldest.and_then(|job| cache.canvases.remove(&job)).is_some()
     }
 }
 
-/// The preview of a job's first frame: every tile as far as it is complete.
-///
-/// # Errors
-///
-/// [`FilmError::Empty`] when no tile has a pass.
-pub(crate) async fn current(farm: &Farm, job: JobRecord, settings: PreviewSettings) -> Result<Preview, FilmError> {
-    let mut canvas = farm.previews.canvas(&job).await.lock_owned().await;
-    // Others may have been waited for.
-    let job = farm.store.job(job.id).await?.unwrap_or(job);
-    let (now_ms, is_final) = (farm.config.clock.now_ms(), job.state.is_final());
-    let is_same = canvas.accepted_nodes == job.accepted_nodes && canvas.is_final == is_final;
-    let is_fresh = canvas.fresh_until_ms.is_some_and(|until_ms| is_same || (!is_final && now_ms < until_ms));
-    if !is_fresh {
-        canvas = update(farm, &job, canvas).await?;
-        canvas.png = None;
-        (canvas.accepted_nodes, canvas.is_final) = (job.accepted_nodes, is_final);
-        let end_ms = farm.config.clock.now_ms();
-        canvas.fresh_until_ms = Some((now_ms + FRESH_MS).max(end_ms + (end_ms - now_ms)));
-    }
-    if canvas.tile_passes.iter().all(|passes| *passes == 0) {
-        return Err(FilmError::Empty);
-    }
-    let accepted_nodes = canvas.accepted_nodes;
-    if let Some((_, png)) = canvas.png.as_ref().filter(|(known, _)| *known == settings) {
-        return Ok(Preview { png: png.clone(), accepted_nodes });
-    }
-    let encoded = tokio::task::spawn_blocking(move || {
-        let png = Bytes::from(canvas.image.encode_png(&settings)?);
-        canvas.png = Some((settings, png.clone()));
-        Ok(Preview { png, accepted_nodes })
-    });
-    encoded.await?
-}
-
-/// Brings up to date what a preview shows.
+/// Brings a canvas up to date.
 async fn update(
-    farm: &Farm,
+    reader: &FilmReader,
     job: &JobRecord,
     mut canvas: OwnedMutexGuard<Canvas>,
 ) -> Result<OwnedMutexGuard<Canvas>, FilmError> {
     if canvas.redone_nodes != job.redone_nodes {
-        canvas.restart(job.redone_nodes);
+        canvas.clear(job.redone_nodes);
     }
     for Range { start: mut next, end } in runs(0..job.grid.len()) {
         while next < end {
-            let complete = farm.store.complete_passes(job.id, 0, next..end).await?;
+            let complete = reader.store.complete_passes(job.id, 0, next..end).await?;
             let has_changed = |(tile, passes): &(u32, u32)| canvas.tile_passes.get(*tile as usize) != Some(passes);
             let changed: Vec<u32> = (next..end).zip(complete).filter(has_changed).map(|(tile, _)| tile).collect();
-            let (updated, missed) = show(farm, job, canvas, &changed).await?;
+            let (updated, missed) = show(reader, job, canvas, &changed).await?;
             canvas = updated;
             next = match missed {
                 Some((tile, failure)) => {
-                    unless_merged(farm, job.id, failure).await?;
+                    reader.unless_merged(job.id, failure).await?;
                     tile
                 }
                 None => end,
@@ -211,20 +213,21 @@ async fn update(
     Ok(canvas)
 }
 
-/// Shows tiles of one run as they are. Answers also from which on their nodes could not be read, and why; those before are shown.
+/// Draws the current state of some tiles of one run. Answers also the first tile whose nodes could not be read, and why; the tiles
+/// before it are drawn.
 async fn show(
-    farm: &Farm,
+    reader: &FilmReader,
     job: &JobRecord,
     mut canvas: OwnedMutexGuard<Canvas>,
     changed: &[u32],
 ) -> Result<(OwnedMutexGuard<Canvas>, Option<(u32, FilmError)>), FilmError> {
     let (Some(first), Some(last)) = (changed.first(), changed.last()) else { return Ok((canvas, None)) };
-    let rows = farm.store.nodes(job.id, 0, *first..last + 1, job.passes).await?;
+    let rows = reader.store.nodes(job.id, 0, *first..last + 1, job.passes).await?;
     let tiles = rows.chunk_by(|a, b| a.address.tile == b.address.tile);
     let tiles = tiles.filter(|rows| rows.first().is_some_and(|row| changed.contains(&row.address.tile))).collect();
     for tiles in batches(tiles) {
         let begins_with = tiles.first().and_then(|rows| rows.first()).map_or(*first, |row| row.address.tile);
-        let loaded = match load(farm, tiles).await {
+        let loaded = match load(reader, tiles).await {
             Ok(loaded) => loaded,
             Err(failure) => return Ok((canvas, Some((begins_with, failure)))),
         };

@@ -1,48 +1,40 @@
 //! The film of a job: from rows and blobs to nodes.
 //!
-//! The rows say which nodes there are; their blobs never change. So decoded nodes can be kept by where they lie
-//! without ever being wrong, and everything else is computed from them when it is asked for.
+//! Rows name the nodes, and their blobs never change. So a cache of decoded nodes by blob range is never stale, and everything
+//! else is computed from nodes on demand.
 
 use std::collections::BTreeMap;
-use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use bytes::Bytes;
 use clerestory_api::JobId;
-use clerestory_film::{FilmTile, ImageMetadata, Node, NodeAddress};
+use clerestory_film::{Node, NodeAddress};
 use futures::stream::{self, StreamExt, TryStreamExt};
 
+use super::error::FilmError;
 use crate::blobs::Blobs;
-use crate::farm::Farm;
-use crate::films::FilmError;
-use crate::model::{BlobRange, JobRecord, NodeRow};
+use crate::model::{BlobRange, NodeRow, Removed};
+use crate::store::Store;
 
 /// Blobs read at the same time.
 const READS: usize = 8;
 
-/// Passes a failure on, unless a node was not found because the keeper has merged and removed it between the read of its row and its own.
-/// Then the rows are to be read again: they name its parent now.
-pub(crate) async fn unless_merged(farm: &Farm, job: JobId, failure: FilmError) -> Result<(), FilmError> {
-    match &failure {
-        FilmError::Lost { node, blob, .. } if farm.store.node_at(job, node, blob).await?.is_none() => Ok(()),
-        _ => Err(failure),
-    }
-}
-
-/// Reads nodes, and keeps the decoded ones that may be needed again.
+/// Reads nodes, and caches decoded ones.
 #[derive(Debug)]
 pub(crate) struct FilmReader {
+    /// The rows of the nodes.
+    pub(super) store: Store,
     blobs: Blobs,
     cache: Mutex<NodeCache>,
 }
 
 impl FilmReader {
-    /// A reader that keeps up to `cache_bytes` of nodes.
-    pub(crate) fn new(blobs: Blobs, cache_bytes: usize) -> Self {
-        Self { blobs, cache: Mutex::new(NodeCache { limit: cache_bytes, ..NodeCache::default() }) }
+    /// A reader that caches up to `cache_bytes` of nodes.
+    pub(crate) fn new(store: Store, blobs: Blobs, cache_bytes: usize) -> Self {
+        Self { store, blobs, cache: Mutex::new(NodeCache { limit: cache_bytes, ..NodeCache::default() }) }
     }
 
-    /// The nodes of these rows, in their order. Those that lie in one blob are read together.
+    /// The nodes of these rows, in their order. Nodes in one blob are read together.
     pub(crate) async fn load(&self, rows: &[NodeRow]) -> Result<Vec<Arc<Node>>, FilmError> {
         let mut nodes: Vec<Option<Arc<Node>>> = {
             let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
@@ -65,20 +57,30 @@ impl FilmReader {
         Ok(nodes.into_iter().flatten().collect())
     }
 
-    /// Keeps a node that has just been stored.
-    pub(crate) fn keep(&self, blob_range: BlobRange, node: Arc<Node>) {
+    /// Caches a node that was just stored or read.
+    pub(crate) fn cache(&self, blob_range: BlobRange, node: Arc<Node>) {
         self.cache.lock().unwrap_or_else(PoisonError::into_inner).insert(blob_range, node);
     }
 
-    /// Lets go of nodes that are not needed any more.
-    pub(crate) fn forget<'a>(&self, blob_ranges: impl IntoIterator<Item = &'a BlobRange>) {
-        let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
-        for blob_range in blob_ranges {
-            cache.remove(blob_range);
+    /// Frees what was removed from films: cached nodes, and blobs without an accepted node.
+    pub(crate) async fn release(&self, removed: Removed) {
+        {
+            let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+            removed.blob_ranges.iter().for_each(|blob_range| cache.remove(blob_range));
+        }
+        self.blobs.remove(removed.blobs).await;
+    }
+
+    /// Returns the failure, unless a node was not found because a merge removed it between the read of its row and its own. Then
+    /// the caller reads the rows again: they name the parent now.
+    pub(crate) async fn unless_merged(&self, job: JobId, failure: FilmError) -> Result<(), FilmError> {
+        match &failure {
+            FilmError::Lost { node, blob, .. } if self.store.node_at(job, node, blob).await?.is_none() => Ok(()),
+            _ => Err(failure),
         }
     }
 
-    /// Names the first of some nodes that a blob is too short for, if it is.
+    /// The first of some nodes that lies beyond the end of its blob.
     async fn cut_off(&self, blob: &str, rows: &[(usize, &NodeRow)]) -> Option<FilmError> {
         let bytes = self.blobs.node_blob_bytes(blob).await.ok()?;
         let is_beyond =
@@ -111,13 +113,13 @@ impl FilmReader {
         });
         let nodes = decoded.await??;
         for ((_, row), node) in rows.iter().zip(&nodes) {
-            self.keep(row.blob_range.clone(), Arc::clone(node));
+            self.cache(row.blob_range.clone(), Arc::clone(node));
         }
         Ok(rows.into_iter().map(|(number, _)| number).zip(nodes).collect())
     }
 }
 
-/// Nodes by place, the longest unused of which go first when there are too many.
+/// Nodes by their blob range. The least recently used are evicted first.
 #[derive(Debug, Default)]
 struct NodeCache {
     nodes: BTreeMap<BlobRange, (u64, Arc<Node>)>,
@@ -161,101 +163,26 @@ impl NodeCache {
     }
 }
 
-/// Bytes of nodes in a batch of tiles, unless it is one tile.
-const BATCH_BYTES: u64 = 8 << 20;
-
-/// Nodes in a batch, unless it is one tile.
-const BATCH_NODES: usize = 512;
-
-/// Tiles whose rows are read from the database at a time: more would be much memory in a large frame.
-const TILES_AT_ONCE: u32 = 1024;
-
-/// Tiles in runs whose rows fit into memory together.
-pub(crate) fn runs(tiles: Range<u32>) -> impl Iterator<Item = Range<u32>> {
-    let end = tiles.end;
-    tiles.step_by(TILES_AT_ONCE as usize).map(move |first| first..end.min(first.saturating_add(TILES_AT_ONCE)))
-}
-
-/// Tiles, each as its rows, in batches whose nodes fit into memory together.
-pub(crate) fn batches(tiles: Vec<&[NodeRow]>) -> Vec<Vec<&[NodeRow]>> {
-    let mut batches: Vec<Vec<&[NodeRow]>> = Vec::new();
-    let (mut bytes, mut nodes) = (0, 0);
-    for rows in tiles {
-        // Only nodes that older builds stored do not say how long they are.
-        let tile_bytes: u64 = rows.iter().map(|row| row.blob_range.length.unwrap_or(BATCH_BYTES)).sum();
-        (bytes, nodes) = (bytes + tile_bytes, nodes + rows.len());
-        match batches.last_mut() {
-            Some(batch) if bytes <= BATCH_BYTES && nodes <= BATCH_NODES => batch.push(rows),
-            _ => {
-                (bytes, nodes) = (tile_bytes, rows.len());
-                batches.push(vec![rows]);
-            }
-        }
-    }
-    batches
-}
-
-/// The merge tree of one tile of which these are all nodes; `None` when there are none.
-pub(crate) fn film_tile(
-    job: &JobRecord,
-    nodes: &[Arc<Node>],
-    holds: impl IntoIterator<Item = u32>,
-) -> Result<Option<FilmTile>, FilmError> {
-    let Some(first) = nodes.first() else { return Ok(None) };
-    let mut tile = FilmTile::new(first.address().frame, first.address().tile, first.tile(), job.sampling()?);
-    for passes in holds {
-        tile.hold(passes)?;
-    }
-    for node in nodes {
-        tile.insert(Node::clone(node))?;
-    }
-    Ok(Some(tile))
-}
-
-/// What the image of a frame says of how it was made, but for the work, which depends on its extent.
-pub(crate) async fn metadata(farm: &Farm, job: &JobRecord, frame: u32) -> Result<ImageMetadata, FilmError> {
-    let scene: serde_json::Value = match farm.store.job_scene(job.id).await? {
-        Some((scene, _)) => serde_json::from_str(&scene)?,
-        None => serde_json::Value::Null,
-    };
-    let elapsed_ms = job.started_ms.zip(job.finished_ms).map(|(started_ms, finished_ms)| finished_ms - started_ms);
-    Ok(ImageMetadata {
-        scene_hash: job.scene_hash.clone(),
-        frame,
-        seed: scene.get("seed").and_then(serde_json::Value::as_u64).unwrap_or(0),
-        integrator: scene.get("integrator").cloned().unwrap_or_default(),
-        sampling: job.sampling()?,
-        tile_size: job.grid.tile_size,
-        tile_passes: Vec::new(),
-        standard_error_tiles: None,
-        build: farm.config.build.clone(),
-        worker_builds: Vec::new(),
-        missing_light: job.missing_light.clone(),
-        left_to_chance: job.left_to_chance.clone(),
-        counters: Default::default(),
-        elapsed_seconds: elapsed_ms.map(|elapsed_ms| elapsed_ms as f64 / 1000.0),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::Config;
     use crate::model::Work;
-    use crate::server;
+    use crate::store::Source;
     use crate::store::tests::farm::some_job;
 
     #[tokio::test]
     async fn rows_are_read_again_when_a_node_that_is_not_there_has_none_any_more() {
         let directory = tempfile::tempdir().unwrap();
-        let (farm, _bells) = server::open(Config::new(directory.path())).await.unwrap();
+        let store = Store::open(Source::file(&directory.path().join("farm.sqlite"))).await.unwrap();
+        let blobs = Blobs::in_directory(directory.path().join("blobs")).unwrap();
+        let reader = FilmReader::new(store.clone(), blobs, 0);
         let job = some_job();
-        farm.store.insert_job(job.clone()).await.unwrap();
+        store.insert_job(job.clone()).await.unwrap();
         let blob_range = BlobRange { blob: "merged".to_owned(), offset: 0, length: Some(1) };
         let address = NodeAddress { frame: 0, tile: 0, level: 0, index: 0 };
-        let failure = farm.film.load(&[NodeRow { address, blob_range, work: Work::default() }]).await.unwrap_err();
+        let failure = reader.load(&[NodeRow { address, blob_range, work: Work::default() }]).await.unwrap_err();
         assert!(matches!(failure, FilmError::Lost { .. }), "{failure:?}");
-        unless_merged(&farm, job.id, failure).await.unwrap();
-        assert!(matches!(unless_merged(&farm, job.id, FilmError::Empty).await, Err(FilmError::Empty)));
+        reader.unless_merged(job.id, failure).await.unwrap();
+        assert!(matches!(reader.unless_merged(job.id, FilmError::Empty).await, Err(FilmError::Empty)));
     }
 }

@@ -8,7 +8,6 @@
 //! opens nothing, and `CsrfLayer` refuses changes that other sites' pages ask for.
 
 use std::net::IpAddr;
-use std::sync::Arc;
 
 use axum::extract::{Request, State};
 use axum::http::header::{AUTHORIZATION, COOKIE, HOST, HeaderMap, SET_COOKIE};
@@ -18,9 +17,9 @@ use axum::response::{IntoResponse, Response};
 use clerestory_api::{API_PREFIX, ProblemCode, SessionRequest};
 
 use crate::config::Token;
-use crate::farm::Farm;
 use crate::http::extract::StrictJson;
 use crate::http::problem::ApiError;
+use crate::http::state::Access;
 
 const SESSION_COOKIE: &str = "clerestory_session";
 
@@ -30,10 +29,10 @@ const SESSION_COOKIE: &str = "clerestory_session";
     responses((status = 204, description = "The answer sets the session's cookie."))
 )]
 pub(super) async fn open_session(
-    State(farm): State<Arc<Farm>>,
+    State(Access(token)): State<Access>,
     StrictJson(request): StrictJson<SessionRequest>,
 ) -> Result<Response, ApiError> {
-    let Some(token) = &farm.config.token else { return Ok(StatusCode::NO_CONTENT.into_response()) };
+    let Some(token) = token else { return Ok(StatusCode::NO_CONTENT.into_response()) };
     if !token.matches(request.token.trim()) {
         return Err(ApiError::new(ProblemCode::Unauthorized, "this is not the farm's token").field("token"));
     }
@@ -43,8 +42,8 @@ pub(super) async fn open_session(
 }
 
 /// The layer.
-pub(super) async fn authorise(State(farm): State<Arc<Farm>>, request: Request, next: Next) -> Response {
-    match check(farm.config.token.as_ref(), &request) {
+pub(super) async fn authorise(State(Access(token)): State<Access>, request: Request, next: Next) -> Response {
+    match check(token.as_ref(), &request) {
         Ok(()) => next.run(request).await,
         Err(error) => error.into_response(),
     }

@@ -12,11 +12,10 @@ use axum::response::{IntoResponse, Response};
 use clerestory_api::{EventBody, JobId};
 use futures::StreamExt;
 
-use crate::farm::Farm;
-use crate::http::extract::PathParameter;
-use crate::http::jobs::find;
-use crate::http::problem::ApiError;
-use crate::watch::events;
+use super::extract::PathParameter;
+use super::problem::ApiError;
+use crate::jobs::lifecycle::Jobs;
+use crate::watch::events::EventFeed;
 
 /// Longest silence of a stream: then a comment is sent, so that a listener knows that nothing holds the stream back.
 const SILENCE: Duration = Duration::from_secs(5);
@@ -28,8 +27,8 @@ const SILENCE: Duration = Duration::from_secs(5);
     params(("last-event-id" = Option<i64>, Header, description = "The last event that was seen.")),
     responses((status = 200, body = EventBody, content_type = "text/event-stream"))
 )]
-pub(super) async fn all(State(farm): State<Arc<Farm>>, headers: HeaderMap) -> Result<Response, ApiError> {
-    listen(farm, None, last_id(&headers)).await
+pub(super) async fn all(State(feed): State<Arc<EventFeed>>, headers: HeaderMap) -> Result<Response, ApiError> {
+    listen(feed, None, last_id(&headers)).await
 }
 
 /// What happens to one job, and to the workers.
@@ -42,16 +41,17 @@ pub(super) async fn all(State(farm): State<Arc<Farm>>, headers: HeaderMap) -> Re
     responses((status = 200, body = EventBody, content_type = "text/event-stream"))
 )]
 pub(super) async fn of_job(
-    State(farm): State<Arc<Farm>>,
+    State(jobs): State<Arc<Jobs>>,
+    State(feed): State<Arc<EventFeed>>,
     PathParameter(job): PathParameter<JobId>,
     headers: HeaderMap,
 ) -> Result<Response, ApiError> {
-    find(&farm, job).await?;
-    listen(farm, Some(job), last_id(&headers)).await
+    jobs.find(job).await?;
+    listen(feed, Some(job), last_id(&headers)).await
 }
 
-async fn listen(farm: Arc<Farm>, job: Option<JobId>, last_id: Option<i64>) -> Result<Response, ApiError> {
-    let stream = events::listen(farm, job, last_id).await?.map(|event| message(&event));
+async fn listen(feed: Arc<EventFeed>, job: Option<JobId>, last_id: Option<i64>) -> Result<Response, ApiError> {
+    let stream = feed.listen(job, last_id).await?.map(|event| message(&event));
     let mut response =
         Sse::new(stream.map(Ok::<_, Infallible>)).keep_alive(KeepAlive::new().interval(SILENCE)).into_response();
     // Proxies are asked to hand events on as they come: nginx by the first, those that compress by the second.

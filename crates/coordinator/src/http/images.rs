@@ -10,31 +10,23 @@ use axum::extract::State;
 use axum::http::header::{CACHE_CONTROL, CONTENT_LENGTH, CONTENT_TYPE};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
-use clerestory_api::{
-    ACCEPTED_NODES_HEADER, EXR_MEDIA_TYPE, JobId, JobState, PreviewExposure, PreviewQuery, ToneCurve,
-};
-use clerestory_film::{Exposure, LayerChoice, PreviewSettings};
+use clerestory_api::{ACCEPTED_NODES_HEADER, EXR_MEDIA_TYPE, JobId, PreviewExposure, PreviewQuery, ToneCurve};
+use clerestory_film::{Exposure, PreviewSettings};
 use futures::stream::{self, Stream, StreamExt};
 use tokio_util::io::ReaderStream;
 
-use crate::farm::Farm;
-use crate::films::images::{self, ImageFile};
-use crate::films::repair::repair;
-use crate::films::{FilmError, previews};
-use crate::http::extract::{PathParameter, StrictQuery};
-use crate::http::jobs::find;
-use crate::http::problem::ApiError;
-use crate::model::JobRecord;
-use crate::store::StoreError;
+use super::extract::{PathParameter, StrictQuery};
+use super::problem::ApiError;
+use crate::films::FilmError;
+use crate::films::images::{ImageFile, Images};
+use crate::films::previews::Previews;
+use crate::jobs::lifecycle::Jobs;
 
 /// Largest exposure, up or down.
 const MOST_STOPS: f64 = 32.0;
 
-/// How long a file that is still being made is waited for before the answer begins, and between two of the bytes that say that it is.
+/// Longest silence while a file is being made: before the answer begins, and between two of its first bytes.
 const SILENCE: Duration = Duration::from_secs(10);
-
-/// Tries to make an image whose nodes are merged meanwhile.
-const TRIES: u32 = 3;
 
 /// Bytes of a file that are sent at a time.
 const PIECE: usize = 256 << 10;
@@ -45,19 +37,14 @@ const PIECE: usize = 256 << 10;
     responses((status = 200, body = Vec<u8>, content_type = "image/x-exr"))
 )]
 pub(super) async fn exr(
-    State(farm): State<Arc<Farm>>,
+    State(jobs): State<Arc<Jobs>>,
+    State(images): State<Arc<Images>>,
     PathParameter(job): PathParameter<JobId>,
 ) -> Result<Response, ApiError> {
-    let job = find(&farm, job).await?;
-    if job.reopened_ms.is_some() {
-        return Err(lacks_nodes());
-    }
-    let choice = match images::layers(&farm, &job).await {
-        Err(_) if has_lost_nodes_since(&farm, &job).await? => return Err(lacks_nodes()),
-        choice => choice?,
-    };
-    let first = Bytes::from(images::first_bytes(&job, choice)?);
-    let mut making: Making = Box::pin(async move { make(&farm, &job, choice).await });
+    let job = jobs.find(job).await?;
+    let choice = images.layers(&job).await?;
+    let first = Bytes::from(Images::first_bytes(&job, choice)?);
+    let mut making: Making = Box::pin(async move { images.make(&job, choice).await });
     let Ok(made) = tokio::time::timeout(SILENCE, &mut making).await else {
         return Ok(answer(EXR_MEDIA_TYPE, Body::from_stream(slow(making, first, SILENCE))));
     };
@@ -68,45 +55,11 @@ pub(super) async fn exr(
     Ok(response)
 }
 
-/// Of an image that was complete and is not now: nobody should take what is left for the image of a job that is done.
-fn lacks_nodes() -> ApiError {
-    FilmError::RenderedAgain.into()
-}
-
-/// Makes an image. Of a job that is done it is that of all passes, or none.
-async fn make(farm: &Farm, job: &JobRecord, choice: LayerChoice) -> Result<ImageFile, FilmError> {
-    let mut tries = 1;
-    loop {
-        let made = images::make(farm, job, choice).await;
-        let has_changed = match &made {
-            Ok(_) => false,
-            Err(error) => repair(farm, job.id, error).await?,
-        };
-        if has_lost_nodes_since(farm, job).await? {
-            return Err(FilmError::RenderedAgain);
-        }
-        if !has_changed || tries == TRIES {
-            return made;
-        }
-        // Nodes have been merged meanwhile.
-        tries += 1;
-    }
-}
-
-/// Whether nodes of a job that was complete have been taken out of its film since its record was read, by another who found them lost.
-async fn has_lost_nodes_since(farm: &Farm, job: &JobRecord) -> Result<bool, StoreError> {
-    if job.state != JobState::Done {
-        return Ok(false);
-    }
-    let now = farm.store.job(job.id).await?;
-    Ok(now.is_some_and(|now| now.redone_nodes != job.redone_nodes))
-}
-
 /// A file that is being made.
 type Making = Pin<Box<dyn Future<Output = Result<ImageFile, FilmError>> + Send>>;
 
-/// A file that takes long to make. Its first bytes are known before, and one is sent from time to time, so that nobody on the way takes the
-/// silence for the end. What fails now cuts the answer off.
+/// A file that takes long to make. One of its first bytes, which are known before, is sent from time to time, so that no proxy takes the
+/// silence for the end. A failure cuts the answer off.
 fn slow(making: Making, first: Bytes, silence: Duration) -> impl Stream<Item = io::Result<Bytes>> + Send {
     let waiting = stream::unfold(Some((making, first, 0)), move |state| async move {
         let (mut making, first, sent) = state?;
@@ -130,7 +83,7 @@ fn slow(making: Making, first: Bytes, silence: Duration) -> impl Stream<Item = i
     waiting.flatten()
 }
 
-/// The bytes of a file but for the first.
+/// The bytes of a file after the first `sent` ones.
 fn pieces(file: ImageFile, sent: usize) -> impl Stream<Item = io::Result<Bytes>> + Send {
     let head = Bytes::from(file.head);
     let blocks = ReaderStream::with_capacity(tokio::fs::File::from_std(file.blocks), PIECE);
@@ -146,7 +99,8 @@ fn pieces(file: ImageFile, sent: usize) -> impl Stream<Item = io::Result<Bytes>>
     ))
 )]
 pub(super) async fn preview(
-    State(farm): State<Arc<Farm>>,
+    State(jobs): State<Arc<Jobs>>,
+    State(previews): State<Arc<Previews>>,
     PathParameter(job): PathParameter<JobId>,
     StrictQuery(query): StrictQuery<PreviewQuery>,
 ) -> Result<Response, ApiError> {
@@ -163,14 +117,7 @@ pub(super) async fn preview(
         ToneCurve::Srgb => clerestory_film::ToneCurve::Srgb,
         ToneCurve::Filmic => clerestory_film::ToneCurve::Filmic,
     };
-    let job = find(&farm, job).await?;
-    let (id, settings) = (job.id, PreviewSettings { exposure, curve });
-    let preview = match previews::current(&farm, job, settings).await {
-        Err(error) if repair(&farm, id, &error).await? => {
-            previews::current(&farm, find(&farm, id).await?, settings).await?
-        }
-        preview => preview?,
-    };
+    let preview = previews.current(jobs.find(job).await?, PreviewSettings { exposure, curve }).await?;
     let mut response = answer("image/png", Body::from(preview.png));
     response.headers_mut().insert(ACCEPTED_NODES_HEADER, preview.accepted_nodes.into());
     Ok(response)

@@ -1,7 +1,6 @@
-//! Leases: claimed, kept, worked off and given back.
+//! Leases: claimed, renewed, worked off and given back.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::Json;
 use axum::extract::{Request, State};
@@ -11,17 +10,15 @@ use clerestory_api::{
     CORE_MILLISECONDS_HEADER, EXR_MEDIA_TYPE, FENCING_TOKEN_HEADER, Lease, LeaseId, LeaseRenewal, LeaseRequest,
     LeaseReturn, LeaseToken, PartialAnswer, ProblemCode,
 };
-use tokio::time::Instant;
-use uuid::Uuid;
 
-use crate::farm::Farm;
-use crate::films::acceptance;
-use crate::http::extract::{ArrivingBody, PathParameter, StrictJson, number_header, require_media_type};
-use crate::http::problem::ApiError;
-use crate::http::receiving::receive;
-use crate::model::{ClaimTerms, Grant, LeaseRecord, WorkFailure, wire_address};
+use super::extract::{ArrivingBody, PathParameter, StrictJson, number_header, require_media_type};
+use super::problem::ApiError;
+use super::receiving::ReceivingMemory;
+use super::state::BodyLimits;
+use crate::films::acceptance::Acceptance;
+use crate::jobs::claims::Claims;
+use crate::model::LeaseRecord;
 use crate::store::LeaseError;
-use crate::watch::notifications::News;
 
 /// Longest wait for work to appear.
 const LONGEST_WAIT_MS: u32 = 20_000;
@@ -45,7 +42,7 @@ const MOST_CORE_MS: u64 = 1_000_000_000_000;
     responses((status = 201, body = Lease), (status = 204, description = "There is no work for now."))
 )]
 pub(super) async fn claim(
-    State(farm): State<Arc<Farm>>,
+    State(claims): State<Arc<Claims>>,
     StrictJson(request): StrictJson<LeaseRequest>,
 ) -> Result<Response, ApiError> {
     if request.max_nodes == Some(0) {
@@ -60,67 +57,9 @@ pub(super) async fn claim(
     if request.built.len() > MOST_BUILT {
         return Err(ApiError::invalid_field("built", request.built.len(), format!("at most {MOST_BUILT} jobs")));
     }
-    let worker = request.worker;
-    let until = Instant::now() + Duration::from_millis(request.wait_ms.into());
-    // Who has just looked in vain, and asks again, goes on waiting, if it waits at all.
-    let mut looks = request.wait_ms == 0 || farm.idle.is_to_look(worker, Instant::now().into_std());
-    let mut has_waited = false;
-    loop {
-        // Listening begins before looking, so that work which appears in between is not slept through.
-        let mut work = std::pin::pin!(farm.work.notified());
-        work.as_mut().enable();
-        if looks {
-            let (asked, request) = (Arc::clone(&farm), request.clone());
-            if let Some(grant) = farm.store.claim(move || terms(&asked, &request)).await? {
-                farm.idle.has_work(worker);
-                if has_waited {
-                    // There may be more.
-                    farm.ring_for_work();
-                }
-                return Ok((StatusCode::CREATED, Json(lease(&farm, grant))).into_response());
-            }
-            farm.idle.looked_in_vain(worker, Instant::now().into_std());
-        }
-        tokio::select! {
-            () = work => (has_waited, looks) = (true, true),
-            () = tokio::time::sleep_until(until) => return Ok(StatusCode::NO_CONTENT.into_response()),
-            () = farm.stopping.cancelled() => return Ok(StatusCode::NO_CONTENT.into_response()),
-        }
-    }
-}
-
-fn terms(farm: &Farm, request: &LeaseRequest) -> ClaimTerms {
-    ClaimTerms {
-        worker: request.worker,
-        built: request.built.clone(),
-        lease: LeaseId::from(Uuid::now_v7()),
-        max_nodes: request.max_nodes,
-        fixed_nodes: farm.config.lease_nodes,
-        target_ms: request.wanted_ms.map_or_else(|| milliseconds(farm.config.lease_target), i64::from),
-        upload_linger_ms: milliseconds(farm.gathering_time()),
-        ttl_ms: milliseconds(farm.config.lease_ttl),
-        alive_ms: farm.alive_ms(),
-        now_ms: farm.config.clock.now_ms(),
-    }
-}
-
-fn milliseconds(duration: Duration) -> i64 {
-    i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)
-}
-
-fn lease(farm: &Farm, grant: Grant) -> Lease {
-    let Grant { lease, scene_hash, nodes, upload_linger_ms } = grant;
-    tracing::debug!(lease = %lease.id, job = %lease.job, worker = %lease.worker, nodes = nodes.len(), "lease granted");
-    farm.tell(News::Lease(lease.job));
-    Lease {
-        id: lease.id,
-        token: lease.token,
-        job: lease.job,
-        scene_hash,
-        nodes: nodes.iter().map(wire_address).collect(),
-        deadline_ms: lease.deadline_ms,
-        expires_in_ms: milliseconds(farm.config.lease_ttl),
-        gather_ms: u32::try_from(upload_linger_ms).unwrap_or(u32::MAX),
+    match claims.claim(request).await? {
+        Some(lease) => Ok((StatusCode::CREATED, Json(lease)).into_response()),
+        None => Ok(StatusCode::NO_CONTENT.into_response()),
     }
 }
 
@@ -130,15 +69,11 @@ fn lease(farm: &Farm, grant: Grant) -> Lease {
     request_body = LeaseToken, responses((status = 200, body = LeaseRenewal))
 )]
 pub(super) async fn renew(
-    State(farm): State<Arc<Farm>>,
+    State(claims): State<Arc<Claims>>,
     PathParameter(lease): PathParameter<LeaseId>,
     StrictJson(LeaseToken { token }): StrictJson<LeaseToken>,
 ) -> Result<Json<LeaseRenewal>, ApiError> {
-    let now_ms = farm.config.clock.now_ms();
-    let expires_in_ms = milliseconds(farm.config.lease_ttl);
-    let deadline_ms = now_ms.saturating_add(expires_in_ms);
-    let outstanding = farm.store.renew(lease, token, now_ms, deadline_ms).await?;
-    Ok(Json(LeaseRenewal { deadline_ms, expires_in_ms, outstanding }))
+    Ok(Json(claims.renew(lease, token).await?))
 }
 
 /// Uploads complete nodes of a lease. The answer comes when they are safe on disk.
@@ -152,7 +87,10 @@ pub(super) async fn renew(
     request_body(content = Vec<u8>, content_type = "image/x-exr"), responses((status = 200, body = PartialAnswer))
 )]
 pub(super) async fn partial(
-    State(farm): State<Arc<Farm>>,
+    State(acceptance): State<Arc<Acceptance>>,
+    State(claims): State<Arc<Claims>>,
+    State(memory): State<Arc<ReceivingMemory>>,
+    State(limits): State<BodyLimits>,
     PathParameter(lease): PathParameter<LeaseId>,
     request: Request,
 ) -> Result<Json<PartialAnswer>, ApiError> {
@@ -161,28 +99,25 @@ pub(super) async fn partial(
     let token = number_header(headers, FENCING_TOKEN_HEADER)?;
     let core_ms = number_header(headers, CORE_MILLISECONDS_HEADER)?;
     check_core_ms(CORE_MILLISECONDS_HEADER, core_ms)?;
-    // A lease that is no good is refused before its body is received.
-    let record = valid_lease(&farm, lease, token, FENCING_TOKEN_HEADER).await?;
-    // Another coordinator may have given it the lease.
-    farm.idle.has_work(record.worker);
-    let (body, _room) = receive(&farm, ArrivingBody::new(request, farm.config.max_partial_bytes)?).await?;
-    // Thousands may wait above: what comes below takes its memory when its turn has come.
-    Ok(Json(Box::pin(acceptance::accept(&farm, record, core_ms, body)).await?))
+    // An invalid lease is refused before the body is received.
+    let record = valid_lease(&acceptance, lease, token, FENCING_TOKEN_HEADER).await?;
+    claims.found_work(record.worker);
+    let (body, _room) = memory.receive(ArrivingBody::new(request, limits.partial)?).await?;
+    // Thousands of requests may wait above. The future below gets its memory when its turn comes.
+    Ok(Json(Box::pin(acceptance.accept(record, core_ms, body)).await?))
 }
 
-/// A lease that is good for `token`, which came in `field`.
+/// A lease that is valid for `token`, which came in `field`.
 pub(super) async fn valid_lease(
-    farm: &Farm,
+    acceptance: &Acceptance,
     lease: LeaseId,
     token: u64,
     field: &'static str,
 ) -> Result<LeaseRecord, ApiError> {
-    let record = farm.store.lease(lease).await?;
-    record.check(token, farm.config.clock.now_ms()).map_err(|error| match error {
+    acceptance.valid_lease(lease, token).await.map_err(|error| match error {
         LeaseError::StaleToken(_) => ApiError::from(error).field(field),
         error => error.into(),
-    })?;
-    Ok(record)
+    })
 }
 
 /// Refuses a time that nobody has measured.
@@ -199,13 +134,12 @@ pub(super) fn check_core_ms(field: &'static str, core_ms: u64) -> Result<(), Api
     request_body = LeaseReturn, responses((status = 204, description = "Its nodes are in the queue again."))
 )]
 pub(super) async fn give_back(
-    State(farm): State<Arc<Farm>>,
+    State(acceptance): State<Arc<Acceptance>>,
     PathParameter(lease): PathParameter<LeaseId>,
     StrictJson(request): StrictJson<LeaseReturn>,
 ) -> Result<StatusCode, ApiError> {
-    let (token, now_ms) = (request.token, farm.config.clock.now_ms());
     match request.failure {
-        None => acceptance::give_back(&farm, lease, token, now_ms).await?,
+        None => acceptance.give_back(lease, request.token).await?,
         Some(reason) if reason.chars().count() > LONGEST_REASON => {
             let detail = "the reason is too long";
             return Err(ApiError::new(ProblemCode::InvalidField, detail)
@@ -217,9 +151,7 @@ pub(super) async fn give_back(
             // PostgreSQL holds no NUL.
             let reason = reason.replace('\0', "\u{fffd}");
             tracing::warn!(%lease, reason, "a worker could not do its work");
-            let alive_ms = farm.alive_ms();
-            let failure = WorkFailure { lease, token, reason, refused_partials: 0, now_ms, alive_ms };
-            acceptance::fail(&farm, failure).await?;
+            acceptance.fail(lease, request.token, reason, 0).await?;
         }
     }
     Ok(StatusCode::NO_CONTENT)

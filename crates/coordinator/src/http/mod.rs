@@ -21,7 +21,8 @@ mod openapi;
 mod pieces;
 pub(crate) mod problem;
 mod queries;
-mod receiving;
+pub(crate) mod receiving;
+pub(crate) mod state;
 mod strict_object;
 mod workers;
 
@@ -33,14 +34,14 @@ use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::get;
 use axum::{Json, Router};
-use clerestory_api::{API_PREFIX, ProblemCode};
+use clerestory_api::API_PREFIX;
 use tower_http::catch_panic::CatchPanicLayer;
 use tower_http::csrf::CsrfLayer;
 use tower_http::set_header::SetResponseHeaderLayer;
 
+use self::state::ApiState;
 use crate::dashboard;
-use crate::farm::Farm;
-use crate::watch::readiness;
+use crate::watch::readiness::Readiness;
 
 pub(crate) use connections::serve;
 pub(crate) use problem::ApiError;
@@ -53,8 +54,8 @@ const PAGE_POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style
      frame-ancestors 'none'; base-uri 'none'; form-action 'self'";
 
 /// Everything that the coordinator serves.
-pub(crate) fn router(farm: Arc<Farm>) -> Router {
-    let max_partial = usize::try_from(farm.config.max_partial_bytes).unwrap_or(usize::MAX);
+pub(crate) fn router(state: ApiState) -> Router {
+    let max_partial = usize::try_from(state.limits.partial).unwrap_or(usize::MAX);
     let api = Router::from(openapi::small())
         .route("/openapi.json", get(async || Json(openapi::description())))
         .layer(DefaultBodyLimit::max(MAX_SMALL_BODY as usize))
@@ -69,7 +70,7 @@ pub(crate) fn router(farm: Arc<Farm>) -> Router {
         .nest(API_PREFIX, api)
         .fallback(dashboard::file)
         .layer(CsrfLayer::new())
-        .layer(from_fn_with_state(Arc::clone(&farm), auth::authorise))
+        .layer(from_fn_with_state(state.clone(), auth::authorise))
         // Probes ask by address, and learn of the coordinator alone.
         .route("/healthz", get(async || StatusCode::NO_CONTENT))
         .route("/readyz", get(ready))
@@ -79,12 +80,11 @@ pub(crate) fn router(farm: Arc<Farm>) -> Router {
         .layer(fixed(X_CONTENT_TYPE_OPTIONS, "nosniff"))
         .layer(fixed(REFERRER_POLICY, "no-referrer"))
         .layer(fixed(CONTENT_SECURITY_POLICY, PAGE_POLICY))
-        .with_state(farm)
+        .with_state(state)
 }
 
-/// Whether what callers bring could be stored now, or what is wrong.
-async fn ready(State(farm): State<Arc<Farm>>) -> Result<StatusCode, ApiError> {
-    let ready = readiness::check(&farm).await;
-    ready.map_err(|problem| ApiError::new(ProblemCode::Unavailable, problem.to_string()))?;
+/// Whether the coordinator could store what callers bring now, or why not.
+async fn ready(State(readiness): State<Arc<Readiness>>) -> Result<StatusCode, ApiError> {
+    readiness.check().await?;
     Ok(StatusCode::NO_CONTENT)
 }

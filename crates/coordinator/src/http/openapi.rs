@@ -1,7 +1,5 @@
 //! The description of the API in the OpenAPI format, made from the handlers themselves.
 
-use std::sync::Arc;
-
 use clerestory_api::{API_PREFIX, PROBLEM_MEDIA_TYPE, Problem};
 use utoipa::OpenApi;
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
@@ -9,7 +7,7 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, ResponseBuilder};
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
-use crate::farm::Farm;
+use crate::http::state::ApiState;
 use crate::http::{assets, auth, events, images, jobs, leases, pieces, workers};
 
 #[derive(OpenApi)]
@@ -33,7 +31,7 @@ use crate::http::{assets, auth, events, images, jobs, leases, pieces, workers};
 struct Description;
 
 /// Endpoints that read small bodies.
-pub(super) fn small() -> OpenApiRouter<Arc<Farm>> {
+pub(super) fn small() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new()
         .routes(routes!(auth::open_session))
         .routes(routes!(jobs::list, jobs::submit))
@@ -57,17 +55,17 @@ pub(super) fn small() -> OpenApiRouter<Arc<Farm>> {
 }
 
 /// Endpoints that have parameters in their query.
-pub(super) fn with_parameters() -> OpenApiRouter<Arc<Farm>> {
+pub(super) fn with_parameters() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new().routes(routes!(images::preview))
 }
 
 /// The endpoints that read partials.
-pub(super) fn partials() -> OpenApiRouter<Arc<Farm>> {
+pub(super) fn partials() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new().routes(routes!(leases::partial)).routes(routes!(pieces::put))
 }
 
 /// The endpoints that read and write assets as streams.
-pub(super) fn streams() -> OpenApiRouter<Arc<Farm>> {
+pub(super) fn streams() -> OpenApiRouter<ApiState> {
     OpenApiRouter::new().routes(routes!(assets::get, assets::head, assets::put))
 }
 
@@ -75,7 +73,7 @@ pub(super) fn streams() -> OpenApiRouter<Arc<Farm>> {
 pub(crate) fn description() -> utoipa::openapi::OpenApi {
     let endpoints = small().merge(with_parameters()).merge(partials()).merge(streams());
     let (_, mut description) =
-        OpenApiRouter::<Arc<Farm>>::with_openapi(Description::openapi()).nest(API_PREFIX, endpoints).split_for_parts();
+        OpenApiRouter::<ApiState>::with_openapi(Description::openapi()).nest(API_PREFIX, endpoints).split_for_parts();
     let content = ContentBuilder::new().schema(Some(Ref::from_schema_name("Problem"))).build();
     let problem = ResponseBuilder::new().description("A problem.").content(PROBLEM_MEDIA_TYPE, content).build();
     for item in description.paths.paths.values_mut() {

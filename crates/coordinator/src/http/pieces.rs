@@ -1,8 +1,8 @@
-//! Partials that come in pieces, because a proxy refuses them whole.
+//! Partials that arrive in pieces, because a proxy refuses them whole.
 //!
-//! Pieces are blobs, so that each may reach another coordinator. They are named by their content: sending one twice, or late, changes
-//! nothing. When all are there, the worker names them in their order, and the partial is accepted as one that came whole. Pieces that are left over are
-//! removed with other blobs that nobody names.
+//! Pieces are blobs, so that each may reach another coordinator. They are named by their content: a repeated or late piece changes nothing.
+//! When all are there, the worker names them in their order, and the partial is accepted like one that arrived whole. Garbage collection
+//! removes pieces that are left over.
 
 use std::sync::Arc;
 
@@ -15,14 +15,13 @@ use clerestory_api::{
 };
 use futures::stream::{self, StreamExt, TryStreamExt};
 
-use crate::farm::Farm;
-use crate::films::acceptance;
-use crate::http::extract::{
-    ArrivingBody, PathParameter, PathParameters, StrictJson, number_header, require_media_type,
-};
-use crate::http::leases::{check_core_ms, valid_lease};
-use crate::http::problem::ApiError;
-use crate::http::receiving::{Room, receive};
+use super::extract::{ArrivingBody, PathParameter, PathParameters, StrictJson, number_header, require_media_type};
+use super::leases::{check_core_ms, valid_lease};
+use super::problem::ApiError;
+use super::receiving::{ReceivingMemory, Room};
+use super::state::BodyLimits;
+use crate::films::acceptance::Acceptance;
+use crate::jobs::claims::Claims;
 
 /// Pieces that are read at the same time.
 const READS: usize = 8;
@@ -42,19 +41,21 @@ const MOST_PIECES: usize = 65_536;
     responses((status = 204, description = "The piece is there."))
 )]
 pub(super) async fn put(
-    State(farm): State<Arc<Farm>>,
+    State(acceptance): State<Arc<Acceptance>>,
+    State(memory): State<Arc<ReceivingMemory>>,
+    State(limits): State<BodyLimits>,
     PathParameters(lease, hash): PathParameters<LeaseId, ContentHash>,
     request: Request,
 ) -> Result<StatusCode, ApiError> {
     require_media_type(request.headers(), PIECE_MEDIA_TYPE)?;
     let token = number_header(request.headers(), FENCING_TOKEN_HEADER)?;
-    valid_lease(&farm, lease, token, FENCING_TOKEN_HEADER).await?;
-    let (piece, _room) = receive(&farm, ArrivingBody::new(request, farm.config.max_partial_bytes)?).await?;
+    valid_lease(&acceptance, lease, token, FENCING_TOKEN_HEADER).await?;
+    let (piece, _room) = memory.receive(ArrivingBody::new(request, limits.partial)?).await?;
     let found = ContentHash::from(*blake3::hash(&piece).as_bytes());
     if found != hash {
         return Err(ApiError::hash_mismatch(hash, found));
     }
-    farm.blobs.put_piece(lease, hash, piece).await?;
+    memory.put_piece(lease, hash, piece).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -65,7 +66,10 @@ pub(super) async fn put(
     request_body = PartialPieces, responses((status = 200, body = PartialAnswer))
 )]
 pub(super) async fn assemble(
-    State(farm): State<Arc<Farm>>,
+    State(acceptance): State<Arc<Acceptance>>,
+    State(claims): State<Arc<Claims>>,
+    State(memory): State<Arc<ReceivingMemory>>,
+    State(limits): State<BodyLimits>,
     PathParameter(lease): PathParameter<LeaseId>,
     StrictJson(PartialPieces { token, core_ms, pieces }): StrictJson<PartialPieces>,
 ) -> Result<Json<PartialAnswer>, ApiError> {
@@ -73,21 +77,25 @@ pub(super) async fn assemble(
     if pieces.is_empty() || pieces.len() > MOST_PIECES {
         return Err(ApiError::invalid_field("pieces", pieces.len(), format!("1 to {MOST_PIECES} pieces")));
     }
-    let record = valid_lease(&farm, lease, token, "token").await?;
-    farm.idle.has_work(record.worker);
-    let (body, _room) = joined(&farm, lease, &pieces).await?;
-    let answer = Box::pin(acceptance::accept(&farm, record, core_ms, body)).await;
-    // Those of a partial that may be sent again are kept.
+    let record = valid_lease(&acceptance, lease, token, "token").await?;
+    claims.found_work(record.worker);
+    let (body, _room) = joined(&memory, limits.partial, lease, &pieces).await?;
+    let answer = Box::pin(acceptance.accept(record, core_ms, body)).await.map_err(ApiError::from);
+    // The pieces of a partial that may be sent again stay.
     if answer.as_ref().err().is_none_or(|error| !error.is_ours()) {
-        farm.blobs.remove_pieces(lease, &pieces).await;
+        memory.remove_pieces(lease, &pieces).await;
     }
     Ok(Json(answer?))
 }
 
-/// The pieces in their order, and the memory that they take. Their sizes are looked at before any is read.
-async fn joined<'a>(farm: &'a Farm, lease: LeaseId, pieces: &[ContentHash]) -> Result<(Bytes, Room<'a>), ApiError> {
-    let limit = farm.config.max_partial_bytes;
-    let look = |hash: ContentHash| async move { Ok::<_, ApiError>((hash, farm.blobs.piece_size(lease, hash).await?)) };
+/// The pieces in their order, and the memory that they take. All sizes are known before the first piece is read.
+async fn joined<'a>(
+    memory: &'a ReceivingMemory,
+    limit: u64,
+    lease: LeaseId,
+    pieces: &[ContentHash],
+) -> Result<(Bytes, Room<'a>), ApiError> {
+    let look = |hash: ContentHash| async move { Ok::<_, ApiError>((hash, memory.piece_size(lease, hash).await?)) };
     let mut sizes = stream::iter(pieces.iter().copied()).map(look).buffered(READS);
     let (mut bytes, mut missing) = (0_u64, Vec::new());
     while let Some((hash, size)) = sizes.try_next().await? {
@@ -103,10 +111,10 @@ async fn joined<'a>(farm: &'a Farm, lease: LeaseId, pieces: &[ContentHash]) -> R
         let detail = format!("{} of the pieces must be uploaded first; `missing` lists them", missing.len());
         return Err(ApiError::new(ProblemCode::MissingPieces, detail).missing(missing));
     }
-    let mut room = Room::new(farm, Some(bytes));
-    room.widen_to(bytes).await?;
+    let mut room = memory.room(Some(bytes));
+    room.widen_to(bytes).await;
     let mut body = BytesMut::with_capacity(usize::try_from(bytes).unwrap_or(0));
-    let read = |hash: ContentHash| farm.blobs.piece(lease, hash);
+    let read = |hash: ContentHash| memory.piece(lease, hash);
     let mut read = stream::iter(pieces.iter().copied()).map(read).buffered(READS);
     while let Some(piece) = read.try_next().await? {
         body.extend_from_slice(&piece);

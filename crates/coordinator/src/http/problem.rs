@@ -11,14 +11,23 @@ use axum::extract::Request;
 use axum::http::{HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use clerestory_api::{ContentHash, PROBLEM_MEDIA_TYPE, Problem, ProblemCode, is_printable};
+use clerestory_api::{ContentHash, PROBLEM_MEDIA_TYPE, Problem, ProblemCode};
+use tokio::task::JoinError;
 use tower_http::csrf::ProtectionError;
 use tracing::Instrument;
 use uuid::Uuid;
 
 use crate::blobs::BlobError;
 use crate::films::FilmError;
+use crate::films::acceptance::AcceptanceError;
+use crate::films::assets::AssetError;
+use crate::jobs::lifecycle::JobError;
+use crate::jobs::submission_error::SubmissionError;
+use crate::jobs::submission_memory::Busy;
+use crate::jobs::workers::WorkerCallError;
+use crate::model::UnprintableName;
 use crate::store::{LeaseError, StoreError, WorkerError};
+use crate::watch::readiness::NotReady;
 
 /// Longest value that is repeated to the caller.
 const LONGEST_VALUE: usize = 120;
@@ -60,14 +69,6 @@ impl ApiError {
             .field(field)
             .value(value)
             .expected(expected)
-    }
-
-    /// Refuses a name with a character that changes how a line is shown.
-    pub(crate) fn check_name(field: &str, name: &str) -> Result<(), Self> {
-        let Some(found) = name.chars().find(|character| !is_printable(*character)) else { return Ok(()) };
-        let detail = format!("the name has the character U+{:04X}, which is not shown", u32::from(found));
-        let expected = "a name without control characters, line breaks and overrides of the direction of text";
-        Err(Self::new(ProblemCode::InvalidName, detail).field(field).value(name).expected(expected))
     }
 
     /// A body of more bytes than this endpoint reads.
@@ -166,65 +167,146 @@ fn status_and_title(code: ProblemCode) -> (StatusCode, &'static str) {
     }
 }
 
-impl From<StoreError> for ApiError {
-    fn from(error: StoreError) -> Self {
-        match error {
-            StoreError::Closed => Self::new(ProblemCode::Unavailable, "the coordinator is stopping; try again"),
-            error @ StoreError::ReadOnly(_) => Self {
-                cause: Some(Arc::new(error)),
-                ..Self::new(ProblemCode::Unavailable, "the database takes no writes now; try again")
-            },
-            error => Self::internal(error),
-        }
-    }
+/// The errors of the domain that callers can meet.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub(crate) enum DomainError {
+    /// Of the database.
+    Store(#[from] StoreError),
+    /// Of a worker's call.
+    Worker(#[from] WorkerError),
+    /// Of a worker's call that has to be carried out to its end.
+    WorkerCall(#[from] WorkerCallError),
+    /// Of a call under a lease.
+    Lease(#[from] LeaseError),
+    /// Of a partial.
+    Acceptance(#[from] AcceptanceError),
+    /// Of the blob store.
+    Blob(#[from] BlobError),
+    /// Of a film.
+    Film(#[from] FilmError),
+    /// Of an asset.
+    Asset(#[from] AssetError),
+    /// Of a job.
+    Job(#[from] JobError),
+    /// Of a submission.
+    Submission(#[from] SubmissionError),
+    /// Of the memory for submissions.
+    Busy(#[from] Busy),
+    /// Of a name.
+    Name(#[from] UnprintableName),
+    /// Of readiness.
+    NotReady(#[from] NotReady),
+    /// Of a computation that was stopped.
+    Stopped(#[from] JoinError),
 }
 
-impl From<WorkerError> for ApiError {
-    fn from(error: WorkerError) -> Self {
-        match error {
-            WorkerError::Unknown(worker) => {
-                let detail = "no worker has registered under this identity; register again";
-                Self::new(ProblemCode::UnknownWorker, detail).field("worker").value(worker)
+/// The one way from an error of the domain to a problem.
+impl<E: Into<DomainError>> From<E> for ApiError {
+    fn from(error: E) -> Self {
+        match error.into() {
+            DomainError::Store(error) => of_store(error),
+            DomainError::Worker(error) | DomainError::WorkerCall(WorkerCallError::Worker(error)) => of_worker(error),
+            DomainError::Lease(error) | DomainError::Acceptance(AcceptanceError::Lease(error)) => of_lease(error),
+            DomainError::Acceptance(AcceptanceError::InvalidPartial(reason)) => {
+                Self::new(ProblemCode::InvalidPartial, reason).field("body")
             }
-            error @ WorkerError::Quarantined { worker, .. } => {
-                Self::new(ProblemCode::WorkerQuarantined, error.to_string()).field("worker").value(worker)
+            DomainError::Film(error)
+            | DomainError::Asset(AssetError::Film(error))
+            | DomainError::Submission(SubmissionError::Film(error)) => of_film(error),
+            DomainError::Asset(error @ AssetError::Unknown(hash)) => {
+                Self::new(ProblemCode::UnknownAsset, error.to_string()).field("hash").value(hash)
             }
-            WorkerError::Store(error) => error.into(),
-        }
-    }
-}
-
-impl From<LeaseError> for ApiError {
-    fn from(error: LeaseError) -> Self {
-        let detail = error.to_string();
-        match error {
-            LeaseError::Unknown(lease) => Self::new(ProblemCode::UnknownLease, detail).field("lease").value(lease),
-            LeaseError::StaleToken(token) => {
-                let problem = Self::new(ProblemCode::StaleToken, detail).field("token").value(token);
-                problem.expected("the token that came with the lease")
+            DomainError::Job(error @ JobError::Unknown(job)) => {
+                Self::new(ProblemCode::UnknownJob, error.to_string()).field("job").value(job)
             }
-            LeaseError::Expired => Self::new(ProblemCode::LeaseExpired, detail),
-            LeaseError::Returned => Self::new(ProblemCode::LeaseReturned, detail),
-            LeaseError::JobNotRunning => Self::new(ProblemCode::JobNotRunning, detail),
-            LeaseError::Store(error) => error.into(),
+            DomainError::Job(JobError::Store(error)) => of_store(error),
+            DomainError::Busy(busy) | DomainError::Submission(SubmissionError::Busy(busy)) => {
+                Self::new(ProblemCode::Unavailable, busy.to_string()).retry_after(Busy::RETRY_AFTER)
+            }
+            DomainError::Name(error) | DomainError::Submission(SubmissionError::Name(error)) => of_name(error),
+            DomainError::NotReady(problem) => Self::new(ProblemCode::Unavailable, problem.to_string()),
+            DomainError::Submission(error) => of_submission(error),
+            error @ (DomainError::WorkerCall(WorkerCallError::Stopped(_))
+            | DomainError::Acceptance(_)
+            | DomainError::Blob(_)
+            | DomainError::Job(JobError::Stopped(_))
+            | DomainError::Stopped(_)) => Self::internal(error),
         }
     }
 }
 
-impl From<BlobError> for ApiError {
-    fn from(error: BlobError) -> Self {
-        Self::internal(error)
+fn of_store(error: StoreError) -> ApiError {
+    match error {
+        StoreError::Closed => ApiError::new(ProblemCode::Unavailable, "the coordinator is stopping; try again"),
+        error @ StoreError::ReadOnly(_) => ApiError {
+            cause: Some(Arc::new(error)),
+            ..ApiError::new(ProblemCode::Unavailable, "the database takes no writes now; try again")
+        },
+        error => ApiError::internal(error),
     }
 }
 
-impl From<FilmError> for ApiError {
-    fn from(error: FilmError) -> Self {
-        match error {
-            FilmError::Empty => Self::new(ProblemCode::NoImageYet, "no node of this job has been accepted yet"),
-            error @ FilmError::RenderedAgain => Self::new(ProblemCode::Unavailable, error.to_string()),
-            FilmError::Store(error) => error.into(),
-            error => Self::internal(error),
+fn of_worker(error: WorkerError) -> ApiError {
+    match error {
+        WorkerError::Unknown(worker) => {
+            let detail = "no worker has registered under this identity; register again";
+            ApiError::new(ProblemCode::UnknownWorker, detail).field("worker").value(worker)
         }
+        error @ WorkerError::Quarantined { worker, .. } => {
+            ApiError::new(ProblemCode::WorkerQuarantined, error.to_string()).field("worker").value(worker)
+        }
+        WorkerError::Store(error) => of_store(error),
+    }
+}
+
+fn of_lease(error: LeaseError) -> ApiError {
+    let detail = error.to_string();
+    match error {
+        LeaseError::Unknown(lease) => ApiError::new(ProblemCode::UnknownLease, detail).field("lease").value(lease),
+        LeaseError::StaleToken(token) => {
+            let problem = ApiError::new(ProblemCode::StaleToken, detail).field("token").value(token);
+            problem.expected("the token that came with the lease")
+        }
+        LeaseError::Expired => ApiError::new(ProblemCode::LeaseExpired, detail),
+        LeaseError::Returned => ApiError::new(ProblemCode::LeaseReturned, detail),
+        LeaseError::JobNotRunning => ApiError::new(ProblemCode::JobNotRunning, detail),
+        LeaseError::Store(error) => of_store(error),
+    }
+}
+
+fn of_film(error: FilmError) -> ApiError {
+    match error {
+        FilmError::Empty => ApiError::new(ProblemCode::NoImageYet, "no node of this job has been accepted yet"),
+        error @ FilmError::RenderedAgain => ApiError::new(ProblemCode::Unavailable, error.to_string()),
+        FilmError::Store(error) => of_store(error),
+        error => ApiError::internal(error),
+    }
+}
+
+fn of_name(error: UnprintableName) -> ApiError {
+    let expected = "a name without control characters, line breaks and overrides of the direction of text";
+    let problem = ApiError::new(ProblemCode::InvalidName, error.to_string());
+    problem.field(error.field).value(error.name).expected(expected)
+}
+
+fn of_submission(error: SubmissionError) -> ApiError {
+    let detail = error.to_string();
+    match error {
+        SubmissionError::InvalidField { field, value, expected } => {
+            ApiError::new(ProblemCode::InvalidField, detail).field(field).value(value).expected(expected)
+        }
+        SubmissionError::InvalidScene { field, value, expected, .. } => {
+            let problem = ApiError::new(ProblemCode::InvalidScene, detail).field(field);
+            let problem = value.into_iter().fold(problem, ApiError::value);
+            expected.into_iter().fold(problem, ApiError::expected)
+        }
+        SubmissionError::InvalidReference { hash, expected, .. } => {
+            let problem = ApiError::new(ProblemCode::InvalidReference, detail).field("reference");
+            problem.value(hash).expected(expected)
+        }
+        SubmissionError::MissingAssets(hashes) => ApiError::new(ProblemCode::MissingAssets, detail).missing(hashes),
+        error => ApiError::internal(error),
     }
 }
 

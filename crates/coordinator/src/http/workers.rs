@@ -7,15 +7,12 @@ use axum::extract::{FromRequest, Request, State};
 use axum::http::StatusCode;
 use axum::http::header::CONTENT_TYPE;
 use clerestory_api::{WorkerActivity, WorkerId, WorkerRegistration, WorkerView};
-use uuid::Uuid;
 
-use crate::farm::Farm;
-use crate::http::extract::{PathParameter, StrictJson};
-use crate::http::problem::ApiError;
-use crate::store::WorkerError;
-use crate::tasks::to_completion;
-use crate::watch::notifications::News;
-use crate::watch::views;
+use super::extract::{PathParameter, StrictJson};
+use super::problem::ApiError;
+use crate::jobs::workers::Workers;
+use crate::model::check_name;
+use crate::watch::views::Views;
 
 /// Longest name or build.
 const LONGEST_TEXT: usize = 200;
@@ -29,16 +26,13 @@ const MOST_CORES: u32 = 65_536;
     responses((status = 201, body = WorkerView))
 )]
 pub(super) async fn register(
-    State(farm): State<Arc<Farm>>,
+    State(workers): State<Arc<Workers>>,
+    State(views): State<Arc<Views>>,
     StrictJson(registration): StrictJson<WorkerRegistration>,
 ) -> Result<(StatusCode, Json<WorkerView>), ApiError> {
     check(&registration)?;
-    let id = WorkerId::from(Uuid::now_v7());
-    let (name, cores) = (registration.name.clone(), registration.cores);
-    farm.store.register_worker(id, registration, farm.config.clock.now_ms()).await?;
-    tracing::info!(worker = %id, name, cores, "worker registered");
-    farm.tell(News::Workers);
-    Ok((StatusCode::CREATED, Json(views::worker(&farm, id).await?)))
+    let id = workers.register(registration).await?;
+    Ok((StatusCode::CREATED, Json(views.worker(id).await?)))
 }
 
 fn check(registration: &WorkerRegistration) -> Result<(), ApiError> {
@@ -48,7 +42,7 @@ fn check(registration: &WorkerRegistration) -> Result<(), ApiError> {
         if let Some(text) = text.filter(|text| text.is_empty() || text.chars().count() > LONGEST_TEXT) {
             return Err(ApiError::invalid_field(field, text, format!("1 to {LONGEST_TEXT} characters")));
         }
-        ApiError::check_name(field, text.unwrap_or_default())?;
+        check_name(field, text.unwrap_or_default())?;
     }
     if !(1..=MOST_CORES).contains(&registration.cores) {
         return Err(ApiError::invalid_field("cores", registration.cores, format!("1 to {MOST_CORES}")));
@@ -63,7 +57,7 @@ fn check(registration: &WorkerRegistration) -> Result<(), ApiError> {
     responses((status = 204, description = "Heard."))
 )]
 pub(super) async fn heartbeat(
-    State(farm): State<Arc<Farm>>,
+    State(workers): State<Arc<Workers>>,
     PathParameter(worker): PathParameter<WorkerId>,
     request: Request,
 ) -> Result<StatusCode, ApiError> {
@@ -72,8 +66,7 @@ pub(super) async fn heartbeat(
     } else {
         WorkerActivity::default()
     };
-    farm.store.touch_worker(worker, farm.config.clock.now_ms(), activity).await?;
-    farm.tell(News::Workers);
+    workers.heartbeat(worker, activity).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -83,17 +76,10 @@ pub(super) async fn heartbeat(
     responses((status = 204, description = "It has ended."))
 )]
 pub(super) async fn end(
-    State(farm): State<Arc<Farm>>,
+    State(workers): State<Arc<Workers>>,
     PathParameter(worker): PathParameter<WorkerId>,
 ) -> Result<StatusCode, ApiError> {
-    let ended = to_completion(async move {
-        if farm.store.end_worker(worker, farm.config.clock.now_ms()).await? {
-            tracing::info!(%worker, "worker ended");
-            farm.tell(News::Work);
-        }
-        Ok::<_, WorkerError>(())
-    });
-    ended.await.map_err(ApiError::internal)??;
+    workers.end(worker).await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -103,23 +89,17 @@ pub(super) async fn end(
     responses((status = 200, body = WorkerView))
 )]
 pub(super) async fn release(
-    State(farm): State<Arc<Farm>>,
+    State(workers): State<Arc<Workers>>,
+    State(views): State<Arc<Views>>,
     PathParameter(worker): PathParameter<WorkerId>,
 ) -> Result<Json<WorkerView>, ApiError> {
-    let told = Arc::clone(&farm);
-    let released = to_completion(async move {
-        told.store.release_worker(worker).await?;
-        tracing::info!(%worker, "worker released");
-        told.tell(News::Work);
-        Ok::<_, WorkerError>(())
-    });
-    released.await.map_err(ApiError::internal)??;
-    Ok(Json(views::worker(&farm, worker).await?))
+    workers.release(worker).await?;
+    Ok(Json(views.worker(worker).await?))
 }
 
 /// All workers that have not ended, in order of registration. A silent one ends after a day, or when
 /// another of its name has registered since.
 #[utoipa::path(get, path = "/workers", tag = "workers", responses((status = 200, body = Vec<WorkerView>)))]
-pub(super) async fn list(State(farm): State<Arc<Farm>>) -> Result<Json<Vec<WorkerView>>, ApiError> {
-    Ok(Json(views::workers(&farm).await?))
+pub(super) async fn list(State(views): State<Arc<Views>>) -> Result<Json<Vec<WorkerView>>, ApiError> {
+    Ok(Json(views.workers().await?))
 }

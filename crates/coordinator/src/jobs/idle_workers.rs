@@ -1,9 +1,9 @@
-//! Workers for whom there was nothing to do when they asked last.
+//! Idle workers: those whose last query for work found none.
 //!
-//! Each look for work costs the database some milliseconds, whether there is any or not. A worker that has looked in vain waits until it is rung; when the
-//! coordinator has let it go without work and it asks again, it goes on waiting. Otherwise thousands of them, each back after some seconds, would leave no time
-//! to those who have work. Without being rung it looks all the same when it asks again after some time, since nobody knows for whom there is work: the longer, the
-//! more of them there are.
+//! Each query costs the database some milliseconds, whether there is work or not. A worker that found none waits for a notification. When
+//! its request ends and it asks again, it goes on waiting. Otherwise thousands of idle workers, each back after some seconds, would leave
+//! no time to those with work. Since nobody knows which worker a job suits, an idle worker queries from time to time without a
+//! notification: the more of them there are, the less often each.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -11,69 +11,69 @@ use std::time::{Duration, Instant};
 
 use clerestory_api::WorkerId;
 
-/// Least time from the look of one to that of another, of those who are not rung.
-const EACH: Duration = Duration::from_millis(20);
+/// Least time between two queries of different workers without a notification.
+const INTERVAL: Duration = Duration::from_millis(20);
 
-/// Longest time from when a worker should look to when it asks, if it is still there.
+/// Longest time from when a worker may query to its request, if it still exists.
 const ABSENCE: Duration = Duration::from_secs(60);
 
-/// The workers that wait for work at this coordinator.
+/// The idle workers of this coordinator.
 #[derive(Debug)]
-pub(crate) struct Idle {
-    looks: Mutex<Looks>,
+pub(crate) struct IdleWorkers {
+    queries: Mutex<Queries>,
 }
 
 #[derive(Debug)]
-struct Looks {
-    /// When each has looked last.
+struct Queries {
+    /// The last query of each worker.
     last: BTreeMap<WorkerId, Instant>,
-    /// Until when no other looks that is not rung.
+    /// Time of the next query without a notification.
     next: Instant,
 }
 
-impl Default for Idle {
+impl Default for IdleWorkers {
     fn default() -> Self {
-        Self { looks: Mutex::new(Looks { last: BTreeMap::new(), next: Instant::now() }) }
+        Self { queries: Mutex::new(Queries { last: BTreeMap::new(), next: Instant::now() }) }
     }
 }
 
-impl Idle {
-    /// Whether a worker that asks is to look at once, though nobody has rung; it is taken to do so.
-    pub(crate) fn is_to_look(&self, worker: WorkerId, now: Instant) -> bool {
-        let mut looks = self.looks();
-        let Some(last) = looks.last.get(&worker) else { return true };
-        let is_to_look = *last + pause(looks.last.len()) <= now && looks.next <= now;
-        if is_to_look {
-            looks.next = now + EACH;
+impl IdleWorkers {
+    /// Whether a worker that asks may query without a notification. A positive answer counts as its query.
+    pub(crate) fn may_query(&self, worker: WorkerId, now: Instant) -> bool {
+        let mut queries = self.queries();
+        let Some(last) = queries.last.get(&worker) else { return true };
+        let may_query = *last + pause(queries.last.len()) <= now && queries.next <= now;
+        if may_query {
+            queries.next = now + INTERVAL;
         }
-        is_to_look
+        may_query
     }
 
-    /// Notes that it has looked in vain.
-    pub(crate) fn looked_in_vain(&self, worker: WorkerId, now: Instant) {
-        self.looks().last.insert(worker, now);
+    /// Marks that its query found no work.
+    pub(crate) fn found_nothing(&self, worker: WorkerId, now: Instant) {
+        self.queries().last.insert(worker, now);
     }
 
-    /// Notes that it has found work.
-    pub(crate) fn has_work(&self, worker: WorkerId) {
-        self.looks().last.remove(&worker);
+    /// Marks that it has work.
+    pub(crate) fn found_work(&self, worker: WorkerId) {
+        self.queries().last.remove(&worker);
     }
 
-    /// Forgets workers that have not come again.
-    pub(crate) fn forget_those_who_have_gone(&self, now: Instant) {
-        let mut looks = self.looks();
-        let longest = pause(looks.last.len()) + ABSENCE;
-        looks.last.retain(|_, last| *last + longest > now);
+    /// Forgets workers that have not asked again.
+    pub(crate) fn forget_absent(&self, now: Instant) {
+        let mut queries = self.queries();
+        let longest = pause(queries.last.len()) + ABSENCE;
+        queries.last.retain(|_, last| *last + longest > now);
     }
 
-    fn looks(&self) -> MutexGuard<'_, Looks> {
-        self.looks.lock().unwrap_or_else(PoisonError::into_inner)
+    fn queries(&self) -> MutexGuard<'_, Queries> {
+        self.queries.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Time between two looks of one of so many.
+/// Time between two queries of one worker.
 fn pause(workers: usize) -> Duration {
-    EACH * u32::try_from(workers).unwrap_or(u32::MAX)
+    INTERVAL * u32::try_from(workers).unwrap_or(u32::MAX)
 }
 
 #[cfg(test)]
@@ -83,35 +83,35 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_more_wait_the_longer_each_waits_until_it_looks_again() {
-        let (idle, start) = (Idle::default(), Instant::now());
+    fn each_idle_worker_waits_longer_for_its_next_query_the_more_of_them_there_are() {
+        let (idle, start) = (IdleWorkers::default(), Instant::now());
         let workers: Vec<WorkerId> = (0..5000).map(|_| WorkerId::from(Uuid::now_v7())).collect();
-        assert!(idle.is_to_look(workers[0], start), "nobody knows whether there is work for it");
-        idle.looked_in_vain(workers[0], start);
-        assert!(!idle.is_to_look(workers[0], start));
-        assert!(idle.is_to_look(workers[0], start + EACH), "it is alone");
+        assert!(idle.may_query(workers[0], start), "nobody knows whether there is work for it");
+        idle.found_nothing(workers[0], start);
+        assert!(!idle.may_query(workers[0], start));
+        assert!(idle.may_query(workers[0], start + INTERVAL), "it is alone");
         for worker in &workers {
-            idle.looked_in_vain(*worker, start);
+            idle.found_nothing(*worker, start);
         }
-        assert!(!idle.is_to_look(workers[0], start + Duration::from_secs(99)));
+        assert!(!idle.may_query(workers[0], start + Duration::from_secs(99)));
         let again = start + Duration::from_secs(100);
-        assert!(idle.is_to_look(workers[0], again));
-        assert!(!idle.is_to_look(workers[1], again), "one after the other");
-        assert!(idle.is_to_look(workers[1], again + EACH));
-        idle.has_work(workers[0]);
-        assert!(idle.is_to_look(workers[0], start), "it has worked since");
+        assert!(idle.may_query(workers[0], again));
+        assert!(!idle.may_query(workers[1], again), "one after the other");
+        assert!(idle.may_query(workers[1], again + INTERVAL));
+        idle.found_work(workers[0]);
+        assert!(idle.may_query(workers[0], start), "it has worked since");
     }
 
     #[test]
-    fn who_does_not_come_again_is_forgotten() {
-        let (idle, start) = (Idle::default(), Instant::now());
+    fn a_worker_that_does_not_ask_again_is_forgotten() {
+        let (idle, start) = (IdleWorkers::default(), Instant::now());
         let [gone, here] = [(); 2].map(|()| WorkerId::from(Uuid::now_v7()));
-        idle.looked_in_vain(gone, start);
+        idle.found_nothing(gone, start);
         let later = start + ABSENCE;
-        idle.looked_in_vain(here, later);
-        idle.forget_those_who_have_gone(later);
-        assert_eq!(idle.looks().last.len(), 2, "it may still be on its way");
-        idle.forget_those_who_have_gone(later + 2 * EACH);
-        assert_eq!(idle.looks().last.keys().copied().collect::<Vec<_>>(), [here]);
+        idle.found_nothing(here, later);
+        idle.forget_absent(later);
+        assert_eq!(idle.queries().last.len(), 2, "it may still be on its way");
+        idle.forget_absent(later + 2 * INTERVAL);
+        assert_eq!(idle.queries().last.keys().copied().collect::<Vec<_>>(), [here]);
     }
 }

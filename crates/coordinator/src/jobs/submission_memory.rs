@@ -1,27 +1,24 @@
 //! Memory for submissions that are checked, and the queue for it.
 //!
-//! What a submission takes is known before it is taken. Small ones have memory of their own, so that they do not wait for a large one that takes
-//! seconds. The queue is short, and nobody waits in it for long: a caller that is turned away comes back.
+//! The memory of a submission is known before it is taken. Small submissions have memory of their own, so that they do not wait for a large
+//! one that takes seconds. The queue is short, and waits in it are short: a caller that is turned away tries again.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
-use clerestory_api::ProblemCode;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::OwnedSemaphorePermit;
 
-use crate::http::problem::ApiError;
-use crate::memory::permits;
+use crate::memory::{MemoryBudget, permits};
 
 /// Bytes of memory for each byte of a submission while it is parsed, most of which are numbers of inline meshes, and for what it is parsed to.
 const PARSED_BYTES: u64 = 32;
 const DESCRIBED_BYTES: u64 = 4;
 
-/// A submission that takes no more is small, and a body of which no more is parsed.
+/// Largest memory of a small submission, and its largest body.
 const SMALL: u64 = 16 << 20;
 const SMALL_BODY: u64 = SMALL / PARSED_BYTES;
 
-/// Memory for bodies that are received: for small ones, and for all others.
+/// Memory for bodies that are received: of small submissions, and of all others.
 const BODIES: [u64; 2] = [16 << 20, 64 << 20];
 
 /// Memory for submissions that are parsed, and for what they are parsed to.
@@ -33,15 +30,22 @@ const SMALL_SCENES: u64 = 64 << 20;
 /// Most submissions that wait for memory.
 const MOST_WAITING: usize = 64;
 
-/// Longest wait for memory: proxies give up after a minute or half of one.
+/// Longest wait for memory: proxies give up after half a minute or a minute.
 const LONGEST_WAIT: Duration = Duration::from_secs(20);
 
-/// When a caller that is turned away is to come back.
-const COMES_BACK_AFTER: Duration = Duration::from_secs(5);
+/// The coordinator is checking other submissions, and has no memory for this one yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the coordinator is checking other submissions, and has no memory for this one yet; try again")]
+pub(crate) struct Busy;
+
+impl Busy {
+    /// Pause before the caller should try again.
+    pub(crate) const RETRY_AFTER: Duration = Duration::from_secs(5);
+}
 
 /// The memory of all submissions.
 #[derive(Debug)]
-pub(crate) struct Submissions {
+pub(crate) struct SubmissionMemory {
     bodies: Pool,
     parsed: Pool,
     scenes: Pool,
@@ -52,32 +56,32 @@ pub(crate) struct Submissions {
 /// Memory for small things of one kind, and for large ones.
 #[derive(Debug)]
 struct Pool {
-    small: Arc<Semaphore>,
-    large: Arc<Semaphore>,
+    small: MemoryBudget,
+    large: MemoryBudget,
 }
 
 impl Pool {
     fn new(bytes: [u64; 2]) -> Self {
-        let [small, large] = bytes.map(|bytes| Arc::new(Semaphore::new(permits(bytes) as usize)));
+        let [small, large] = bytes.map(MemoryBudget::new);
         Self { small, large }
     }
 
-    fn of(&self, is_small: bool) -> &Arc<Semaphore> {
+    fn of(&self, is_small: bool) -> &MemoryBudget {
         if is_small { &self.small } else { &self.large }
     }
 }
 
-/// Memory of one submission; free again when it is dropped.
+/// Memory of one submission, freed when it is dropped.
 #[derive(Debug)]
 pub(crate) struct Room {
     permit: OwnedSemaphorePermit,
     bytes: u64,
-    /// Whether it is part of what small ones have.
+    /// Whether it comes from the pool of small submissions.
     pub(crate) is_small: bool,
 }
 
 impl Room {
-    /// Gives back what is more than these bytes.
+    /// Frees all but these bytes.
     pub(crate) fn shrink(&mut self, bytes: u64) {
         let surplus = self.permit.num_permits().saturating_sub(permits(bytes) as usize);
         drop(self.permit.split(surplus));
@@ -93,15 +97,15 @@ pub(crate) struct ParsingRoom {
 }
 
 impl ParsingRoom {
-    /// Gives back what is only needed while it is parsed, and keeps the rest as long as the scene is described.
+    /// Frees the memory that only parsing needs. The rest is kept while the scene is described.
     pub(crate) fn parsed(mut self) -> Room {
         self.room.shrink(self.described);
         self.room
     }
 }
 
-impl Submissions {
-    /// Memory for scenes that take so many bytes together, besides what small ones have.
+impl SubmissionMemory {
+    /// Memory in which large scenes take `bytes` together. Small ones have a pool of their own.
     pub(crate) fn new(bytes: u64) -> Self {
         Self {
             bodies: Pool::new(BODIES),
@@ -112,52 +116,51 @@ impl Submissions {
         }
     }
 
-    /// Waits for memory for a body that is received, of so many bytes at the most.
-    pub(crate) async fn for_body(&self, bytes: u64) -> Result<Room, ApiError> {
+    /// Waits for memory for a body of at most these bytes.
+    pub(crate) async fn for_body(&self, bytes: u64) -> Result<Room, Busy> {
         self.wait(&self.bodies, bytes, bytes <= SMALL_BODY).await
     }
 
-    /// Waits for memory to parse a body of so many bytes.
-    pub(crate) async fn for_parsing(&self, body_bytes: u64) -> Result<ParsingRoom, ApiError> {
+    /// Waits for memory to parse a body of these bytes.
+    pub(crate) async fn for_parsing(&self, body_bytes: u64) -> Result<ParsingRoom, Busy> {
         let [_, most] = PARSED;
         let [bytes, described] = [PARSED_BYTES, DESCRIBED_BYTES].map(|each| body_bytes.saturating_mul(each).min(most));
         Ok(ParsingRoom { room: self.wait(&self.parsed, bytes, bytes <= SMALL).await?, described })
     }
 
-    /// Waits for memory for a scene that takes so many bytes, no more than there are for all.
-    pub(crate) async fn for_scene(&self, bytes: u64) -> Result<Room, ApiError> {
+    /// Waits for memory for a scene of these bytes.
+    pub(crate) async fn for_scene(&self, bytes: u64) -> Result<Room, Busy> {
         self.wait(&self.scenes, bytes, bytes <= SMALL).await
     }
 
-    /// Takes the memory for a scene of which more is known, if it is free; `room` is the memory that it has.
+    /// Extends the memory of a scene to these bytes, or frees it and answers `None` when they are not free now.
     pub(crate) fn grow(&self, room: Room, bytes: u64) -> Option<Room> {
         if bytes <= room.bytes {
             return Some(room);
         }
         let is_small = bytes <= SMALL;
-        let semaphore = self.scenes.of(is_small);
-        let held = if is_small == room.is_small { permits(room.bytes) } else { 0 };
-        let mut permit = Arc::clone(semaphore).try_acquire_many_owned(permits(bytes).saturating_sub(held)).ok()?;
+        let is_same_pool = is_small == room.is_small;
+        let held = if is_same_pool { permits(room.bytes) } else { 0 };
+        let mut permit = self.scenes.of(is_small).try_reserve_more(bytes, held)?;
         if held > 0 {
             permit.merge(room.permit);
         }
         Some(Room { permit, bytes, is_small })
     }
 
-    async fn wait(&self, pool: &Pool, bytes: u64, is_small: bool) -> Result<Room, ApiError> {
-        let (memory, needed) = (pool.of(is_small), permits(bytes));
-        if let Ok(permit) = Arc::clone(memory).try_acquire_many_owned(needed) {
+    async fn wait(&self, pool: &Pool, bytes: u64, is_small: bool) -> Result<Room, Busy> {
+        let memory = pool.of(is_small);
+        if let Some(permit) = memory.try_reserve(bytes) {
             return Ok(Room { permit, bytes, is_small });
         }
-        let queued = Queued::enter(&self.waiting).ok_or_else(busy)?;
-        let permit = tokio::time::timeout(self.longest_wait, Arc::clone(memory).acquire_many_owned(needed));
-        let permit = permit.await.map_err(|_| busy())?.map_err(ApiError::internal)?;
+        let queued = Queued::enter(&self.waiting).ok_or(Busy)?;
+        let permit = tokio::time::timeout(self.longest_wait, memory.reserve_owned(bytes)).await.map_err(|_| Busy)?;
         drop(queued);
         Ok(Room { permit, bytes, is_small })
     }
 }
 
-/// A place in the queue, free again when it is dropped.
+/// A place in the queue, freed when it is dropped.
 struct Queued<'a>(&'a AtomicUsize);
 
 impl<'a> Queued<'a> {
@@ -173,20 +176,17 @@ impl Drop for Queued<'_> {
     }
 }
 
-fn busy() -> ApiError {
-    let detail = "the coordinator is checking other submissions, and has no memory for this one yet; try again";
-    ApiError::new(ProblemCode::Unavailable, detail).retry_after(COMES_BACK_AFTER)
-}
-
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
 
     const LARGE: u64 = SMALL + 1;
 
     #[tokio::test]
     async fn a_small_scene_does_not_wait_for_a_large_one() {
-        let submissions = Submissions::new(LARGE);
+        let submissions = SubmissionMemory::new(LARGE);
         let large = submissions.for_scene(LARGE).await.unwrap();
         let small = submissions.for_scene(1).await.unwrap();
         assert!(small.is_small && !large.is_small);
@@ -197,7 +197,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_small_submission_does_not_wait_for_large_ones_that_come_or_are_parsed() {
-        let submissions = Submissions::new(LARGE);
+        let submissions = SubmissionMemory::new(LARGE);
         let body = SMALL_BODY + 1;
         let (mut coming, mut parsed) = (Vec::new(), Vec::new());
         while submissions.bodies.large.available_permits() >= permits(body) as usize {
@@ -218,7 +218,7 @@ mod tests {
 
     #[tokio::test]
     async fn memory_grows_by_what_is_missing_and_all_of_it_is_free_again() {
-        let submissions = Submissions::new(2 * LARGE);
+        let submissions = SubmissionMemory::new(2 * LARGE);
         let room = submissions.for_scene(LARGE).await.unwrap();
         let room = submissions.grow(room, 2 * LARGE).unwrap();
         assert!(submissions.grow(submissions.for_scene(1).await.unwrap(), LARGE).is_none());
@@ -232,7 +232,7 @@ mod tests {
 
     #[tokio::test]
     async fn nobody_waits_for_long() {
-        let submissions = Submissions { longest_wait: Duration::from_millis(1), ..Submissions::new(LARGE) };
+        let submissions = SubmissionMemory { longest_wait: Duration::from_millis(1), ..SubmissionMemory::new(LARGE) };
         let held = submissions.for_scene(LARGE).await.unwrap();
         submissions.for_scene(LARGE).await.unwrap_err();
         drop(held);
@@ -241,7 +241,7 @@ mod tests {
 
     #[tokio::test]
     async fn the_queue_is_short() {
-        let submissions = Arc::new(Submissions::new(LARGE));
+        let submissions = Arc::new(SubmissionMemory::new(LARGE));
         let held = submissions.for_scene(LARGE).await.unwrap();
         let waiting: Vec<_> = (0..MOST_WAITING)
             .map(|_| {

@@ -1,8 +1,8 @@
-//! Events for whoever watches: stored ones in their order, and what is only true now.
+//! Event streams: stored events in their order, and the progress of jobs and workers between them.
 //!
 //! One task sends everything, so that stored events go out in the order of their numbers and none is skipped, whichever
-//! transaction committed first. Stored events go out at once, or nearly: somebody waits for the end of a job. Progress is gathered:
-//! however many nodes arrive, a job is sent a few times a second at most, and workers once.
+//! transaction committed first. Stored events go out within milliseconds, because clients wait for the end of a job. Progress is
+//! batched: however many nodes arrive, a job is sent a few times a second at most, and workers once.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,75 +12,76 @@ use clerestory_api::{Event, EventBody, JobId};
 use futures::stream::{self, Stream};
 use tokio::sync::{Notify, broadcast};
 use tokio::time::Instant;
+use tokio_util::sync::CancellationToken;
 
-use crate::farm::Farm;
+use super::views::Views;
 use crate::model::{StoredEvent, StoredKind};
-use crate::store::StoreError;
-use crate::watch::views;
+use crate::store::{Store, StoreError};
 
-/// Events that a slow listener may fall behind before it gets a snapshot instead: more than one for each worker, since those go out together.
+/// Events by which a slow listener may fall behind before it gets a snapshot instead. It exceeds the number of workers, since
+/// those go out together.
 const BACKLOG: usize = 8192;
 
-/// Stored events that are read at once; also the most that a listener that comes back is sent one by one.
+/// Stored events in one read, and the most that a reconnecting listener gets one by one.
 const BATCH: u32 = 500;
 
-/// Shortest time between two looks for stored events: each lease rings for one.
-const PAUSE: Duration = Duration::from_millis(50);
+/// Shortest time between two reads of stored events: every lease stores one.
+const STORED_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Shortest time between two rounds of sending how far jobs are.
-const PROGRESS_PAUSE: Duration = Duration::from_millis(200);
+/// Shortest time between two rounds of progress.
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Pause after the database could not be read.
 const FAILURE_PAUSE: Duration = Duration::from_secs(1);
 
-/// Shortest time between two rounds of sending all workers: there are thousands of them, and something is new about one at any moment.
-const WORKERS_PAUSE: Duration = Duration::from_millis(900);
+/// Shortest time between two rounds of workers: a farm has thousands, and at any moment one of them changes.
+const WORKERS_INTERVAL: Duration = Duration::from_millis(900);
 
-/// The bells and the line on which events go out.
+/// What changed since the last time, and the channel on which events go out.
 #[derive(Debug)]
 pub(crate) struct Events {
-    line: broadcast::Sender<Event>,
-    news: Notify,
+    channel: broadcast::Sender<Event>,
+    changes: Notify,
     changed: Mutex<Changed>,
 }
 
-/// What there may be to send.
+/// Changes that no event has told yet.
 #[derive(Debug, Default)]
 struct Changed {
     /// Whether events have been stored.
     stored: bool,
     /// Jobs that have advanced.
     jobs: BTreeSet<JobId>,
-    /// Whether something is new about a worker.
+    /// Whether a worker has changed.
     workers: bool,
 }
 
 impl Default for Events {
     fn default() -> Self {
-        Self { line: broadcast::Sender::new(BACKLOG), news: Notify::new(), changed: Mutex::default() }
+        Self { channel: broadcast::Sender::new(BACKLOG), changes: Notify::new(), changed: Mutex::default() }
     }
 }
 
 impl Events {
-    /// Says that events have been stored.
+    /// Marks that events have been stored.
     pub(crate) fn stored(&self) {
         self.changed().stored = true;
-        self.news.notify_one();
+        self.changes.notify_one();
     }
 
-    /// Says that a job has advanced.
+    /// Marks that a job has advanced.
     pub(crate) fn progressed(&self, job: JobId) {
         self.changed().jobs.insert(job);
-        self.news.notify_one();
+        self.changes.notify_one();
     }
 
-    /// Says that something is new about a worker.
+    /// Marks that a worker has changed.
     pub(crate) fn workers_changed(&self) {
         self.changed().workers = true;
-        self.news.notify_one();
+        self.changes.notify_one();
     }
 
-    /// Moves what has changed since the last time to what is to be sent.
+    /// Moves the changes since the last call into `pending`.
     fn move_to(&self, pending: &mut Changed) {
         let Changed { stored, jobs, workers } = std::mem::take(&mut *self.changed());
         pending.stored |= stored;
@@ -88,21 +89,22 @@ impl Events {
         pending.workers |= workers;
     }
 
+    fn send(&self, event: Event) {
+        // An error means that there is no listener.
+        let _ = self.channel.send(event);
+    }
+
     fn changed(&self) -> MutexGuard<'_, Changed> {
         self.changed.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// What has been sent, and when the next may be.
+/// The last stored event that was sent, and the earliest times of the next events.
 #[derive(Debug)]
 struct Sent {
-    /// The last stored event.
     last_id: i64,
-    /// When to look for more of them.
     stored: Instant,
-    /// When to say how far jobs are.
     progress: Instant,
-    /// When to say what workers do.
     workers: Instant,
 }
 
@@ -112,7 +114,7 @@ impl Sent {
         Self { last_id, stored: now, progress: now, workers: now }
     }
 
-    /// When the first of what is pending may be sent.
+    /// When the first of the pending changes may be sent.
     fn due(&self, pending: &Changed) -> Option<Instant> {
         let stored = pending.stored.then_some(self.stored);
         let progress = (!pending.jobs.is_empty()).then_some(self.progress);
@@ -120,129 +122,140 @@ impl Sent {
         [stored, progress, workers].into_iter().flatten().min()
     }
 
-    /// Nothing is sent before this time.
-    fn put_off(&mut self, until: Instant) {
+    /// Sends nothing before this time.
+    fn postpone(&mut self, until: Instant) {
         [self.stored, self.progress, self.workers] = [until; 3];
     }
 }
 
-/// Sends events until the coordinator stops.
-pub(crate) async fn run(farm: Arc<Farm>, last_id: i64) {
-    let (mut sent, mut pending) = (Sent::new(last_id), Changed::default());
-    loop {
-        let due = sent.due(&pending);
-        tokio::select! {
-            () = farm.stopping.cancelled() => return,
-            () = farm.events.news.notified() => farm.events.move_to(&mut pending),
-            () = tokio::time::sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
-                if let Err(error) = send_news(&farm, &mut sent, &mut pending).await {
-                    tracing::error!(%error, "events could not be read, trying again");
-                    sent.put_off(Instant::now() + FAILURE_PAUSE);
+/// Turns changes into events, and gives each listener its stream.
+#[derive(Debug)]
+pub(crate) struct EventFeed {
+    store: Store,
+    views: Arc<Views>,
+    events: Arc<Events>,
+    stopping: CancellationToken,
+}
+
+impl EventFeed {
+    /// A feed of these changes.
+    pub(crate) fn new(store: Store, views: Arc<Views>, events: Arc<Events>, stopping: CancellationToken) -> Self {
+        Self { store, views, events, stopping }
+    }
+
+    /// Sends events until the coordinator stops, beginning after the stored event `last_id`.
+    pub(crate) async fn run(self: Arc<Self>, last_id: i64) {
+        let (mut sent, mut pending) = (Sent::new(last_id), Changed::default());
+        loop {
+            let due = sent.due(&pending);
+            tokio::select! {
+                () = self.stopping.cancelled() => return,
+                () = self.events.changes.notified() => self.events.move_to(&mut pending),
+                () = tokio::time::sleep_until(due.unwrap_or_else(Instant::now)), if due.is_some() => {
+                    if let Err(error) = self.send_pending(&mut sent, &mut pending).await {
+                        tracing::error!(%error, "events could not be read, trying again");
+                        sent.postpone(Instant::now() + FAILURE_PAUSE);
+                    }
                 }
             }
         }
     }
-}
 
-/// Sends the stored events that have not been sent, and what else is pending as far as that is due; the rest stays pending.
-async fn send_news(farm: &Farm, sent: &mut Sent, pending: &mut Changed) -> Result<(), StoreError> {
-    let now = Instant::now();
-    loop {
-        let stored = farm.store.events_after(sent.last_id, BATCH).await?;
-        for event in &stored {
-            let body = readable_body_of(farm, event).await?;
-            sent.last_id = event.id;
-            if let Some(body) = body {
-                send(farm, Event { id: Some(event.id), body });
+    /// Sends the stored events that have not been sent, and those other pending changes that are due. The rest stays pending.
+    async fn send_pending(&self, sent: &mut Sent, pending: &mut Changed) -> Result<(), StoreError> {
+        let now = Instant::now();
+        loop {
+            let stored = self.store.events_after(sent.last_id, BATCH).await?;
+            for event in &stored {
+                let body = self.readable_body_of(event).await?;
+                sent.last_id = event.id;
+                if let Some(body) = body {
+                    self.events.send(Event { id: Some(event.id), body });
+                }
+            }
+            if stored.len() < BATCH as usize {
+                break;
             }
         }
-        if stored.len() < BATCH as usize {
-            break;
+        (pending.stored, sent.stored) = (false, now + STORED_INTERVAL);
+        if self.events.channel.receiver_count() == 0 {
+            *pending = Changed::default();
+            return Ok(());
         }
-    }
-    (pending.stored, sent.stored) = (false, now + PAUSE);
-    if farm.events.line.receiver_count() == 0 {
-        *pending = Changed::default();
-        return Ok(());
-    }
-    if !pending.jobs.is_empty() && sent.progress <= now {
-        while let Some(&id) = pending.jobs.first() {
-            if let Some(record) = farm.store.job(id).await? {
-                let job = Box::new(views::job(farm, record).await?);
-                send(farm, Event { id: None, body: EventBody::Progress { job } });
+        if !pending.jobs.is_empty() && sent.progress <= now {
+            while let Some(&id) = pending.jobs.first() {
+                if let Some(record) = self.store.job(id).await? {
+                    let job = Box::new(self.views.job(record).await?);
+                    self.events.send(Event { id: None, body: EventBody::Progress { job } });
+                }
+                pending.jobs.remove(&id);
             }
-            pending.jobs.remove(&id);
+            sent.progress = now + PROGRESS_INTERVAL;
         }
-        sent.progress = now + PROGRESS_PAUSE;
-    }
-    if pending.workers && sent.workers <= now {
-        for worker in views::workers_and_ended(farm).await? {
-            send(farm, Event { id: None, body: EventBody::Worker { worker } });
+        if pending.workers && sent.workers <= now {
+            for worker in self.views.workers_and_ended().await? {
+                self.events.send(Event { id: None, body: EventBody::Worker { worker } });
+            }
+            (pending.workers, sent.workers) = (false, now + WORKERS_INTERVAL);
         }
-        (pending.workers, sent.workers) = (false, now + WORKERS_PAUSE);
+        Ok(())
     }
-    Ok(())
-}
 
-fn send(farm: &Farm, event: Event) {
-    // An error means that nobody listens.
-    let _ = farm.events.line.send(event);
-}
-
-/// What an event says, unless it says nothing any more or cannot be read, which would be no other the next time.
-async fn readable_body_of(farm: &Farm, event: &StoredEvent) -> Result<Option<EventBody>, StoreError> {
-    match body_of(farm, event).await {
-        Err(error @ StoreError::Corrupt { .. }) => {
-            tracing::error!(%error, id = event.id, "an event cannot be read and is left out");
-            Ok(None)
-        }
-        body => body,
-    }
-}
-
-/// The stored event with what is true now; `None` when what it is about is gone.
-async fn body_of(farm: &Farm, event: &StoredEvent) -> Result<Option<EventBody>, StoreError> {
-    match event.kind {
-        StoredKind::Job => {
-            let Some(record) = farm.store.job(event.job).await? else { return Ok(None) };
-            Ok(Some(EventBody::Job { job: Box::new(views::job(farm, record).await?) }))
-        }
-        StoredKind::Round { frame, round } => {
-            let point = farm.store.convergence_point(event.job, frame, round).await?;
-            Ok(point.map(|point| EventBody::Round { job: event.job, point }))
+    /// The body of a stored event. An event that cannot be read is skipped, because no later read would succeed either.
+    async fn readable_body_of(&self, event: &StoredEvent) -> Result<Option<EventBody>, StoreError> {
+        match self.body_of(event).await {
+            Err(error @ StoreError::Corrupt { .. }) => {
+                tracing::error!(%error, id = event.id, "an event cannot be read and is left out");
+                Ok(None)
+            }
+            body => body,
         }
     }
-}
 
-/// Everything from `last_id` on, or from now on: the events that were missed, a snapshot, and then what happens. The
-/// stream ends when the coordinator stops.
-pub(crate) async fn listen(
-    farm: Arc<Farm>,
-    job: Option<JobId>,
-    last_id: Option<i64>,
-) -> Result<impl Stream<Item = Event> + Send + use<>, StoreError> {
-    // Listening begins before the database is read, so that nothing falls between.
-    let line = farm.events.line.subscribe();
-    let mut listener = Listener { farm, job, line, queue: VecDeque::new(), last_id: 0 };
-    if let Some(last_id) = last_id {
-        listener.catch_up(last_id).await?;
+    /// The current state of what a stored event points at, or `None` when that is gone.
+    async fn body_of(&self, event: &StoredEvent) -> Result<Option<EventBody>, StoreError> {
+        match event.kind {
+            StoredKind::Job => {
+                let Some(record) = self.store.job(event.job).await? else { return Ok(None) };
+                Ok(Some(EventBody::Job { job: Box::new(self.views.job(record).await?) }))
+            }
+            StoredKind::Round { frame, round } => {
+                let point = self.store.convergence_point(event.job, frame, round).await?;
+                Ok(point.map(|point| EventBody::Round { job: event.job, point }))
+            }
+        }
     }
-    listener.snapshot().await?;
-    Ok(stream::unfold(listener, |mut listener| async { listener.next().await.map(|event| (event, listener)) }))
+
+    /// The stream of one listener: the events that it missed since `last_id`, a snapshot, and then every event, of one job or
+    /// of all. The stream ends when the coordinator stops.
+    pub(crate) async fn listen(
+        self: Arc<Self>,
+        job: Option<JobId>,
+        last_id: Option<i64>,
+    ) -> Result<impl Stream<Item = Event> + Send + use<>, StoreError> {
+        // It subscribes before it reads the database, so that no event falls between.
+        let channel = self.events.channel.subscribe();
+        let mut listener = Listener { feed: self, job, channel, queue: VecDeque::new(), last_id: 0 };
+        if let Some(last_id) = last_id {
+            listener.catch_up(last_id).await?;
+        }
+        listener.snapshot().await?;
+        Ok(stream::unfold(listener, |mut listener| async { listener.next().await.map(|event| (event, listener)) }))
+    }
 }
 
 struct Listener {
-    farm: Arc<Farm>,
+    feed: Arc<EventFeed>,
     job: Option<JobId>,
-    line: broadcast::Receiver<Event>,
+    channel: broadcast::Receiver<Event>,
     queue: VecDeque<Event>,
     last_id: i64,
 }
 
 impl Listener {
     async fn catch_up(&mut self, last_id: i64) -> Result<(), StoreError> {
-        for event in self.farm.store.missed_events(self.job, last_id, BATCH).await? {
-            if let Some(body) = readable_body_of(&self.farm, &event).await? {
+        for event in self.feed.store.missed_events(self.job, last_id, BATCH).await? {
+            if let Some(body) = self.feed.readable_body_of(&event).await? {
                 self.queue.push_back(Event { id: Some(event.id), body });
             }
         }
@@ -250,15 +263,15 @@ impl Listener {
     }
 
     async fn snapshot(&mut self) -> Result<(), StoreError> {
-        self.last_id = self.farm.store.last_event_id().await?;
+        self.last_id = self.feed.store.last_event_id().await?;
         let jobs = match self.job {
-            None => views::jobs(&self.farm).await?,
-            Some(job) => match self.farm.store.job(job).await? {
-                Some(record) => vec![views::job(&self.farm, record).await?],
+            None => self.feed.views.jobs().await?,
+            Some(job) => match self.feed.store.job(job).await? {
+                Some(record) => vec![self.feed.views.job(record).await?],
                 None => Vec::new(),
             },
         };
-        let workers = views::workers(&self.farm).await?;
+        let workers = self.feed.views.workers().await?;
         self.queue.push_back(Event { id: Some(self.last_id), body: EventBody::Snapshot { jobs, workers } });
         Ok(())
     }
@@ -268,15 +281,15 @@ impl Listener {
             if let Some(event) = self.queue.pop_front() {
                 return Some(event);
             }
-            match self.farm.stopping.run_until_cancelled(self.line.recv()).await? {
-                Ok(event) if self.is_news(&event) => {
+            match self.feed.stopping.run_until_cancelled(self.channel.recv()).await? {
+                Ok(event) if self.is_wanted(&event) => {
                     self.last_id = event.id.unwrap_or(self.last_id);
                     return Some(event);
                 }
                 Ok(_) => {}
                 Err(broadcast::error::RecvError::Lagged(_)) => {
-                    // What the line still has is older than the snapshot.
-                    self.line = self.line.resubscribe();
+                    // The events that are still in the channel are older than the snapshot.
+                    self.channel = self.channel.resubscribe();
                     self.snapshot().await.ok()?;
                 }
                 Err(broadcast::error::RecvError::Closed) => return None,
@@ -284,9 +297,9 @@ impl Listener {
         }
     }
 
-    fn is_news(&self, event: &Event) -> bool {
-        let is_mine = self.job.is_none() || event.body.job().is_none_or(|job| Some(job) == self.job);
-        is_mine && event.id.is_none_or(|id| id > self.last_id)
+    fn is_wanted(&self, event: &Event) -> bool {
+        let is_of_job = self.job.is_none() || event.body.job().is_none_or(|job| Some(job) == self.job);
+        is_of_job && event.id.is_none_or(|id| id > self.last_id)
     }
 }
 
@@ -298,9 +311,20 @@ mod tests {
     use futures::StreamExt;
 
     use super::*;
-    use crate::config::Config;
-    use crate::server::open;
+    use crate::clock::Clock;
+    use crate::store::Source;
     use crate::store::tests::farm::some_job;
+    use crate::watch::liveness::Liveness;
+    use crate::watch::rates::Rates;
+
+    /// A feed of a new farm in a directory.
+    async fn feed(directory: &Path) -> Arc<EventFeed> {
+        let store = Store::open(Source::file(&directory.join("farm.sqlite"))).await.unwrap();
+        let (clock, rates) = (Clock::default(), Arc::new(Rates::new(0)));
+        let liveness = Arc::new(Liveness::new(clock.clone(), Duration::from_secs(60)));
+        let views = Arc::new(Views::new(store.clone(), clock, rates, liveness));
+        Arc::new(EventFeed::new(store, views, Arc::default(), CancellationToken::new()))
+    }
 
     fn alter(directory: &Path, statement: &str) {
         let database = rusqlite::Connection::open(directory.join("farm.sqlite")).unwrap();
@@ -310,11 +334,11 @@ mod tests {
     #[tokio::test]
     async fn a_listener_of_one_job_that_comes_back_misses_nothing_of_it_however_much_happens_to_others() {
         let directory = tempfile::tempdir().unwrap();
-        let (farm, _bells) = open(Config::new(directory.path())).await.unwrap();
+        let feed = feed(directory.path()).await;
         let (watched, busy) = (some_job(), some_job());
         let ids = [watched.id, busy.id];
-        farm.store.insert_job(watched).await.unwrap();
-        farm.store.insert_job(busy).await.unwrap();
+        feed.store.insert_job(watched).await.unwrap();
+        feed.store.insert_job(busy).await.unwrap();
         let [watched, busy] = ids;
         // Events 1 and 2 are the submissions.
         let rows = (3..=700).map(|id| {
@@ -324,7 +348,7 @@ mod tests {
         alter(directory.path(), &rows.collect::<String>());
         alter(directory.path(), "update sequences set value = 700 where name = 'event'");
         let missed = async |job, last_id| {
-            let mut events = pin!(listen(Arc::clone(&farm), job, Some(last_id)).await.unwrap());
+            let mut events = pin!(Arc::clone(&feed).listen(job, Some(last_id)).await.unwrap());
             let mut ids = Vec::new();
             loop {
                 let Event { id, body } = events.next().await.unwrap();
@@ -338,7 +362,7 @@ mod tests {
         assert_eq!(missed(Some(watched), 1).await, [3, 650]);
         assert_eq!(missed(Some(watched), 3).await, [650]);
         assert_eq!(missed(Some(watched), 650).await, [0; 0]);
-        // What is older than is kept, and what a database that was restored does not have yet.
+        // An event that is too old, and one that a restored database does not have yet.
         assert_eq!(missed(Some(watched), -5).await, [1, 3, 650]);
         assert_eq!(missed(Some(watched), i64::MAX).await, [0; 0]);
         assert_eq!(missed(None, 0).await, (201..=700).collect::<Vec<_>>(), "the newest come where all are too many");
@@ -347,17 +371,17 @@ mod tests {
     #[tokio::test]
     async fn what_could_not_be_read_is_sent_later() {
         let directory = tempfile::tempdir().unwrap();
-        let (farm, _bells) = open(Config::new(directory.path())).await.unwrap();
-        let mut events = pin!(listen(Arc::clone(&farm), None, None).await.unwrap());
+        let feed = feed(directory.path()).await;
+        let mut events = pin!(Arc::clone(&feed).listen(None, None).await.unwrap());
         assert!(matches!(events.next().await.unwrap().body, EventBody::Snapshot { .. }));
         let job = some_job();
         let mut sent = Sent::new(0);
         let mut pending = Changed { stored: true, jobs: [job.id].into(), workers: true };
-        farm.store.insert_job(job).await.unwrap();
+        feed.store.insert_job(job).await.unwrap();
         alter(directory.path(), "alter table jobs rename to jobs_away");
-        send_news(&farm, &mut sent, &mut pending).await.unwrap_err();
+        feed.send_pending(&mut sent, &mut pending).await.unwrap_err();
         alter(directory.path(), "alter table jobs_away rename to jobs");
-        send_news(&farm, &mut sent, &mut pending).await.unwrap();
+        feed.send_pending(&mut sent, &mut pending).await.unwrap();
         assert!(matches!(events.next().await.unwrap(), Event { id: Some(_), body: EventBody::Job { .. } }));
         assert!(matches!(events.next().await.unwrap(), Event { id: None, body: EventBody::Progress { .. } }));
         assert!(sent.due(&pending).is_none(), "{pending:?}");

@@ -1,33 +1,28 @@
-//! What coordinators of one farm tell one another, so that nobody who waits at one of them sleeps through what another did.
+//! Notifications: what changed, for the tasks and requests of this coordinator and for the other coordinators of the farm.
 //!
-//! Whoever changes something tells it here ([`Farm::tell`](crate::farm::Farm::tell)): it is heard in this process at once, and sent to the
-//! other coordinators by the database's own notifications, gathered for a moment. Nothing depends on their arrival: what was
-//! changed is in the database, and everybody looks there once a second as well.
+//! A part that changes something publishes a notification. It wakes whoever waits in this process at once, and [peers](super::peers)
+//! send it to the other coordinators. Nothing depends on its arrival: the database holds every change, and each coordinator
+//! reads it once a second as well.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use clerestory_api::JobId;
 use serde::{Deserialize, Serialize};
-use tokio::sync::mpsc;
-use uuid::Uuid;
+use tokio::sync::futures::Notified;
+use tokio::sync::{Notify, mpsc};
 
-use crate::farm::Farm;
-use crate::store::Listener;
+use super::events::Events;
+use super::rates::Rates;
+use crate::clock::Clock;
 
-/// How long news are gathered before they are sent.
-const GATHERED: Duration = Duration::from_millis(10);
+/// Claimants that one notification wakes. Each that gets work wakes more, so that enough work soon reaches all of them.
+/// Without work, a thousand waiting claimants cost no more than these.
+const WOKEN: u32 = 2;
 
-/// News in one message: PostgreSQL takes less than 8000 bytes, and one is less than 100.
-const MOST: usize = 64;
-
-/// How long to wait before listening again after the connection was lost.
-const PAUSE: Duration = Duration::from_secs(1);
-
-/// Something that others may wait for.
+/// Something that changed. The names on the wire are those that older builds send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub(crate) enum News {
+pub(crate) enum Notification {
     /// A job was submitted or has changed its state, or a round of it was recorded.
     Job(JobId),
     /// Nodes of a job were accepted.
@@ -37,136 +32,123 @@ pub(crate) enum News {
         /// Their camera samples.
         samples: u64,
     },
-    /// A wave of a job has become complete.
-    Wave(JobId),
+    /// The work of a round of a job may be complete.
+    #[serde(rename = "wave")]
+    Round(JobId),
     /// A lease was granted.
     Lease(JobId),
     /// Work went back to the queue.
     Work,
-    /// Something is new about a worker.
+    /// A worker has changed.
     Workers,
 }
 
-/// A message to the other coordinators.
-#[derive(Debug, Serialize, Deserialize)]
-struct Message {
-    /// Who sends it.
-    from: Uuid,
-    news: Vec<News>,
+/// Publishes notifications.
+#[derive(Debug)]
+pub(crate) struct Notifications {
+    clock: Clock,
+    events: Arc<Events>,
+    rates: Arc<Rates>,
+    /// Wakes requests that wait for work.
+    work: Notify,
+    /// Jobs for the round finalizer.
+    films: mpsc::UnboundedSender<JobId>,
+    /// Notifications for the other coordinators.
+    peers: mpsc::UnboundedSender<Notification>,
 }
 
-/// Sends what was told to the other coordinators, until this one stops.
-pub(crate) async fn send(farm: Arc<Farm>, mut told: mpsc::UnboundedReceiver<News>) {
-    let mut news = Vec::with_capacity(MOST);
-    while farm.stopping.run_until_cancelled(told.recv_many(&mut news, MOST)).await.is_some_and(|count| count > 0) {
-        // The same news many times over are the same once; samples add up.
-        let message = Message { from: farm.coordinator, news: gathered(news.drain(..)) };
-        let sent = match serde_json::to_string(&message) {
-            Ok(text) => farm.store.notify(text).await.map_err(|error| error.to_string()),
-            Err(error) => Err(error.to_string()),
-        };
-        if let Err(error) = sent {
-            tracing::debug!(error, "the other coordinators could not be told");
-        }
-        tokio::time::sleep(GATHERED).await;
+/// The receiving ends of [`Notifications`], one for each task that reads them.
+#[derive(Debug)]
+pub(crate) struct Subscriptions {
+    /// Jobs of which a round may be complete, for the round finalizer.
+    pub(crate) films: mpsc::UnboundedReceiver<JobId>,
+    /// Notifications for the other coordinators.
+    pub(crate) peers: mpsc::UnboundedReceiver<Notification>,
+}
+
+impl Notifications {
+    /// Notifications that go to these event streams and rates.
+    pub(crate) fn new(clock: Clock, events: Arc<Events>, rates: Arc<Rates>) -> (Arc<Self>, Subscriptions) {
+        let (films, films_receiver) = mpsc::unbounded_channel();
+        let (peers, peers_receiver) = mpsc::unbounded_channel();
+        let subscriptions = Subscriptions { films: films_receiver, peers: peers_receiver };
+        (Arc::new(Self { clock, events, rates, work: Notify::new(), films, peers }), subscriptions)
     }
-}
 
-/// Each once, the samples of a job added up.
-fn gathered(news: impl Iterator<Item = News>) -> Vec<News> {
-    let mut all: Vec<News> = Vec::new();
-    for one in news {
-        let known = all.iter_mut().find(|known| match (&one, &**known) {
-            (News::Film { job, .. }, News::Film { job: known, .. }) => job == known,
-            (one, known) => one == known,
-        });
-        match (known, one) {
-            (Some(News::Film { samples, .. }), News::Film { samples: more, .. }) => {
-                *samples = samples.saturating_add(more);
+    /// Notifies this coordinator and the others.
+    pub(crate) fn publish(&self, notification: Notification) {
+        self.deliver(notification);
+        // The receiver is gone only when the coordinator stops.
+        let _ = self.peers.send(notification);
+    }
+
+    /// Notifies this coordinator alone.
+    pub(crate) fn deliver(&self, notification: Notification) {
+        match notification {
+            Notification::Job(job) => {
+                self.events.stored();
+                self.events.progressed(job);
+                self.wake_claimants();
+                self.wake_finalizer(job);
             }
-            (Some(_), _) => {}
-            (None, one) => all.push(one),
+            Notification::Film { job, samples } => {
+                self.rates.add(job, samples, self.clock.now_ms());
+                self.events.progressed(job);
+                self.events.workers_changed();
+            }
+            Notification::Round(job) => self.wake_finalizer(job),
+            Notification::Lease(job) => {
+                self.events.stored();
+                self.events.progressed(job);
+                self.events.workers_changed();
+            }
+            Notification::Work => {
+                self.events.workers_changed();
+                self.wake_claimants();
+            }
+            Notification::Workers => self.events.workers_changed(),
         }
     }
-    all
-}
 
-/// Hears what other coordinators tell, until this one stops.
-pub(crate) async fn hear(farm: Arc<Farm>) {
-    while !farm.stopping.is_cancelled() {
-        match farm.store.listener().await {
-            // A SQLite file has one coordinator.
-            Ok(None) => return,
-            Ok(Some(listener)) => {
-                // What was told while nobody listened.
-                farm.look_around();
-                let heard = farm.stopping.run_until_cancelled(mark_all_seen(&farm, listener)).await;
-                if let Some(error) = heard {
-                    tracing::warn!(%error, "other coordinators are not heard for now");
-                }
-            }
-            Err(error) => tracing::warn!(%error, "other coordinators are not heard for now"),
-        }
-        farm.stopping.run_until_cancelled(tokio::time::sleep(PAUSE)).await;
+    /// Makes every subscriber read the database: notifications of other coordinators may have been lost.
+    pub(crate) fn resync(&self) {
+        self.events.workers_changed();
+        self.resync_stored();
     }
-}
 
-async fn mark_all_seen(farm: &Farm, mut listener: Listener) -> crate::store::StoreError {
-    loop {
-        let text = match listener.next().await {
-            Ok(text) => text,
-            Err(error) => return error,
-        };
-        match serde_json::from_str::<Message>(&text) {
-            Ok(message) if message.from != farm.coordinator => {
-                for news in message.news {
-                    farm.hear(news);
-                }
-            }
-            Ok(_) => {}
-            Err(error) => tracing::warn!(%error, "another coordinator tells what this build does not understand"),
+    /// Makes event streams and claimants read the database.
+    pub(crate) fn resync_stored(&self) {
+        self.events.stored();
+        self.wake_claimants();
+    }
+
+    /// Resolves when work may have become available.
+    pub(crate) fn work(&self) -> Notified<'_> {
+        self.work.notified()
+    }
+
+    /// Wakes some of the requests that wait for work.
+    pub(crate) fn wake_claimants(&self) {
+        for _ in 0..WOKEN {
+            self.work.notify_one();
         }
+    }
+
+    /// Wakes the round finalizer for a job.
+    pub(crate) fn wake_finalizer(&self, job: JobId) {
+        // The receiver is gone only when the coordinator stops. It reads all open jobs when it starts again.
+        let _ = self.films.send(job);
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use clerestory_test_servers::postgres;
-
+pub(crate) mod tests {
     use super::*;
-    use crate::config::Config;
-    use crate::server::open;
 
-    #[test]
-    fn the_same_news_are_sent_once_and_samples_add_up() {
-        let [one, other] = [(); 2].map(|()| JobId::from(Uuid::now_v7()));
-        let film = |job, samples| News::Film { job, samples };
-        let told = [News::Work, film(one, 3), News::Job(one), film(other, 1), News::Work, film(one, 4), News::Job(one)];
-        assert_eq!(gathered(told.into_iter()), [News::Work, film(one, 7), News::Job(one), film(other, 1)]);
-    }
-
-    #[tokio::test]
-    async fn who_waits_for_work_at_one_coordinator_is_rung_by_another() {
-        let (directory, database) = (tempfile::tempdir().unwrap(), postgres().new_database());
-        let config = || Config { database: Some(database.parse().unwrap()), ..Config::new(directory.path()) };
-        let (one, bells) = open(config()).await.unwrap();
-        let (other, _bells) = open(config()).await.unwrap();
-        tokio::spawn(send(Arc::clone(&one), bells.told));
-        tokio::spawn(hear(Arc::clone(&other)));
-        // It rings by itself when it begins to listen, and never again: nobody here looks once a second.
-        other.work.notified().await;
-        while tokio::time::timeout(Duration::from_millis(300), other.work.notified()).await.is_ok() {}
-        for news in [News::Work, News::Job(JobId::from(Uuid::now_v7()))] {
-            one.tell(news);
-            tokio::time::timeout(Duration::from_secs(20), other.work.notified()).await.unwrap();
-            while tokio::time::timeout(Duration::from_millis(300), other.work.notified()).await.is_ok() {}
-        }
-    }
-
-    #[test]
-    fn a_full_message_fits_into_a_notification() {
-        let job = JobId::from(Uuid::now_v7());
-        let message = Message { from: Uuid::now_v7(), news: vec![News::Film { job, samples: u64::MAX }; MOST] };
-        assert!(serde_json::to_string(&message).unwrap().len() < 8000);
+    /// Notifications that nobody subscribes to.
+    pub(crate) fn unheard() -> Arc<Notifications> {
+        let clock = Clock::default();
+        let rates = Arc::new(Rates::new(clock.now_ms()));
+        Notifications::new(clock, Arc::default(), rates).0
     }
 }

@@ -1,38 +1,40 @@
 //! Whether a coordinator is ready (`/readyz`): whether what a caller brings could be stored now.
 //!
-//! Each part is tried by a write: the database by a row, the blob store by a small blob; and the disk under the data directory needs room. An outcome
-//! holds for some seconds, whoever asks, so that probes cost little, and none is made while nobody asks. A coordinator that is about to stop is not
-//! ready, and goes on serving for as long as it takes a load balancer to see that.
+//! A check writes a row to the database and a small blob to the blob store, and looks for room on the disk of the data directory.
+//! An outcome holds for some seconds, so that probes cost little. A coordinator that is about to stop is not ready. It goes on
+//! serving until a load balancer has seen that.
 
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex as BlockingMutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use tokio::sync::Mutex;
+use tokio_util::sync::CancellationToken;
 
-use crate::farm::Farm;
-use crate::store::StoreError;
+use crate::blobs::Blobs;
+use crate::store::{Store, StoreError};
 use crate::tasks::to_completion;
 
 /// How long a good outcome holds.
 const GOOD_FOR: Duration = Duration::from_secs(2);
 
-/// How long that of the blob store holds: a bucket is paid by the request.
+/// How long a good outcome of the blob store holds: a bucket is paid by the request.
 const BLOBS_GOOD_FOR: Duration = Duration::from_secs(10);
 
 /// How long a bad outcome holds.
 const BAD_FOR: Duration = Duration::from_millis(500);
 
 /// How long a part may take to answer.
-const PATIENCE: Duration = Duration::from_secs(4);
+const TIMEOUT: Duration = Duration::from_secs(4);
 
 /// Least room on the disk of the data directory: enough for the partials that are received at once.
 const LEAST_ROOM: u64 = 64 << 20;
 
-/// Who has asked within this time asks again and again.
+/// A probe that asked within this time asks again and again.
 const ASKED_LATELY: Duration = Duration::from_secs(60);
 
-/// What keeps a coordinator from being ready.
+/// Why a coordinator is not ready.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum NotReady {
     /// It stops.
@@ -43,10 +45,16 @@ pub(crate) enum NotReady {
     Unwritable(String),
 }
 
-/// What is known of readiness.
-#[derive(Debug, Default)]
+/// Whether the coordinator is ready.
+#[derive(Debug)]
 pub(crate) struct Readiness {
+    store: Store,
+    blobs: Blobs,
+    /// The data directory, if the database or the blobs are in it.
+    directory: Option<PathBuf>,
+    stopping: CancellationToken,
     is_withdrawn: AtomicBool,
+    /// When a probe asked last.
     asked: BlockingMutex<Option<Instant>>,
     last: Mutex<Last>,
 }
@@ -54,54 +62,112 @@ pub(crate) struct Readiness {
 /// The last outcome.
 #[derive(Debug, Default)]
 struct Last {
-    tried: Option<(Instant, Result<(), NotReady>)>,
+    checked: Option<(Instant, Result<(), NotReady>)>,
     blobs_were_good: Option<Instant>,
 }
 
 impl Readiness {
-    /// Says from now on that the coordinator is not ready. Answers whether somebody asks again and again, and has to be served until it hears so.
+    /// Readiness of a coordinator that stores here.
+    pub(crate) fn new(store: Store, blobs: Blobs, directory: Option<PathBuf>, stopping: CancellationToken) -> Self {
+        let is_withdrawn = AtomicBool::new(false);
+        Self {
+            store,
+            blobs,
+            directory,
+            stopping,
+            is_withdrawn,
+            asked: BlockingMutex::default(),
+            last: Mutex::default(),
+        }
+    }
+
+    /// Reports from now on that the coordinator is not ready. Answers whether a probe asks again and again: it has to be served
+    /// until it has seen this.
     pub(crate) fn withdraw(&self) -> bool {
         self.is_withdrawn.store(true, Ordering::SeqCst);
         let asked = *self.asked.lock().unwrap_or_else(PoisonError::into_inner);
         asked.is_some_and(|asked| asked.elapsed() < ASKED_LATELY)
     }
 
-    async fn find_out(&self, farm: &Farm) -> Result<(), NotReady> {
+    /// Whether the coordinator is ready.
+    pub(crate) async fn check(self: &Arc<Self>) -> Result<(), NotReady> {
+        if self.is_withdrawn.load(Ordering::SeqCst) || self.stopping.is_cancelled() {
+            return Err(NotReady::Stopping);
+        }
+        *self.asked.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
+        let readiness = Arc::clone(self);
+        // A probe hangs up before a silent database times out: the outcome is for the next probe.
+        let outcome = to_completion(async move { readiness.last_or_new().await }).await;
+        outcome.unwrap_or_else(|error| {
+            tracing::error!(%error, "readiness cannot be checked");
+            Err(NotReady::Unwritable("the coordinator failed; its log has the cause".to_owned()))
+        })
+    }
+
+    async fn last_or_new(&self) -> Result<(), NotReady> {
         let mut last = self.last.lock().await;
-        if let Some((tried, outcome)) = &last.tried {
+        if let Some((checked, outcome)) = &last.checked {
             let good_for = if outcome.is_ok() { GOOD_FOR } else { BAD_FOR };
-            if tried.elapsed() < good_for {
+            if checked.elapsed() < good_for {
                 return outcome.clone();
             }
         }
-        let blobs_are_good = last.blobs_were_good.is_some_and(|tried| tried.elapsed() < BLOBS_GOOD_FOR);
-        let blobs = async { if blobs_are_good { Ok(()) } else { try_blobs(farm).await } };
-        let (database, blobs) = tokio::join!(try_database(farm), blobs);
+        let blobs_are_good = last.blobs_were_good.is_some_and(|checked| checked.elapsed() < BLOBS_GOOD_FOR);
+        let blobs = async { if blobs_are_good { Ok(()) } else { self.check_blobs().await } };
+        let (database, blobs) = tokio::join!(self.check_database(), blobs);
         last.blobs_were_good = match (&blobs, blobs_are_good) {
             (Ok(()), true) => last.blobs_were_good,
             (Ok(()), false) => Some(Instant::now()),
             (Err(_), _) => None,
         };
-        let problems = [database, blobs, look_for_room(farm)].into_iter().filter_map(Result::err);
+        let problems = [database, blobs, self.check_room()].into_iter().filter_map(Result::err);
         let (problems, causes): (Vec<String>, Vec<String>) =
             problems.map(|problem| (problem.words, problem.cause)).unzip();
         let outcome = if problems.is_empty() { Ok(()) } else { Err(NotReady::Unwritable(problems.join("; "))) };
-        let before = last.tried.take().map_or(Ok(()), |(_, outcome)| outcome);
+        let before = last.checked.take().map_or(Ok(()), |(_, outcome)| outcome);
         match &outcome {
             Err(error) if before != outcome => tracing::error!(%error, ?causes, "the coordinator is not ready"),
             Ok(()) if before.is_err() => tracing::info!("the coordinator is ready again"),
             _ => {}
         }
-        last.tried = Some((Instant::now(), outcome.clone()));
+        last.checked = Some((Instant::now(), outcome.clone()));
         outcome
+    }
+
+    /// Writes to the database.
+    async fn check_database(&self) -> Result<(), Problem> {
+        let written = tokio::time::timeout(TIMEOUT, self.store.try_to_write()).await;
+        let slow =
+            |_| Problem::new(format!("the database has not taken a write in {} s", TIMEOUT.as_secs()), "no answer");
+        written.map_err(slow)?.map_err(|error| match &error {
+            StoreError::ReadOnly(_) => Problem::new(error.to_string(), &error),
+            _ => Problem::new("the database cannot be written (the log has the cause)", &error),
+        })
+    }
+
+    /// Writes to the blob store.
+    async fn check_blobs(&self) -> Result<(), Problem> {
+        let written = tokio::time::timeout(TIMEOUT, self.blobs.try_to_write()).await;
+        let slow =
+            |_| Problem::new(format!("the blob store has not taken a blob in {} s", TIMEOUT.as_secs()), "no answer");
+        let refused = |error| Problem::new("the blob store takes no blob (the log has the cause)", error);
+        written.map_err(slow)?.map_err(refused)
+    }
+
+    /// Looks for room on the disk of the data directory.
+    fn check_room(&self) -> Result<(), Problem> {
+        let Some(directory) = &self.directory else { return Ok(()) };
+        let disk = rustix::fs::statvfs(directory)
+            .map_err(|error| Problem::new("the data directory cannot be used (the log has the cause)", error))?;
+        has_room(disk.f_bavail.saturating_mul(disk.f_frsize))
     }
 }
 
 /// Why a part cannot be used.
 struct Problem {
-    /// What anybody may be told.
+    /// What every caller may read.
     words: String,
-    /// What the log has besides: it may name machines and roles.
+    /// What only the log has: it may name machines and roles.
     cause: String,
 }
 
@@ -109,51 +175,6 @@ impl Problem {
     fn new(words: impl Into<String>, cause: impl ToString) -> Self {
         Self { words: words.into(), cause: cause.to_string() }
     }
-}
-
-/// Whether the coordinator is ready.
-pub(crate) async fn check(farm: &Arc<Farm>) -> Result<(), NotReady> {
-    let readiness = &farm.readiness;
-    if readiness.is_withdrawn.load(Ordering::SeqCst) || farm.stopping.is_cancelled() {
-        return Err(NotReady::Stopping);
-    }
-    *readiness.asked.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now());
-    let farm = Arc::clone(farm);
-    // Whoever asks hangs up before a silent database is given up: the outcome is for the next.
-    let found = to_completion(async move { farm.readiness.find_out(&farm).await }).await;
-    found.unwrap_or_else(|error| {
-        tracing::error!(%error, "readiness cannot be found out");
-        Err(NotReady::Unwritable("the coordinator failed; its log has the cause".to_owned()))
-    })
-}
-
-/// The database, by a write.
-async fn try_database(farm: &Farm) -> Result<(), Problem> {
-    let tried = tokio::time::timeout(PATIENCE, farm.store.try_to_write()).await;
-    let slow = |_| Problem::new(format!("the database has not taken a write in {} s", PATIENCE.as_secs()), "no answer");
-    tried.map_err(slow)?.map_err(|error| match &error {
-        StoreError::ReadOnly(_) => Problem::new(error.to_string(), &error),
-        _ => Problem::new("the database cannot be written (the log has the cause)", &error),
-    })
-}
-
-/// The blob store, by a blob.
-async fn try_blobs(farm: &Farm) -> Result<(), Problem> {
-    let tried = tokio::time::timeout(PATIENCE, farm.blobs.try_to_write()).await;
-    let slow =
-        |_| Problem::new(format!("the blob store has not taken a blob in {} s", PATIENCE.as_secs()), "no answer");
-    let refused = |error| Problem::new("the blob store takes no blob (the log has the cause)", error);
-    tried.map_err(slow)?.map_err(refused)
-}
-
-/// The disk of the data directory, where anything that lasts is on it.
-fn look_for_room(farm: &Farm) -> Result<(), Problem> {
-    if farm.config.database.is_some() && farm.config.bucket.is_some() {
-        return Ok(());
-    }
-    let disk = rustix::fs::statvfs(&farm.config.data_directory)
-        .map_err(|error| Problem::new("the data directory cannot be used (the log has the cause)", error))?;
-    has_room(disk.f_bavail.saturating_mul(disk.f_frsize))
 }
 
 fn has_room(bytes: u64) -> Result<(), Problem> {
@@ -166,17 +187,29 @@ fn has_room(bytes: u64) -> Result<(), Problem> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use clerestory_test_servers::postgres;
 
     use super::*;
-    use crate::config::Config;
-    use crate::server::open;
+    use crate::store::Source;
     use crate::store::tests::alter_database;
 
-    /// Waits until readiness is as expected, and answers what is said of it.
-    async fn until(farm: &Arc<Farm>, is_ready: bool) -> String {
+    /// Readiness of a farm in this directory.
+    async fn readiness(source: Source, directory: &Path) -> Arc<Readiness> {
+        let store = Store::open(source).await.unwrap();
+        let blobs = Blobs::in_directory(directory.join("blobs")).unwrap();
+        Arc::new(Readiness::new(store, blobs, Some(directory.to_owned()), CancellationToken::new()))
+    }
+
+    async fn in_a_file(directory: &Path) -> Arc<Readiness> {
+        readiness(Source::file(&directory.join("farm.sqlite")), directory).await
+    }
+
+    /// Waits until readiness is as expected, and answers its problem.
+    async fn until(readiness: &Arc<Readiness>, is_ready: bool) -> String {
         loop {
-            let found = check(farm).await;
+            let found = readiness.check().await;
             if found.is_ok() == is_ready {
                 return found.map_or_else(|problem| problem.to_string(), |()| String::new());
             }
@@ -187,42 +220,42 @@ mod tests {
     #[tokio::test]
     async fn a_database_that_takes_no_writes_is_named_until_it_does_again() {
         let (directory, database) = (tempfile::tempdir().unwrap(), postgres().new_database());
-        let config = Config { database: Some(database.parse().unwrap()), ..Config::new(directory.path()) };
-        let (farm, _bells) = open(config).await.unwrap();
-        assert_eq!(check(&farm).await, Ok(()));
+        let source = Source::postgres(&database.parse().unwrap()).unwrap();
+        let readiness = readiness(source, directory.path()).await;
+        assert_eq!(readiness.check().await, Ok(()));
         alter_database(&database, "set default_transaction_read_only = on").await;
-        let problem = until(&farm, false).await;
+        let problem = until(&readiness, false).await;
         assert!(problem.contains("database") && problem.contains("read-only"), "{problem}");
         alter_database(&database, "reset default_transaction_read_only").await;
-        until(&farm, true).await;
-        farm.store.close().await;
+        until(&readiness, true).await;
+        readiness.store.close().await;
     }
 
     #[tokio::test]
     async fn a_blob_store_that_takes_nothing_is_named_until_it_does_again() {
         let directory = tempfile::tempdir().unwrap();
-        let (farm, _bells) = open(Config::new(directory.path())).await.unwrap();
+        let readiness = in_a_file(directory.path()).await;
         let (blobs, away) = (directory.path().join("blobs"), directory.path().join("away"));
         std::fs::rename(&blobs, &away).unwrap();
         std::fs::write(&blobs, "in the way").unwrap();
-        let problem = until(&farm, false).await;
+        let problem = until(&readiness, false).await;
         assert!(problem.contains("the blob store takes no blob"), "{problem}");
         std::fs::remove_file(&blobs).unwrap();
         std::fs::rename(&away, &blobs).unwrap();
-        until(&farm, true).await;
+        until(&readiness, true).await;
     }
 
     #[tokio::test]
     async fn a_coordinator_that_leaves_is_not_ready_and_knows_whether_anybody_watches() {
         let directory = tempfile::tempdir().unwrap();
-        let (farm, _bells) = open(Config::new(directory.path())).await.unwrap();
-        assert!(!farm.readiness.withdraw(), "nobody has asked");
-        assert_eq!(check(&farm).await, Err(NotReady::Stopping));
+        let readiness = in_a_file(directory.path()).await;
+        assert!(!readiness.withdraw(), "nobody has asked");
+        assert_eq!(readiness.check().await, Err(NotReady::Stopping));
         let directory = tempfile::tempdir().unwrap();
-        let (farm, _bells) = open(Config::new(directory.path())).await.unwrap();
-        assert_eq!(check(&farm).await, Ok(()));
-        assert!(farm.readiness.withdraw());
-        assert_eq!(check(&farm).await, Err(NotReady::Stopping));
+        let readiness = in_a_file(directory.path()).await;
+        assert_eq!(readiness.check().await, Ok(()));
+        assert!(readiness.withdraw());
+        assert_eq!(readiness.check().await, Err(NotReady::Stopping));
     }
 
     #[test]

@@ -1,80 +1,125 @@
-//! What callers see of jobs and workers.
+//! Views: jobs and workers as the API shows them.
+
+use std::sync::Arc;
 
 use clerestory_api::{ConvergencePoint, JobState, JobView, WorkerId, WorkerView};
 use clerestory_film::counters::Counters;
 
-use crate::farm::Farm;
+use super::liveness::Liveness;
+use super::rates::Rates;
+use crate::clock::Clock;
 use crate::model::{JobRecord, round_error};
-use crate::store::{StoreError, WorkerError};
+use crate::store::{Store, StoreError, WorkerError};
 
-/// For how long listeners are told of workers that have ended.
+/// How long event streams show workers that have ended.
 const ENDING_SHOWN_MS: i64 = 60 * 1000;
 
-/// A job as it is now.
-pub(crate) async fn job(farm: &Farm, job: JobRecord) -> Result<JobView, StoreError> {
-    let now_ms = farm.config.clock.now_ms();
-    let latest = match job.rounds.checked_sub(1) {
-        Some(round) => farm.store.convergence_point(job.id, 0, round).await?,
-        None => None,
-    };
-    let is_running = !job.state.is_final();
-    let started_ms = job.started_ms.filter(|_| is_running);
-    let samples_per_second = started_ms.and_then(|started_ms| farm.rates.rate(job.id, started_ms, now_ms));
-    let expected_samples = expected_samples(&job, latest.as_ref());
-    let is_end_known = job.targets.is_end_known(job.samples_per_block, latest.as_ref().map(round_error).as_ref());
-    let remaining_ms = samples_per_second.and_then(|rate| {
-        let by_rate = |samples: u64| (samples.saturating_sub(job.samples) as f64 / rate * 1000.0) as i64;
-        let by_limit = started_ms.zip(limit_ms(&job)).map(|(started_ms, limit_ms)| {
-            // The first pass is rendered in any case.
-            let first_pass_ms = if job.rounds == 0 { by_rate(first_pass_samples(&job)) } else { 0 };
-            started_ms.saturating_add(limit_ms).saturating_sub(now_ms).max(first_pass_ms)
+/// Reads jobs and workers for the API.
+#[derive(Debug)]
+pub(crate) struct Views {
+    store: Store,
+    clock: Clock,
+    rates: Arc<Rates>,
+    liveness: Arc<Liveness>,
+}
+
+impl Views {
+    /// Views of a store.
+    pub(crate) fn new(store: Store, clock: Clock, rates: Arc<Rates>, liveness: Arc<Liveness>) -> Self {
+        Self { store, clock, rates, liveness }
+    }
+
+    /// A job as it is now.
+    pub(crate) async fn job(&self, job: JobRecord) -> Result<JobView, StoreError> {
+        let now_ms = self.clock.now_ms();
+        let latest = match job.rounds.checked_sub(1) {
+            Some(round) => self.store.convergence_point(job.id, 0, round).await?,
+            None => None,
+        };
+        let is_running = !job.state.is_final();
+        let started_ms = job.started_ms.filter(|_| is_running);
+        let samples_per_second = started_ms.and_then(|started_ms| self.rates.rate(job.id, started_ms, now_ms));
+        let expected_samples = expected_samples(&job, latest.as_ref());
+        let is_end_known = job.targets.is_end_known(job.samples_per_block, latest.as_ref().map(round_error).as_ref());
+        let remaining_ms = samples_per_second.and_then(|rate| {
+            let by_rate = |samples: u64| (samples.saturating_sub(job.samples) as f64 / rate * 1000.0) as i64;
+            let by_limit = started_ms.zip(limit_ms(&job)).map(|(started_ms, limit_ms)| {
+                // The first pass is rendered in any case.
+                let first_pass_ms = if job.rounds == 0 { by_rate(first_pass_samples(&job)) } else { 0 };
+                started_ms.saturating_add(limit_ms).saturating_sub(now_ms).max(first_pass_ms)
+            });
+            let by_samples = is_end_known.then(|| by_rate(expected_samples));
+            by_limit.into_iter().chain(by_samples).min()
         });
-        let by_samples = is_end_known.then(|| by_rate(expected_samples));
-        by_limit.into_iter().chain(by_samples).min()
-    });
-    let building_workers =
-        if is_running { farm.store.building_workers(job.id, farm.silent_before_ms()).await? } else { 0 };
-    Ok(JobView {
-        building_workers,
-        progress: progress(&job, expected_samples, now_ms),
-        total_samples: job.total_samples(),
-        tiles: job.grid.len(),
-        width: job.grid.width,
-        height: job.grid.height,
-        tile_size: job.grid.tile_size,
-        id: job.id,
-        name: job.name,
-        state: job.state,
-        stopped_by: job.stopped_by.filter(|_| job.state == JobState::Done),
-        failure: job.failure,
-        failed_node: job.failed_node,
-        hold: job.hold,
-        priority: job.priority,
-        integrator: job.integrator,
-        scene_hash: job.scene_hash,
-        missing_light: job.missing_light,
-        left_to_chance: job.left_to_chance,
-        frames: job.frames,
-        samples_per_pass: job.samples_per_pass,
-        passes: job.passes,
-        complete_passes: job.complete_passes,
-        rounds: job.rounds,
-        samples: job.samples,
-        samples_per_second,
-        remaining_ms,
-        core_ms: job.core_ms,
-        redone_nodes: job.redone_nodes,
-        counters: counters(job.counters),
-        time_limit_ms: job.time_limit_ms,
-        target_mse: job.targets.mse,
-        target_estimated_mse: job.targets.estimated_mse,
-        adaptive: job.adaptive,
-        reference: job.reference,
-        latest,
-        created_ms: job.created_ms,
-        started_ms: job.started_ms,
-        finished_ms: job.finished_ms,
-    })
+        let building_workers =
+            if is_running { self.store.building_workers(job.id, self.liveness.silent_before_ms()).await? } else { 0 };
+        Ok(JobView {
+            building_workers,
+            progress: progress(&job, expected_samples, now_ms),
+            total_samples: job.total_samples(),
+            tiles: job.grid.len(),
+            width: job.grid.width,
+            height: job.grid.height,
+            tile_size: job.grid.tile_size,
+            id: job.id,
+            name: job.name,
+            state: job.state,
+            stopped_by: job.stopped_by.filter(|_| job.state == JobState::Done),
+            failure: job.failure,
+            failed_node: job.failed_node,
+            hold: job.hold,
+            priority: job.priority,
+            integrator: job.integrator,
+            scene_hash: job.scene_hash,
+            missing_light: job.missing_light,
+            left_to_chance: job.left_to_chance,
+            frames: job.frames,
+            samples_per_pass: job.samples_per_pass,
+            passes: job.passes,
+            complete_passes: job.complete_passes,
+            rounds: job.rounds,
+            samples: job.samples,
+            samples_per_second,
+            remaining_ms,
+            core_ms: job.core_ms,
+            redone_nodes: job.redone_nodes,
+            counters: counters(job.counters),
+            time_limit_ms: job.time_limit_ms,
+            target_mse: job.targets.mse,
+            target_estimated_mse: job.targets.estimated_mse,
+            adaptive: job.adaptive,
+            reference: job.reference,
+            latest,
+            created_ms: job.created_ms,
+            started_ms: job.started_ms,
+            finished_ms: job.finished_ms,
+        })
+    }
+
+    /// All jobs, newest first.
+    pub(crate) async fn jobs(&self) -> Result<Vec<JobView>, StoreError> {
+        let mut views = Vec::new();
+        for record in self.store.jobs().await? {
+            views.push(self.job(record).await?);
+        }
+        Ok(views)
+    }
+
+    /// All workers that have not ended, in order of registration.
+    pub(crate) async fn workers(&self) -> Result<Vec<WorkerView>, StoreError> {
+        self.store.workers(i64::MAX, self.liveness.silent_before_ms()).await
+    }
+
+    /// The same, with those that ended within the last minute.
+    pub(crate) async fn workers_and_ended(&self) -> Result<Vec<WorkerView>, StoreError> {
+        let ended_since_ms = self.clock.now_ms() - ENDING_SHOWN_MS;
+        self.store.workers(ended_since_ms, self.liveness.silent_before_ms()).await
+    }
+
+    /// One worker.
+    pub(crate) async fn worker(&self, worker: WorkerId) -> Result<WorkerView, WorkerError> {
+        self.store.worker(worker, self.liveness.silent_before_ms()).await
+    }
 }
 
 /// Camera samples in the first pass of a job.
@@ -82,7 +127,7 @@ fn first_pass_samples(job: &JobRecord) -> u64 {
     job.pass_samples()
 }
 
-/// Camera samples after which a job is expected to end: all, or as many as its targets take as far as its last round tells.
+/// Camera samples after which a job is expected to end: all, or fewer if the error of its last round promises a target before.
 fn expected_samples(job: &JobRecord, latest: Option<&ConvergencePoint>) -> u64 {
     let by_targets = latest.and_then(|point| job.targets.expected_samples(job.samples_per_block, &round_error(point)));
     let in_a_pixel = u64::from(job.passes) * u64::from(job.samples_per_pass);
@@ -90,12 +135,12 @@ fn expected_samples(job: &JobRecord, latest: Option<&ConvergencePoint>) -> u64 {
     (job.total_samples() as f64 * fraction) as u64
 }
 
-/// The time limit that may end a job: one that was opened again has passed it.
+/// The time limit that may end a job. A reopened job has passed it.
 fn limit_ms(job: &JobRecord) -> Option<i64> {
     job.time_limit_ms.filter(|_| job.reopened_ms.is_none())
 }
 
-/// How far a job is: a time limit may end it long before its last sample, but not before its first pass is complete.
+/// The progress of a job, 0 to 1. A time limit may end it long before its last sample, but not before its first pass is complete.
 fn progress(job: &JobRecord, expected_samples: u64, now_ms: i64) -> f64 {
     if job.state == JobState::Done {
         return 1.0;
@@ -121,29 +166,4 @@ fn counters(counters: Counters) -> clerestory_api::Counters {
         rays,
         samples,
     }
-}
-
-/// All jobs, newest first.
-pub(crate) async fn jobs(farm: &Farm) -> Result<Vec<JobView>, StoreError> {
-    let mut views = Vec::new();
-    for record in farm.store.jobs().await? {
-        views.push(job(farm, record).await?);
-    }
-    Ok(views)
-}
-
-/// All workers that have not ended, in order of registration.
-pub(crate) async fn workers(farm: &Farm) -> Result<Vec<WorkerView>, StoreError> {
-    farm.store.workers(i64::MAX, farm.silent_before_ms()).await
-}
-
-/// The same, and those that have ended a moment ago.
-pub(crate) async fn workers_and_ended(farm: &Farm) -> Result<Vec<WorkerView>, StoreError> {
-    let ended_since_ms = farm.config.clock.now_ms() - ENDING_SHOWN_MS;
-    farm.store.workers(ended_since_ms, farm.silent_before_ms()).await
-}
-
-/// One worker.
-pub(crate) async fn worker(farm: &Farm, worker: WorkerId) -> Result<WorkerView, WorkerError> {
-    farm.store.worker(worker, farm.silent_before_ms()).await
 }

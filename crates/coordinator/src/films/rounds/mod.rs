@@ -1,7 +1,9 @@
-//! TODO
+//! Rounds: recorded when they are complete, then merged.
 
-mod film_lease;
+pub(crate) mod film_lease;
+mod film_state;
 pub(crate) mod finalizer;
-mod merging;
+pub(crate) mod merging;
 #[cfg(test)]
 mod tests;
+pub(crate) mod visits;
