@@ -1,9 +1,9 @@
-//! Which nodes a second worker renders too, so that both can be compared.
+//! Check selection: which nodes a second worker renders too.
 
 use clerestory_api::JobId;
 use clerestory_film::NodeAddress;
 
-/// What decides, for all coordinators of a farm, which nodes are [checked](is_chosen). Only they know it.
+/// The key that selects nodes for [checks](is_selected). Only the coordinators of the farm know it.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) struct CheckKey(pub(crate) [u8; 32]);
 
@@ -13,7 +13,7 @@ impl std::fmt::Debug for CheckKey {
     }
 }
 
-/// Whether a node is rendered by a second worker too, if `fraction` of all nodes are.
+/// Whether a second worker renders a node too, when `fraction` of all nodes are checked.
 pub(crate) fn is_selected(key: &CheckKey, job: JobId, node: &NodeAddress, fraction: f64) -> bool {
     let NodeAddress { frame, tile, level, index } = *node;
     let hash = blake3::keyed_hash(&key.0, format!("check {job} {frame} {tile} {level} {index}").as_bytes());

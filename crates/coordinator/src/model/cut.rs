@@ -1,4 +1,4 @@
-//! How the passes of a round are cut into nodes. How finely is free: every cut has the same sum, bit for bit.
+//! Cutting: the passes of a round become nodes. Every cut has the same sum, bit for bit.
 
 use clerestory_film::PassRange;
 

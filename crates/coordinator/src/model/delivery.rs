@@ -17,7 +17,7 @@ pub(crate) struct DeliveredNode {
     pub(crate) counters: Counters,
     /// Hash of its bytes.
     pub(crate) digest: String,
-    /// Whether another worker is to [check](super::check::is_chosen) it, if it is accepted.
+    /// Whether another worker is to [check](super::check::is_selected) it, if it is accepted.
     pub(crate) is_selected: bool,
 }
 
@@ -34,11 +34,11 @@ pub(crate) struct Delivery {
     pub(crate) core_ms: i64,
     /// Now.
     pub(crate) now_ms: i64,
-    /// A worker that was heard of since then is there.
+    /// Last heartbeat of a worker that counts as absent.
     pub(crate) alive_ms: i64,
 }
 
-/// The work of a lease could not be used, or the worker could not do it.
+/// The work of a lease failed.
 #[derive(Clone, Debug)]
 pub(crate) struct WorkFailure {
     /// The lease.
@@ -51,6 +51,6 @@ pub(crate) struct WorkFailure {
     pub(crate) refused_partials: u32,
     /// Now.
     pub(crate) now_ms: i64,
-    /// A worker that was last heard of before this is not there.
+    /// Last heartbeat of a worker that counts as absent.
     pub(crate) alive_ms: i64,
 }

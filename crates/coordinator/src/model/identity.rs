@@ -2,11 +2,11 @@
 
 use uuid::Uuid;
 
-/// Which farm a database is that of.
+/// The identity of a farm.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Identity {
     /// Its identity.
     pub(crate) farm: Uuid,
-    /// Whether a blob store has been marked as its own.
+    /// Whether a blob store bears its mark.
     pub(crate) has_blobs: bool,
 }

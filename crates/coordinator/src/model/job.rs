@@ -23,9 +23,9 @@ pub(crate) struct NewJob {
     pub(crate) scene_hash: String,
     /// Name of the integrator.
     pub(crate) integrator: String,
-    /// What light the integrator cannot bring.
+    /// Light that the integrator cannot bring.
     pub(crate) missing_light: Vec<String>,
-    /// What light of small lights the integrator leaves to chance.
+    /// Light of small lights that the integrator leaves to chance.
     pub(crate) left_to_chance: Vec<String>,
     /// Size of the image and its tiles.
     pub(crate) grid: TileGrid,
@@ -72,9 +72,9 @@ pub(crate) struct JobRecord {
     pub(crate) scene_hash: String,
     /// Name of the integrator.
     pub(crate) integrator: String,
-    /// What light the integrator cannot bring.
+    /// Light that the integrator cannot bring.
     pub(crate) missing_light: Vec<String>,
-    /// What light of small lights the integrator leaves to chance.
+    /// Light of small lights that the integrator leaves to chance.
     pub(crate) left_to_chance: Vec<String>,
     /// Number of frames.
     pub(crate) frames: u32,
@@ -88,7 +88,8 @@ pub(crate) struct JobRecord {
     pub(crate) passes: u32,
     /// The reference image.
     pub(crate) reference: Option<ContentHash>,
-    /// Which bits it has: the probe's digest of the first worker that was given nodes of it, empty if it sent none.
+    /// Build fingerprint that it is pinned to: the probe digest of the first worker that got a lease on it, empty if
+    /// that worker sent none.
     pub(crate) probe_digest: Option<String>,
     /// Time limit from the first lease on.
     pub(crate) time_limit_ms: Option<i64>,
@@ -100,25 +101,25 @@ pub(crate) struct JobRecord {
     pub(crate) shared_samples: Option<u64>,
     /// When it was submitted.
     pub(crate) created_ms: i64,
-    /// When its first lease was given out.
+    /// When its first lease was granted.
     pub(crate) started_ms: Option<i64>,
     /// When it reached its final state.
     pub(crate) finished_ms: Option<i64>,
-    /// When it had been done before it was opened again, which it is until its lost nodes are there.
+    /// When it had ended before it was reopened; it stays reopened until its lost nodes are back.
     pub(crate) reopened_ms: Option<i64>,
-    /// Where the next pending rows are cut from: round, frame, tile.
+    /// Where the next pending rows are cut: round, frame, tile.
     pub(crate) cursor: [u32; 3],
     /// Recorded rounds.
     pub(crate) rounds: u32,
     /// Passes at the last recorded round.
     pub(crate) complete_passes: u32,
-    /// Accepted nodes; rises with every change of the film.
+    /// Accepted nodes. The number rises with every change of the film.
     pub(crate) accepted_nodes: u64,
-    /// Accepted nodes that were taken out of the film again, to be rendered once more.
+    /// Accepted nodes that were removed from the film, to be rendered again.
     pub(crate) redone_nodes: u64,
     /// Camera samples accepted.
     pub(crate) samples: u64,
-    /// Time spent on them, and on what was rendered again, summed over cores.
+    /// Time spent on them and on nodes that were rendered again, summed over cores.
     pub(crate) core_ms: i64,
     /// What was counted meanwhile.
     pub(crate) counters: Counters,
@@ -135,13 +136,13 @@ impl JobRecord {
         Rounds::new(self.passes)
     }
 
-    /// How its passes are shared out among the tiles; `None` where all get the same.
+    /// How its passes are shared out among the tiles, or `None` when all get the same.
     pub(crate) fn adaptation(&self) -> Option<Adaptation> {
         let sampling = self.sampling().ok().filter(|_| self.adaptive)?;
         self.targets.adaptation(sampling, self.passes).ok()
     }
 
-    /// Whether a wave cannot be cut yet: its passes are to be shared out first.
+    /// Whether the work of a round cannot be cut yet, because its passes have to be shared out first.
     pub(crate) fn waits_for_shares(&self, round_passes: PassRange) -> bool {
         let fewest =
             self.adaptation().filter(|_| self.shared_samples.is_none()).map(|adaptation| adaptation.fewest_passes());
@@ -162,7 +163,7 @@ impl JobRecord {
             * u64::from(self.samples_per_pass)
     }
 
-    /// Camera samples in the whole job; while passes are still to be shared out, as many as it can have at most.
+    /// Camera samples in the whole job. Before passes are shared out, the most that it can have.
     pub(crate) fn total_samples(&self) -> u64 {
         let pilot_passes = self.adaptation().map_or(0, |adaptation| adaptation.pilot_passes());
         let in_images = self.shared_samples.unwrap_or(self.pass_samples() * u64::from(self.passes));
@@ -175,8 +176,7 @@ impl JobRecord {
         (pixels * u64::from(self.samples_per_pass)) << address.level
     }
 
-    /// Whether its time is up and there is an image to end with: the first pass is rendered in any case, as it is
-    /// without a farm.
+    /// Whether its time limit has passed and there is an image to end with. The first pass is rendered in any case.
     pub(crate) fn is_out_of_time(&self, now_ms: i64) -> bool {
         self.rounds > 0 && self.is_past_limit(now_ms)
     }
@@ -184,7 +184,7 @@ impl JobRecord {
     /// Whether its time limit has passed.
     pub(crate) fn is_past_limit(&self, now_ms: i64) -> bool {
         match (self.started_ms, self.time_limit_ms) {
-            // Its time was up before, and what it lacks is rendered however long that takes.
+            // A reopened job passed its limit before, and its lost nodes are rendered however long that takes.
             _ if self.reopened_ms.is_some() => false,
             (Some(started_ms), Some(limit_ms)) => now_ms >= started_ms.saturating_add(limit_ms),
             _ => false,
@@ -213,7 +213,7 @@ impl Ending {
         }
     }
 
-    /// What has ended it, where that is a stop rule.
+    /// The stop rule that has ended it, if any.
     pub(crate) fn stopped_by(&self) -> Option<StopReason> {
         match self {
             Self::Done(reason) => Some(*reason),

@@ -14,21 +14,21 @@ pub(crate) const MOST_NODES: u32 = 256;
 pub(crate) struct ClaimTerms {
     /// Who asks.
     pub(crate) worker: WorkerId,
-    /// Jobs whose scenes it has at hand.
+    /// Jobs whose scenes it has built.
     pub(crate) built: Vec<JobId>,
-    /// Identity of the lease, if there will be one.
+    /// Identity of the lease, if it is granted.
     pub(crate) lease: LeaseId,
     /// Most nodes that it wants.
     pub(crate) max_nodes: Option<u32>,
-    /// Exactly this many nodes, if there are as many: for experiments.
+    /// The exact number of nodes, if there are as many: for experiments.
     pub(crate) fixed_nodes: Option<u32>,
     /// How long the work should take.
     pub(crate) target_ms: i64,
-    /// How long a complete node waits for others in a lease that is long enough.
+    /// How long a complete node of a long lease waits for others.
     pub(crate) upload_linger_ms: i64,
     /// How long the lease lasts.
     pub(crate) ttl_ms: i64,
-    /// A worker that was last heard of before this is not there.
+    /// Last heartbeat of a worker that counts as absent.
     pub(crate) alive_ms: i64,
     /// Now.
     pub(crate) now_ms: i64,
@@ -60,7 +60,7 @@ pub(crate) struct Grant {
 pub(crate) enum LeaseState {
     /// A worker holds it.
     Active,
-    /// Nothing is wanted under it any more: its nodes were accepted, or others have them.
+    /// No node is wanted under it any more: all were accepted, or other workers have them.
     Complete,
     /// Given back by the worker, or taken back because what it brought could not be used.
     Returned,
@@ -87,6 +87,6 @@ pub(crate) struct LeaseRecord {
     pub(crate) state: LeaseState,
     /// When it runs out.
     pub(crate) deadline_ms: i64,
-    /// All nodes that were leased, whatever has become of them since.
+    /// All nodes that were leased.
     pub(crate) nodes: BTreeSet<NodeAddress>,
 }

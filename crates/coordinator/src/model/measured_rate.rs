@@ -1,30 +1,30 @@
-//! How fast a worker renders a job, and how large its nodes and leases are for that.
+//! Measured rates: how fast a worker renders a job, and the size of its nodes and leases.
 
 use clerestory_film::PassRange;
 
-/// A lease may go on without an accepted node for so many times as long as its work should take.
+/// A lease is overdue after this many times the expected time of its work, without an accepted node.
 const OVERDUE_FACTOR: f64 = 3.0;
 
-/// How long a complete node waits for others at least, in seconds, however few leases there are.
+/// Shortest time for which a complete node waits for others, in seconds.
 pub(crate) const SHORTEST_LINGER_SECONDS: f64 = 1.0;
 
-/// Longest time for which a lease may, in seconds: a week.
+/// Longest time until a lease is overdue, in seconds: a week.
 const LONGEST_OVERDUE_SECONDS: f64 = 7.0 * 24.0 * 3600.0;
 
-/// What decides how large nodes and leases should be.
+/// The rate of a worker, for the size of its nodes and leases.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MeasuredRate {
-    /// Samples a second of the worker that asks, for this job; `None` before its first partial.
+    /// Samples a second of the worker, for this job; `None` before its first partial.
     pub samples_per_second: Option<f64>,
     /// How long a lease should take, in seconds.
     pub target_seconds: f64,
-    /// Workers that render this job, with the one that asks.
+    /// Workers on this job, including the one that asks.
     pub workers: u32,
 }
 
 impl MeasuredRate {
-    /// Largest level at which a wave is cut: its nodes fit into a lease of the wanted length, and there are at least two
-    /// for each worker where the wave has that many passes.
+    /// Largest level at which a round is cut. Its nodes fit into a lease of the wanted length, and each worker gets at
+    /// least two where there are enough passes.
     pub(crate) fn largest_level(&self, passes: PassRange, tiles: u32, samples_per_tile_pass: f64) -> u32 {
         let mut level = passes.count.max(1).ilog2();
         let too_long = |level: u32| {
@@ -38,23 +38,22 @@ impl MeasuredRate {
         level
     }
 
-    /// How long the worker needs for some samples, in seconds; as long as a lease should take while that is not known.
+    /// Expected time for some samples, in seconds. It is that of a lease while the rate is unknown.
     pub(crate) fn seconds(&self, samples: f64) -> f64 {
         self.samples_per_second.map_or(self.target_seconds, |rate| samples / rate)
     }
 
-    /// How long a lease of some samples, of which complete nodes wait for others so long, may go on without an accepted node before others are given its
-    /// work, in seconds. For work that has
-    /// been given out `repeats` times while others had it, four times as long for each: work that takes longer than anybody expects is
-    /// not taken from all who begin it.
+    /// Time until a lease without an accepted node is overdue, in seconds. Its complete nodes wait `linger_seconds`
+    /// for others. Each earlier lease on the same work makes it four times longer: work that takes longer than anybody
+    /// expects is not taken from every worker that begins it.
     pub(crate) fn overdue_seconds(&self, samples: f64, repeats: u32, linger_seconds: f64) -> f64 {
         let needed = self.seconds(samples).max(self.target_seconds).max(linger_seconds);
         (OVERDUE_FACTOR * needed * f64::from(1_u32 << (2 * repeats.min(10)))).min(LONGEST_OVERDUE_SECONDS)
     }
 
-    /// How long a complete node of a lease of some nodes and samples waits for others, in seconds, where `longest_seconds` would do in one that is long
-    /// enough. No longer than the lease should take, where that is known: what it holds is brought at its end in any case, unless its worker has got
-    /// slow, and whoever waits for it then should see what is left. A node that is alone waits for none.
+    /// How long a complete node of a lease waits for others, in seconds: at most `longest_seconds`, and at most the
+    /// expected time of the lease. Its nodes are uploaded at its end in any case, unless its worker has become slow,
+    /// and then a waiting client should see the progress. A single node does not wait.
     pub(crate) fn linger_seconds(&self, nodes: usize, samples: f64, longest_seconds: f64) -> f64 {
         if nodes < 2 {
             return SHORTEST_LINGER_SECONDS;
@@ -63,9 +62,9 @@ impl MeasuredRate {
         longest.max(SHORTEST_LINGER_SECONDS)
     }
 
-    /// Samples that a lease should hold, and a node at most: what the worker renders in the wanted time, but towards the end of a job no
-    /// more than half of an equal share of what is left, so that all workers finish together. None before its speed is known: then one
-    /// pass is enough to measure it.
+    /// Samples in a lease, and at most in a node: the worker's rate times the wanted time. Towards the end of a job,
+    /// at most half of an equal share of the rest, so that all workers finish together. None before the rate is known:
+    /// one pass is enough to measure it.
     pub(crate) fn lease_samples(&self, samples_left: f64) -> f64 {
         let by_rate = self.samples_per_second.unwrap_or(0.0) * self.target_seconds;
         by_rate.min(samples_left / f64::from(2 * self.workers.max(1)))

@@ -13,7 +13,7 @@ pub(crate) struct BlobRange {
     pub(crate) blob: String,
     /// Where in it they begin.
     pub(crate) offset: u64,
-    /// Their number; none for all of a blob, as older builds stored nodes.
+    /// Their number, or none for the whole blob, as older builds stored nodes.
     pub(crate) length: Option<u64>,
 }
 
@@ -37,7 +37,7 @@ pub(crate) struct StoredNode {
     pub(crate) blob: String,
 }
 
-/// The work that nodes took. Sums are the same whatever their order.
+/// The work of nodes. Sums do not depend on their order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Work {
     /// What was counted.
@@ -53,7 +53,7 @@ impl AddAssign<&Self> for Work {
     }
 }
 
-/// A node that is to take the place of others.
+/// A node that replaces others.
 #[derive(Clone, Debug)]
 pub(crate) struct Merge {
     /// The node.
@@ -64,7 +64,7 @@ pub(crate) struct Merge {
     pub(crate) children: Vec<NodeAddress>,
 }
 
-/// What has been taken out of the film.
+/// What was removed from films.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Removed {
     /// Where the nodes lay.

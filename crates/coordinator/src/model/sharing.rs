@@ -1,14 +1,14 @@
-//! How the passes of an adaptive job are shared out among its tiles.
+//! Pass sharing: the passes of the tiles of an adaptive job.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use clerestory_film::{Adaptation, Share};
 
-/// How many passes each tile of a job has at a round.
+/// The passes of each tile of a job at each round.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TilePasses {
-    /// The shares by frame; absent where every tile has all passes.
+    /// The shares by frame, or `None` when every tile has all passes.
     shares: Option<Arc<Shares>>,
 }
 
@@ -19,7 +19,7 @@ struct Shares {
 }
 
 impl TilePasses {
-    /// Those that shares make, by frame, in the order of the tiles.
+    /// The passes that shares make, by frame, in the order of the tiles.
     pub(crate) fn shared(adaptation: Adaptation, by_frame: BTreeMap<u32, Vec<Share>>) -> Self {
         Self { shares: Some(Arc::new(Shares { adaptation, by_frame })) }
     }
@@ -29,7 +29,7 @@ impl TilePasses {
         self.shares.is_some()
     }
 
-    /// Passes of a tile at the round of so many.
+    /// Passes of a tile at the round of `round_passes`.
     pub(crate) fn at(&self, frame: u32, tile: u32, round_passes: u32) -> u32 {
         let Some(Shares { adaptation, by_frame }) = self.shares.as_deref() else { return round_passes };
         let share = by_frame.get(&frame).and_then(|shares| shares.get(tile as usize));

@@ -1,7 +1,7 @@
-//! Stop rules: what a complete round says of the end of its job.
+//! Stop rules: what a complete round means for the end of its job.
 //!
-//! A job ends with its last round, at its time limit or at a target, whichever comes first. The clock of the store decides on
-//! the time limit. Targets are compared with the errors of complete rounds.
+//! A job ends with its last round, at its time limit or at a target, whichever comes first. The store's clock decides
+//! on the time limit. Targets are compared with the errors of complete rounds.
 
 use clerestory_api::{ConvergencePoint, StopReason};
 use clerestory_film::targets::{RoundError, Target};

@@ -21,7 +21,7 @@ impl Store {
         Ok(found.is_some())
     }
 
-    /// Bytes of some uploaded contents together, each counted as often as it is named.
+    /// Bytes of some uploaded contents together. A content that is named twice counts twice.
     pub(crate) async fn asset_bytes(&self, hashes: impl Iterator<Item = ContentHash>) -> Result<u64, StoreError> {
         let mut bytes = 0_u64;
         for hash in hashes {
@@ -49,7 +49,7 @@ impl Store {
         .await
     }
 
-    /// Releases the jobs that are held for want of a content, and answers which.
+    /// Releases the jobs that are held for a content, and answers which.
     pub(crate) async fn release_for_asset(&self, hash: ContentHash, now_ms: i64) -> Result<Vec<JobId>, StoreError> {
         let held = "select id, hold from jobs where hold is not null";
         let of_it = move |row: &Row| Ok::<_, StoreError>(row.json::<JobHold>("hold")?.asset == Some(hash));
@@ -72,7 +72,7 @@ impl Store {
         .await
     }
 
-    /// Contents that jobs need which have not ended: the assets of their scenes, and their references.
+    /// Contents that jobs need which have not ended: assets of their scenes, and references.
     pub(crate) async fn needed_assets(&self) -> Result<BTreeSet<ContentHash>, StoreError> {
         let rows = query(
             "select hash from job_assets join jobs on jobs.id = job where state in ('queued', 'running') \
@@ -81,7 +81,7 @@ impl Store {
         rows.fetch_all(&self.readers).await?.iter().map(|row| row.parsed("hash")).collect()
     }
 
-    /// Holds the jobs that need a content which is lost, and answers which.
+    /// Holds the jobs that need a lost content, and answers which.
     pub(crate) async fn hold_for_lost_asset(&self, hash: ContentHash, now_ms: i64) -> Result<Vec<JobId>, StoreError> {
         self.write(move |connection| {
             Box::pin(async move {

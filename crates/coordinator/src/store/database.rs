@@ -42,23 +42,23 @@ impl Store {
         self.source.is_shared()
     }
 
-    /// What the clock that all coordinators share shows, milliseconds since the Unix epoch; `None` where there is one coordinator.
+    /// The time of the clock that all coordinators share, milliseconds since the Unix epoch. `None` when there is one
+    /// coordinator.
     pub(crate) async fn now_ms(&self) -> Result<Option<i64>, StoreError> {
         self.source.now_ms(&self.readers).await
     }
 
-    /// Hears what is sent to all coordinators from now on; `None` where there is one coordinator.
+    /// Receives the notifications of all coordinators from now on. `None` when there is one coordinator.
     pub(crate) async fn listener(&self) -> Result<Option<Listener>, StoreError> {
         self.source.listener().await
     }
 
-    /// Sends a text, shorter than 8000 bytes, to all coordinators, where there may be several.
+    /// Sends a text of less than 8000 bytes to all coordinators, where there may be several.
     pub(crate) async fn notify(&self, text: String) -> Result<(), StoreError> {
         self.source.notify(&self.readers, text).await
     }
 
-    /// Runs `write` in the next transaction and answers when that is committed. An error rolls this write back, and
-    /// nothing else.
+    /// Runs `write` in the next transaction and answers after the commit. An error rolls back this write alone.
     pub(crate) async fn write<T, E, F>(&self, write: F) -> Result<T, E>
     where
         T: Send + 'static,
@@ -78,18 +78,18 @@ impl Store {
         self.writer.write(turn, write).await
     }
 
-    /// Waits for the reads and the writes that are under way, then closes the database. The writer comes last: SQLite then moves what is in the log
-    /// into the database.
+    /// Waits for running reads and writes, then closes the database. The writer closes last, because SQLite then moves
+    /// its log into the database.
     pub(crate) async fn close(&self) {
         self.readers.close().await;
         self.writer.close().await;
     }
 
-    /// Makes sure that the database takes writes, by one. It waits for no other.
+    /// Writes once, to prove that the database takes writes. It does not wait for other writes.
     pub(crate) async fn try_to_write(&self) -> Result<(), StoreError> {
         let write = self.write_in(Turn::First, |connection| {
             Box::pin(async move {
-                // A value that changes: SQLite writes nothing where all is as it was.
+                // The value changes: SQLite writes nothing when a row stays as it was.
                 let tried = "insert into sequences (name, value) values ('tried_write', 1) \
                              on conflict (name) do update set value = sequences.value + 1";
                 query(tried).execute(connection).await.map(drop)
@@ -98,8 +98,8 @@ impl Store {
         write.await
     }
 
-    /// Why the thread that writes has failed, when it has: nothing can be written any more. It never comes while that thread lives, or when it was
-    /// closed.
+    /// Resolves with the panic message when the writer thread panics. It never resolves otherwise, also not after the
+    /// writer was closed.
     pub(crate) async fn writer_failed(&self) -> String {
         self.writer.failed().await
     }

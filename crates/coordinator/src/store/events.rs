@@ -1,7 +1,7 @@
-//! Stored events: which jobs changed and which rounds were completed, in one sequence.
+//! Stored events: changed jobs and completed rounds, in one sequence.
 //!
-//! A row only points at what changed; whoever sends the event reads what is true then. Rows are written in the
-//! transaction of the change itself, so no change is ever without its event.
+//! A row only points at what changed. The event feed reads the current state when it sends the event. The transaction
+//! of a change writes its row, so no change is without its event.
 
 use clerestory_api::JobId;
 
@@ -12,7 +12,7 @@ use crate::store::engine::row::Row;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 
-/// Events that are kept for listeners who come back.
+/// Events that are kept for reconnecting listeners.
 const KEPT: i64 = 100_000;
 
 /// Stores an event.
@@ -93,7 +93,7 @@ impl Store {
         rows.iter().rev().map(stored).collect()
     }
 
-    /// Drops events that are too old to be asked for.
+    /// Deletes events that are too old for any listener.
     pub(crate) async fn prune_events(&self) -> Result<(), StoreError> {
         self.write(|connection| {
             Box::pin(async move {

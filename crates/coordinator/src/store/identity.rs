@@ -1,4 +1,4 @@
-//! Which farm a database is that of, and what only its coordinators know.
+//! The identity of a farm, and the key that only its coordinators know.
 
 use futures::future::BoxFuture;
 use uuid::Uuid;
@@ -10,18 +10,18 @@ use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 
 impl Store {
-    /// Which farm this is. It is given an identity when it is asked for first.
+    /// The identity of the farm. The first call creates it.
     pub(crate) async fn identity(&self) -> Result<Identity, StoreError> {
         self.write(|connection| Box::pin(async move { read_identity(connection).await })).await
     }
 
-    /// What decides which nodes are checked. It is made up when it is asked for first.
+    /// The key that selects nodes for checks. The first call creates it.
     pub(crate) async fn check_key(&self) -> Result<CheckKey, StoreError> {
         self.write(|connection| Box::pin(async move { read_check_key(connection).await })).await
     }
 
-    /// Claims a blob store for the farm while no other coordinator can, and notes that the farm has one. What is wrong with the
-    /// claim is answered as it is.
+    /// Claims a blob store while no other coordinator can, and records that the farm has one. The claim's own error is
+    /// the inner one.
     pub(crate) async fn claim_blobs<E, F>(&self, claim: F) -> Result<Result<(), E>, StoreError>
     where
         E: Send + 'static,

@@ -1,4 +1,4 @@
-//! Jobs: what was submitted, and where it stands.
+//! Rows of jobs.
 
 use std::collections::BTreeMap;
 
@@ -70,14 +70,14 @@ pub(in crate::store) fn record(row: &Row) -> Result<JobRecord, StoreError> {
     })
 }
 
-/// One job, as the transaction sees it.
+/// One job, as the transaction reads it.
 pub(in crate::store) async fn job_in(connection: &mut Connection, job: JobId) -> Result<Option<JobRecord>, StoreError> {
     let found = query(format!("select {COLUMNS} from jobs where id = $1")).bind(job.to_string());
     found.fetch_optional(connection).await?.as_ref().map(record).transpose()
 }
 
-/// Brings a job to its final state: its leases end and its pending work goes. Changes nothing, and answers `false`, when
-/// it already is in a final state.
+/// Ends a job: its leases end and its pending work is deleted. `false`, without changes, when it already has a final
+/// state.
 pub(in crate::store) async fn end(
     connection: &mut Connection,
     job: JobId,
@@ -126,7 +126,7 @@ impl Store {
         rows.iter().map(|row| row.parsed("id")).collect()
     }
 
-    /// The jobs of which a round may be left to be recorded, or a pilot to be let go: those that have ended may have been stopped before that.
+    /// The jobs that may have an unrecorded round or a pilot to discard. A job may have ended just before either.
     pub(crate) async fn unsettled_jobs(&self) -> Result<Vec<JobId>, StoreError> {
         let unsettled = query(
             "select id from jobs where state in ('queued', 'running') \
@@ -160,12 +160,12 @@ impl Store {
         Ok(Some((row.text("scene")?, assets.collect::<Result<_, StoreError>>()?)))
     }
 
-    /// Brings a job to its final state; `false` when it already is in one.
+    /// Ends a job. `false` when it already has a final state.
     pub(crate) async fn end_job(&self, job: JobId, ending: Ending, now_ms: i64) -> Result<bool, StoreError> {
         self.write(move |connection| Box::pin(async move { end(connection, job, &ending, now_ms).await })).await
     }
 
-    /// Ends the jobs that are out of time, and answers which.
+    /// Ends the jobs whose time limit is reached, and answers which.
     pub(crate) async fn end_jobs_out_of_time(&self, now_ms: i64) -> Result<Vec<JobId>, StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
@@ -227,7 +227,7 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     events::record(connection, StoredKind::Job, job.id, job.created_ms).await
 }
 
-/// Notes accepted work on the job, as this transaction has read it.
+/// Adds accepted work to a job that this transaction has read.
 pub(in crate::store) async fn add_accepted(
     connection: &mut Connection,
     job: &JobRecord,

@@ -1,10 +1,14 @@
-//! The state of the farm: one SQL database.
+//! The state of the farm in one SQL database.
 //!
-//! The embedded default is SQLite in WAL mode with `synchronous=FULL`, and the other PostgreSQL ([`source`]): what is committed
-//! survives the loss of power. All writes pass through one writer that groups those that wait into one transaction
-//! ([`writer`]); readers have a pool of their own. The SQL keeps to what both engines understand (numbered parameters, text identities,
-//! `bigint` milliseconds, `returning`, times bound by the caller), and one suite of tests holds both to the same behaviour. Bytes live
-//! in the [blob store](crate::blobs); a row here is what makes a blob part of the farm.
+//! The default is SQLite in WAL mode with `synchronous=FULL`, the other engine is PostgreSQL. Committed state survives
+//! the loss of power. All writes pass through one writer that groups waiting writes into one transaction; readers have
+//! a pool of their own. The SQL keeps to what both engines understand: numbered parameters, text identities, `bigint`
+//! milliseconds, `returning`, times bound by the caller. One suite of tests holds both engines to the same behaviour.
+//! Bytes live in the [blob store](crate::blobs); a row here makes a blob part of the farm.
+//!
+//! What each folder keeps: `engine` the connections and the writer, `queue` pending work and claims, `leases` what
+//! workers hold, `films` accepted nodes and rounds, `checks` nodes that two workers render, `workers` who renders.
+//! `jobs`, `assets` and `events` are one file each.
 
 mod assets;
 mod checks;

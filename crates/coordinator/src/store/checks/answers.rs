@@ -14,25 +14,26 @@ use crate::store::engine::sql::query;
 use crate::store::leases::table as leases;
 use crate::store::workers::table::OF_THE_SAME_NAME;
 
-/// Opinions with which a check ends, whatever they say.
+/// Votes with which a check ends in any case.
 const MOST_VOTES: usize = 3;
 
 /// What checks have come to.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Outcome {
-    /// Whether there are checks to be done.
+    /// Whether there are checks to do.
     pub(crate) has_work: bool,
     /// Whether checks have ended.
     pub(crate) has_ended: bool,
-    /// Workers that were found to be wrong, and why.
+    /// Workers whose nodes were wrong, and why.
     pub(crate) quarantined: Vec<(WorkerId, Quarantine)>,
     /// Jobs of which nodes are rendered again.
     pub(crate) redone: Vec<JobId>,
-    /// What has been taken out of their films.
+    /// What was removed from their films.
     pub(crate) removed: Removed,
 }
 
-/// Takes the opinions of a worker about nodes of a lease that are checked, whoever else has them by now. Others change nothing.
+/// Takes the votes of a worker on checked nodes of a lease, also when others hold them by now. Other nodes change
+/// nothing.
 pub(in crate::store) async fn answer(
     connection: &mut Connection,
     lease: &LeaseRecord,
@@ -56,7 +57,7 @@ pub(in crate::store) async fn answer(
         let (check, node) = (row.text("id")?, address(&row)?);
         let Some(brought) = nodes.iter().find(|brought| brought.address == node) else { continue };
         if !is_open(connection, &check, lease).await? {
-            // It went with what has just been found to be wrong.
+            // It went with the nodes that were just found to be wrong.
             continue;
         }
         cast_vote(connection, &check, lease.worker, &brought.digest).await?;
@@ -103,7 +104,7 @@ async fn is_open(connection: &mut Connection, check: &str, lease: &LeaseRecord) 
     Ok(row.is_some())
 }
 
-/// Lets go of a check that a worker, or others of its name, may have under whatever lease.
+/// Releases a check that a worker, or another of its name, may hold under any lease.
 async fn release_held_by(connection: &mut Connection, check: &str, worker: WorkerId) -> Result<(), StoreError> {
     let own = format!("(select id from leases where worker in {OF_THE_SAME_NAME})");
     for statement in [
@@ -120,7 +121,7 @@ async fn release_held_by(connection: &mut Connection, check: &str, worker: Worke
 enum Judgement {
     /// All are the same.
     Agreed,
-    /// Two differ, and a third has to decide.
+    /// Two votes differ, and a third has to decide.
     Disputed,
     /// All but one are the same.
     Odd(WorkerId),
@@ -142,7 +143,7 @@ fn judge(votes: &[(WorkerId, String)]) -> Judgement {
     }
 }
 
-/// Gives a worker no work any more, nor any other of its name, and has rendered again what they may have rendered.
+/// Quarantines a worker and all others of its name, and has everything rendered again that they may have rendered.
 async fn quarantine(
     connection: &mut Connection,
     worker: WorkerId,
@@ -157,12 +158,12 @@ async fn quarantine(
     for lease in held {
         leases::release(connection, lease.parsed("id")?).await?;
     }
-    // Whatever is brought once more under a lease that is complete is what has just been taken out.
+    // A repeated upload under a complete lease would bring what was just removed.
     query(format!("update leases set state = 'returned' where worker in {OF_THE_SAME_NAME} and state = 'complete'"))
         .bind(worker.to_string())
         .execute(&mut *connection)
         .await?;
-    // What they think of other nodes does not count.
+    // Their votes on other nodes do not count.
     query(format!("delete from opinions where worker in {OF_THE_SAME_NAME}"))
         .bind(worker.to_string())
         .execute(&mut *connection)
@@ -174,7 +175,7 @@ async fn quarantine(
         .bind(to_json(&quarantine)?)
         .execute(&mut *connection)
         .await?;
-    // A check of their nodes that had no other opinion has none now.
+    // A check of their nodes without another vote has none now.
     query("delete from checks where not exists (select 1 from opinions where check_id = checks.id)")
         .execute(&mut *connection)
         .await?;

@@ -1,11 +1,14 @@
-//! What a worker has rendered that turned out to be wrong is rendered again, and with it what all workers of its name have: they are one machine.
+//! Redoing: the nodes of a wrong worker are rendered again, with those of all workers of its name, which are one
+//! machine.
 //!
-//! Their leases tell which nodes may be their own; what others brought of them in the end is rendered again too, and so is what was merged with
-//! them. The points of the series that were measured with them go, and are not measured again: the film has been merged across the ends of
-//! their rounds. The next round waits until all passes before it are there again. A job that has ended keeps its image, and is named.
+//! Their leases tell which nodes may be theirs. Nodes that others brought instead are rendered again too, and so are
+//! nodes that were merged with them. The points that were measured with them are deleted, and not measured again,
+//! because the film has been merged across the ends of their rounds. The next round waits until all passes before it
+//! are back. A job that has ended keeps its image, and the quarantine names it.
 //!
-//! A job of which nothing is left begins again, with whatever bits the next worker computes: those that it was begun with may be the bits of the
-//! wrong machine alone, and nobody else could go on with it. Where nodes of others are left, others compute the same bits.
+//! A job of which nothing is left restarts, pinned to the next worker. Its fingerprint may be that of the wrong
+//! machine alone, so that no other could continue. Where nodes of other workers are left, others have the same
+//! fingerprint.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,15 +30,15 @@ use crate::store::{events, jobs};
 /// What is rendered again.
 #[derive(Debug, Default)]
 pub(in crate::store) struct Redone {
-    /// Jobs of which nodes are, and those that begin again.
+    /// Jobs of which nodes are rendered again, or which restart.
     pub(in crate::store) jobs: Vec<JobId>,
-    /// What has been taken out of their films.
+    /// What was removed from their films.
     pub(in crate::store) removed: Removed,
-    /// Jobs that have ended, with work of the machine in their images.
+    /// Jobs that have ended with work of the machine in their images.
     pub(in crate::store) ended: Vec<JobId>,
 }
 
-/// Takes all that the workers of a worker's name may have rendered out of the films of the jobs that have not ended, and back into the queue.
+/// Returns everything that the workers of one name may have rendered to the queue, in jobs that have not ended.
 pub(in crate::store) async fn redo(
     connection: &mut Connection,
     worker: WorkerId,
@@ -69,7 +72,7 @@ pub(in crate::store) async fn redo(
         }
         redone.removed += removed;
         checks::forget(connection, id, &taken).await?;
-        // As finely as work was given to it.
+        // As finely as their work was leased.
         let largest_level = leased.iter().map(|node| node.level).max().unwrap_or(0);
         requeue(connection, &job, &taken, largest_level).await?;
         delete_points(connection, &job, &taken).await?;
@@ -79,7 +82,7 @@ pub(in crate::store) async fn redo(
     Ok(redone)
 }
 
-/// Puts the passes of nodes back into the queue, cut at the ends of rounds.
+/// Queues the passes of nodes again, cut at the ends of rounds.
 pub(in crate::store) async fn requeue(
     connection: &mut Connection,
     job: &JobRecord,
@@ -111,14 +114,14 @@ pub(in crate::store) async fn requeue(
     count_taken(connection, job, taken).await
 }
 
-/// Notes on a job that nodes have been taken out of its film.
+/// Counts on a job that nodes were removed from its film.
 pub(in crate::store) async fn count_taken(
     connection: &mut Connection,
     job: &JobRecord,
     taken: &[NodeAddress],
 ) -> Result<(), StoreError> {
     let samples: u64 = taken.iter().map(|node| job.node_samples(node)).sum();
-    // The film has changed: so does the number by which its images are told apart.
+    // The film has changed, so the number that tells its images apart changes too.
     query(
         "update jobs set samples = samples - $2, redone_nodes = redone_nodes + $3, accepted_nodes = accepted_nodes + 1 \
          where id = $1",
@@ -150,14 +153,14 @@ fn rounds_of(
     in_images.chain((passes.first >= job.passes).then_some((PILOT_ROUND, passes)))
 }
 
-/// Takes a job back to where it was before any work was given out, and answers all that has been taken out of its film, with what was before.
+/// Restarts a job, and answers what was removed from its film, together with what was removed before.
 pub(in crate::store) async fn restart(
     connection: &mut Connection,
     job: &JobRecord,
     mut removed: Removed,
 ) -> Result<Removed, StoreError> {
     removed += nodes::discard(connection, job.id, 0).await?;
-    // Their nodes were cut where rounds ended by the old shares, and may have other bits than the job will.
+    // Their nodes were cut at the ends of rounds by the old shares, and the job may be pinned to another fingerprint.
     query("update leases set state = 'returned' where job = $1 and state in ('active', 'complete')")
         .bind(job.id.to_string())
         .execute(&mut *connection)
@@ -177,8 +180,8 @@ pub(in crate::store) async fn restart(
     Ok(removed)
 }
 
-/// Takes away the points of the series that were measured with some nodes. Their rounds are not recorded again, since the film may have been
-/// merged across their ends; the next one waits for all passes before it.
+/// Deletes the points that were measured with some nodes. Their rounds are not recorded again, because the film may
+/// have been merged across their ends. The next round waits for all passes before it.
 async fn delete_points(connection: &mut Connection, job: &JobRecord, taken: &[NodeAddress]) -> Result<(), StoreError> {
     let tile_passes = adaptive::tile_passes(connection, job).await?;
     let rounds = taken.iter().filter_map(|node| rounds_of(job, &tile_passes, node).map(|(round, _)| round).next());

@@ -1,12 +1,13 @@
-//! Checks: a small part of all nodes is rendered by a second worker too, and both must have the same bits.
+//! Checks: a small fraction of all nodes is rendered by a second worker too, and both results must be equal bit for
+//! bit.
 //!
-//! Which nodes those are follows from their addresses and a [key](CheckKey) of the farm, so that a node that is rendered again is checked again, and no
-//! worker can tell which will be. When two workers disagree, a
-//! third decides: the odd one is quarantined, and [what it has rendered](super::redo) is rendered again. A round is not complete while nodes
-//! of it are to be checked. A check that nobody is left to do is given up: nobody who computes the bits that the job was begun with, and does not fail
-//! again and again.
+//! The address of a node and a [key](crate::model::CheckKey) of the farm select it. So a node that is rendered again
+//! is checked again, and no worker can predict its checks. When two workers disagree, a third decides. The odd one is
+//! quarantined, and [its nodes](super::redo) are rendered again. A round is complete when its checks are done. A check
+//! is given up when no worker is left for it: none with the job's build fingerprint that does not fail again and
+//! again.
 //!
-//! A machine does not check itself, and is quarantined as a whole: in all of this, workers of one name are one.
+//! A machine does not check itself, and is quarantined as a whole. So workers of one name count as one.
 
 use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_film::NodeAddress;
@@ -21,10 +22,10 @@ use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::workers::table::MATCHES_PIN;
 
-/// A round does not wait for the checks of a worker that has failed so often in a row, whatever it was given.
+/// A round does not wait for the checks of a worker that has failed this often in a row.
 const MOST_FAILURES_IN_A_ROW: u32 = 5;
 
-/// A node that is checked, as a worker brought it.
+/// A checked node, as a worker brought it.
 #[derive(Clone, Debug)]
 pub(in crate::store) struct Brought {
     /// The node.
@@ -33,18 +34,18 @@ pub(in crate::store) struct Brought {
     pub(in crate::store) digest: String,
 }
 
-/// A check that nobody was left to do.
+/// A check that no worker was left for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct GivenUp {
     /// The job.
     pub(crate) job: JobId,
     /// The node.
     pub(crate) node: NodeAddress,
-    /// Workers that disagree about it; one when nobody else has rendered it.
+    /// Workers that disagree about it, or the one that has rendered it.
     pub(crate) workers: Vec<WorkerId>,
 }
 
-/// A condition on a row of `checks`: no worker of this name, which is an expression of SQL, has an opinion about the node.
+/// SQL condition on a row of `checks`: no worker with this name, an SQL expression, has voted on the node.
 pub(in crate::store) fn is_new_to(name: &str) -> String {
     format!(
         "not exists (select 1 from opinions join workers as bringers on bringers.id = opinions.worker \
@@ -52,8 +53,8 @@ pub(in crate::store) fn is_new_to(name: &str) -> String {
     )
 }
 
-/// A condition on a row of `workers` and one of `jobs`: a round may wait for this worker to check nodes of the job. It was heard of since a time, which is
-/// an expression of SQL.
+/// SQL condition on rows of `workers` and `jobs`: a round may wait for this worker to check nodes of the job.
+/// `alive_ms`, an SQL expression, is the last heartbeat of an absent worker.
 pub(in crate::store) fn is_waited_for(alive_ms: &str) -> String {
     format!(
         "workers.seen_ms >= {alive_ms} and workers.ended_ms is null and workers.quarantine is null \
@@ -61,7 +62,8 @@ pub(in crate::store) fn is_waited_for(alive_ms: &str) -> String {
     )
 }
 
-/// Opens checks of nodes that have just been accepted, by their rounds, if a worker that can do them was heard of since `alive_ms`.
+/// Opens checks of nodes that were just accepted, by their rounds, if a worker that can do them was heard of since
+/// `alive_ms`.
 pub(in crate::store) async fn open(
     connection: &mut Connection,
     lease: &LeaseRecord,
@@ -99,7 +101,7 @@ pub(in crate::store) async fn open(
     Ok(Outcome { has_work: true, ..Outcome::default() })
 }
 
-/// Lets go of the checks that a lease has. Whoever has taken one over is the only one to have it then.
+/// Releases the checks of a lease. A worker that has taken one over becomes its only holder.
 pub(in crate::store) async fn release(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
     for statement in [
         "update checks set second_lease = null where second_lease = $1",
@@ -125,7 +127,7 @@ pub(in crate::store) async fn cast_vote(
     Ok(())
 }
 
-/// Who brought which bits, in order of the workers.
+/// The votes on a check, in the order of the workers.
 pub(in crate::store) async fn votes(
     connection: &mut Connection,
     check: &str,
@@ -143,17 +145,17 @@ pub(in crate::store) async fn end(connection: &mut Connection, check: &str) -> R
     Ok(())
 }
 
-/// When others must have been given a check for one more to get it, milliseconds since 1970. The time for which they may keep what they have rendered
-/// does not count.
+/// When a check must have been leased to others before one more worker gets it, milliseconds since 1970. The time for
+/// which they may keep rendered nodes does not count.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::store) struct HeldSince {
     /// Where one other has it.
     pub(in crate::store) one_ms: i64,
-    /// Where two have it, of whom the second loses it.
+    /// When two workers hold it. The second one loses it.
     pub(in crate::store) two_ms: i64,
 }
 
-/// Nodes of a job that a worker is to check: those that nobody has, or those that others have had for so long.
+/// Nodes of a job that a worker is to check: free ones, or those that others have held since `held_since`.
 pub(in crate::store) async fn choose(
     connection: &mut Connection,
     job: &JobRecord,
@@ -166,7 +168,7 @@ pub(in crate::store) async fn choose(
             "exists (select 1 from leases where id = checks.{lease} and worker <> $2 and granted_ms + gather_ms <= {time})"
         )
     };
-    // Whoever has some begins with the first.
+    // A worker that holds some begins with the first.
     let (whose, order, times) = match held_since {
         None => ("lease is null".to_owned(), "frame, tile, idx", None),
         Some(HeldSince { one_ms, two_ms }) => {
@@ -190,7 +192,7 @@ pub(in crate::store) async fn choose(
 }
 
 impl Store {
-    /// Gives up checks that no worker which was heard of since `alive_ms` can do or is failing to do, and answers them.
+    /// Gives up checks that no worker heard of since `alive_ms` can do, and answers them.
     pub(crate) async fn give_up_checks(&self, alive_ms: i64) -> Result<Vec<GivenUp>, StoreError> {
         if query("select 1 from checks limit 1").fetch_optional(&self.readers).await?.is_none() {
             return Ok(Vec::new());
@@ -219,7 +221,8 @@ async fn give_up(connection: &mut Connection, alive_ms: i64) -> Result<Vec<Given
     Ok(given_up)
 }
 
-/// Ends all checks of a job that ends without waiting for them. What is in dispute stays in its image, and people are told.
+/// Ends all checks of a job that ends without waiting for them. Disputed nodes stay in its image, and the log names
+/// them.
 pub(in crate::store) async fn abandon(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
     let disputed = query(
         "select id, frame, tile, level, idx from checks where job = $1 \
@@ -237,7 +240,7 @@ pub(in crate::store) async fn abandon(connection: &mut Connection, job: JobId) -
     Ok(())
 }
 
-/// Ends all checks of what shares a pass with one of some nodes.
+/// Ends all checks of nodes that share a pass with one of `nodes`.
 pub(in crate::store) async fn forget(
     connection: &mut Connection,
     job: JobId,

@@ -1,5 +1,7 @@
-//! Writes of one kind that are written together: those that come while one waits for its turn are written with it, by a few statements. Thousands
-//! of workers say every few seconds that they are there, and that they go on with their leases. Whatever else waits, they are [first](Turn::First).
+//! Batches: writes of one kind that share a few statements.
+//!
+//! Writes that arrive while one waits for its turn join its batch. Thousands of workers send heartbeats and renew
+//! leases every few seconds. Batches go [first](Turn::First), before all other writes.
 
 use std::mem;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -11,13 +13,13 @@ use crate::store::engine::error::StoreError;
 use crate::store::engine::source::Connection;
 use crate::store::engine::writer::{Turn, Writer};
 
-/// Most writes that are written together: all else waits meanwhile.
+/// Most writes in a batch: all other writes wait meanwhile.
 const MOST: usize = 256;
 
-/// What each of some writes of a kind has come to, in their order.
+/// The outcomes of the writes of a batch, in their order.
 pub(in crate::store) type Outcomes<T, E> = Result<Vec<Result<T, E>>, StoreError>;
 
-/// What writes some of a kind together.
+/// Writes a batch.
 pub(in crate::store) type WriteAll<W, T, E> = for<'c> fn(&'c mut Connection, Vec<W>) -> BoxFuture<'c, Outcomes<T, E>>;
 
 /// Writes of one kind that wait.
@@ -50,7 +52,7 @@ where
     T: Send + 'static,
     E: From<StoreError> + Send + 'static,
 {
-    /// Writes something, together with whatever else of its kind waits until it is its turn.
+    /// Writes with the next batch.
     pub(in crate::store) async fn write(&self, writer: &Writer, write: W, all: WriteAll<W, T, E>) -> Result<T, E> {
         let (reply, answer) = oneshot::channel();
         if self.add(Waiting { write, reply }) {
@@ -59,13 +61,13 @@ where
         answer.await.unwrap_or_else(|_| Err(StoreError::Closed.into()))
     }
 
-    /// Begins to write those that wait. Others than the caller depend on it: it goes on when that one goes away.
+    /// Begins a batch. Other callers depend on it, so it goes on when its first caller disconnects.
     fn begin(&self, writer: &Writer, all: WriteAll<W, T, E>) {
         let written: BoxFuture<'static, ()> = Box::pin(self.clone().write_all(writer.clone(), all));
         tokio::spawn(written);
     }
 
-    /// Adds a write, and answers whether it is the first.
+    /// Adds a write, and answers whether it is the first of its batch.
     fn add(&self, write: Waiting<W, T, E>) -> bool {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         waiting.push(write);
@@ -80,7 +82,7 @@ where
         mem::take(&mut *self.waiting.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Takes as many as are written together, and answers whether there are more.
+    /// Takes the writes of one batch, and answers whether more wait.
     fn take_some(&self) -> (Vec<Waiting<W, T, E>>, bool) {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         let most = waiting.len().min(MOST);
@@ -113,7 +115,7 @@ where
                 let error: StoreError = error;
                 let mut failed = taken.take();
                 if failed.is_empty() {
-                    // Nobody took them: the next one is to be the first again.
+                    // No transaction took them. The next write begins a batch again.
                     failed = self.take();
                 }
                 for waiting in failed {

@@ -1,10 +1,10 @@
-//! What an error of PostgreSQL says of the session on which it came.
+//! What an error of PostgreSQL says about the session on which it came.
 //!
-//! A session that outlives a failover may be read-only for ever, and one that has lost its prepared statements fails all that it is asked. So a
-//! session is kept only after errors that a statement or its values have caused. Where the server itself is to blame, no session of it is used
-//! again: a reader may be one that still answers from a server which another has replaced.
+//! A session that outlives a failover may stay read-only, and a session without its prepared statements fails every
+//! call. So a session is used again only after errors that a statement or its values caused. When the server is to
+//! blame, no session to it is used again: a reader may be connected to a server that was replaced.
 
-/// What an error leaves of sessions.
+/// The state of sessions after an error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(in crate::store) enum Damage {
     /// The session is as it was.
@@ -12,7 +12,7 @@ pub(in crate::store) enum Damage {
     None,
     /// The session is not used again.
     Session,
-    /// No session of the server is used again.
+    /// No session to the server is used again.
     Server,
 }
 
@@ -33,7 +33,7 @@ impl Damage {
 
     fn of_code(code: &str) -> Self {
         match code {
-            // Values, constraints, conflicts of transactions, locks; and whatever follows in a transaction that has failed.
+            // Values, constraints, conflicts of transactions, locks, and calls in a transaction that has failed.
             "25P02" | "57014" => Self::None,
             _ if ["22", "23", "40", "55"].iter().any(|class| code.starts_with(class)) => Self::None,
             READ_ONLY => Self::Server,
@@ -44,7 +44,7 @@ impl Damage {
     }
 }
 
-/// The code of a write in a session that is read-only.
+/// Error code of a write in a read-only session.
 const READ_ONLY: &str = "25006";
 
 /// Whether a statement was refused because its session is read-only.

@@ -1,4 +1,4 @@
-//! The one error of the database, whatever the engine.
+//! The one error of the database, for both engines.
 
 use crate::error_chain::in_one_line;
 use crate::store::engine::damage;
@@ -9,7 +9,7 @@ pub(crate) enum StoreError {
     /// A statement failed.
     #[error("the database failed: {0}")]
     Database(String),
-    /// A stored value is not one that this build can have written.
+    /// A stored value that this build cannot have written.
     #[error("column `{column}` holds `{value}`, which cannot be read")]
     Corrupt {
         /// The column.

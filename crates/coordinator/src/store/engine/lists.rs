@@ -24,7 +24,8 @@ pub(in crate::store) enum Kind {
     Text,
 }
 
-/// A query, in brackets, for the rows of a JSON array of arrays that is bound as parameter `$number`; its columns are called `c0`, `c1` and so on.
+/// A subquery for the rows of a JSON array of arrays, bound as parameter `$number`. Its columns are `c0`, `c1` and so
+/// on.
 pub(in crate::store) fn rows_of(engine: Engine, number: usize, columns: &[Kind]) -> String {
     let column = |(index, kind): (usize, &Kind)| match (engine, kind) {
         (Engine::Sqlite, _) => format!("value ->> {index} as c{index}"),
@@ -39,11 +40,11 @@ pub(in crate::store) fn rows_of(engine: Engine, number: usize, columns: &[Kind])
     }
 }
 
-/// An expression for all rows that a query would find, as a JSON array of arrays, in no order; null where PostgreSQL finds none. The query is what stands
-/// after `from`.
+/// An expression for all rows of a query, as a JSON array of arrays in no order. PostgreSQL answers null when there
+/// are none. `query` is the part after `from`.
 ///
-/// It is looked up for each row of the statement that it is part of, by the index that its condition names; a join would read all of a table where
-/// PostgreSQL believes that to be small.
+/// The engine looks them up for each row of the surrounding statement, by the index of its condition. A join would
+/// scan a table that PostgreSQL believes to be small.
 pub(in crate::store) fn array_of(engine: Engine, columns: &str, query: &str) -> String {
     match engine {
         Engine::Sqlite => format!("(select json_group_array(json_array({columns})) from {query})"),
@@ -51,16 +52,16 @@ pub(in crate::store) fn array_of(engine: Engine, columns: &str, query: &str) -> 
     }
 }
 
-/// The condition that a row of a table is one of those that the rows of a JSON array find, which is bound as parameter `$number`. Each finds the
-/// row that fits to it (`found`, a condition on the table's columns and on `c0` and so on), or none.
+/// SQL that joins a table with the rows of a JSON array parameter: a condition on the table. `found` finds the row for
+/// one element by the table's columns and `c0`, `c1` and so on.
 ///
-/// PostgreSQL would look for them in all of the table wherever it believes that to be small; so its rows are found one by one, by the index that `found`
-/// names the columns of, and taken from where they lie.
+/// PostgreSQL would scan a table that it believes to be small. So each row is looked up by the index on the columns in
+/// `found`, and addressed by its position.
 pub(in crate::store) fn looked_up(engine: Engine, table: &str, number: usize, columns: &[Kind], found: &str) -> String {
     looked_up_if(engine, table, number, columns, found, "true")
 }
 
-/// The same, of rows that are wanted: a further condition, which is to be no part of how a row is found.
+/// As [`looked_up`], for those rows that also satisfy `wanted`. The planner may not use that condition to find them.
 pub(in crate::store) fn looked_up_if(
     engine: Engine,
     table: &str,
@@ -81,13 +82,14 @@ pub(in crate::store) fn looked_up_if(
     }
 }
 
-/// The condition that a row of a table is one of the nodes of job `$job` that are bound as parameter `$number`, as [`nodes_json`] writes them.
+/// A condition: the row belongs to job `$job`, and is one of the nodes in parameter `$number`, which [`nodes_json`]
+/// writes.
 pub(in crate::store) fn is_of_nodes(engine: Engine, table: &str, job: usize, number: usize) -> String {
     let found = format!("job = ${job} and frame = c0 and tile = c1 and level = c2 and idx = c3");
     looked_up(engine, table, number, &[Kind::Integer; 4], &found)
 }
 
-/// Nodes as a statement takes them, and as a lease's row holds them: frame, tile, level and index of each.
+/// Nodes as a JSON parameter, and as the row of a lease holds them: frame, tile, level and index of each.
 pub(in crate::store) fn nodes_json<'n>(nodes: impl IntoIterator<Item = &'n NodeAddress>) -> Result<String, StoreError> {
     let rows = nodes.into_iter().map(|node| [node.frame, node.tile, node.level, node.index]);
     to_json(&rows.collect::<Vec<_>>())

@@ -1,4 +1,4 @@
-//! The database engines: SQLite and PostgreSQL behind one set of statements.
+//! The database engines: SQLite and PostgreSQL behind one set of statements, one writer, and timeouts.
 
 pub(in crate::store) mod batch;
 mod damage;

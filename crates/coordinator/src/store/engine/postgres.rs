@@ -17,24 +17,25 @@ use crate::store::engine::sql::{Answer, Query, query};
 use crate::store::engine::timeouts::{Timeouts, in_time};
 use crate::store::engine::value::Value;
 
-/// What begins a transaction. The lock, whose number is `cleresto` in ASCII, lets the writers of several coordinators take turns: what
-/// one reads, no other changes before it has committed, as with the one writer of a SQLite file.
+/// Begins a transaction. The lock, whose number is `cleresto` in ASCII, lets the writers of several coordinators take
+/// turns. No other writer changes what a transaction has read until it commits, as with the one writer of a SQLite
+/// file.
 pub(in crate::store) const BEGIN: &str =
     "begin isolation level read committed; select pg_advisory_xact_lock(7164212649242358895)";
 
-/// On which channel coordinators of a database tell one another what happened.
+/// The channel on which coordinators of a database notify each other.
 pub(in crate::store) const CHANNEL: &str = "clerestory";
 
-/// What a writing connection is told: whatever a server or a role has as its default, what is acknowledged is on disk. A coordinator that
-/// is suspended in the middle of a transaction loses it, so that the others get their turn.
+/// Settings of a writing connection. What is acknowledged is on disk, whatever the defaults of server or role. A
+/// coordinator that is suspended in a transaction loses it, so that the others get their turn.
 const SESSION: &str = "set synchronous_commit = on; set idle_in_transaction_session_timeout = '5s'";
 
-/// What any connection is told. All that is asked often is found by an index, and has to be whatever the server believes of the size of tables
-/// that may have grown a thousandfold since it looked. What it cannot find so is small, but costs so much by that reckoning that the server would
-/// compile the query first.
+/// Settings of every connection. Frequent queries use an index, also when the server's statistics are out of date
+/// because a table has grown a thousandfold. Queries without an index are small, but their estimated cost would make
+/// the server compile them.
 pub(in crate::store) const LOOKUPS: &str = "set enable_seqscan = off; set jit = off";
 
-/// What a server says that takes no writes for anybody.
+/// The message about a server that takes no writes from anybody.
 const STANDBY: &str = "its server is a standby; the address has to lead to the primary";
 
 /// Runs a statement.
@@ -88,7 +89,7 @@ pub(crate) struct Session {
     damage: Damage,
 }
 
-/// Notes what an error says of the session on which it comes.
+/// Records what an error says about its session.
 async fn noting<T>(damage: &mut Damage, answer: impl Future<Output = Result<T, sqlx::Error>>) -> Result<T, StoreError> {
     answer.await.map_err(|error| {
         *damage = Damage::of(&error).max(*damage);
@@ -97,7 +98,7 @@ async fn noting<T>(damage: &mut Damage, answer: impl Future<Output = Result<T, s
 }
 
 impl Session {
-    /// A new connection, which has to take writes.
+    /// Opens a connection, which must take writes.
     pub(in crate::store) async fn begin(
         options: Box<PgConnectOptions>,
         timeouts: Timeouts,
@@ -121,7 +122,7 @@ impl Session {
         Ok(Self { connection, watch: Watch { options, process, timeouts, is_lost: false }, damage: Damage::None })
     }
 
-    /// Runs statements without parameters, of which nothing is wanted.
+    /// Runs statements without parameters or answers.
     pub(in crate::store) async fn batch(&mut self, statements: &'static str) -> Result<(), StoreError> {
         let Self { connection, watch, damage } = self;
         let run = async { sqlx::raw_sql(statements).execute(connection).await.map(drop) };
@@ -134,7 +135,7 @@ impl Session {
         watch.unless_lost(noting(damage, run(connection, query))).await
     }
 
-    /// What has been heard of it that says whether it may be used again.
+    /// The damage of the session so far.
     pub(in crate::store) fn damage(&self) -> Damage {
         if self.watch.is_lost { Damage::Server } else { self.damage }
     }
@@ -145,19 +146,20 @@ impl Session {
     }
 }
 
-/// What notices that the network has lost a statement or its answer, while the server is there: other writers wait for the one who waits for it.
+/// Notices that the network has lost a statement or its answer while the server is up. Other writers wait for this
+/// one.
 #[derive(Debug)]
 struct Watch {
     options: Box<PgConnectOptions>,
-    /// The number of the server's process that serves the connection.
+    /// Process of the server that serves the connection.
     process: i64,
     timeouts: Timeouts,
     is_lost: bool,
 }
 
 impl Watch {
-    /// What is answered to a statement. It is not waited for when the server's process is gone, or has been waiting itself for two seconds; nor is
-    /// that of any other statement then.
+    /// The answer to a statement, or an error when the server's process is gone or has been idle for two seconds.
+    /// After that, every statement fails.
     async fn unless_lost<T>(&mut self, answer: impl Future<Output = Result<T, StoreError>>) -> Result<T, StoreError> {
         if !self.is_lost {
             tokio::select! {
@@ -170,7 +172,7 @@ impl Watch {
         Err(StoreError::Database("what was said on its connection is lost".to_owned()))
     }
 
-    /// Comes to an end when what is waited for will not come. A server that cannot be asked may still be at it.
+    /// Resolves when no answer will come. A server that cannot be asked may still be working on it.
     async fn lost(&self) {
         loop {
             tokio::time::sleep(self.timeouts.doubt).await;
@@ -192,7 +194,7 @@ impl Watch {
     }
 }
 
-/// Connections to read with. Those that were made before `renewed` are not used again.
+/// Connections to read with. Connections from before `renewed` are not used again.
 pub(in crate::store) fn pool(
     options: PgConnectOptions,
     most: u32,
@@ -203,12 +205,12 @@ pub(in crate::store) fn pool(
     let pool = pool.after_connect(|connection, _| {
         Box::pin(async move {
             sqlx::raw_sql(LOOKUPS).execute(&mut *connection).await?;
-            // It may be behind what has been written, and for as long as it likes.
+            // A standby lags behind the primary, by any time.
             let asked = sqlx::query_scalar("select pg_is_in_recovery()").fetch_one(connection);
             if asked.await? { Err(sqlx::Error::Protocol(STANDBY.to_owned())) } else { Ok(()) }
         })
     });
-    // Its own test waits for an answer as long as a whole acquisition may take.
+    // The pool's own test may take as long as the whole acquisition.
     let pool = pool.test_before_acquire(false).before_acquire(move |connection, metadata| {
         let is_old = metadata.age > renewed.borrow().elapsed();
         Box::pin(async move { Ok(!is_old && is_there(connection, timeouts.idle).await) })
@@ -216,13 +218,13 @@ pub(in crate::store) fn pool(
     pool.connect_lazy_with(options)
 }
 
-/// Whether an idle connection is still there. A firewall that has cut it says nothing.
+/// Whether an idle connection is alive. A firewall that has cut it sends nothing.
 async fn is_there(connection: &mut PgConnection, timeouts: Duration) -> bool {
     matches!(tokio::time::timeout(timeouts, connection.ping()).await, Ok(Ok(())))
 }
 
-/// Runs a statement on a connection of the pool, which is closed when the database does not answer in time: the pool itself would wait for it. So is one
-/// on which an error came that the statement has not caused.
+/// Runs a statement on a pooled connection. The connection is closed after a timeout, for which the pool itself would
+/// wait, and after an error that the statement did not cause.
 pub(in crate::store) async fn read(pool: &PgPool, query: Query, timeouts: Duration) -> Result<Answer, StoreError> {
     let mut connection = pool.acquire().await?;
     let slow = || StoreError::Database(format!("no answer in {} s", timeouts.as_secs()));
@@ -235,7 +237,7 @@ pub(in crate::store) async fn read(pool: &PgPool, query: Query, timeouts: Durati
     Ok(answer.map_err(|_| slow())??)
 }
 
-/// Hears what is sent to all coordinators of a database.
+/// Receives the notifications of all coordinators of a database.
 #[derive(Debug)]
 pub(crate) struct Listener {
     connection: PgListener,
@@ -244,7 +246,7 @@ pub(crate) struct Listener {
 }
 
 impl Listener {
-    /// Hears what is sent from now on, until the connection is lost or others were made anew.
+    /// Listens from now on, until the connection is lost or connections are renewed.
     pub(in crate::store) async fn connect(
         url: &str,
         timeouts: Timeouts,
@@ -260,7 +262,7 @@ impl Listener {
         Ok(Self { connection: in_time(timeouts.connection, connect).await?, timeouts, renewed })
     }
 
-    /// The next text. An error when the connection was lost, with whatever was sent since; also when it was lost without a word.
+    /// The next text. Fails when the connection is lost, silently or not; texts since then are lost as well.
     pub(crate) async fn next(&mut self) -> Result<String, StoreError> {
         let lost = || StoreError::Database("the connection was lost".to_owned());
         loop {
@@ -269,7 +271,7 @@ impl Listener {
                 // What has come is not lost.
                 biased;
                 heard = heard => heard,
-                // Its server may be one that another has replaced.
+                // The server may have been replaced.
                 Ok(()) = self.renewed.changed() => return Err(lost()),
             };
             match heard {
@@ -281,7 +283,7 @@ impl Listener {
         }
     }
 
-    /// Makes sure that the database is still there.
+    /// Checks that the database answers.
     async fn ask(&mut self) -> Result<(), StoreError> {
         let asked = async { Ok(sqlx::query("select 1").execute(&mut self.connection).await?) };
         in_time(self.timeouts.connection, asked).await?;

@@ -1,5 +1,5 @@
-//! What a database has to be before it becomes the state of a farm, or goes on as it: found out at the start, where it can be said in one sentence
-//! what is wrong.
+//! Requirements: what a database must be for a farm. They are checked at the start, so that one sentence can say what
+//! is wrong.
 
 use std::collections::BTreeSet;
 
@@ -8,16 +8,16 @@ use crate::store::engine::lists::Engine;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 
-/// The oldest PostgreSQL that works, as its servers number themselves.
+/// Oldest supported PostgreSQL, in the server's own numbering.
 const OLDEST_VERSION: i64 = 150_000;
 
-/// The encoding that holds every name.
+/// An encoding that holds every name.
 const ENCODING: &str = "UTF8";
 
 /// The table of applied migrations.
 const MIGRATIONS_TABLE: &str = "_sqlx_migrations";
 
-/// What a PostgreSQL server says of itself and of a role in a database.
+/// A PostgreSQL server and a role, as the server describes them.
 #[derive(Clone, Debug)]
 struct Server {
     version: i64,
@@ -25,13 +25,13 @@ struct Server {
     version_name: String,
     encoding: String,
     role: String,
-    /// Where tables are made; none where the role may use no schema of its search path.
+    /// Where tables are made; none when the role may use no schema of its search path.
     schema: Option<String>,
     may_create: bool,
 }
 
 impl Server {
-    /// What makes it unfit for any farm.
+    /// Why no farm can use it.
     fn problem(&self) -> Option<String> {
         let Self { version_name, encoding, role, .. } = self;
         if self.version < OLDEST_VERSION {
@@ -49,7 +49,7 @@ impl Server {
         })
     }
 
-    /// What keeps a schema from being made or brought up to date in it.
+    /// Why the role cannot change its schema.
     fn problem_of_change(&self) -> Option<String> {
         let (role, schema) = (&self.role, self.schema.as_deref().unwrap_or("public"));
         (!self.may_create).then(|| {
@@ -60,7 +60,7 @@ impl Server {
     }
 }
 
-/// What is known of a database before anything is changed.
+/// The state of a database before any change.
 #[derive(Debug)]
 pub(in crate::store) struct Found {
     server: Option<Server>,
@@ -69,13 +69,13 @@ pub(in crate::store) struct Found {
 }
 
 impl Found {
-    /// What keeps its schema from being changed.
+    /// Why its schema cannot be changed.
     pub(in crate::store) fn problem_of_change(&self) -> Option<String> {
         self.server.as_ref().and_then(Server::problem_of_change)
     }
 }
 
-/// Looks at a database. The inner error says why it cannot be the state of a farm, and what would be right.
+/// Inspects a database. The inner error says why a farm cannot use it, and what would be right.
 pub(in crate::store) async fn inspect(connection: &mut Connection) -> Result<Result<Found, String>, StoreError> {
     let server = match connection.engine() {
         Engine::Sqlite => None,
@@ -119,7 +119,7 @@ async fn server(connection: &mut Connection) -> Result<Server, StoreError> {
     })
 }
 
-/// The tables where those of a farm are, or are to be; of PostgreSQL, without those of extensions.
+/// The tables in the schema of a farm, without those of PostgreSQL extensions.
 async fn tables(connection: &mut Connection) -> Result<BTreeSet<String>, StoreError> {
     let rows = query(match connection.engine() {
         Engine::Sqlite => "select name from sqlite_master where type in ('table', 'view') and name not like 'sqlite_%'",

@@ -1,4 +1,4 @@
-//! Columns and rows: from the few types of SQL to ours, and back.
+//! Rows: from the few types of SQL to ours.
 
 use std::str::FromStr;
 use std::sync::Arc;

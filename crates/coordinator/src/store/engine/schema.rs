@@ -1,4 +1,4 @@
-//! Opening the database and bringing its schema up to date.
+//! The schema: the database is opened and brought up to date.
 
 use crate::store::engine::error::StoreError;
 use crate::store::engine::requirements::{self, Found};
@@ -16,7 +16,7 @@ pub enum SchemaError {
         /// Why.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// It is not one that a farm can have.
+    /// No farm can use it.
     #[error("cannot use the database `{database}`: {problem}")]
     Unsuitable {
         /// What people call the database.
@@ -47,7 +47,7 @@ pub enum SchemaError {
     },
 }
 
-/// What makes a schema of the one before, each with its version and its name.
+/// Migrations, each with its version and its name.
 pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 23] = [
     (1, "first", include_str!("../../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../../migrations/0002_counters.sql")),
@@ -74,7 +74,7 @@ pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 23] = [
     (23, "building", include_str!("../../../migrations/0023_building.sql")),
 ];
 
-/// Where applied migrations are noted, as the first builds made it; the hash is empty since.
+/// The table of applied migrations. Newer builds leave the checksum empty.
 pub(in crate::store) const APPLIED: &str = "create table _sqlx_migrations (version bigint primary key, description text not null, \
     installed_on timestamp not null default current_timestamp, success boolean not null, checksum text not null, \
     execution_time bigint not null)";
@@ -86,7 +86,7 @@ pub(in crate::store) async fn open(source: &Source) -> Result<Connection, Schema
     match bring_up_to_date(&mut connection, source.name()).await {
         Ok(()) => Ok(connection),
         Err(error) => {
-            // What it has begun is undone with it, and the error says more than one of closing it would.
+            // Closing undoes a half-done migration, and the first error says more than one of closing.
             let _ = connection.close().await;
             Err(error)
         }
@@ -97,7 +97,7 @@ async fn bring_up_to_date(connection: &mut Connection, database: &str) -> Result
     let database = || database.to_owned();
     let failed = |error: StoreError| SchemaError::Migrate { database: database(), source: error.into() };
     let unsuitable = |problem| SchemaError::Unsuitable { database: database(), problem };
-    // Coordinators that start together take turns, and what is half done is undone.
+    // Coordinators that start together take turns. A migration that fails half-way is rolled back.
     connection.begin().await.map_err(failed)?;
     let looked = requirements::inspect(connection).await;
     let found = looked.map_err(|error| SchemaError::Open { database: database(), source: error.into() })?;

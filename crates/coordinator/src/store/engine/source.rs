@@ -1,7 +1,7 @@
-//! Where the state is kept, and how connections to it are made: a SQLite file, or a PostgreSQL database.
+//! Sources: a SQLite file or a PostgreSQL database, and connections to them.
 //!
-//! Both run the same statements. Only this module and those of the two engines know which it is: what a connection has to be told before it is
-//! used, how a transaction begins, how the writers of several coordinators take turns, and how they tell one another that something happened.
+//! Both run the same statements. Only this module and the two engines know which one it is: settings of connections,
+//! the begin of a transaction, turns of the writers of several coordinators, and notifications between them.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -36,19 +36,19 @@ enum Location {
     File(PathBuf),
     Server {
         url: PostgresUrl,
-        /// Since when connections are what they seem to be. What was connected before may be to a server that another has replaced.
+        /// Connections from before this time are not used again: their server may have been replaced.
         renewed: watch::Sender<Instant>,
     },
 }
 
-/// How a server is reached. It is found out for each connection: the password may lie in a file, and may be another by now.
+/// Options of a connection. They are read anew for each one: the password may be in a file, and may change.
 fn options(url: &PostgresUrl) -> Result<PgConnectOptions, sqlx::Error> {
     let options: PgConnectOptions = url.secret().parse()?;
     Ok(options.statement_cache_capacity(PREPARED))
 }
 
 impl fmt::Debug for Source {
-    /// Without the password that its options hold.
+    /// Without the password in its options.
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(formatter, "Source({})", self.name)
     }
@@ -72,7 +72,7 @@ impl Connection {
         }
     }
 
-    /// Runs statements without parameters, of which nothing is wanted.
+    /// Runs statements without parameters or answers.
     pub(in crate::store) async fn batch(&mut self, statements: &'static str) -> Result<(), StoreError> {
         match self {
             Self::Sqlite(connection) => Ok(connection.execute_batch(statements)?),
@@ -80,8 +80,8 @@ impl Connection {
         }
     }
 
-    /// Begins a transaction. In SQLite one that reads first and then finds the database locked could not be retried: it takes the lock at once. In
-    /// PostgreSQL it waits for its turn.
+    /// Begins a transaction. SQLite takes the lock at once, because a transaction that has read cannot be retried when
+    /// the lock is taken. PostgreSQL waits for its turn.
     pub(in crate::store) async fn begin(&mut self) -> Result<(), StoreError> {
         self.batch(match self.engine() {
             Engine::Sqlite => "begin immediate",
@@ -90,7 +90,7 @@ impl Connection {
         .await
     }
 
-    /// What has been heard of it that says whether it may be used again.
+    /// The damage of the connection so far.
     pub(in crate::store) fn damage(&self) -> Damage {
         match self {
             Self::Sqlite(_) => Damage::None,
@@ -131,7 +131,7 @@ pub(in crate::store) enum Readers {
 }
 
 impl Readers {
-    /// Waits for what is being read, and closes.
+    /// Waits for running reads, then closes.
     pub(in crate::store) async fn close(&self) {
         match self {
             Self::Sqlite(readers) => readers.close(READERS).await,
@@ -178,7 +178,7 @@ impl Source {
         Ok(Self { location, name: url.to_string(), timeouts: Timeouts::default() })
     }
 
-    /// The same, waited for differently.
+    /// The same, with other timeouts.
     #[cfg(test)]
     pub(in crate::store) fn with_timeouts(self, timeouts: Timeouts) -> Self {
         Self { timeouts, ..self }
@@ -189,7 +189,7 @@ impl Source {
         &self.timeouts
     }
 
-    /// What people call it; without a password.
+    /// Its name for people, without a password.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
@@ -199,7 +199,7 @@ impl Source {
         matches!(self.location, Location::Server { .. })
     }
 
-    /// A connection to write with, of which each coordinator has one.
+    /// Opens the connection to write with. Each coordinator has one.
     pub(in crate::store) async fn writer(&self) -> Result<Connection, StoreError> {
         match &self.location {
             Location::File(file) => Ok(Connection::Sqlite(sqlite::writer(file)?)),
@@ -222,20 +222,20 @@ impl Source {
         })
     }
 
-    /// Takes note of what has been heard on a connection. Where the server is to blame, all others to it are made anew before they are used.
+    /// Records the damage of a connection. When the server is to blame, all other connections to it are renewed.
     pub(in crate::store) fn has_damage(&self, damage: Damage) {
         if let (Location::Server { renewed, .. }, Damage::Server) = (&self.location, damage) {
             renewed.send_replace(Instant::now());
         }
     }
 
-    /// Hears what is sent to all coordinators of the database from now on; `None` where there is one coordinator.
+    /// Receives the notifications of all coordinators of the database. `None` when there is one coordinator.
     pub(in crate::store) async fn listener(&self) -> Result<Option<Listener>, StoreError> {
         let Location::Server { url, renewed } = &self.location else { return Ok(None) };
         Listener::connect(url.secret(), self.timeouts, renewed.subscribe()).await.map(Some)
     }
 
-    /// What the clock of the server shows, milliseconds since the Unix epoch; `None` where there is none.
+    /// The time of the server's clock, milliseconds since the Unix epoch. `None` when there is none.
     pub(in crate::store) async fn now_ms(&self, readers: &Readers) -> Result<Option<i64>, StoreError> {
         if !self.is_shared() {
             return Ok(None);
@@ -244,7 +244,7 @@ impl Source {
         Ok(Some(row.fetch_one(readers).await?.integer("now_ms")?))
     }
 
-    /// Sends a text, shorter than 8000 bytes, to all coordinators of the database, where there may be several.
+    /// Sends a text of less than 8000 bytes to all coordinators of the database, where there may be several.
     pub(in crate::store) async fn notify(&self, readers: &Readers, text: String) -> Result<(), StoreError> {
         if self.is_shared() {
             query("select pg_notify($1, $2)").bind(postgres::CHANNEL).bind(text).execute(readers).await?;

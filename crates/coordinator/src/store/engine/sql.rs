@@ -1,8 +1,4 @@
-//! Statements, what is bound to them, and their rows, whatever the engine.
-//!
-//! A statement about many things takes them as one parameter, a JSON array of arrays ([`rows_of`]): its text is the same however many there are, so
-//! that engines parse and plan it once, and it costs one way to the database and back. Tables grow from nothing to millions of rows while such a plan is in
-//! use: it may not depend on how large they are ([`looked_up`]).
+//! Statements and their answers, for both engines.
 
 use std::borrow::Cow;
 use std::future::Future;
@@ -11,10 +7,10 @@ use crate::store::engine::error::StoreError;
 use crate::store::engine::row::Row;
 use crate::store::engine::value::Value;
 
-/// Statements that stay prepared on a connection: more than there are.
+/// Prepared statements that a connection caches: more than there are.
 pub(in crate::store) const PREPARED: usize = 256;
 
-/// A statement with what is bound to it.
+/// A statement with its parameters.
 #[derive(Clone, Debug)]
 pub(in crate::store) struct Query {
     pub(in crate::store) statement: Cow<'static, str>,
@@ -65,7 +61,7 @@ impl Query {
         row.ok_or_else(|| StoreError::Database(format!("no row comes of `{statement}`")))
     }
 
-    /// Runs it, and answers how many rows it has changed.
+    /// Runs it, and answers the number of changed rows.
     pub(in crate::store) async fn execute(self, runner: impl Runner + Send) -> Result<u64, StoreError> {
         Ok(runner.run(self).await?.affected)
     }

@@ -1,7 +1,7 @@
 //! The embedded database: a SQLite file.
 //!
-//! Statements run where they are called, without a way to another thread and back for each row. So the writer has a thread of its own, and
-//! readers, each with a connection of its own, run where blocking is allowed.
+//! Statements run on the calling thread, without a switch to another thread for each row. So the writer has a thread
+//! of its own. Each reader has a connection of its own and runs where blocking is allowed.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -17,10 +17,10 @@ use crate::store::engine::row::Row;
 use crate::store::engine::sql::{Answer, PREPARED, Query};
 use crate::store::engine::value::Value;
 
-/// How long to wait for the lock of another process, such as a backup.
+/// Longest wait for the lock of another process, such as a backup.
 const BUSY: Duration = Duration::from_secs(10);
 
-/// What a writing connection is told. `full` syncs each commit, also in WAL mode.
+/// Settings of a writing connection. `full` syncs each commit, also in WAL mode.
 const SESSION: &str = "pragma journal_mode = wal; pragma synchronous = full; pragma foreign_keys = on;";
 
 /// Opens a connection to write with; the file is made if there is none.
@@ -42,7 +42,7 @@ fn open(file: &Path, flags: OpenFlags) -> Result<Connection, StoreError> {
 pub(in crate::store) fn run(connection: &Connection, query: &Query) -> Result<Answer, StoreError> {
     let mut statement = connection.prepare_cached(&query.statement)?;
     for index in 1..=statement.parameter_count() {
-        // `$2` is a name to SQLite, and its index follows from where it stands first.
+        // `$2` is a name to SQLite: its index follows from where it first occurs.
         let value = numbered(statement.parameter_name(index), &query.values);
         let value = value
             .ok_or_else(|| StoreError::Database(format!("nothing is bound to a parameter of `{}`", query.statement)))?;
@@ -107,9 +107,9 @@ impl Readers {
         tokio::task::spawn_blocking(run).await.map_err(|_| StoreError::Closed)?
     }
 
-    /// Waits for what is being read, and closes.
+    /// Waits for running reads, then closes.
     pub(in crate::store) async fn close(&self, most: u32) {
-        // Closed already, or by another call meanwhile.
+        // Another call may have closed it already.
         let _ = self.permits.acquire_many(most).await;
         self.permits.close();
         self.idle.lock().unwrap_or_else(PoisonError::into_inner).clear();

@@ -1,28 +1,29 @@
-//! How long a database is waited for.
+//! Timeouts of a database.
 //!
-//! One that is gone without a word, as when its machine or the network between loses power, answers nothing, not even that it is gone;
-//! the system would wait for a quarter of an hour before it gave a connection up.
+//! A server that loses power or its network sends nothing, not even an end of the connection. The system would wait
+//! for a quarter of an hour.
 
 use std::time::Duration;
 
 use crate::store::engine::error::StoreError;
 
-/// How long a database is waited for, by what it is asked.
+/// Timeouts, by what the database is asked for.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Timeouts {
     /// Until it is reached.
     pub(crate) connection: Duration,
-    /// Until an idle connection says that it is still there, before another is made.
+    /// Until an idle connection answers. After that another one is opened.
     pub(crate) idle: Duration,
     /// Until a writer has its turn.
     pub(crate) turn: Duration,
-    /// For the statements of a transaction and its commit together.
+    /// Statements of a transaction and its commit, together.
     pub(crate) transaction: Duration,
-    /// Without an answer to a statement of a writer, before the server is asked over another connection whether it is still at it.
+    /// Time without an answer to a writer's statement. After that, the server is asked over another connection whether
+    /// it still works on it.
     pub(crate) doubt: Duration,
-    /// For a read: less than callers wait.
+    /// A read: less than callers wait.
     pub(crate) read: Duration,
-    /// Without news of other coordinators, before it is asked whether it is still there.
+    /// Time without notifications of other coordinators. After that, the connection is checked.
     pub(crate) silence: Duration,
 }
 
@@ -40,7 +41,7 @@ impl Default for Timeouts {
     }
 }
 
-/// What a database answers, or that it takes too long: its connection is in the middle of something then.
+/// The answer, or an error after a timeout. The connection is then in the middle of a statement.
 pub(in crate::store) async fn in_time<T>(
     longest: Duration,
     answer: impl Future<Output = Result<T, StoreError>>,

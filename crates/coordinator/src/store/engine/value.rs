@@ -1,6 +1,6 @@
-//! What can be bound to a statement, and what columns hold.
+//! Values: parameters of statements, and columns of rows.
 
-/// What can be bound to a statement, and what columns hold. Absent values know their type: PostgreSQL wants to be told.
+/// A parameter or the value of a column. An absent value has a type, because PostgreSQL needs it.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::store) enum Value {
     /// A 64-bit integer.

@@ -1,24 +1,25 @@
-//! The one writer of a coordinator: groups the writes that wait into one transaction.
+//! The one writer of a coordinator: it groups waiting writes into one transaction.
 //!
-//! It has a thread of its own: statements of the embedded database run right there, and a commit waits for the disk.
+//! The writer has a thread of its own: statements of SQLite run on it, and a commit waits for the disk.
 //!
-//! A commit costs a sync of the disk, whatever it holds. So writes that have gathered while the last commit ran go
-//! into the next one, each in a savepoint of its own: a write that fails takes nothing else with it. A caller is answered
-//! after the commit, never before. A write whose caller has gone away is carried out all the same, unless it is a [claim](Turn::Claim).
+//! A commit costs a sync of the disk, whatever it holds. So the writes that arrive during one commit form the next
+//! transaction, each in a savepoint of its own, so that a failing write rolls back alone. A caller is answered after
+//! the commit, never before. The write of a caller that disconnects is carried out all the same, unless it is a
+//! [claim](Turn::Claim).
 //!
-//! A transaction takes no more writes when it has gone on for [some time](GROUPED): those who come meanwhile wait for all of it, and a server has to
-//! step over every row that it has replaced so far. While the disk is slow it goes on for longer: with a few writes for each commit, most
-//! time would go to commits, and whatever came meanwhile would wait for all of them.
+//! A transaction takes no more writes after [some time](GROUPED), because later writes wait for all of it and a server
+//! steps over every row that it has replaced so far. This time grows with the last commit. Otherwise a slow disk would
+//! get few writes for each commit, and spend most of its time on commits.
 //!
-//! Some have a [turn](Turn) of their own. Claims take turns with all else that waits: a worker that asks for work may stand still until it has some, and
-//! does not wait for all that others have brought while the disk paused. Those that keep leases, workers and films come before all that waits, some times a
-//! second, so that a farm with more to do than its coordinator can follow gets slow, and does not let its leases run out. Patient writes, for which no worker
-//! waits, come last: each transaction ends with one of them, if there is any. So they come to their turn however much else there is, and whatever else there
-//! is waits for one of them in each transaction before its own answer.
+//! Some writes have a [turn](Turn) of their own. Claims alternate with the usual writes, so that an idle worker does
+//! not wait for everything that others uploaded while the disk paused. Renewals, heartbeats and film leases go first,
+//! several times a second, so that an overloaded farm gets slow but keeps its leases. Patient writes, for which no
+//! worker waits, go last: each transaction ends with at most one. So they make progress under any load, and delay each
+//! transaction by one write.
 //!
-//! When the connection is lost, or nothing is heard over it for long, the writes of that transaction fail, whether or not it was committed at
-//! the last moment: whoever repeats one is told what is there. The next transaction gets a new connection. So it does after an error that says
-//! something of the connection rather than of what was written ([`Damage`]), such as that it is read-only.
+//! When the connection is lost or silent for too long, the writes of its transaction fail, whether or not it was
+//! committed. A caller that repeats one is told what is there. The next transaction gets a new connection. The same
+//! happens after an error about the connection itself ([`Damage`]), such as a read-only session.
 
 use std::collections::VecDeque;
 use std::iter;
@@ -37,10 +38,11 @@ use crate::tasks::panic_message;
 /// Most writes in one transaction.
 const GROUP: usize = 64;
 
-/// How long a transaction takes more writes, at least and at most: as long as the last commit took.
+/// How long a transaction takes more writes, at least and at most. Between these it is as long as the last commit.
 const GROUPED: [Duration; 2] = [Duration::from_millis(10), Duration::from_millis(50)];
 
-/// Least time between transactions that begin with [first](Turn::First) writes while others wait: the more of those have gathered, the less each costs.
+/// Least time between transactions that begin with [first](Turn::First) writes while others wait. The larger such a
+/// batch, the less each write costs.
 const BETWEEN_FIRST: Duration = Duration::from_millis(100);
 
 /// Writes that may wait before callers are held back.
@@ -51,11 +53,11 @@ const QUEUE: usize = 256;
 pub(in crate::store) enum Turn {
     /// Before all that waits.
     First,
-    /// After all of its kind that came before it, in turn with claims.
+    /// In the order of arrival, alternating with claims.
     Usual,
-    /// The same, in turn with the usual ones, but not at all if its caller has gone away by then: nobody would work off the lease.
+    /// As usual writes, but dropped when its caller has disconnected: nobody would work off the lease.
     Claim,
-    /// At the end of a transaction that has no other of this kind.
+    /// At the end of a transaction, one in each.
     Patient,
 }
 
@@ -66,7 +68,7 @@ pub(in crate::store) struct Writer {
     claims: mpsc::Sender<Box<dyn Write>>,
     writes: mpsc::Sender<Message>,
     patient: mpsc::Sender<Box<dyn Write>>,
-    /// Why the thread has panicked, if it has.
+    /// The message of the thread's panic, if it panicked.
     failure: watch::Receiver<Option<String>>,
 }
 
@@ -84,7 +86,7 @@ struct Queues {
 }
 
 impl Queues {
-    /// No more is let in; what waits is still written.
+    /// Refuses further writes. Waiting writes are still carried out.
     fn close(&mut self) {
         self.first.close();
         self.claims.close();
@@ -113,18 +115,18 @@ impl Writer {
         Ok(Self { first, claims, writes, patient, failure })
     }
 
-    /// With what the thread has panicked, as soon as it has.
+    /// Resolves with the message of the thread's panic.
     pub(in crate::store) async fn failed(&self) -> String {
         let mut failure = self.failure.clone();
         let message = failure.wait_for(Option::is_some).await.map(|message| message.clone());
         match message {
             Ok(message) => message.unwrap_or_default(),
-            // It has ended, as it was told to.
+            // The thread has ended because it was closed.
             Err(_) => std::future::pending().await,
         }
     }
 
-    /// Runs `write` when it is its turn and answers when that is committed. An error rolls this write back.
+    /// Runs `write` in its turn and answers after the commit. An error rolls it back.
     pub(in crate::store) async fn write<T, E, F>(&self, turn: Turn, write: F) -> Result<T, E>
     where
         T: Send + 'static,
@@ -146,23 +148,23 @@ impl Writer {
         answer.await.map_err(|_| StoreError::Closed)?
     }
 
-    /// Lets the writes that wait run, then stops.
+    /// Carries out waiting writes, then stops.
     pub(in crate::store) async fn close(&self) {
         let (done, wait) = oneshot::channel();
         if self.writes.send(Message::Close(done)).await.is_ok() {
-            // An error means that the task has already ended, which is what is wanted.
+            // An error means that the thread has ended already.
             let _ = wait.await;
         }
     }
 }
 
-/// A write with its caller, whatever their types.
+/// A write with its caller, of any types.
 trait Write: Send {
     /// Runs it; `false` asks for the savepoint to be rolled back.
     fn run<'c>(&'c mut self, connection: &'c mut Connection) -> BoxFuture<'c, bool>;
-    /// Whether it is still to be carried out.
+    /// Whether it should still be carried out.
     fn is_wanted(&self) -> bool;
-    /// Answers the caller, once it is known how the transaction ended.
+    /// Answers the caller with the outcome of the transaction.
     fn answer(self: Box<Self>, transaction: &Result<(), StoreError>);
 }
 
@@ -194,18 +196,18 @@ where
 
     fn answer(self: Box<Self>, transaction: &Result<(), StoreError>) {
         let result = match (self.result, transaction) {
-            // Whatever a write has seen in a transaction that is rolled back may not be so.
+            // What a write has read in a transaction that is rolled back may not be true.
             (_, Err(error)) => Err(error.clone().into()),
             (Some(Err(error)), Ok(())) => Err(error),
             (Some(Ok(value)), Ok(())) => Ok(value),
             (None, Ok(())) => Err(StoreError::Closed.into()),
         };
-        // The caller may have gone away; its write stands.
+        // The caller may have disconnected; its write stands.
         let _ = self.reply.send(result);
     }
 }
 
-/// Usual writes and claims whose transaction has not come yet, in their order.
+/// Usual writes and claims that wait for a transaction.
 #[derive(Default)]
 struct Queued {
     claims: VecDeque<Box<dyn Write>>,
@@ -218,7 +220,7 @@ impl Queued {
         self.claims.is_empty() && self.others.is_empty()
     }
 
-    /// Takes the next that is to be carried out: one of each kind in turn, as long as there are both.
+    /// The next write to carry out: one of each kind in turn, while there are both.
     fn take(&mut self) -> Option<Box<dyn Write>> {
         iter::from_fn(|| self.pop()).find(|write| write.is_wanted())
     }
@@ -291,7 +293,7 @@ async fn serve(source: Source, mut connection: Option<Connection>, mut queues: Q
         tracing::error!(%error, "closing the database failed");
     }
     for done in closing {
-        // Nobody waits if the caller of `close` gave up.
+        // The caller of `close` may have given up.
         let _ = done.send(());
     }
 }
@@ -300,21 +302,22 @@ async fn serve(source: Source, mut connection: Option<Connection>, mut queues: Q
 struct Group<'a> {
     first: &'a mut [Box<dyn Write>],
     queued: &'a mut Queued,
-    /// Those of the queued ones that it has ended, however.
+    /// The queued writes that it has run.
     ended: &'a mut Vec<Box<dyn Write>>,
     patient: Option<&'a mut Box<dyn Write>>,
-    /// How long it takes more of the queued ones.
+    /// How long it takes more queued writes.
     time: Duration,
 }
 
-/// Runs writes in a transaction: those that are first, as many of the queued ones as there is time for, and a patient one. Notes how long the commit took.
+/// Runs a transaction: the first writes, queued ones while there is time, and a patient one. Answers also how long the
+/// commit took.
 async fn commit(
     source: &Source,
     held: &mut Option<Connection>,
     mut group: Group<'_>,
     took: &mut Duration,
 ) -> Result<(), StoreError> {
-    // Whatever is wrong with a connection, it is not used again unless its transaction has come to an end.
+    // A connection is used again only when its transaction has ended.
     let mut connection = match begun(source, held.take()).await {
         Ok(connection) => connection,
         Err(error) => {
@@ -352,7 +355,7 @@ async fn commit(
     outcome
 }
 
-/// A connection on which a transaction has begun: the one at hand, or a new one where that is lost.
+/// A connection with a begun transaction: the held one, or a new one when that is lost.
 async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, StoreError> {
     if let Some(mut connection) = held {
         match in_time(source.timeouts().turn, connection.begin()).await {
@@ -370,7 +373,7 @@ async fn begun(source: &Source, held: Option<Connection>) -> Result<Connection, 
 
 impl Group<'_> {
     async fn run(&mut self, connection: &mut Connection) -> Result<(), StoreError> {
-        // What ends a write goes to the database together with what begins the next; the last ends with the transaction.
+        // The end of one write and the begin of the next are sent together. The last one ends with the transaction.
         let mut between = "savepoint one_write";
         const NEXT: &str = "release savepoint one_write; savepoint one_write";
         for write in &mut *self.first {

@@ -1,11 +1,12 @@
-//! Acceptance: what becomes of nodes that a worker brings.
+//! Acceptance of the nodes that a worker uploads.
 //!
-//! A node is accepted in one transaction, only under a valid lease that it was leased with, only if no row of its tile shares a pass with it (no
-//! ancestor, no descendant, not itself), and only if all of its passes are pending. Those may be pending as smaller nodes, or leased to somebody
-//! else by now: the first result wins. Its bytes are on disk before the transaction begins.
+//! A node is accepted in one transaction, under three conditions. The worker holds a valid lease with this node. No
+//! row of its tile shares a pass with it: no ancestor, no descendant, not the node itself. All of its passes are
+//! pending, perhaps as smaller nodes or leased to another worker by now: the first result wins. Its bytes are on disk
+//! before the transaction begins.
 //!
-//! Sums of times saturate at the largest integer, as those of counters do: their terms were measured by others, and a sum
-//! that overflows would be a number that no reader takes.
+//! Sums of times saturate at the largest integer, like those of counters. Workers measured the terms, and no reader
+//! takes a sum that overflows.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -28,8 +29,8 @@ use crate::store::leases::table as leases;
 use crate::store::leases::table::LeaseError;
 use crate::store::workers::table as workers;
 
-/// So much of what a worker rendered before counts in the mean of its speed, in microseconds of each of its cores: scenes change from tile to
-/// tile, and machines from minute to minute.
+/// Earlier work that counts in the mean rate of a worker, in microseconds of each of its cores. Scenes change from
+/// tile to tile, and machines from minute to minute.
 const REMEMBERED_US: f64 = 30e6;
 
 /// What became of a delivery.
@@ -41,14 +42,14 @@ pub(crate) struct Acceptance {
     pub(crate) outstanding: u32,
     /// Camera samples accepted.
     pub(crate) samples: u64,
-    /// Whether a wave of the job has become complete.
+    /// Whether all work of a round has been accepted.
     pub(crate) completes_round: bool,
     /// What checks have come to.
     pub(crate) checks: Outcome,
 }
 
 impl Store {
-    /// Accepts what came with a partial. Places of nodes that were not accepted are nobody's afterwards.
+    /// Accepts a partial. No row names the blob ranges of its nodes that were not accepted.
     pub(crate) async fn accept(&self, delivery: Delivery) -> Result<Acceptance, LeaseError> {
         self.write(move |connection| Box::pin(async move { accept(connection, &delivery).await })).await
     }
@@ -58,7 +59,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     let (lease, job) = leases::valid_with_job(connection, delivery.lease, delivery.token, delivery.now_ms).await?;
     let all_samples: u64 = delivery.nodes.iter().map(|node| job.node_samples(&node.address)).sum();
     let taken = take_all(connection, &lease, &delivery.nodes).await?;
-    // Shares of a whole number of milliseconds that have the whole as their sum, however short each node has taken.
+    // Shares of a whole number of milliseconds that add up to it, however short each node took.
     let core_ms_up_to = |samples: u64| (delivery.core_ms as f64 * samples as f64 / all_samples.max(1) as f64) as i64;
     let mut samples_before = 0;
     let (mut samples, mut core_ms, mut counters) = (0, 0_i64, Counters::default());
@@ -75,7 +76,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
             if matches!(taken, Taken::Duplicate) && lease.nodes.contains(&node.address) {
                 frees_work |= free_rest(connection, &lease, &node.address).await?;
             }
-            // Which nodes are checked was decided when they were accepted, maybe by a coordinator that is set up otherwise.
+            // The coordinator that accepted them, perhaps with other settings, selected the nodes for checks.
             checked.push(brought());
             continue;
         };
@@ -118,7 +119,7 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
     Ok(Acceptance { verdicts, outstanding, samples, completes_round, checks })
 }
 
-/// What becomes of a node that was brought.
+/// The fate of an uploaded node.
 #[derive(Clone, Copy, Debug)]
 enum Taken {
     /// It is accepted, as work of this round.
@@ -139,14 +140,14 @@ impl Taken {
     }
 }
 
-/// What has been accepted of a wave.
+/// Accepted work of a round.
 #[derive(Clone, Copy, Debug, Default)]
 struct RoundWork {
     passes: i64,
     core_ms: i64,
 }
 
-/// Takes the nodes that were brought from the pending ones, as far as they are to be accepted.
+/// Removes the uploaded nodes that can be accepted from the pending ones.
 async fn take_all(
     connection: &mut Connection,
     lease: &LeaseRecord,
@@ -180,7 +181,7 @@ async fn take_all(
     Ok(taken)
 }
 
-/// Which of some nodes share a pass with an accepted one.
+/// Those of some nodes that share a pass with an accepted one.
 async fn covered(
     connection: &mut Connection,
     job: JobId,
@@ -205,7 +206,7 @@ async fn covered(
     rows.iter().map(address).collect()
 }
 
-/// Removes those of some nodes that are pending from the pending ones, and answers them with their rounds.
+/// Removes those of some nodes that are pending, and answers them with their rounds.
 async fn take(
     connection: &mut Connection,
     job: JobId,
@@ -222,11 +223,12 @@ async fn take(
     rows.iter().map(|row| Ok((address(row)?, row.integer("round")?))).collect()
 }
 
-/// The condition that a row is a part of a node: of its frame ($2) and tile ($3), and from its first pass ($4) to its end ($5).
+/// A condition: the row is a part of a node, by its frame ($2), tile ($3), first pass ($4) and end ($5).
 const WITHIN: &str = "frame = $2 and tile = $3 \
      and (idx << cast(level as integer)) >= $4 and ((idx + 1) << cast(level as integer)) <= $5";
 
-/// Removes what is pending of the passes of a node that is not pending itself, if they all are, and answers their round.
+/// Removes the pending parts of a node that is not pending itself, if all its passes are pending, and answers their
+/// round.
 async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress) -> Result<Option<i64>, StoreError> {
     let [first, end] = nodes::ends(node);
     let rows = query(format!("select level, round from pending where job = $1 and {WITHIN}"))
@@ -260,8 +262,8 @@ async fn take_parts(connection: &mut Connection, job: JobId, node: &NodeAddress)
     Ok(Some(round))
 }
 
-/// Frees what a lease still has of a node of which others have brought a part: its worker has brought the whole, and will not bring the rest.
-/// Answers whether there was any.
+/// Frees the rest of a node that a lease still holds, when others have brought a part of it. Its worker has uploaded
+/// the whole and will not bring the rest. Answers whether there was a rest.
 async fn free_rest(connection: &mut Connection, lease: &LeaseRecord, node: &NodeAddress) -> Result<bool, StoreError> {
     if node.level == 0 {
         return Ok(false);
@@ -278,7 +280,7 @@ async fn free_rest(connection: &mut Connection, lease: &LeaseRecord, node: &Node
     Ok(freed > 0)
 }
 
-/// Notes what has been accepted of a wave, and answers how many passes of it are not.
+/// Counts accepted work of a round, and answers how many of its passes are outstanding.
 async fn count_down(
     connection: &mut Connection,
     job: JobId,
@@ -304,7 +306,7 @@ async fn count_down(
     .integer("outstanding")
 }
 
-/// Notes on a worker what was accepted of it, and answers how many cores it has.
+/// Counts accepted work of a worker, and answers its cores.
 async fn credit_worker(
     connection: &mut Connection,
     worker: WorkerId,
@@ -328,7 +330,7 @@ async fn credit_worker(
     .number("cores")
 }
 
-/// Notes how fast a worker has rendered some of a job, in so many microseconds. Of all that was before, no more than `remembered_us` counts.
+/// Adds to a worker's measured rate for a job. Earlier work counts for at most `remembered_us`.
 async fn measure(
     connection: &mut Connection,
     worker: WorkerId,

@@ -1,8 +1,8 @@
-//! Who keeps the film of a job: one coordinator at a time, for a term that it renews.
+//! Film leases: one coordinator at a time finalizes the rounds of a job, for a term that it renews.
 //!
-//! Two that keep the same film for a while change no bit, since rounds are recorded once and every merge has the same sum. What one finds
-//! that does not fit together it reads again, since the other may have gone on in between. So a claim need not be exact, and clocks
-//! may differ.
+//! Two coordinators that work on the same film for a while change no bit: rounds are recorded once, and every merge
+//! has the same sum. When rows do not fit together, the reader reads them again, because the other coordinator may
+//! have changed the film. So a lease need not be exact, and clocks may differ.
 
 use clerestory_api::JobId;
 use uuid::Uuid;
@@ -14,7 +14,7 @@ use crate::store::engine::sql::query;
 use crate::store::engine::writer::Turn;
 
 impl Store {
-    /// Claims the film of a job for a coordinator, or renews its claim.
+    /// Leases the film of a job to a coordinator, or renews its lease.
     pub(crate) async fn acquire_film_lease(
         &self,
         job: JobId,
@@ -22,7 +22,7 @@ impl Store {
         now_ms: i64,
         until_ms: i64,
     ) -> Result<FilmLease, StoreError> {
-        // Uploads may wait for longer than a term lasts.
+        // Uploads may wait for longer than a term.
         self.write_in(Turn::First, move |connection| {
             Box::pin(async move {
                 let claimed = query(
@@ -42,7 +42,7 @@ impl Store {
                 let held = query("select until_ms from keepers where job = $1").bind(job.to_string());
                 match held.fetch_optional(connection).await? {
                     Some(row) => Ok(FilmLease::HeldElsewhere { until_ms: row.integer("until_ms")? }),
-                    // There is no such job, and nothing to keep.
+                    // There is no such job, so no other coordinator holds it.
                     None => Ok(FilmLease::Held),
                 }
             })
@@ -50,7 +50,7 @@ impl Store {
         .await
     }
 
-    /// Lets go of all films that a coordinator keeps.
+    /// Ends all film leases of a coordinator.
     pub(crate) async fn release_film_leases(&self, coordinator: Uuid) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {

@@ -1,7 +1,8 @@
-//! Nodes whose stored bytes are lost or damaged are taken out of the film and rendered again.
+//! Lost nodes: nodes whose stored bytes are lost or damaged are removed from the film and rendered again.
 //!
-//! Workers render them to the same bits, so the points of the series that were measured with them stay. A job that is done is opened again: it gets
-//! what it lacks, and nothing else, and is done as it was before. A job that was cancelled or has failed keeps what is left of its image.
+//! Workers render them to the same bits, so the points that were measured with them stay. A job that is done is
+//! reopened: it gets what it lacks, and is done as before. A job that was cancelled or has failed keeps the rest of
+//! its image.
 
 use std::collections::BTreeSet;
 
@@ -18,13 +19,13 @@ use crate::store::engine::sql::query;
 use crate::store::films::nodes;
 use crate::store::{events, jobs};
 
-/// Level of the nodes in which lost ones are given out: some seconds of work each, and not too many rows.
+/// Level of the nodes in which lost ones are queued: some seconds of work each, and not too many rows.
 const LEVEL: u32 = 2;
 
 /// What has become of lost nodes.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Replaced {
-    /// How many have been taken out of the film.
+    /// Nodes that were removed from the film.
     pub(crate) nodes: usize,
     /// Whether they are rendered again.
     pub(crate) is_queued: bool,
@@ -33,7 +34,7 @@ pub(crate) struct Replaced {
 }
 
 impl Store {
-    /// Takes lost nodes out of the film of a job, as far as they are still where they were, and has them rendered again.
+    /// Removes those lost nodes from the film of a job that are still in the same blob, and has them rendered again.
     pub(crate) async fn replace_lost(
         &self,
         job: JobId,
@@ -43,7 +44,7 @@ impl Store {
         self.write(move |connection| Box::pin(async move { replace_lost(connection, job, &lost, now_ms).await })).await
     }
 
-    /// Ends a job that was opened again, as it had ended before, if it has all that was lost. Answers whether it did.
+    /// Ends a reopened job as it had ended before, if its lost nodes are back. Answers whether it did.
     pub(crate) async fn close_reopened(&self, job: JobId, now_ms: i64) -> Result<bool, StoreError> {
         self.write(move |connection| {
             Box::pin(async move {

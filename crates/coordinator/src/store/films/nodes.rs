@@ -1,4 +1,4 @@
-//! Accepted nodes: the film, as the database knows it. [Acceptance](super::accept) makes the rows, and merging replaces them.
+//! Accepted nodes: the rows of the film. [Acceptance](super::acceptance) inserts them, and merging replaces them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -34,7 +34,7 @@ fn stored_node(row: &Row) -> Result<StoredNode, StoreError> {
     Ok(StoredNode { address: address(row)?, blob: row.text("blob")? })
 }
 
-/// Those of some nodes that are still where they were.
+/// Those of some nodes that are still in the same blob.
 pub(in crate::store) async fn still_stored(
     connection: &mut Connection,
     job: JobId,
@@ -60,7 +60,7 @@ pub(in crate::store) async fn still_stored(
 const COLUMNS: &str = "frame, tile, level, idx, blob, blob_offset, blob_length, counters, builds";
 
 impl Store {
-    /// The accepted nodes of some tiles of a frame's image that begin before a pass, ordered by tile and pass.
+    /// The accepted nodes of some tiles of a frame that begin before a pass, ordered by tile and pass.
     pub(crate) async fn nodes(
         &self,
         job: JobId,
@@ -82,7 +82,7 @@ impl Store {
         rows.iter().map(node_row).collect()
     }
 
-    /// The accepted nodes of the pilot of some tiles of a frame's image, ordered by tile and pass.
+    /// The accepted nodes of the pilot of some tiles of a frame, ordered by tile and pass.
     pub(crate) async fn pilot(&self, job: JobId, frame: u32, tiles: Range<u32>) -> Result<Vec<NodeRow>, StoreError> {
         let rows = query(format!(
             "select {COLUMNS} from nodes where job = $1 and frame = $2 and tile >= $3 and tile < $4 \
@@ -97,7 +97,7 @@ impl Store {
         rows.iter().map(node_row).collect()
     }
 
-    /// How many passes of some tiles of a frame have been accepted from the first on without a gap, in the order of the tiles.
+    /// Accepted passes of some tiles of a frame, from the first on without a gap, in the order of the tiles.
     pub(crate) async fn complete_passes(
         &self,
         job: JobId,
@@ -126,7 +126,7 @@ impl Store {
         Ok(complete)
     }
 
-    /// A node, if it is still where it was.
+    /// A node, if it is still in this blob.
     pub(crate) async fn node_at(
         &self,
         job: JobId,
@@ -148,7 +148,7 @@ impl Store {
         row.as_ref().map(node_row).transpose()
     }
 
-    /// All accepted nodes of a job and the blobs in which they lie.
+    /// All accepted nodes of a job, and their blobs.
     pub(crate) async fn stored_nodes(&self, job: JobId) -> Result<Vec<StoredNode>, StoreError> {
         let rows = query("select frame, tile, level, idx, blob from nodes where job = $1")
             .bind(job.to_string())
@@ -175,8 +175,8 @@ impl Store {
         rows.iter().map(|row| row.text("blob")).collect()
     }
 
-    /// Puts merged nodes in the place of what they are the sums of, with the sums of its work, all at once; an error, and no change,
-    /// when a pass of one is missing, or nodes have been taken out since so many were: those may be among the ones that were summed.
+    /// Replaces children by their merged parents, with the sums of their work. Fails without changes when a pass is
+    /// missing or when nodes were removed since the sum was taken: the sum may include them.
     pub(crate) async fn replace(&self, job: JobId, redone: u64, merges: Vec<Merge>) -> Result<Removed, StoreError> {
         let write = self.write_in(Turn::Patient, move |connection| {
             Box::pin(async move { replace(connection, job, redone, &merges).await })
@@ -185,14 +185,14 @@ impl Store {
     }
 }
 
-/// The passes of a node: the first, and the one after the last.
+/// The first pass of a node, and the end of its passes.
 pub(in crate::store) fn ends(address: &NodeAddress) -> [i64; 2] {
     let passes = address.passes();
     [i64::from(passes.first), i64::from(passes.first) + i64::from(passes.count)]
 }
 
-/// Takes away everything that begins at a pass or after it. Of a job whose last round ends there, nothing else reaches beyond: no node
-/// is formed across the end of a round before that is recorded.
+/// Deletes every node that begins at a pass or after it. When the last round ends there, no other node reaches beyond:
+/// none is formed across the end of an unrecorded round.
 pub(in crate::store) async fn discard(
     connection: &mut Connection,
     job: JobId,
@@ -206,12 +206,12 @@ pub(in crate::store) async fn discard(
     removed_at(connection, &rows).await
 }
 
-/// What has been taken out with some rows, which say where their nodes lay.
+/// The removed blob ranges of some deleted rows.
 pub(in crate::store) async fn removed_at(connection: &mut Connection, rows: &[Row]) -> Result<Removed, StoreError> {
     removed(connection, rows.iter().map(blob_range).collect::<Result<_, _>>()?).await
 }
 
-/// Takes away what lies beyond a round of so many passes, of which tiles have their own.
+/// Deletes every node beyond a round, where tiles have passes of their own.
 pub(in crate::store) async fn discard_beyond(
     connection: &mut Connection,
     job: JobId,
@@ -236,7 +236,7 @@ pub(in crate::store) async fn has_any(connection: &mut Connection, job: JobId) -
     Ok(any.fetch_optional(connection).await?.is_some())
 }
 
-/// Takes out all nodes that share a pass with one of some others.
+/// Deletes all nodes that share a pass with one of `others`.
 pub(in crate::store) async fn take_out(
     connection: &mut Connection,
     job: JobId,
@@ -336,7 +336,7 @@ async fn replace(
     for (merge, (passes, work)) in merges.iter().zip(sums) {
         let wanted = merge.parent.passes().count;
         if passes != u64::from(wanted) {
-            // The caller's savepoint takes the half-done replacement back.
+            // The savepoint of the caller rolls the half-done replacement back.
             let value = format!("{passes} of the {wanted} passes of {:?}", merge.parent);
             return Err(StoreError::Corrupt { column: "nodes", value });
         }
@@ -346,7 +346,7 @@ async fn replace(
     removed(connection, blob_ranges).await
 }
 
-/// What is not needed any more once the nodes at some places have been taken out.
+/// The deleted blob ranges, with the blobs that hold no accepted node any more.
 async fn removed(connection: &mut Connection, blob_ranges: Vec<BlobRange>) -> Result<Removed, StoreError> {
     let mut blobs: BTreeSet<&str> = blob_ranges.iter().map(|blob_range| &*blob_range.blob).collect();
     let all: Vec<[&str; 1]> = blobs.iter().map(|blob| [*blob]).collect();

@@ -1,4 +1,4 @@
-//! Rounds: when all tiles are complete up to the same pass, and the error that was measured there.
+//! Rounds: all tiles are complete up to the same pass, and its error is measured.
 
 use clerestory_api::{ConvergencePoint, JobId, StopReason};
 
@@ -16,14 +16,15 @@ impl Store {
     /// The next round of a job, if it is complete and not recorded.
     pub(crate) async fn complete_round(&self, job: &JobRecord) -> Result<Option<CompleteRound>, StoreError> {
         let Some(passes) = job.boundaries().end(job.rounds) else { return Ok(None) };
-        // There may be tens of thousands of earlier waves, and this is asked often: all but those that are incomplete stay unread.
+        // A job may have tens of thousands of earlier rounds, and this query is frequent: only incomplete ones are
+        // read.
         let looked = query(
             "select (select count(*) from waves where job = $1 and round = $2) as opened, \
              (select count(*) from waves where job = $1 and round <= $2 and completed_ms is null and outstanding > 0) as incomplete, \
              (select count(*) from checks where job = $1 and round <= $2) as checks",
         );
         let looked = looked.bind(job.id.to_string()).bind(i64::from(job.rounds)).fetch_one(&self.readers).await?;
-        // Waves are opened in the order of their rounds.
+        // Rounds are opened in their order.
         let is_opened = looked.integer("opened")? == i64::from(job.frames);
         if !is_opened || looked.integer("incomplete")? + looked.integer("checks")? > 0 {
             return Ok(None);
@@ -42,8 +43,8 @@ impl Store {
         Ok(Some(CompleteRound { round: job.rounds, passes, core_ms, completed_ms }))
     }
 
-    /// The last round of which there are points, the time that was spent on everything up to there, and when its last node was accepted. No wave up to
-    /// there has changed since: where nodes of one are rendered again, its points and all later ones are taken away.
+    /// The last round with points, the time spent up to it, and when its last node was accepted. The work up to it has
+    /// not changed since: when its nodes are rendered again, its points and all later ones are deleted.
     async fn last_measured(&self, job: &JobRecord) -> Result<(i64, i64, i64), StoreError> {
         let last = query(
             "select round, core_ms, wall_ms from rounds where job = $1 and frame = 0 and round < $2 \
@@ -55,9 +56,10 @@ impl Store {
         Ok((last.integer("round")?, last.integer("core_ms")?, completed_ms))
     }
 
-    /// Records a round, one point for each frame, and ends the job when that is the last one or has reached a target: all at
-    /// once, so that whoever stops the coordinator, at whatever moment, finds the job ended at the same round. Answers `None`,
-    /// and changes nothing, when it has been recorded already, nodes have been taken out since the job was read, or it has failed.
+    /// Records a round, with one point for each frame, and ends the job when that is the last one or has reached a
+    /// target. All in one transaction, so that the job ends at the same round whenever the coordinator stops. `None`,
+    /// without changes, when the round was recorded before, when nodes were removed since the job was read, or when
+    /// the job has failed.
     pub(crate) async fn record_round(
         &self,
         job: &JobRecord,
@@ -123,7 +125,7 @@ impl Store {
     }
 }
 
-/// Ends a job with a round, and takes away what has been done beyond it. A job that has ended before keeps what it has.
+/// Ends a job with a round, and deletes everything beyond it. A job that ended before keeps what it has.
 async fn end(
     connection: &mut Connection,
     job: &JobRecord,

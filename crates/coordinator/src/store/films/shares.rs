@@ -1,4 +1,4 @@
-//! Shares of the passes of adaptive jobs: decided by the [keeper](crate::adaptive), looked up wherever tiles have their own passes.
+//! Shares of the passes of adaptive jobs, which [pass sharing](crate::films::pass_sharing) decides.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -15,11 +15,11 @@ use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::films::nodes;
 
-/// Tiles that are looked at together: of many, few may have a pass in a wave.
+/// Tiles in one read: few of them may have a pass in a round.
 const TILES: u32 = 1024;
 
 impl Store {
-    /// How many passes each tile of a job has at a round.
+    /// The passes of each tile of a job at each round.
     pub(crate) async fn tile_passes(&self, job: &JobRecord) -> Result<TilePasses, StoreError> {
         if job.shared_samples.is_none() {
             return Ok(TilePasses::default());
@@ -28,8 +28,8 @@ impl Store {
         shared(job, &rows)
     }
 
-    /// Stores what each tile of each frame gets of the passes of a job. `false`, and nothing is changed, when that has been done, or nodes have
-    /// been taken out since the job was read.
+    /// Stores the shares of all tiles of a job. `false`, without changes, when shares are stored already or when nodes
+    /// were removed since the job was read.
     pub(crate) async fn share_out(
         &self,
         job: &JobRecord,
@@ -39,8 +39,8 @@ impl Store {
         self.write(move |connection| Box::pin(async move { share_out(connection, &job, &shares).await })).await
     }
 
-    /// Throws away what some tiles of a frame have of the pilot of a job that has no need of it any more: its passes are shared out, or it has
-    /// ended. Of one that has [begun again](super::redo) meanwhile, the pilot stays.
+    /// Deletes the pilot of some tiles of a frame, when its job has shares or has ended. The pilot of a job that was
+    /// [restarted](crate::store::checks::redo) meanwhile stays.
     pub(crate) async fn discard_pilot(&self, job: JobId, frame: u32, tiles: Range<u32>) -> Result<Removed, StoreError> {
         self.write(move |connection| Box::pin(async move { discard_pilot(connection, job, frame, tiles).await })).await
     }
@@ -48,7 +48,7 @@ impl Store {
 
 const ALL: &str = "select frame, tile, share from tile_shares where job = $1 order by frame, tile";
 
-/// The same as [`Store::tile_passes`], as the transaction sees it.
+/// As [`Store::tile_passes`], as the transaction reads it.
 pub(in crate::store) async fn tile_passes(
     connection: &mut Connection,
     job: &JobRecord,
@@ -75,17 +75,17 @@ fn share(row: &Row) -> Result<Share, StoreError> {
     share.ok_or_else(|| StoreError::Corrupt { column: "share", value: units.to_string() })
 }
 
-/// What some tiles of a frame have in a wave.
+/// The work of some tiles of a frame in a round.
 pub(in crate::store) struct RoundTiles {
-    /// Those that have passes in it, in order, and those passes.
+    /// Tiles with passes in the round, in order, and those passes.
     pub(in crate::store) tiles: Vec<(u32, PassRange)>,
-    /// The tile after those that have been looked at.
+    /// The tile after those that were read.
     pub(in crate::store) next: u32,
-    /// How many tiles have passes in the wave, as far as is known.
+    /// Tiles with passes in the round, as far as is known.
     pub(in crate::store) count: u32,
 }
 
-/// What the tiles of a frame from one on have in a wave, as far as one look shows.
+/// The work of the tiles of a frame in a round, from one tile on, as far as one read goes.
 pub(in crate::store) async fn round_tiles(
     connection: &mut Connection,
     job: &JobRecord,

@@ -1,4 +1,4 @@
-//! Machines that tried a node in vain, and when that is enough. Workers of one name are one machine.
+//! Attempts: machines that tried a node in vain, and when a node is given up. Workers of one name are one machine.
 
 use std::collections::BTreeSet;
 
@@ -10,19 +10,20 @@ use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::workers::table::MATCHES_PIN;
 
-/// Machines that try a node in vain before it is given up where no other could try.
+/// Machines that try a node in vain before it is given up, when no other could try.
 const ENOUGH_MACHINES: usize = 3;
 
-/// Machines that die with a node before it is given up, whoever else could try: each death costs a machine.
+/// Machines that die with a node before it is given up, in any case: each death costs a machine.
 pub(in crate::store) const MOST_DEATHS: usize = ENOUGH_MACHINES;
 
-/// Machines that fail on a node before it is given up, whoever else could try: a larger one may have the memory that others lack.
+/// Machines that fail on a node before it is given up, in any case: a larger machine may have the memory that others
+/// lack.
 pub(in crate::store) const MOST_FAILURES: usize = 10;
 
-/// Attempts in vain after which a node is given up where fewer machines could render it.
+/// Attempts in vain after which a node is given up, when fewer machines could render it.
 pub(in crate::store) const ENOUGH_ATTEMPTS: u32 = 5;
 
-/// Attempts in vain after which a node is given up, whoever else could try: those may have other work for ever.
+/// Attempts in vain after which a node is given up, in any case: other machines may have other work for ever.
 const MOST_ATTEMPTS: u32 = 50;
 
 /// Why a node is given up.
@@ -30,12 +31,12 @@ const MOST_ATTEMPTS: u32 = 50;
 pub(in crate::store) enum GivenUp {
     /// Enough machines have tried.
     ByMachines,
-    /// There were enough attempts, and no other machine is there.
+    /// There were enough attempts, and no other machine is alive.
     ByAttempts,
 }
 
-/// Whether a node is given up that workers of these names have tried so often: at the latest after so many machines. A machine is there if one of
-/// its workers was heard of since `alive_ms`.
+/// Whether a node is given up after attempts by workers of these names: at the latest after `most_machines`. A machine
+/// is alive when one of its workers was heard of since `alive_ms`.
 pub(in crate::store) async fn given_up(
     connection: &mut Connection,
     job: JobId,
@@ -54,7 +55,7 @@ pub(in crate::store) async fn given_up(
     Ok(Some(if are_enough { GivenUp::ByMachines } else { GivenUp::ByAttempts }))
 }
 
-/// Whether a machine that has none of these names could render nodes of a job, and was heard of since `alive_ms`.
+/// Whether another machine could render nodes of a job, and was heard of since `alive_ms`.
 pub(in crate::store) async fn others_could_try(
     connection: &mut Connection,
     job: JobId,

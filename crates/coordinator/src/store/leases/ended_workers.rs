@@ -1,4 +1,4 @@
-//! Workers that end give their leases back.
+//! Workers that end: their leases go back to the queue.
 
 use clerestory_api::WorkerId;
 
@@ -8,7 +8,7 @@ use crate::store::leases::table as leases;
 use crate::store::workers::table::WorkerError;
 
 impl Store {
-    /// Notes that a worker ends, and takes back what it has under lease. Answers whether it had not ended. A call that arrives later does not revive it.
+    /// Ends a worker, and takes its leases back. Answers whether it had not ended. A later call does not revive it.
     pub(crate) async fn end_worker(&self, worker: WorkerId, now_ms: i64) -> Result<bool, WorkerError> {
         self.write(move |connection| {
             Box::pin(async move {

@@ -1,11 +1,14 @@
-//! Leases that run out, and what that says of their nodes.
+//! Expired leases, and the conclusions about their nodes.
 //!
-//! A scene may kill its workers: it needs more memory than a machine has, or meets a fault of the renderer. A lease counts as a death when it ran out
-//! without having brought a node, its worker was not heard of afterwards, and the coordinator listened all the while. The death is noted on the node that
-//! the worker rendered first; from then on that node is leased alone ([`suspects`]), so that the next death tells more than the first. A job with a
-//! node that [enough machines](super::attempts) died with is held, which means that it gets no leases, until somebody releases it or one of those
-//! workers is heard of again: it was cut off or suspended. As long as a job has brought no node, the deaths with all of its nodes count together:
-//! its scene may kill whoever builds it. Later they do not, so that a long job is not held for machines that come and go.
+//! A scene may kill its workers: it needs more memory than a machine has, or triggers a fault of the renderer. An
+//! expired lease counts as a death under three conditions: it brought no node, its worker was not heard of afterwards,
+//! and the coordinator listened all the time. The death is recorded on the node that the worker rendered first. From
+//! then on that node is leased alone ([`suspects`](crate::store::queue::suspects)), so that the next death tells more.
+//!
+//! A job is held when [enough machines](super::attempts) died with one of its nodes: it gets no leases. It is released
+//! by hand, or when one of those workers is heard of again, which was cut off or suspended. Until a job has brought a
+//! node, the deaths with all of its nodes count together, because its scene may kill every worker that builds it.
+//! Later they do not, so that machines that come and go do not hold a long job.
 
 use std::collections::BTreeSet;
 
@@ -25,7 +28,7 @@ use crate::store::films::nodes;
 use crate::store::leases::attempts::{self, ENOUGH_ATTEMPTS, GivenUp};
 use crate::store::leases::table as leases;
 
-/// Deaths of a node that are kept.
+/// Recorded deaths of a node.
 const KEPT_DEATHS: usize = 16;
 
 /// How the farm has been watched.
@@ -33,9 +36,9 @@ const KEPT_DEATHS: usize = 16;
 pub(crate) struct Observation {
     /// Now.
     pub(crate) now_ms: i64,
-    /// The coordinator has listened without a gap since then. Renewals of earlier leases may have found nobody.
+    /// Start of the time in which the coordinator listened without a gap. Earlier renewals may be lost.
     pub(crate) listening_ms: i64,
-    /// A worker that was last heard of before this is not there.
+    /// Last heartbeat of a worker that counts as absent.
     pub(crate) alive_ms: i64,
 }
 
@@ -59,18 +62,18 @@ pub(crate) struct ExpiredLease {
     has_brought: bool,
 }
 
-/// What has come of leases that ran out.
+/// The outcome of expired leases.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Expiry {
     /// The leases.
     pub(crate) leases: Vec<ExpiredLease>,
     /// Jobs that are held from now on.
     pub(crate) held: Vec<(JobId, JobHold)>,
-    /// Jobs with checks that were given up, since workers died with them.
+    /// Jobs with checks that were given up after deaths of workers.
     pub(crate) unchecked: BTreeSet<JobId>,
 }
 
-/// A lease that a node had in vain: the worker, its name, and when the lease ran out or would have.
+/// A lease that held a node in vain: the worker, its name, and the deadline of the lease.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub(in crate::store) struct Holder(
     pub(in crate::store) WorkerId,
@@ -79,12 +82,12 @@ pub(in crate::store) struct Holder(
 );
 
 impl Store {
-    /// Takes back all leases that have run out.
+    /// Takes back all expired leases.
     pub(crate) async fn expire_leases(&self, observation: Observation) -> Result<Expiry, StoreError> {
         self.write(move |connection| Box::pin(async move { expire(connection, observation).await })).await
     }
 
-    /// Gives leases again of a job that is held. Answers whether it was.
+    /// Releases a job that is held. Answers whether it was.
     pub(crate) async fn release_job(&self, job: JobId, now_ms: i64) -> Result<bool, StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
@@ -100,7 +103,7 @@ impl Store {
         .await
     }
 
-    /// Releases the jobs that are held because of workers that were heard of since, and answers which.
+    /// Releases the jobs whose holds name a worker that was heard of since, and answers which.
     pub(crate) async fn release_jobs_of_returned_workers(&self, now_ms: i64) -> Result<Vec<JobId>, StoreError> {
         let rows = query("select id, hold from jobs where hold is not null").fetch_all(&self.readers).await?;
         let mut released = Vec::new();
@@ -135,7 +138,7 @@ impl Store {
     }
 }
 
-/// Takes the hold from a job that is held. Answers whether it was.
+/// Ends the hold of a job. Answers whether it had one.
 pub(in crate::store) async fn release(
     connection: &mut Connection,
     job: JobId,
@@ -194,7 +197,7 @@ fn expired_lease(row: &Row) -> Result<ExpiredLease, StoreError> {
     })
 }
 
-/// Notes on the first node of a lease that its worker died with it, and holds the job if that is enough.
+/// Records the death of a worker on the first node of its lease, and holds the job if that is enough.
 async fn record_death(
     connection: &mut Connection,
     expired: &ExpiredLease,
@@ -269,7 +272,7 @@ async fn all_deaths(connection: &mut Connection, job: JobId) -> Result<Vec<Holde
     Ok(deaths)
 }
 
-/// Notes on the first check of a lease that its worker died with it. Answers whether the check is given up for it.
+/// Records the death of a worker on the first check of its lease. Answers whether the check is given up.
 async fn record_death_with_check(connection: &mut Connection, lease: LeaseId) -> Result<bool, StoreError> {
     let first = query(
         "select id, deaths from checks where lease = $1 or second_lease = $1 order by round, frame, tile, idx limit 1",
@@ -284,7 +287,7 @@ async fn record_death_with_check(connection: &mut Connection, lease: LeaseId) ->
     Ok(false)
 }
 
-/// Notes on a node whose lease loses it to another that the other may have to know who had it.
+/// Records on a node that its lease loses it to another, which may have to know the first holder.
 pub(in crate::store) async fn record_loss(
     connection: &mut Connection,
     job: JobId,
@@ -302,7 +305,7 @@ pub(in crate::store) async fn record_loss(
     set_on(connection, job, node, "lost_by", &losers).await
 }
 
-/// The condition that a row of `pending` is a node, with [`bind_node`].
+/// A condition: the row of `pending` is a node. [`bind_node`] binds it.
 const ON: &str = "job = $1 and frame = $2 and tile = $3 and level = $4 and idx = $5";
 
 fn bind_node(query: Query, job: JobId, node: &NodeAddress) -> Query {
@@ -317,14 +320,14 @@ async fn set_on(
     column: &'static str,
     holders: &[Holder],
 ) -> Result<(), StoreError> {
-    // Whoever lost a node before its last lease died is among the deaths from then on.
+    // A worker that lost a node before its last lease died counts among the deaths from then on.
     let lost = if column == "died_on" { ", lost_by = null" } else { "" };
     let update = bind_node(query(format!("update pending set {column} = $6{lost} where {ON}")), job, node);
     update.bind(to_json(&holders)?).execute(connection).await?;
     Ok(())
 }
 
-/// Those of some workers that were heard of after the times beside them. One that is forgotten was not.
+/// Those of some workers that were heard of after the given times. A forgotten worker was not.
 async fn seen_again(connection: &mut Connection, holders: &[Holder]) -> Result<BTreeSet<WorkerId>, StoreError> {
     let listed: Vec<(String, i64)> =
         holders.iter().map(|Holder(worker, _, deadline_ms)| (worker.to_string(), *deadline_ms)).collect();

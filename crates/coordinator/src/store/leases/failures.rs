@@ -1,6 +1,7 @@
-//! Leases whose work failed: a partial could not be used, or the worker could not render.
+//! Failed leases: a partial could not be used, or the worker could not render.
 //!
-//! The failure counts on every node of the lease. A node that [enough machines](super::attempts) failed on ends its job.
+//! The failure counts on every node of the lease. A node on which [enough machines](super::attempts) failed ends its
+//! job.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,8 +20,8 @@ use crate::store::leases::table as leases;
 use crate::store::leases::table::LeaseError;
 
 impl Store {
-    /// Takes a lease back because its work failed, and notes it on the nodes and the worker. Answers the job if it has
-    /// now failed for good.
+    /// Takes back a lease whose work failed, and counts the failure on the nodes and the worker. Answers the job if it
+    /// has failed for good.
     pub(crate) async fn fail_lease(&self, failure: WorkFailure) -> Result<Option<JobId>, LeaseError> {
         self.write(move |connection| Box::pin(async move { fail(connection, &failure).await })).await
     }
@@ -28,7 +29,7 @@ impl Store {
 
 /// Nodes of a lease on which the same machines have failed.
 struct Group {
-    /// The first node on which they failed most often, and how often.
+    /// The node with most failures, the first of them, and their number.
     node: NodeAddress,
     failures: u32,
 }
@@ -47,7 +48,7 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
         .await?;
     let is_active = lease.state == LeaseState::Active;
     if is_active {
-        // Those with other bits could try it too, once the job is open to them.
+        // Workers with another build fingerprint could try it too, once the job is unpinned.
         leases::close(connection, failure.lease).await?;
     }
     let groups = record_failures(connection, failure.lease, (lease.worker, worker.text("name")?)).await?;
@@ -82,7 +83,8 @@ async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Opti
     Ok(None)
 }
 
-/// Notes on the nodes of a lease that a worker failed. Answers them by the workers that have failed on them, one of each machine and the last one last.
+/// Counts the failure of a worker on the nodes of a lease. Answers the nodes by the workers that failed on them: one
+/// of each machine, the last one last.
 async fn record_failures(
     connection: &mut Connection,
     lease: LeaseId,

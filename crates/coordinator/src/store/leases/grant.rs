@@ -26,13 +26,13 @@ pub(in crate::store) enum Leased {
 pub(in crate::store) struct Offer {
     nodes: Vec<NodeAddress>,
     leased: Leased,
-    /// How long the lease may go on without an accepted node before others are given them.
+    /// Time until the lease is overdue.
     overdue_after_ms: i64,
     upload_linger_ms: i64,
 }
 
 impl Offer {
-    /// Nodes that have been given out so often while others had them.
+    /// An offer of nodes. `repeats` counts earlier leases on them beside a running one.
     pub(in crate::store) fn new(
         nodes: Vec<NodeAddress>,
         leased: Leased,
@@ -49,7 +49,7 @@ impl Offer {
     }
 }
 
-/// Gives an offer to a worker as a lease.
+/// Grants an offer to a worker as a lease.
 pub(in crate::store) async fn grant(
     connection: &mut Connection,
     job: &JobRecord,
@@ -77,7 +77,7 @@ pub(in crate::store) async fn grant(
     .await?;
     let (table, holders) = match leased {
         Leased::Work => ("pending", "lease = $1"),
-        // Whoever has a check keeps it: the first answer counts.
+        // The holder of a check keeps it: the first answer counts.
         Leased::Checks => {
             ("checks", "second_lease = case when lease is null then null else $1 end, lease = coalesce(lease, $1)")
         }
@@ -101,14 +101,14 @@ pub(in crate::store) async fn grant(
     Ok(Grant { lease, scene_hash: job.scene_hash.clone(), nodes, upload_linger_ms })
 }
 
-/// Notes on a job that its first nodes have been given out, and to whom.
+/// Starts a job with its first lease, and pins it to the worker's build fingerprint.
 async fn start(
     connection: &mut Connection,
     job: &JobRecord,
     claimant: &Claimant,
     terms: &ClaimTerms,
 ) -> Result<(), StoreError> {
-    // One that an older build has started, or that begins again, goes on with whoever comes first.
+    // A job that an older build has started, or that restarts, is pinned to the first worker that comes.
     query("update jobs set state = 'running', started_ms = coalesce(started_ms, $2), probe_digest = $3 where id = $1")
         .bind(job.id.to_string())
         .bind(terms.now_ms)

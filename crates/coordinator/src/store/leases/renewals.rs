@@ -1,4 +1,4 @@
-//! Renewals of leases, which are [gathered](super::gathered).
+//! Renewals of leases, written in [batches](crate::store::engine::batch).
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -25,8 +25,8 @@ pub(in crate::store) struct Renewal {
 }
 
 impl Store {
-    /// Keeps a lease until `deadline_ms`, or a moment longer, and answers how many of its nodes are still wanted under it. One of which none is is
-    /// complete: they are accepted, or others have them.
+    /// Extends a lease to `deadline_ms` or slightly longer, and answers how many of its nodes are still wanted. A
+    /// lease without wanted nodes is complete: they were accepted, or other workers have them.
     pub(crate) async fn renew(
         &self,
         lease: LeaseId,
@@ -39,15 +39,16 @@ impl Store {
     }
 }
 
-/// Renews all of them, and answers what each caller is told.
+/// Renews leases, and answers each caller.
 async fn renew(connection: &mut Connection, renewals: Vec<Renewal>) -> Outcomes<u32, LeaseError> {
     let Some(deadline_ms) = renewals.iter().map(|renewal| renewal.deadline_ms).max() else { return Ok(Vec::new()) };
-    // A token beyond what can be stored is no lease's.
+    // No lease has a token beyond what can be stored.
     let listed =
         |renewal: &Renewal| Some((renewal.lease.to_string(), i64::try_from(renewal.token).ok()?, renewal.now_ms));
     let listed: Vec<(String, i64, i64)> = renewals.iter().filter_map(listed).collect();
     let columns = [Kind::Text, Kind::Integer, Kind::Integer];
-    // Found by its identity alone: few leases are active when a server begins to plan this, and it would go through all that are.
+    // Looked up by its identity alone. Few leases are active when a server plans this statement, and it would later
+    // scan all active ones.
     let wanted = "token = c1 and state = 'active' and deadline_ms > c2";
     let statement = format!(
         "update leases set state = case when {OUTSTANDING} = 0 then 'complete' else state end, deadline_ms = $1 where {} \
@@ -70,7 +71,7 @@ async fn renew(connection: &mut Connection, renewals: Vec<Renewal>) -> Outcomes<
             (Some(outstanding), _) => Ok(*outstanding),
             (None, None) => Err(LeaseError::Unknown(*lease)),
             (None, Some(stored)) => {
-                // What is not refused was not renewed because it is complete.
+                // A lease that is neither renewed nor refused is complete.
                 let checked = check([stored.token, *token], stored.state, stored.deadline_ms, *now_ms).map(|()| 0);
                 heard.extend(checked.is_ok().then_some(stored.worker));
                 checked
@@ -84,7 +85,7 @@ async fn renew(connection: &mut Connection, renewals: Vec<Renewal>) -> Outcomes<
     Ok(outcomes)
 }
 
-/// What is known of a lease that is not renewed.
+/// The row of a lease that is not renewed.
 struct Stored {
     token: u64,
     worker: WorkerId,
@@ -92,7 +93,7 @@ struct Stored {
     deadline_ms: i64,
 }
 
-/// Some leases as they are; without those that there are not.
+/// The rows of those leases that exist.
 async fn stored(
     connection: &mut Connection,
     leases: &BTreeSet<LeaseId>,

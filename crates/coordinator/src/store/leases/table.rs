@@ -1,7 +1,7 @@
-//! Leases: valid, given back, extended. [Claims](super::claim) make them, [renewals](super::renewals) keep them, and they [run out](super::expiry) or
-//! [fail](super::failures).
+//! Leases: valid, returned, extended. [Grants](super::grant) make them, [renewals](super::renewals) extend them, and
+//! they [expire](super::expiry) or [fail](super::failures).
 //!
-//! A fencing token rises with every lease; whoever comes back with an older one is told so and changes nothing.
+//! A fencing token rises with every lease. A call with an older token is refused and changes nothing.
 
 use std::collections::BTreeSet;
 
@@ -19,10 +19,10 @@ use crate::store::engine::sql::query;
 use crate::store::jobs;
 use crate::store::workers::table as workers;
 
-/// How long the answer to a late call can still say what became of its lease.
+/// How long a late call is told the state of its lease.
 const LEASES_KEPT_MS: i64 = 7 * 24 * 3600 * 1000;
 
-/// Leases that are dropped at the same time: all else that is written waits meanwhile.
+/// Leases that one write deletes: all other writes wait meanwhile.
 const PRUNED: usize = 1000;
 
 /// A call under a lease failed, and changed nothing.
@@ -51,14 +51,14 @@ pub(crate) enum LeaseError {
 }
 
 impl LeaseRecord {
-    /// Whether work may be brought under it: the token fits, and it is active or all of it has been accepted.
+    /// Whether work may be brought under it: the token fits, and the lease is active or complete.
     pub(crate) fn check(&self, token: u64, now_ms: i64) -> Result<(), LeaseError> {
         let Self { token: stored, state, deadline_ms, .. } = *self;
         check([stored, token], state, deadline_ms, now_ms)
     }
 }
 
-/// Whether work may be brought under a lease: its token is the one that is shown, and it is active or all of it has been accepted.
+/// Whether work may be brought under a lease: its token is the shown one, and it is active or complete.
 pub(in crate::store) fn check(
     [stored, shown]: [u64; 2],
     state: LeaseState,
@@ -129,12 +129,12 @@ pub(in crate::store) async fn valid_with_job(
     Ok((lease, jobs::record(&row)?))
 }
 
-/// How much a lease still has: work, and checks.
+/// SQL for what a lease still holds: work, and checks.
 pub(in crate::store) const OUTSTANDING: &str = "((select count(*) from pending where lease = leases.id) + (select count(*) from checks where lease = leases.id) \
      + (select count(*) from checks where second_lease = leases.id))";
 
-/// Notes that what has been brought under a lease was taken, and when nodes of it were accepted; answers how much it still has. One that has
-/// nothing is complete. Renewals alone do not keep its work from others.
+/// Updates a lease after an upload, and answers what it still holds. A lease that holds nothing is complete. Accepted
+/// nodes postpone the time at which it is overdue; renewals do not.
 pub(in crate::store) async fn go_on(
     connection: &mut Connection,
     lease: LeaseId,
@@ -151,7 +151,7 @@ pub(in crate::store) async fn go_on(
     active.map_or(Ok(0), |row| row.number("outstanding"))
 }
 
-/// Ends a lease of which others have all that it had, as its renewal would.
+/// Completes a lease whose nodes were all taken over, as its renewal would.
 pub(in crate::store) async fn end_if_empty(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
     query(format!("update leases set state = 'complete' where id = $1 and state = 'active' and {OUTSTANDING} = 0"))
         .bind(lease.to_string())
@@ -167,7 +167,7 @@ impl Store {
         Ok(record(&row.ok_or(LeaseError::Unknown(lease))?)?)
     }
 
-    /// Takes the rest of a lease back into the queue. Giving back what is complete or already given back changes nothing.
+    /// Returns the rest of a lease to the queue. A lease that is complete or was returned before stays as it is.
     pub(crate) async fn return_lease(&self, lease: LeaseId, token: u64, now_ms: i64) -> Result<(), LeaseError> {
         self.write(move |connection| {
             Box::pin(async move {
@@ -191,8 +191,8 @@ impl Store {
         counted.fetch_one(&self.readers).await?.number("active")
     }
 
-    /// Lets every active lease last until `deadline_ms`, unless a worker was heard after `heard_ms`: when no coordinator was
-    /// there, workers need time to come back.
+    /// Extends every active lease to `deadline_ms`, unless a worker was heard of after `heard_ms`. Workers need time
+    /// to come back when no coordinator was running.
     pub(crate) async fn extend_leases(&self, deadline_ms: i64, heard_ms: i64) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
@@ -210,8 +210,8 @@ impl Store {
         .await
     }
 
-    /// Drops leases that ended long ago, some at a time. Those of a job that goes on tell who may have rendered what, and the last one which token
-    /// comes next.
+    /// Deletes leases that ended long ago, in batches. The leases of an open job stay, because they tell who may have
+    /// rendered what. The newest lease stays for its token.
     pub(crate) async fn prune_leases(&self, now_ms: i64) -> Result<(), StoreError> {
         loop {
             let old = query(
@@ -240,13 +240,13 @@ impl Store {
     }
 }
 
-/// Lets go of what a lease has: of work, and of checks.
+/// Frees the work and the checks of a lease.
 pub(in crate::store) async fn free(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
     query("update pending set lease = null where lease = $1").bind(lease.to_string()).execute(&mut *connection).await?;
     checks::release(connection, lease).await
 }
 
-/// Lets go of what a lease has, and closes it.
+/// Frees the work and the checks of a lease, and closes it.
 pub(in crate::store) async fn release(connection: &mut Connection, lease: LeaseId) -> Result<(), StoreError> {
     close(connection, lease).await?;
     free(connection, lease).await
@@ -261,8 +261,8 @@ pub(in crate::store) async fn close(connection: &mut Connection, lease: LeaseId)
     }
 }
 
-/// Lets a job of which a lease has ended be rendered with whatever bits, if nothing of it has been accepted or is leased: whoever had the lease may never
-/// come back, and nobody else compute the same.
+/// Unpins a job from its build fingerprint when a lease has ended, nothing was accepted and nothing is leased. The
+/// worker of that lease may never come back, and no other may have the same fingerprint.
 pub(in crate::store) async fn unpin(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
     let opened = query(
         "update jobs set probe_digest = null where id = $1 and probe_digest is not null and shared_samples is null \
@@ -270,7 +270,7 @@ pub(in crate::store) async fn unpin(connection: &mut Connection, job: JobId) -> 
          and (select 1 from leases where job = jobs.id and state = 'active' limit 1) is null",
     );
     if opened.bind(job.to_string()).execute(&mut *connection).await? > 0 {
-        // Whoever had nodes that others took over may still bring them, with the bits of before.
+        // A worker whose nodes were taken over may still bring them, with the old fingerprint.
         query("update leases set state = 'returned' where job = $1 and state = 'complete'")
             .bind(job.to_string())
             .execute(connection)

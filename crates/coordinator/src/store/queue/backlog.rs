@@ -1,8 +1,9 @@
-//! The stock of pending rows: the work of a job, cut into nodes shortly before it is given out.
+//! The ready queue: the work of a job, cut into nodes shortly before it is leased.
 //!
-//! Pending rows exist only for the near future. A [claim](super::claim) that finds too few free ones for its lease cuts more from where the job's cursor
-//! stands (a round, a frame, and a tile), as large as they may be by what is known then, and enough for many leases at once. A wave is opened when the first of its tiles is cut. Nodes
-//! that are to be done [again](super::redo) come into the queue as well.
+//! Pending rows exist for the near future only. A [claim](super::claim) that finds too few free rows cuts more at the
+//! job's cursor: a round, a frame and a tile. It cuts nodes as large as the rates allow, enough for many leases. A
+//! round is opened when its first tile is cut. Nodes that must be rendered [again](crate::store::checks::redo) enter
+//! the queue as well.
 
 use clerestory_film::{NodeAddress, PassRange};
 
@@ -14,8 +15,8 @@ use crate::store::engine::sql::query;
 use crate::store::films::shares as adaptive;
 use crate::store::films::shares::{RoundTiles, round_tiles};
 
-/// Cuts work up to a round, from the job's cursor on, until there are enough free rows or none is left to cut: as large as it may be by what is known
-/// now. So many are free before. Answers whether there is more than that.
+/// Cuts work at the job's cursor, up to a round, until the queue has enough free rows or no work is left. `free` rows
+/// exist before. Answers whether any were added.
 pub(in crate::store) async fn fill_ready_queue(
     connection: &mut Connection,
     job: &JobRecord,
@@ -94,7 +95,7 @@ async fn open_round(
     Ok(())
 }
 
-/// Puts nodes into the queue, each as work of a round.
+/// Inserts nodes into the queue, each as work of a round.
 pub(in crate::store) async fn insert_pending(
     connection: &mut Connection,
     job: &JobRecord,

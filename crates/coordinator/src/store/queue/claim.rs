@@ -1,17 +1,18 @@
-//! Claims: which nodes a worker gets.
+//! Claims: the nodes that a worker gets.
 //!
-//! Jobs are served by priority, then age; within a job the oldest wave goes first. What a job's next round waits for and another has had for far
-//! too long goes before work of later rounds, and what is left of urgent jobs and was had for far too long before free work of less urgent ones.
-//! Claims run in the one writer, so no two of them see the same free row. A claim that finds too few of them [cuts more](super::stock). How large nodes
-//! may be is known only when they are given out: one that is too large for the worker that asks is [split](super::parts) then. A job whose time is
-//! up before its first round is complete is served with the nodes of that round alone. A worker goes on with jobs whose scenes it has at hand
-//! ([`prefer_built`]). What has been chosen is [granted](super::grant) as a lease.
+//! Jobs are served by priority, then by age; within a job, the oldest round goes first. Two kinds of overdue work come
+//! before free work. Overdue nodes of the next round go before work of later rounds, and overdue nodes of urgent jobs
+//! before free work of less urgent ones.
 //!
-//! Nodes that are to be [checked](super::checks) come first, since a round waits for them.
+//! Claims run in the one writer, so no two of them read the same free row. A claim that finds too few free rows [cuts
+//! more](super::backlog). The largest node is known only when it is leased: one that is too large for the worker is
+//! [split](super::splits) then. When the time limit of a job is reached before its first round is complete, only nodes
+//! of that round are leased. A worker stays with jobs whose scenes it has built ([`prefer_built`]). Chosen nodes are
+//! [granted](crate::store::leases::grant) as a lease.
 //!
-//! A job that is [held](super::expiry) gets no leases. A node with which workers died is leased alone.
-//!
-//! A worker for whom nothing is free [takes over](super::take_over) what another has held for too long.
+//! Nodes that need a [check](crate::store::checks::table) come first, because a round waits for them. A job that is
+//! [held](crate::store::leases::expiry) gets no leases. A node with which workers died is leased alone. When nothing
+//! is free, a worker [takes over](super::stragglers) what another has held for too long.
 
 use clerestory_film::NodeAddress;
 
@@ -36,14 +37,15 @@ use crate::store::queue::suspects::{Suspects, suspects};
 use crate::store::workers::table as workers;
 use crate::store::workers::table::{Claimant, WorkerError};
 
-/// A check that another has had for so many times as long as a lease should take is given to one more, whatever else there is to do, and also when two
-/// have had it for so long: only what has stopped may seem to.
+/// A check that another worker holds for this many lease times goes to one more worker, before other work. So does one
+/// that two workers hold. The factor is high, so that a worker that makes progress keeps its check.
 const CHECK_OVERDUE_FACTOR: i64 = 30;
 
 impl Store {
-    /// Gives work to a worker; `None` when there is none for it now. Who has gone away meanwhile gets none: nobody would render it until the lease runs out.
+    /// Grants a lease, or `None` when the queue has no work for this worker. A worker that disconnected while waiting
+    /// gets no lease, because nobody would render it.
     ///
-    /// What it asks for is asked when its turn has come: a lease lasts from then on.
+    /// `terms` is called when the turn of the claim has come, because the lease begins then.
     pub(crate) async fn claim(
         &self,
         terms: impl FnOnce() -> ClaimTerms + Send + 'static,
@@ -58,7 +60,7 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
         return Ok(None);
     }
     let (mut seen, mut without_work) = (0, Vec::<OpenJob>::new());
-    // Where those begin that are as urgent as the last one.
+    // First of the jobs with the priority of the last one.
     let mut equals = 0;
     loop {
         let mut open = open_jobs(connection, &claimant, terms, seen).await?;
@@ -87,7 +89,7 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
     }
 }
 
-/// Nodes of a job that nobody has, for this worker.
+/// Free nodes of a job for this worker.
 async fn free_work(
     connection: &mut Connection,
     open: &OpenJob,
@@ -118,7 +120,7 @@ async fn free_work(
     lease(connection, open, (nodes, Leased::Work, 0), &rate, claimant, terms).await
 }
 
-/// Gives nodes that are to be checked to this worker as a lease, the first of them and no more than a lease should have, if there are any.
+/// Grants a lease on nodes that need a check: the first of them, as many as a lease should have.
 async fn lease_checks(
     connection: &mut Connection,
     open: &OpenJob,
@@ -134,7 +136,7 @@ async fn lease_checks(
     lease(connection, open, (nodes, Leased::Checks, 0), &rate, claimant, terms).await
 }
 
-/// Gives chosen nodes to this worker as a lease, if there are any. They have been given out so often while others had them.
+/// Grants a lease on the chosen nodes, if there are any. `repeats` counts earlier leases on them beside a running one.
 async fn lease(
     connection: &mut Connection,
     open: &OpenJob,
@@ -150,7 +152,7 @@ async fn lease(
     Ok(Some(grant(connection, &open.job, offer, claimant, terms).await?))
 }
 
-/// Nodes of some jobs that others have had for too long without bringing one, for this worker.
+/// Overdue nodes of some jobs, for this worker.
 async fn overdue_work(
     connection: &mut Connection,
     jobs: &[OpenJob],
@@ -167,7 +169,7 @@ async fn overdue_work(
     Ok(None)
 }
 
-/// The same of one job, up to a round.
+/// Overdue nodes of one job, up to a round, for this worker.
 async fn overdue_work_up_to(
     connection: &mut Connection,
     open: &OpenJob,
@@ -179,8 +181,8 @@ async fn overdue_work_up_to(
     held_of(connection, open, held, CHECK_OVERDUE_FACTOR, claimant, terms).await
 }
 
-/// Nodes of a lease that another holds, if it may be taken over, or checks that others have had for so many times as long as a lease should take, for this
-/// worker.
+/// Nodes of another worker's lease, if it may be taken over, or checks that others have held for `check_factor` lease
+/// times.
 async fn held_of(
     connection: &mut Connection,
     open: &OpenJob,
@@ -207,7 +209,7 @@ async fn held_of(
     lease_checks(connection, open, nodes, claimant, terms).await
 }
 
-/// Nodes of some jobs that others have held for longer than this worker would need, when there is nothing else for it.
+/// When nothing is free: nodes that others have held for longer than this worker would need.
 async fn held_work(
     connection: &mut Connection,
     jobs: &[OpenJob],
@@ -225,7 +227,8 @@ async fn held_work(
     Ok(None)
 }
 
-/// Free nodes of a job for this worker, the first a part of one where it is too large; none when all work is leased or done.
+/// Free nodes of a job for this worker. The first one is split where it is too large. None when all work is leased or
+/// done.
 async fn choose(
     connection: &mut Connection,
     OpenJob { job, has_suspects, .. }: &OpenJob,
@@ -255,7 +258,7 @@ async fn choose(
     Ok(nodes)
 }
 
-/// The first nodes of a job's queue that nobody has and that are not withheld, and no more than `most`.
+/// The first free nodes of a job's queue that are not withheld, at most `most`.
 async fn free_nodes(
     connection: &mut Connection,
     job: &JobRecord,

@@ -1,4 +1,4 @@
-//! Open jobs as a claim sees them, and how much of one a lease should hold.
+//! Open jobs as a claim reads them, and the size of a lease.
 
 use std::collections::BTreeSet;
 
@@ -16,28 +16,28 @@ use crate::store::jobs;
 use crate::store::workers::table as workers;
 use crate::store::workers::table::Claimant;
 
-/// Open jobs that are looked at together: one after the other has nothing only where all that is left of them is leased.
+/// Open jobs in one read. A claim needs the next read only when all that is left of these is leased.
 pub(in crate::store) const JOBS_AT_ONCE: usize = 32;
 
-/// An open job, as it stands for the worker that asks.
+/// An open job from the view of a claiming worker.
 #[derive(Clone, Debug)]
 pub(in crate::store) struct OpenJob {
     pub(in crate::store) job: JobRecord,
-    /// Whether there are nodes in its queue that nobody has.
+    /// Whether its queue has free nodes.
     pub(in crate::store) has_free: bool,
-    /// Whether there are nodes of it that this worker can check, which nobody has and which others have.
+    /// Whether it has nodes that this worker can check: free ones, and ones that others hold.
     pub(in crate::store) has_checks: bool,
     pub(in crate::store) has_held_checks: bool,
-    /// Whether another worker has had a lease of it for [too long](Pace::patience_seconds) without an accepted node.
+    /// Whether another worker's lease of it is [overdue](MeasuredRate::overdue_seconds).
     pub(in crate::store) has_overdue: bool,
-    /// Whether there are nodes in its queue with which workers [died](super::expiry).
+    /// Whether its queue has nodes with which workers [died](crate::store::leases::expiry).
     pub(in crate::store) has_suspects: bool,
-    /// How fast the worker renders it; before its first partial, how fast others do for each of their cores.
+    /// The worker's rate for it; before its first partial, the rate of other workers for each core.
     pub(in crate::store) samples_per_second: Option<f64>,
 }
 
 impl OpenJob {
-    /// Whether the next nodes of it can be put into the queue.
+    /// Whether more nodes of it can be cut.
     pub(in crate::store) fn can_be_cut(&self) -> bool {
         self.job
             .boundaries()
@@ -45,7 +45,7 @@ impl OpenJob {
             .is_some_and(|round_passes| !self.job.waits_for_shares(round_passes))
     }
 
-    /// How fast the worker renders it, as if no other did.
+    /// The rate of this worker, as if it were the only one.
     pub(in crate::store) fn rate_alone(&self, terms: &ClaimTerms) -> MeasuredRate {
         MeasuredRate {
             samples_per_second: self.samples_per_second,
@@ -55,8 +55,8 @@ impl OpenJob {
     }
 }
 
-/// Puts jobs whose scenes a worker has at hand before others that are as urgent and have workers already: each worker more that begins with one
-/// builds its scene. A job that nobody renders keeps its place, so that none is passed over for long.
+/// Moves jobs whose scenes the worker has built before jobs of the same priority that have workers already, because
+/// each further worker has to build the scene. A job without workers keeps its place, so that no job waits for long.
 pub(in crate::store) async fn prefer_built(
     connection: &mut Connection,
     open: &mut [OpenJob],
@@ -74,7 +74,7 @@ pub(in crate::store) async fn prefer_built(
     Ok(())
 }
 
-/// Those of some jobs of which another worker has a lease.
+/// Those of some jobs that another worker has a lease of.
 async fn with_other_workers(
     connection: &mut Connection,
     jobs: &[[String; 1]],
@@ -89,7 +89,7 @@ async fn with_other_workers(
     rows.iter().map(|row| row.parsed("job")).collect()
 }
 
-/// Jobs that may still have work, most urgent first, without so many that come first: as many as [`JOBS_AT_ONCE`].
+/// Jobs that may have work, most urgent first: the next [`JOBS_AT_ONCE`] after `without`.
 pub(in crate::store) async fn open_jobs(
     connection: &mut Connection,
     claimant: &Claimant,
@@ -98,7 +98,7 @@ pub(in crate::store) async fn open_jobs(
 ) -> Result<Vec<OpenJob>, StoreError> {
     let columns = jobs::COLUMNS;
     let can_check = format!("select 1 from checks where job = jobs.id and {}", checks::is_new_to("$4"));
-    // Not `exists`: of that, PostgreSQL would look for all rows of all jobs at once.
+    // Not `exists`: PostgreSQL would look for all rows of all jobs at once.
     let rows = query(format!(
         "select {columns}, \
          (select 1 from pending where job = jobs.id and lease is null limit 1) is not null as has_free, \
@@ -140,7 +140,7 @@ pub(in crate::store) async fn open_jobs(
     rows.iter().map(open).collect()
 }
 
-/// How fast the worker renders a job, and how many others do.
+/// The worker's rate for a job, and the number of workers on it.
 pub(in crate::store) async fn rate(
     connection: &mut Connection,
     open: &OpenJob,
@@ -157,12 +157,12 @@ pub(in crate::store) async fn rate(
     Ok(MeasuredRate { workers: others.number::<u32>("others")?.saturating_add(1), ..open.rate_alone(terms) })
 }
 
-/// Whether a worker computes the bits that a job has so far.
+/// Whether the build fingerprint of a worker is the one that the job is pinned to.
 pub(in crate::store) fn matches_pin(job: &JobRecord, claimant: &Claimant) -> bool {
     job.probe_digest.as_ref().is_none_or(|digest| *digest == claimant.probe_digest)
 }
 
-/// Samples that a lease should hold at most.
+/// Most samples in a lease.
 pub(in crate::store) fn most_samples(job: &JobRecord, rate: &MeasuredRate, terms: &ClaimTerms) -> f64 {
     if terms.fixed_nodes.is_some() {
         return f64::INFINITY;
@@ -171,7 +171,7 @@ pub(in crate::store) fn most_samples(job: &JobRecord, rate: &MeasuredRate, terms
     rate.lease_samples(left as f64)
 }
 
-/// As many of some nodes as a lease should have.
+/// The first nodes, as many as a lease should have.
 pub(in crate::store) fn first_of(
     mut nodes: Vec<NodeAddress>,
     job: &JobRecord,
@@ -190,7 +190,7 @@ pub(in crate::store) fn first_of(
     nodes
 }
 
-/// The last round of a job for which nodes are given out: past its limit, it needs its first to end, and nothing else.
+/// The last round of which nodes are leased: past its time limit, a job needs only its first round.
 pub(in crate::store) fn last_round(job: &JobRecord, terms: &ClaimTerms) -> i64 {
     if job.is_past_limit(terms.now_ms) { 0 } else { i64::from(u32::MAX) }
 }

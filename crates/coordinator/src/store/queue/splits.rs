@@ -1,5 +1,8 @@
-//! Parts of nodes in the queue. A node is the sum of its two halves, so a row can become two, as often as the pace of the workers asks, at any
-//! moment before it is accepted. Who was given the whole may still bring the whole: [acceptance](super::accept) takes all of its parts for it.
+//! Splits of nodes in the queue.
+//!
+//! A node is the sum of its two halves, so a row can become two at any moment before it is accepted, as often as the
+//! rates of the workers ask for. A worker that was leased the whole node may still bring it:
+//! [acceptance](crate::store::films::acceptance) takes all of its parts.
 
 use clerestory_film::NodeAddress;
 
@@ -18,8 +21,9 @@ pub(in crate::store) enum Side {
     Last,
 }
 
-/// A part of a node in the queue that has no more samples than given, or is one pass; the node itself, if it is no larger. The rest of it stays
-/// in the queue, cut into the halves that are left over, and all parts are what the node was: free, or held under its lease.
+/// Splits a node in the queue, and answers a part with at most `most_samples`, or of one pass. A node that is no
+/// larger is answered whole. The rest stays in the queue as the other halves. All parts keep the state of the node:
+/// free, or held under its lease.
 pub(in crate::store) async fn split_off(
     connection: &mut Connection,
     job: &JobRecord,

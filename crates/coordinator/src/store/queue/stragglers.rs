@@ -1,9 +1,11 @@
-//! Stragglers: a worker for whom nothing is free takes over what another has held for longer than it would need itself, and than that one may keep
-//! what it has rendered. What another has had
-//! for [far longer](crate::schedule::Pace::patience_seconds) without bringing a node is taken over before there is nothing else to do, however
-//! often its lease is renewed. The other's lease goes on while it has anything left, and the first result wins.
+//! Stragglers: leases of other workers that are taken over.
 //!
-//! A single node is taken over by its passes: its second half goes to the other worker.
+//! A worker for whom nothing is free takes over nodes that another has held for longer than it would need itself,
+//! beyond the time for which that one may keep rendered nodes. [Overdue](crate::model::MeasuredRate::overdue_seconds)
+//! nodes are taken over before other work, however often their lease is renewed. The other lease goes on while it has
+//! nodes left, and the first result wins.
+//!
+//! A single node is split for that: its second half goes to the other worker.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -21,27 +23,28 @@ use crate::store::leases::expiry;
 use crate::store::queue::open_jobs::{OpenJob, first_of, last_round, most_samples};
 use crate::store::queue::splits::{Side, split_off};
 
-/// How often a node is leased while another lease has it, unless that is overdue: whatever the first taker meets with, another may take it once more.
+/// Most leases of a node while another lease holds it, unless that is overdue. When the first taker fails as well, one
+/// more may try.
 const MOST_REPEATS: i64 = 2;
 
-/// Leases that have been held for longest, of which one may be taken over: to look at more of thousands would take longer than it is worth.
+/// Oldest leases among which one is chosen: reading thousands would take longer than it gains.
 const OLDEST: i64 = 64;
 
 /// A lease of another worker with nodes that may be taken over.
 pub(in crate::store) struct HeldLease {
     pub(in crate::store) id: LeaseId,
     granted_ms: i64,
-    /// How long its worker may keep what it has rendered before it brings it.
+    /// How long its worker may keep rendered nodes before it uploads them.
     upload_linger_ms: i64,
-    /// Its nodes that may be taken over, the least urgent first, with how often each has been leased while it had them.
+    /// Its nodes that may be taken over, the least urgent first, each with the number of leases on it meanwhile.
     nodes: Vec<(NodeAddress, u32)>,
-    /// Whether it is so whoever asks, and however often that has been done.
+    /// Whether it may be taken over by any worker, any number of times.
     is_overdue: bool,
 }
 
 impl HeldLease {
-    /// Whether it is overdue, or a worker that needs so many seconds for some samples would have needed less for all that is left of it than the other has
-    /// had, but for the time for which that may keep what it has rendered.
+    /// Whether it is overdue, or was held for longer than the asking worker would need for its rest. The time for
+    /// which its worker may keep rendered nodes does not count.
     pub(in crate::store) fn may_be_taken_over(
         &self,
         job: &JobRecord,
@@ -58,11 +61,11 @@ impl HeldLease {
 pub(in crate::store) struct TakenOver {
     /// The nodes, most urgent first.
     pub(in crate::store) nodes: Vec<NodeAddress>,
-    /// How often one of them has been leased by now while another lease had it.
+    /// Most leases of one of them while another lease holds it.
     pub(in crate::store) repeats: u32,
 }
 
-/// A lease of another worker with nodes of a job up to a round, that has been without an accepted node for too long.
+/// Another worker's overdue lease with nodes of a job up to a round.
 pub(in crate::store) async fn overdue(
     connection: &mut Connection,
     job: &JobRecord,
@@ -84,12 +87,12 @@ pub(in crate::store) async fn overdue(
     row.map(|row| held_lease(&row, true)).transpose()
 }
 
-/// The pending nodes of a lease that a condition lets through, as [`held_lease`] reads them.
+/// The pending nodes of a lease that satisfy a condition, as [`held_lease`] reads them.
 fn nodes_of(engine: Engine, condition: &str) -> String {
     array_of(engine, "round, frame, tile, level, idx, repeats", &format!("pending where {condition}"))
 }
 
-/// Of each of these jobs, the oldest such lease, if it is old enough for any worker and among the [`OLDEST`].
+/// For each of these jobs, the oldest lease among the [`OLDEST`] that is old enough for any worker.
 pub(in crate::store) async fn held_longest(
     connection: &mut Connection,
     jobs: &[OpenJob],
@@ -102,7 +105,7 @@ pub(in crate::store) async fn held_longest(
         jobs.iter().map(|open| (open.job.id.to_string(), last_round(&open.job, terms))).collect();
     let listed_jobs = rows_of(connection.engine(), 1, &[Kind::Text, Kind::Integer]);
     let nodes = nodes_of(connection.engine(), "lease = first_held.id and repeats < $5 and round <= last_round");
-    // The shortest time that a worker may keep nodes is there for the index.
+    // The shortest linger is in the condition for the index.
     let rows = query(format!(
         "with listed_jobs as materialized (select c0, c1 from {listed_jobs} as listed_rows) \
          select id, job, granted_ms, gather_ms, {nodes} as nodes from \
@@ -133,8 +136,9 @@ fn held_lease(row: &Row, is_overdue: bool) -> Result<HeldLease, StoreError> {
     Ok(HeldLease { id, granted_ms, upload_linger_ms, nodes: listed.into_iter().map(node).collect(), is_overdue })
 }
 
-/// Nodes of a lease of another worker that [may be taken over](HeldLease::may_be_taken_over): the later half of them, since the other renders them in their
-/// order, and no more than a lease should have. A node is taken over [`MOST_REPEATS`] times at most while nobody is overdue.
+/// Takes nodes over from a lease that [allows it](HeldLease::may_be_taken_over): its later half, since the other
+/// worker renders them in order, and at most as many as a lease should have. While it is not overdue, a node is taken
+/// over at most [`MOST_REPEATS`] times.
 pub(in crate::store) async fn take_over(
     connection: &mut Connection,
     job: &JobRecord,
@@ -158,7 +162,7 @@ pub(in crate::store) async fn take_over(
         *last = split_off(connection, job, *last, longest, Side::Last).await?;
     }
     if is_alone && let Some(node) = taken.first() {
-        // Its worker may have died with it, and no expiry of its lease would tell.
+        // Its worker may have died with it, and the expiry of its lease would not tell.
         expiry::record_loss(connection, job.id, node, lease.id).await?;
     }
     taken.reverse();

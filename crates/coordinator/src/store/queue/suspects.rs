@@ -13,15 +13,16 @@ use crate::store::leases::attempts;
 use crate::store::leases::expiry::Holder;
 use crate::store::workers::table::Claimant;
 
-/// Nodes of a job with which workers died: each is leased alone, and to another machine if one is there that has not tried.
+/// Nodes of a job with which workers died. Each is leased alone, and to a machine that has not tried it, if one is
+/// alive.
 pub(in crate::store) struct Suspects {
     /// All of them.
     nodes: BTreeSet<NodeAddress>,
-    /// Those that are not for the worker that asks.
+    /// Those that are withheld from the asking worker.
     not_for_it: BTreeSet<NodeAddress>,
 }
 
-/// The suspects of a job, as they are for a worker.
+/// The suspects of a job, for a worker.
 pub(in crate::store) async fn suspects(
     connection: &mut Connection,
     job: &JobRecord,
@@ -46,17 +47,17 @@ pub(in crate::store) async fn suspects(
 }
 
 impl Suspects {
-    /// How many nodes are not for the worker that asks.
+    /// The number of withheld nodes.
     pub(in crate::store) fn withheld(&self) -> u32 {
         u32::try_from(self.not_for_it.len()).unwrap_or(u32::MAX)
     }
 
-    /// Takes out of some nodes those that are not for the worker that asks.
+    /// Removes the withheld nodes from some nodes.
     pub(in crate::store) fn withhold(&self, nodes: &mut Vec<NodeAddress>) {
         nodes.retain(|node| !self.not_for_it.contains(node));
     }
 
-    /// Cuts some nodes before the first suspect, or after it where it comes first.
+    /// Cuts some nodes before the first suspect, or after it when it comes first.
     pub(in crate::store) fn set_apart(&self, nodes: &mut Vec<NodeAddress>) {
         if let Some(place) = nodes.iter().position(|node| self.nodes.contains(node)) {
             nodes.truncate(place.max(1));

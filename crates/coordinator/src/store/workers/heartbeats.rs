@@ -1,4 +1,4 @@
-//! Signs of life of workers, which are [gathered](super::gathered).
+//! Heartbeats of workers, written in [batches](crate::store::engine::batch).
 
 use std::collections::BTreeSet;
 
@@ -12,7 +12,7 @@ use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::workers::table::WorkerError;
 
-/// A sign of life: of whom, when, and what the worker does.
+/// A heartbeat: the worker, the time, and what the worker does.
 #[derive(Clone, Debug)]
 pub(in crate::store) struct Heartbeat {
     worker: WorkerId,
@@ -21,7 +21,7 @@ pub(in crate::store) struct Heartbeat {
 }
 
 impl Store {
-    /// Notes that a worker is alive, and what it does.
+    /// Stores a heartbeat.
     pub(crate) async fn touch_worker(
         &self,
         worker: WorkerId,
@@ -36,7 +36,7 @@ impl Store {
     }
 }
 
-/// Notes all signs, and answers what each caller is told.
+/// Stores heartbeats, and answers each caller.
 async fn note(connection: &mut Connection, heartbeats: Vec<Heartbeat>) -> Outcomes<(), WorkerError> {
     let Some(now_ms) = heartbeats.iter().map(|heartbeat| heartbeat.now_ms).max() else { return Ok(Vec::new()) };
     let workers: BTreeSet<[String; 1]> = heartbeats.iter().map(|heartbeat| [heartbeat.worker.to_string()]).collect();
@@ -46,7 +46,7 @@ async fn note(connection: &mut Connection, heartbeats: Vec<Heartbeat>) -> Outcom
     );
     let mut noted = BTreeSet::new();
     for row in query(statement).bind(now_ms).bind(to_json(&workers)?).fetch_all(&mut *connection).await? {
-        // One that was thought lost registers again; it was heard of all the same.
+        // A worker that was given up registers again. Its heartbeat counts all the same.
         if row.optional_integer("ended_ms")?.is_none() {
             noted.insert(row.parsed::<WorkerId>("id")?);
         }
@@ -64,7 +64,7 @@ async fn note(connection: &mut Connection, heartbeats: Vec<Heartbeat>) -> Outcom
     Ok(notes)
 }
 
-/// Why nothing is noted of a worker.
+/// Why a heartbeat is refused.
 async fn refusal(connection: &mut Connection, worker: WorkerId) -> Result<WorkerError, StoreError> {
     let row = query("select quarantine from workers where id = $1").bind(worker.to_string());
     let row = row.fetch_optional(connection).await?;

@@ -1,7 +1,7 @@
-//! Workers: who has registered, and when they were last heard of.
+//! Workers: registered, and last heard of.
 //!
-//! A process that starts again registers again, under the same name. Where it matters what a *machine* computes, in [checks](super::checks) and
-//! what follows from them, all workers of a name are one.
+//! A process that restarts registers again under the same name. Where it matters what a *machine* computes, in
+//! [checks](crate::store::checks::table) and their consequences, all workers of a name are one.
 
 use std::collections::BTreeSet;
 
@@ -14,10 +14,10 @@ use crate::store::engine::row::Row;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 
-/// Longest rest after failures in a row.
+/// Longest backoff after failures in a row.
 const LONGEST_BACKOFF_MS: i64 = 60_000;
 
-/// How long a silent worker is listed. One that nothing refers to is forgotten after as long.
+/// How long a silent worker is listed. One that no row refers to is forgotten after the same time.
 const SILENT_KEPT_MS: i64 = 24 * 3600 * 1000;
 
 /// A call of a worker failed.
@@ -45,15 +45,15 @@ const VIEW: &str = "select w.*, \
     (select job from leases l where l.worker = w.id and l.state = 'active' order by token desc limit 1) as job \
     from workers w";
 
-/// A query, in brackets, for all workers of the name that the worker has which is bound as parameter `$1`; itself among them.
+/// A subquery for all workers with the name of the worker that is parameter `$1`, itself included.
 pub(in crate::store) const OF_THE_SAME_NAME: &str =
     "(select id from workers where name = (select name from workers where id = $1))";
 
-/// The same as [`has_bits_of`], as a condition on a row of `jobs` and one of `workers`.
+/// SQL condition on rows of `jobs` and `workers`: the worker's build fingerprint is the one that the job is pinned to.
 pub(in crate::store) const MATCHES_PIN: &str =
     "(jobs.probe_digest is null or jobs.probe_digest = coalesce(workers.probe_digest, ''))";
 
-/// What a claim has to know of the worker that asks.
+/// A worker that claims work.
 #[derive(Clone, Debug)]
 pub(in crate::store) struct Claimant {
     /// Its name, by which its machine is known.
@@ -64,11 +64,11 @@ pub(in crate::store) struct Claimant {
     pub(in crate::store) build: String,
     /// Digest of its probe, empty if it sent none.
     pub(in crate::store) probe_digest: String,
-    /// Until when it is given no work, because what it brought could not be used.
+    /// End of its backoff after work that could not be used.
     pub(in crate::store) backoff_until_ms: i64,
 }
 
-/// Marks a worker as heard of. One that is quarantined is told so.
+/// Marks a worker as alive. A quarantined worker gets an error.
 pub(in crate::store) async fn touch(
     connection: &mut Connection,
     worker: WorkerId,
@@ -100,7 +100,7 @@ pub(in crate::store) async fn touch(
     })
 }
 
-/// Marks a worker as heard of, whatever else is known of it.
+/// Marks a worker as alive, in any state.
 pub(in crate::store) async fn mark_seen(
     connection: &mut Connection,
     worker: WorkerId,
@@ -131,7 +131,7 @@ pub(in crate::store) async fn mark_all_seen(
 }
 
 impl Store {
-    /// Registers a worker. One that has the name of a quarantined one is not let in: it has been started again on the same machine.
+    /// Registers a worker. A worker with the name of a quarantined one is refused: it runs on the same machine.
     pub(crate) async fn register_worker(
         &self,
         id: WorkerId,
@@ -168,7 +168,7 @@ impl Store {
         .await
     }
 
-    /// Gives work again to a worker that was quarantined, and to all of the same name.
+    /// Releases a worker from quarantine, with all others of its name.
     pub(crate) async fn release_worker(&self, worker: WorkerId) -> Result<(), WorkerError> {
         self.write(move |connection| {
             Box::pin(async move {
@@ -183,8 +183,8 @@ impl Store {
         .await
     }
 
-    /// Ends the workers that are lost: those that have been silent for a day, and those that were silent before `silent_before_ms` and of whose name
-    /// another has registered since, as when a machine has been started again. Answers whether there were any.
+    /// Ends lost workers: those that were silent for a day, and those that were silent before `silent_before_ms` and
+    /// whose name has registered again since. Answers whether there were any.
     pub(crate) async fn end_lost_workers(&self, silent_before_ms: i64, now_ms: i64) -> Result<bool, StoreError> {
         let lost = "ended_ms is null and quarantine is null and (seen_ms < $2 or seen_ms < $1 and exists \
              (select 1 from workers as successors where successors.name = workers.name and successors.registered_ms > workers.seen_ms))";
@@ -203,7 +203,7 @@ impl Store {
         .await
     }
 
-    /// Forgets workers that have not been heard of for a day and that no lease, check or quarantine refers to.
+    /// Forgets workers that were silent for a day and that no lease, check or quarantine refers to.
     pub(crate) async fn prune_workers(&self, now_ms: i64) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
@@ -222,8 +222,8 @@ impl Store {
         .await
     }
 
-    /// All workers but those that ended before `ended_since_ms`, in order of registration. Of each quarantined name, the newest is always there. A worker is
-    /// silent when it was last heard of before `silent_before_ms`.
+    /// All workers but those that ended before `ended_since_ms`, in order of registration. The newest worker of each
+    /// quarantined name is always listed. A worker is silent when its last heartbeat came before `silent_before_ms`.
     pub(crate) async fn workers(
         &self,
         ended_since_ms: i64,
@@ -246,7 +246,7 @@ impl Store {
         Ok(worker_view(&row, silent_before_ms, &self.pinned_jobs().await?)?)
     }
 
-    /// How many workers that were heard of since `since_ms` build the scene of a job.
+    /// Workers heard of since `since_ms` that build the scene of a job.
     pub(crate) async fn building_workers(&self, job: JobId, since_ms: i64) -> Result<u32, StoreError> {
         let rows =
             query("select building from workers where building is not null and ended_ms is null and seen_ms >= $1")
@@ -259,7 +259,7 @@ impl Store {
         Ok(count)
     }
 
-    /// Jobs that are only for workers with a certain digest of the probe, with that.
+    /// Jobs that are pinned to a build fingerprint, each with it.
     async fn pinned_jobs(&self) -> Result<Vec<(JobId, String)>, StoreError> {
         let rows = query(
             "select id, probe_digest from jobs where state in ('queued', 'running') and probe_digest is not null order by id",
@@ -309,7 +309,7 @@ fn worker_view(row: &Row, silent_before_ms: i64, pinned: &[(JobId, String)]) -> 
     })
 }
 
-/// Samples a second with all cores.
+/// Samples a second on all cores.
 pub(in crate::store) fn rate(samples: u64, core_ms: i64, cores: u32) -> Option<f64> {
     (core_ms > 0 && samples > 0).then(|| samples as f64 / core_ms as f64 * 1000.0 * f64::from(cores))
 }
