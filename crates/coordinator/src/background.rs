@@ -1,8 +1,8 @@
-//! Threads for work that no request waits for: what the [keeper](crate::keeper) does.
+//! Background threads: they finalize rounds, for which no request waits.
 //!
-//! Rounds become complete for many tiles at once, and merging them takes all processors for as long as it lasts. Threads that merge are of
-//! lower priority than those that answer, so that leases are granted meanwhile as at any other time. They are a runtime of their own,
-//! whose blocking threads are of that priority too.
+//! Many tiles become complete at once, and merging them takes all processors for a while. These threads have a lower
+//! priority than those that answer requests, so that leases are granted meanwhile as at any other time. They are a
+//! runtime of their own, whose blocking threads have the same priority.
 
 use std::future::Future;
 use std::io;
@@ -11,16 +11,16 @@ use rustix::process::{getpriority_process, setpriority_process};
 use tokio::runtime::{Builder, Handle, Runtime};
 use tokio_util::task::AbortOnDropHandle;
 
-/// How far below the others' priority these threads' is, as nice values count: they get a quarter of a processor that another wants all of.
+/// How far below the usual priority they run, in nice values: a busy processor gives them a quarter of its time.
 const LOWER: i32 = 5;
 
-/// The lowest priority that there is.
+/// The lowest priority of the system.
 const LOWEST: i32 = 19;
 
-/// Threads on which tasks are polled; what takes long runs on others.
+/// Threads that poll tasks. Long computations run on blocking threads.
 const THREADS: usize = 2;
 
-/// The threads. Whoever drops them drops what runs there.
+/// The threads. Dropping them drops their tasks.
 #[derive(Debug)]
 pub(crate) struct Background {
     handle: Handle,
@@ -32,7 +32,7 @@ impl Background {
     pub(crate) fn start() -> io::Result<Self> {
         let mut builder = Builder::new_multi_thread();
         builder.worker_threads(THREADS).thread_name("background").enable_all();
-        // Of the systems that have priorities, Linux keeps one for each thread.
+        // Linux has a priority for each thread. Other systems have none, or one for the process.
         if cfg!(target_os = "linux") {
             let priority = (getpriority_process(None)? + LOWER).min(LOWEST);
             builder.on_thread_start(move || {
@@ -45,7 +45,7 @@ impl Background {
         Ok(Self { handle: runtime.handle().clone(), runtime: Some(runtime) })
     }
 
-    /// Runs a task on them, until it ends or the answer is dropped.
+    /// Runs a task until it ends or the handle is dropped.
     pub(crate) fn spawn<T: Send + 'static>(
         &self,
         task: impl Future<Output = T> + Send + 'static,
@@ -57,7 +57,7 @@ impl Background {
 impl Drop for Background {
     fn drop(&mut self) {
         if let Some(runtime) = self.runtime.take() {
-            // Tasks drop it, and those must not wait.
+            // A task may drop it, and a task must not wait.
             runtime.shutdown_background();
         }
     }

@@ -1,14 +1,14 @@
-//! The coordinator's clock. Leases, claims, time limits and series all read this one, so that tests can move it.
+//! The coordinator's clock. Leases, claims, time limits and series read this one, so that tests can move it.
 //!
-//! It is not simply the machine's: somebody may set that, and then leases of workers that have died would run for as much longer.
-//! A farm with one coordinator has a clock that goes on when the machine's is set back. Several coordinators go by the clock of the
-//! database that they share, so that a deadline means the same to all.
+//! It is not simply the machine's clock. Somebody may set that back, and then the leases of dead workers would last
+//! longer. The clock of a single coordinator goes on when the machine's is set back. Several coordinators follow the
+//! clock of their database, so that a deadline means the same to all.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Where the time comes from. Clones show the same time.
+/// A clock. Clones show the same time.
 #[derive(Clone, Debug)]
 pub enum Clock {
     /// A clock that runs.
@@ -17,14 +17,14 @@ pub enum Clock {
     Manual(Arc<AtomicI64>),
 }
 
-/// A clock that runs with the machine's, but not back, or with another's.
+/// A clock that runs with the machine's, but never back, or that follows another.
 #[derive(Debug)]
 pub struct Running {
-    /// When it was started, by a clock that nobody can set.
+    /// Its start, by a clock that nobody can set.
     started: Instant,
-    /// What it showed then, or would have shown, milliseconds since the Unix epoch.
+    /// Its time at the start, milliseconds since the Unix epoch.
     then_ms: AtomicI64,
-    /// Whether it goes by another clock.
+    /// Whether it follows another clock.
     is_led: AtomicBool,
 }
 
@@ -44,14 +44,14 @@ impl Clock {
         }
     }
 
-    /// Moves a manual clock on; one that runs moves by itself.
+    /// Moves a manual clock forward. A running clock ignores it.
     pub fn advance(&self, milliseconds: i64) {
         if let Self::Manual(now_ms) = self {
             now_ms.fetch_add(milliseconds, Ordering::SeqCst);
         }
     }
 
-    /// Goes by another clock from now on, which shows `now_ms`. A manual clock goes by nobody's.
+    /// Follows another clock from now on, which shows `now_ms`. A manual clock follows none.
     pub(crate) fn follow(&self, now_ms: i64) {
         if let Self::Running(clock) = self {
             clock.then_ms.store(now_ms.saturating_sub(milliseconds(clock.started.elapsed())), Ordering::SeqCst);
@@ -59,14 +59,14 @@ impl Clock {
         }
     }
 
-    /// Whether it goes by another clock.
+    /// Whether it follows another clock.
     pub(crate) fn follows(&self) -> bool {
         matches!(self, Self::Running(clock) if clock.is_led.load(Ordering::SeqCst))
     }
 }
 
 impl Running {
-    /// What it shows at some moment, when the machine's clock shows `machine_ms`.
+    /// Its time at some moment, when the machine's clock shows `machine_ms`.
     fn at(&self, moment: Instant, machine_ms: i64) -> i64 {
         let elapsed_ms = milliseconds(moment.saturating_duration_since(self.started));
         if !self.is_led.load(Ordering::SeqCst) {
@@ -91,7 +91,7 @@ mod tests {
     const MINUTE: Duration = Duration::from_secs(60);
     const MINUTE_MS: i64 = 60_000;
 
-    /// A clock that was started at some moment, when it was nought, and the moment.
+    /// A clock that started at zero at some moment, and the moment.
     fn started() -> (Running, Instant) {
         let started = Instant::now();
         (Running { started, then_ms: AtomicI64::new(0), is_led: AtomicBool::new(false) }, started)

@@ -1,4 +1,4 @@
-//! How a coordinator is set up, and the rule that it is not open to the network by accident.
+//! Configuration of a coordinator, and the rule that it is not open to the network by accident.
 
 use std::fmt;
 use std::net::SocketAddr;
@@ -18,13 +18,14 @@ const SHORTEST_TOKEN: usize = 16;
 /// How a coordinator is set up.
 #[derive(Clone, Debug)]
 pub struct Config {
-    /// Directory of the database and the blobs, unless they are elsewhere; made if there is none. One coordinator at a time.
+    /// Directory of the database and the blobs, unless they are elsewhere. It is made if there is none, and has one
+    /// coordinator at a time.
     pub data_directory: PathBuf,
-    /// The PostgreSQL database of the state; none for a SQLite file in the data directory.
+    /// The PostgreSQL database. None for a SQLite file in the data directory.
     pub database: Option<PostgresUrl>,
-    /// Where the blobs are; none for the data directory.
+    /// The bucket of the blobs. None for the data directory.
     pub bucket: Option<Bucket>,
-    /// What callers must prove to know. Only a coordinator on a loopback address may go without.
+    /// The token that callers must send. Only a coordinator on a loopback address may have none.
     pub token: Option<Token>,
     /// How long a lease lasts unless it is renewed.
     pub lease_ttl: Duration,
@@ -32,23 +33,23 @@ pub struct Config {
     pub lease_target: Duration,
     /// Fraction of nodes that a second worker renders too, to be compared, 0 to 1.
     pub checked_fraction: f64,
-    /// Exactly this many nodes in a lease, whatever they take; for experiments and tests.
+    /// The exact number of nodes in a lease, for experiments and tests.
     pub lease_nodes: Option<u32>,
     /// Largest asset or reference.
     pub max_asset_bytes: u64,
     /// Largest partial.
     pub max_partial_bytes: u64,
-    /// Memory that a submitted scene may take to be checked; all large ones together.
+    /// Memory in which submitted scenes are checked, of all large ones together.
     pub submission_bytes: u64,
-    /// Memory for decoded nodes that may be needed again.
+    /// Memory for the cache of decoded nodes.
     pub node_cache_bytes: usize,
-    /// Memory for rows of images: half of it for measuring rounds, half for images that are downloaded.
+    /// Memory for rows of images: half for measuring rounds, half for downloads.
     pub image_bytes: u64,
-    /// Memory for previews that may be asked for again. A frame whose preview alone would need more is shown smaller.
+    /// Memory for the cache of previews. A frame whose preview needs more is shown smaller.
     pub preview_bytes: u64,
     /// Where the time comes from.
     pub clock: Clock,
-    /// Which build of Clerestory this is; the program that makes images, as their metadata name it.
+    /// Build of the program, for the metadata of images.
     pub build: String,
 }
 
@@ -140,7 +141,8 @@ impl fmt::Debug for PostgresUrl {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the coordinator would listen on {address}, which other machines can reach, without a token: make one with \
-     `openssl rand -hex 32` and give it to the coordinator and to every worker as CLERESTORY_TOKEN, or listen on 127.0.0.1"
+     `openssl rand -hex 32` and give it to the coordinator and to every worker as CLERESTORY_TOKEN, or listen on \
+     127.0.0.1"
 )]
 pub struct ExposedWithoutToken {
     /// The address.
@@ -186,13 +188,13 @@ impl fmt::Debug for Token {
 }
 
 impl Token {
-    /// Whether `candidate` is this token; takes as long wherever they differ.
+    /// Whether `candidate` is this token, in constant time.
     pub(crate) fn matches(&self, candidate: &str) -> bool {
         equal_in_constant_time(&self.0, candidate)
     }
 
-    /// What a browser session holds instead of the token: knowing it opens this coordinator to a browser, but it cannot
-    /// be turned back into the token.
+    /// The session cookie of a browser. It opens this coordinator to a browser, and cannot be turned back into the
+    /// token.
     pub(crate) fn session(&self) -> String {
         blake3::Hasher::new_derive_key("clerestory browser session, version 1")
             .update(self.0.as_bytes())
@@ -234,7 +236,7 @@ mod tests {
     }
 
     #[test]
-    fn addresses_of_databases_are_told_from_others_and_show_no_password() {
+    fn addresses_of_databases_are_distinguished_from_others_and_show_no_password() {
         let url: PostgresUrl =
             "postgres://clerestory:se%2Fcret@db.example:5433/farm?sslmode=prefer&password=x".parse().unwrap();
         assert_eq!(url.to_string(), "postgres://clerestory@db.example:5433/farm");

@@ -9,8 +9,8 @@ use rust_embed::Embed;
 #[folder = "dashboard/"]
 struct Files;
 
-/// A file of the dashboard; its first page for `/`. What is no file of it does not exist, whatever the method. A query is
-/// not read: pages that are shared carry some.
+/// A file of the dashboard, or its first page for `/`. Any other path is unknown, whatever the method. A query is
+/// ignored, because shared links carry some.
 pub(crate) async fn file(method: Method, uri: Uri, headers: HeaderMap) -> Response {
     let path = match uri.path().strip_prefix('/').unwrap_or(uri.path()) {
         "" => "index.html",

@@ -1,4 +1,4 @@
-//! Folders that are still there after a loss of power, and files that only their owner may read.
+//! Folders that survive a loss of power, and files that only their owner may read.
 
 use std::collections::BTreeSet;
 use std::fs::{DirBuilder, File, OpenOptions};
@@ -6,7 +6,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-/// Makes a folder, which only its owner may use, and what is missing above it, and has its name on disk, and the names of those, when it returns.
+/// Makes a folder with its missing ancestors. Only its owner may use it, and all names are on disk afterwards.
 pub(crate) fn create(directory: &Path) -> io::Result<()> {
     let missing: Vec<&Path> = directory.ancestors().take_while(|ancestor| !ancestor.exists()).collect();
     if let Some(file) = directory.ancestors().nth(missing.len()).filter(|ancestor| !ancestor.is_dir()) {
@@ -18,13 +18,13 @@ pub(crate) fn create(directory: &Path) -> io::Result<()> {
     #[cfg(unix)]
     std::os::unix::fs::DirBuilderExt::mode(&mut builder, 0o700);
     builder.create(directory)?;
-    // One that is there may have been made just before a crash.
+    // An existing folder may have been made just before a crash.
     let first = missing.is_empty().then_some(directory);
     for made in first.into_iter().chain(missing) {
         let parent = made.parent().map_or_else(|| PathBuf::from("/"), |parent| parent.join("."));
         match File::open(parent) {
             Ok(parent) => parent.sync_all()?,
-            // Who may not read it has no way to sync it.
+            // A parent that may not be read cannot be synced.
             Err(error) if error.kind() == io::ErrorKind::PermissionDenied => {}
             Err(error) => return Err(error),
         }
@@ -32,10 +32,11 @@ pub(crate) fn create(directory: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Makes a file that only its owner may use, if there is none. One that all may read, and those beside it whose names end in one of `companions`,
-/// are closed to all others; who has closed a file to some but not to all has chosen so.
+/// Makes a file that only its owner may use, if there is none. An existing file that everybody may read is closed to
+/// all but its owner, with the files beside it whose names end in one of `companions`. A file that is closed to some
+/// is left alone: somebody has chosen that.
 ///
-/// A file that is there is not opened: when this process closed it, SQLite would lose the locks that it has on it.
+/// An existing file is not opened: when this process closed it, SQLite would lose its locks on it.
 pub(crate) fn keep_private(file: &Path, companions: &[&str]) -> io::Result<()> {
     let mut options = OpenOptions::new();
     options.create_new(true).write(true);
@@ -55,7 +56,7 @@ pub(crate) fn keep_private(file: &Path, companions: &[&str]) -> io::Result<()> {
     Ok(())
 }
 
-/// Takes a file that all may read, if it is there, from all but its owner.
+/// Closes a file that everybody may read to all but its owner.
 #[cfg(unix)]
 fn close_to_others(file: &Path) {
     use std::os::unix::fs::PermissionsExt;
@@ -68,11 +69,11 @@ fn close_to_others(file: &Path) {
     }
 }
 
-/// Folders below one, which are made before anything is put into them.
+/// Folders below a root, made before anything is put into them.
 #[derive(Debug)]
 pub(crate) struct Folders {
     root: PathBuf,
-    /// Those whose names are on disk, as far as this process has seen to it.
+    /// Folders whose names are on disk, as far as this process knows.
     made: Mutex<BTreeSet<PathBuf>>,
 }
 
@@ -87,7 +88,7 @@ impl Folders {
         self.made.lock().unwrap_or_else(PoisonError::into_inner).contains(folder)
     }
 
-    /// Makes a folder, as far as it is missing, and has its name on disk when it returns, also where one that was killed made it.
+    /// Makes a missing folder, and syncs its name, also when a killed process made it.
     pub(crate) fn make(&self, folder: &Path) -> io::Result<()> {
         let names: Vec<&Path> = folder.ancestors().filter(|name| !name.as_os_str().is_empty()).collect();
         names.into_iter().rev().try_for_each(|name| create(&self.root.join(name)))?;

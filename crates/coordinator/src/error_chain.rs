@@ -1,4 +1,4 @@
-//! Errors in one line, for those of libraries: some of them repeat their source in their own message, and others do not.
+//! Errors of libraries in one line. Some of them repeat their source in their own message, and others do not.
 
 use std::error::Error;
 

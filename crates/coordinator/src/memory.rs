@@ -27,8 +27,8 @@ impl MemoryBudget {
         self.bytes
     }
 
-    /// Waits until these bytes are free and reserves them until the answer is dropped. Work that needs more than the whole
-    /// budget reserves all of it.
+    /// Waits until these bytes are free and reserves them until the answer is dropped. Work that needs more than the
+    /// whole budget reserves all of it.
     pub(crate) async fn reserve(&self, bytes: u64) -> SemaphorePermit<'_> {
         never_closed(self.semaphore.acquire_many(self.permits(bytes)).await)
     }

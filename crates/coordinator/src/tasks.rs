@@ -1,7 +1,7 @@
-//! The tasks that a coordinator cannot do without.
+//! Tasks that a coordinator cannot do without.
 //!
-//! None of them ends before the coordinator stops. One that does, because it panics, would leave a coordinator that answers and does not do its
-//! work: the whole process ends then, and whatever watches over it starts it again.
+//! None of them ends before the coordinator stops. When one panics, the coordinator would answer requests without
+//! doing its work. So the whole process ends, and a supervisor restarts it.
 
 use std::any::Any;
 use std::future::Future;
@@ -10,7 +10,7 @@ use tokio::task::{JoinError, JoinSet};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::Instrument;
 
-/// A task that is needed has ended.
+/// A needed task has ended.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) struct Ended {
     /// What it does.
@@ -26,7 +26,7 @@ impl Ended {
     }
 }
 
-/// Tasks, each with what it does. Whoever drops them ends them.
+/// Tasks, each with what it does. Dropping them ends them.
 #[derive(Debug, Default)]
 pub(crate) struct Tasks(JoinSet<(&'static str, Result<(), JoinError>)>);
 
@@ -36,21 +36,21 @@ impl Tasks {
         self.add(task, AbortOnDropHandle::new(tokio::spawn(work)));
     }
 
-    /// Adds a task that has been started.
+    /// Adds a running task.
     pub(crate) fn add(&mut self, task: &'static str, handle: AbortOnDropHandle<()>) {
         self.0.spawn(async move { (task, handle.await) });
     }
 
-    /// Waits until one of them ends. There is none left after all have.
+    /// Waits until a task ends. `None` after all have ended.
     pub(crate) async fn next_ended(&mut self) -> Option<Ended> {
         Some(match self.0.join_next().await? {
             Ok((task, ended)) => Ended::of(task, ended),
-            // Nobody ends those that wait for the tasks.
+            // Nothing aborts the tasks that wait for tasks.
             Err(error) => Ended::of("waiting for a task", Err(error)),
         })
     }
 
-    /// Waits until all have ended, and says which have failed.
+    /// Waits until all have ended, and logs those that failed.
     pub(crate) async fn all_ended(&mut self) {
         while let Some(ended) = self.0.join_next().await {
             if let Ok((task, Err(error))) = ended {
@@ -60,8 +60,8 @@ impl Tasks {
     }
 }
 
-/// Carries out to its end what must not be cut short, such as a write with the news of it: the future of a request is dropped wherever it
-/// stands when its caller hangs up.
+/// Runs work to completion that must not be interrupted, such as a write with its notification. The future of a
+/// request is dropped at any point when its caller disconnects.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! A bucket of an S3-compatible object store, and how to reach it.
+//! A bucket of an S3-compatible object store, and its client.
 
 use std::fmt;
 use std::time::Duration;
@@ -12,13 +12,14 @@ use url::Url;
 
 use crate::blobs::clock_skew::Explaining;
 
-/// How long a call is tried again while the store does not answer. Callers of the coordinator have patience of their own.
+/// Longest time of all attempts of a call while the store does not answer. Callers of the coordinator have timeouts of
+/// their own.
 const RETRY_TIMEOUT: Duration = Duration::from_secs(20);
 
 /// Longest time without a byte of an answer.
 const SILENCE: Duration = Duration::from_secs(30);
 
-/// Longest wait between two tries.
+/// Longest pause between two attempts.
 const LONGEST_BACKOFF: Duration = Duration::from_secs(2);
 
 /// A proxy that no call goes through.
@@ -27,7 +28,7 @@ const UNUSED_PROXY: &str = "http://127.0.0.1:9";
 /// Hosts that are called without it: all names and addresses.
 const ALL_HOSTS: &str = "*,0.0.0.0/0,::/0";
 
-/// A bucket, a prefix of all names in it, and what the environment says of its store. No key is ever printed.
+/// A bucket, a prefix of all names in it, and the settings of its store. No key is ever printed.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Bucket {
     name: String,
@@ -41,8 +42,9 @@ pub struct Bucket {
 pub struct InvalidBucket;
 
 impl Bucket {
-    /// The bucket that is named by `url`, as `s3://BUCKET/PREFIX`, and reached as the variables in `environment` say whose names begin with `AWS_`:
-    /// `AWS_ENDPOINT_URL`, `AWS_REGION`, `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY` and whatever else is usual.
+    /// The bucket that is named by `url`, as `s3://BUCKET/PREFIX`, and reached as the variables in `environment` say
+    /// whose names begin with `AWS_`: `AWS_ENDPOINT_URL`, `AWS_REGION`, `AWS_ACCESS_KEY_ID`, `AWS_SECRET_ACCESS_KEY`
+    /// and whatever else is usual.
     ///
     /// # Errors
     ///
@@ -60,7 +62,7 @@ impl Bucket {
         Ok(Self { name, prefix, options: environment.into_iter().filter_map(option).collect() })
     }
 
-    /// Whether the store listens on an address of this machine alone, and no proxy is named for it.
+    /// Whether the store listens only on this machine, and no proxy is set for it.
     fn is_on_loopback(&self) -> bool {
         let names_proxy = |key: &AmazonS3ConfigKey| *key == AmazonS3ConfigKey::Client(ClientConfigKey::ProxyUrl);
         let is_endpoint =
@@ -72,16 +74,16 @@ impl Bucket {
 
     /// A client of it.
     pub(crate) fn client(&self) -> Result<PrefixStore<AmazonS3>, object_store::Error> {
-        // A slow reader of a large scene takes as long as it takes, while bytes come.
+        // A slow reader of a large scene has no time limit while bytes arrive.
         let mut patient = ClientOptions::new().with_timeout_disabled().with_read_timeout(SILENCE);
         if self.is_on_loopback() {
-            // A proxy of the environment cannot reach it. The client takes that one unless it is given another, and this
-            // one is used for no host.
+            // A proxy in the environment cannot reach it. The client uses that proxy unless another is set; this one
+            // is used for no host.
             patient = patient.with_proxy_url(UNUSED_PROXY).with_proxy_excludes(ALL_HOSTS);
         }
         let builder = AmazonS3Builder::new().with_client_options(patient).with_http_connector(Explaining);
         let builder = self.options.iter().fold(builder, |builder, (key, value)| builder.with_config(*key, value));
-        // Whoever names an endpoint without TLS wants it so.
+        // An endpoint without TLS is wanted so.
         let endpoints = [AmazonS3ConfigKey::Endpoint, AmazonS3ConfigKey::S3Endpoint];
         let plain =
             endpoints.iter().filter_map(|key| builder.get_config_value(key)).any(|url| url.starts_with("http://"));
@@ -111,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn buckets_are_told_from_other_addresses_and_show_no_key() {
+    fn buckets_are_distinguished_from_other_addresses_and_show_no_key() {
         let environment =
             [("AWS_SECRET_ACCESS_KEY", "lead"), ("AWS_REGION", "mars"), ("HOME", "glazier"), ("AWS_PROFILE", "p")];
         let environment = || environment.map(|(name, value)| (name.to_owned(), value.to_owned()));

@@ -1,8 +1,8 @@
-//! A clock that is wrong, as a bucket sees it.
+//! A wrong clock, as a bucket sees it.
 //!
-//! Each request to a bucket is signed with the time of this machine, and object stores refuse what is some minutes older or younger than their own time.
-//! Not all of them say so. Their answers have their time, so that the refusal can be explained. It cannot be mended here: the client signs by the machine's clock
-//! alone.
+//! Each request to a bucket is signed with the time of this machine, and object stores refuse a time that differs by
+//! some minutes. Not all of them say so. Their answers carry their time, so that the refusal can be explained. Only
+//! the machine's clock can mend it, because the client signs by that.
 
 use std::future::Future;
 use std::pin::Pin;
@@ -16,13 +16,14 @@ use object_store::client::{
     HttpClient, HttpConnector, HttpError, HttpErrorKind, HttpRequest, HttpResponse, HttpService, ReqwestConnector,
 };
 
-/// How far clocks may be apart: stores allow 5 to 15 minutes.
+/// Largest difference of clocks: stores allow 5 to 15 minutes.
 const ALLOWED: Duration = Duration::from_mins(5);
 
-/// A store has refused a request whose time is far from its own.
+/// A store has refused a request because of its time.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "the store refuses requests ({status}), whose signature has the time of this machine: its clock shows {}, and that of the store {}; \
+    "the store refuses requests ({status}), whose signature has the time of this machine: its clock shows {}, and \
+     that of the store {}; \
      set the clock of this machine, for instance by NTP",
     fmt_http_date(*.ours), fmt_http_date(*.theirs)
 )]

@@ -1,4 +1,4 @@
-//! TODO
+//! The blob store: assets and nodes, written once, in a directory or a bucket of an S3-compatible store.
 
 mod bucket;
 mod clock_skew;

@@ -1,10 +1,11 @@
-//! The blob store: bytes that are written once and never changed.
+//! The blob store: bytes that are written once and never change.
 //!
-//! Assets are named by their content. Nodes that are stored together lie one after the other in one blob with an identity of its own, so that
-//! they cost one sync or one request together; a blob goes when the last of its nodes has. A blob is on disk, synced, or acknowledged by the object
-//! store before its name is written into the database; that row is the commit. A blob without a row belongs to nobody: it is left by a
-//! crash between the two, and swept away when the coordinator starts. So that this never takes what another farm's database
-//! names, a store is marked with the farm that it belongs to.
+//! Assets are named by their content. Nodes of one upload lie one after the other in one blob with an identity of its
+//! own, so that they cost one sync or one request together. A blob is removed after the last of its nodes.
+//!
+//! A blob is synced to disk, or acknowledged by the object store, before its name is written into the database. That
+//! row is the commit. A crash between the two leaves a blob without a row, which garbage collection removes. A store
+//! bears the mark of its farm, so that this never removes a blob that another farm's database names.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -29,27 +30,27 @@ use crate::model::{BlobRange, Identity};
 /// Chunks of an upload that may wait for the disk.
 const CHUNKS_IN_FLIGHT: usize = 2;
 
-/// Where blobs are kept. Cheap to clone.
+/// A blob store. Cheap to clone.
 #[derive(Clone, Debug)]
 pub(crate) struct Blobs {
     pub(super) store: Arc<dyn ObjectStore>,
-    /// Where they are files: the folders in which they lie. `LocalFileSystem` makes these too, but does not sync the name of one that a
-    /// process made which was killed before it had done so.
+    /// The folders of a directory. `LocalFileSystem` makes folders too, but does not sync the name of one that a
+    /// killed process made.
     folders: Option<Arc<Folders>>,
-    /// Held while an asset takes its place, and while one that is damaged is looked at and removed.
+    /// Held while an asset is put into its place, and while a damaged one is checked and removed.
     assets: Arc<Mutex<()>>,
 }
 
 /// Folder of the blobs of nodes.
 const NODES: &str = "nodes";
 
-/// Name of the blob that says whose blobs these are.
+/// Name of the blob with the mark of the farm.
 const OWNER: &str = ".clerestory-farm";
 
-/// Name of the blob that is written to see whether blobs can be.
+/// Name of the blob of write tests.
 const TRIED: &str = ".clerestory-tried";
 
-/// Bytes of it: more than a file system keeps beside a file's name.
+/// Bytes of it: more than a file system stores beside a file's name.
 const TRIED_BYTES: usize = 8 << 10;
 
 /// A blob store cannot be used by a farm.
@@ -63,7 +64,7 @@ pub(crate) enum ClaimError {
         /// Who asked.
         farm: Uuid,
     },
-    /// It holds nodes, and nothing says whose they are.
+    /// It holds nodes without a mark.
     #[error("there are {nodes} nodes there of which the database of the farm {farm} knows none")]
     Unknown {
         /// How many.
@@ -71,7 +72,7 @@ pub(crate) enum ClaimError {
         /// Who asked.
         farm: Uuid,
     },
-    /// It is nobody's, and the farm has another.
+    /// It has no mark, and the farm has another store.
     #[error("the farm {farm} has its blobs elsewhere")]
     Elsewhere {
         /// Who asked.
@@ -82,7 +83,7 @@ pub(crate) enum ClaimError {
     Store(#[from] BlobError),
 }
 
-/// The blob store failed. Its own messages have their causes in them, some of them several times.
+/// The blob store failed. Its own messages contain their causes, some of them several times.
 #[derive(Debug, thiserror::Error)]
 #[error("the blob store failed: {}", in_one_line(.0))]
 pub(crate) struct BlobError(object_store::Error);
@@ -138,13 +139,13 @@ impl Blobs {
         Ok(Self { store: Arc::new(store), folders: Some(Arc::new(Folders::below(directory))), assets: Arc::default() })
     }
 
-    /// Opens the store in a bucket, which has to be there.
+    /// Opens the store in an existing bucket.
     pub(crate) fn in_bucket(bucket: &Bucket) -> Result<Self, BlobError> {
         Ok(Self { store: Arc::new(bucket.client()?), folders: None, assets: Arc::default() })
     }
 
-    /// Makes sure that the store is this farm's, whose database names the nodes in `known`. It is marked when it is nobody's: when it holds
-    /// no nodes, or some of these, and the farm has no other.
+    /// Claims the store for a farm whose database names the nodes in `known`. A store without a mark is marked when it
+    /// holds no nodes, or some of these, and the farm has no other store.
     pub(crate) async fn claim(&self, identity: Identity, known: &BTreeSet<String>) -> Result<(), ClaimError> {
         let farm = identity.farm;
         if self.owner().await?.is_none() {
@@ -162,7 +163,7 @@ impl Blobs {
                 return Err(BlobError(error).into());
             }
         }
-        // Not every store keeps two farms that start together from writing both.
+        // Some stores let two farms that start together both write the mark.
         match self.owner().await? {
             Some(owner) if owner == farm.to_string() => Ok(()),
             owner => Err(ClaimError::Foreign { owner: owner.unwrap_or_default(), farm }),
@@ -183,7 +184,7 @@ impl Blobs {
         }
     }
 
-    /// Makes sure that the store takes blobs, by a small one.
+    /// Writes a small blob, to prove that the store takes blobs.
     pub(crate) async fn try_to_write(&self) -> Result<(), BlobError> {
         self.store.put(&Path::from(TRIED), Bytes::from_static(&[0; TRIED_BYTES]).into()).await?;
         Ok(())
@@ -213,7 +214,7 @@ impl Blobs {
         }
     }
 
-    /// Stores the bytes of an asset as they come, if they have the promised hash and are not too many. Answers their
+    /// Stores the bytes of an asset as they arrive, if they have the promised hash and are not too many. Answers their
     /// number.
     pub(crate) async fn put_asset<S, E>(
         &self,
@@ -277,7 +278,7 @@ impl Blobs {
         Ok((asset.meta.size, asset.into_stream().map_err(BlobError).boxed()))
     }
 
-    /// Removes an asset that has not its content. Answers whether it is there and has it.
+    /// Removes a damaged asset. Answers whether the asset is there and has its content.
     pub(crate) async fn keep_if_whole(&self, hash: ContentHash) -> Result<bool, BlobError> {
         let _turn = self.assets.lock().await;
         let mut stream = match self.asset_stream(hash).await {
@@ -303,7 +304,7 @@ impl Blobs {
         Ok(AssetFile { store: self.store.clone(), path, size, position: 0, piece: Bytes::new(), piece_start: 0 })
     }
 
-    /// Makes the folder in which a blob is to lie, where blobs are files.
+    /// Makes the folder of a blob, in a directory.
     async fn make_folder_of(&self, blob: &Path) -> Result<(), BlobError> {
         let folder = std::path::Path::new(blob.as_ref()).parent();
         let (Some(folders), Some(folder)) = (self.folders.clone(), folder) else { return Ok(()) };
@@ -316,7 +317,7 @@ impl Blobs {
         made.map_err(|source| BlobError(object_store::Error::Generic { store: "directory", source: Box::new(source) }))
     }
 
-    /// Stores a piece of a partial that comes under a lease.
+    /// Stores a piece of a partial under a lease.
     pub(crate) async fn put_piece(&self, lease: LeaseId, hash: ContentHash, piece: Bytes) -> Result<(), BlobError> {
         let path = piece_path(lease, hash);
         self.make_folder_of(&path).await?;
@@ -324,7 +325,7 @@ impl Blobs {
         Ok(())
     }
 
-    /// Size of a piece of a partial; none when it is not there.
+    /// Bytes of a piece of a partial, or `None` when it is not there.
     pub(crate) async fn piece_size(&self, lease: LeaseId, hash: ContentHash) -> Result<Option<u64>, BlobError> {
         match self.store.head(&piece_path(lease, hash)).await {
             Ok(found) => Ok(Some(found.size)),
@@ -349,7 +350,7 @@ impl Blobs {
         self.blobs_under("pieces".to_owned()).await
     }
 
-    /// Stores nodes in one blob with a new name. Answers where each lies when the bytes are safe on disk.
+    /// Stores nodes in one new blob. Answers their ranges when the bytes are safe on disk.
     pub(crate) async fn put_nodes(&self, job: JobId, nodes: Vec<Vec<u8>>) -> Result<Vec<BlobRange>, BlobError> {
         let blob = format!("{NODES}/{job}/{}", Uuid::now_v7());
         let mut end = 0;
@@ -366,7 +367,7 @@ impl Blobs {
         Ok(blob_ranges)
     }
 
-    /// The bytes of nodes that lie in one blob.
+    /// The bytes of nodes in one blob.
     pub(crate) async fn nodes(&self, blob: &str, blob_ranges: &[&BlobRange]) -> Result<Vec<Bytes>, BlobError> {
         let path = Path::from(blob);
         let range =
@@ -385,7 +386,8 @@ impl Blobs {
         Ok(self.store.head(&Path::from(blob)).await?.size)
     }
 
-    /// Removes blobs of nodes. One that cannot be removed is left for the next sweep. Answers how many are gone.
+    /// Removes blobs of nodes. A blob that cannot be removed is left for garbage collection. Answers the number of
+    /// removed blobs.
     pub(crate) async fn remove(&self, names: Vec<String>) -> usize {
         let paths = stream::iter(names.into_iter().map(|name| Ok(Path::from(name)))).boxed();
         let mut removed = self.store.delete_stream(paths);
@@ -401,17 +403,17 @@ impl Blobs {
     }
 }
 
-/// Bytes of an asset file that are read at a time.
+/// Bytes of one read of an asset file.
 const PIECE: u64 = 1 << 20;
 
-/// An asset that is read in pieces, by a thread that may wait: not one that runs tasks.
+/// An asset that a blocking thread reads in pieces.
 #[derive(Debug)]
 pub(crate) struct AssetFile {
     store: Arc<dyn ObjectStore>,
     path: Path,
     size: u64,
     position: u64,
-    /// What was read last, and where it lies.
+    /// The last piece, and its position.
     piece: Bytes,
     piece_start: u64,
 }
@@ -448,7 +450,7 @@ impl Seek for AssetFile {
     }
 }
 
-/// Spread over directories by the first byte, since some file systems are slow with very large directories.
+/// Folders by the first byte, because some file systems are slow with very large folders.
 fn asset_path(hash: ContentHash) -> Path {
     let hash = hash.to_string();
     let (directory, _) = hash.split_at(2);
@@ -459,8 +461,7 @@ fn piece_path(lease: LeaseId, hash: ContentHash) -> Path {
     Path::from(format!("pieces/{lease}-{hash}"))
 }
 
-/// Removes what uploads had written when the coordinator was killed: `LocalFileSystem` writes to `NAME#NUMBER` and
-/// renames.
+/// Removes unfinished uploads of a killed coordinator: `LocalFileSystem` writes to `NAME#NUMBER` and renames.
 fn remove_unfinished(directory: &std::path::Path) -> io::Result<()> {
     for entry in fs::read_dir(directory)? {
         let entry = entry?;

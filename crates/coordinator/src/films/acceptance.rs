@@ -1,9 +1,9 @@
 //! Acceptance of partials: decoded with distrust, stored, and accepted exactly once.
 //!
-//! The order keeps the promise that nothing acknowledged is lost. The blob of the nodes is synced to disk, then one transaction accepts
-//! them, then the worker is answered. A crash in between leaves a blob that no row names, or a worker that uploads again and is told
-//! that everything is there. A worker that hangs up interrupts none of it: its next upload would contain only accepted nodes and notify
-//! nobody.
+//! The order keeps the promise that nothing acknowledged is lost. The blob of the nodes is synced to disk, then one
+//! transaction accepts them, then the worker is answered. A crash in between leaves a blob that no row names, or a
+//! worker that uploads again and is told that everything is there. A worker that hangs up interrupts none of it: its
+//! next upload would contain only accepted nodes and notify nobody.
 
 use std::sync::Arc;
 
@@ -12,20 +12,21 @@ use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, Quarantine
 use clerestory_film::{Expectation, Rendered, SamplingError, partial};
 use tokio::task::JoinError;
 
-use super::reader::FilmReader;
 use crate::blobs::{BlobError, Blobs};
 use crate::clock::Clock;
+use crate::films::reader::FilmReader;
 use crate::memory::MemoryBudget;
 use crate::model::{
-    BlobRange, CheckKey, DeliveredNode, Delivery, JobRecord, LeaseRecord, WorkFailure, is_selected, wire_address,
+    BlobRange, CheckKey, CheckOutcome, DeliveredNode, Delivery, JobRecord, LeaseRecord, WorkFailure, is_selected,
+    wire_address,
 };
-use crate::store::{LeaseError, Outcome, Store, StoreError};
+use crate::store::{LeaseError, Store, StoreError};
 use crate::tasks::to_completion;
 use crate::watch::liveness::Liveness;
 use crate::watch::notifications::{Notification, Notifications};
 
-/// Memory for partials that are decoded at the same time, and for their nodes until they are accepted. A partial that needs more is
-/// decoded alone.
+/// Memory for partials that are decoded at the same time, and for their nodes until they are accepted. A partial that
+/// needs more is decoded alone.
 const DECODED_BYTES: u64 = 64 << 20;
 
 /// A partial is not accepted.
@@ -202,7 +203,8 @@ impl Acceptance {
         let acceptance = match self.store.accept(delivery).await {
             Ok(acceptance) => acceptance,
             Err(error) => {
-                // A database that failed may have accepted them before. Garbage collection removes the blob if it has not.
+                // A database that failed may have accepted them before. Garbage collection removes the blob if it has
+                // not.
                 if !matches!(error, LeaseError::Store(_)) {
                     self.blobs.remove(blob.into_iter().collect()).await;
                 }
@@ -238,7 +240,7 @@ impl Acceptance {
     }
 
     /// Publishes the outcome of checks.
-    async fn publish_checks(&self, outcome: Outcome) {
+    async fn publish_checks(&self, outcome: CheckOutcome) {
         for (worker, Quarantine { reason, ended_jobs, .. }) in &outcome.quarantined {
             let ended_jobs: Vec<String> = ended_jobs.iter().map(ToString::to_string).collect();
             tracing::error!(

@@ -1,6 +1,7 @@
 //! Assets: content that scenes and references name, stored under its hash.
 //!
-//! No worker can render the file of a scene or a reference again. A job that needs a lost one is held until somebody uploads it.
+//! No worker can render the file of a scene or a reference again. A job that needs a lost one is held until somebody
+//! uploads it.
 
 use std::sync::Arc;
 
@@ -25,7 +26,8 @@ pub(crate) type AssetStream = (u64, BoxStream<'static, Result<Bytes, BlobError>>
 pub(crate) enum AssetError {
     /// It was never uploaded, or it is lost.
     #[error(
-        "no asset with the hash {0} is here: it has not been uploaded, or it is lost; upload it, or submit its scene again"
+        "no asset with the hash {0} is here: it has not been uploaded, or it is lost; upload it, or submit its scene \
+         again"
     )]
     Unknown(ContentHash),
     /// The database or the blob store failed.
@@ -71,7 +73,8 @@ impl Assets {
         Self { store, blobs, notifications, clock }
     }
 
-    /// Whether an asset was uploaded and is still there. A blob store that was restored may lack assets that the database knows.
+    /// Whether an asset was uploaded and is still there. A blob store that was restored may lack assets that the
+    /// database knows.
     pub(crate) async fn has(&self, hash: ContentHash) -> Result<bool, FilmError> {
         Ok(self.store.has_asset(hash).await? && self.blobs.has_asset(hash).await?)
     }
@@ -118,8 +121,8 @@ impl Assets {
         Ok((size, stream))
     }
 
-    /// Checks an asset that did not have its content when it was read. A damaged asset is removed, so that it can be uploaded again,
-    /// and the jobs that need it are held.
+    /// Checks an asset that did not have its content when it was read. A damaged asset is removed, so that it can be
+    /// uploaded again, and the jobs that need it are held.
     pub(crate) async fn check(&self, hash: ContentHash) -> Result<(), FilmError> {
         if self.blobs.keep_if_whole(hash).await? { Ok(()) } else { self.lose(hash).await }
     }
@@ -131,7 +134,8 @@ impl Assets {
             return Ok(());
         }
         for job in self.store.hold_for_lost_asset(hash, self.clock.now_ms()).await? {
-            tracing::error!(%job, asset = %hash, "a file of the job is lost or damaged; the job is held until it is uploaded again");
+            tracing::error!(%job, asset = %hash, "a file of the job is lost or damaged; the job is held until it is \
+                                                  uploaded again");
             self.notifications.publish(Notification::Job(job));
         }
         // It may have been uploaded meanwhile.

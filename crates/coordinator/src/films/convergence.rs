@@ -1,7 +1,7 @@
 //! The errors of a frame at a complete round.
 //!
-//! Frame and reference are read strip by strip, and sums run in the order of the tiles. So the numbers are the same on every machine,
-//! whatever its memory, and equal to those of `clerestory compare`.
+//! Frame and reference are read strip by strip, and sums run in the order of the tiles. So the numbers are the same on
+//! every machine, whatever its memory, and equal to those of `clerestory compare`.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -55,7 +55,8 @@ pub(crate) struct FrameMetrics {
     clock: Clock,
     /// Most decoded bytes of one read of a reference.
     decoding: DecodeBudget,
-    /// Rows that are measured. Jobs take turns strip by strip, so that none waits for the whole of another's large frame.
+    /// Rows that are measured. Jobs take turns strip by strip, so that none waits for the whole of another's large
+    /// frame.
     rows: MemoryBudget,
     /// Rows of frames and references that the filters of FLIP reach.
     flip_rows: MemoryBudget,

@@ -1,7 +1,7 @@
 //! The image of a frame, a strip of rows at a time.
 //!
-//! A frame may be far larger than the coordinator's memory, so its image is never whole. Nodes are read tile by tile and summed into
-//! strips of rows over the frame's whole width. Strips go on to a measurement, a file or a preview.
+//! A frame may be far larger than the coordinator's memory, so its image is never whole. Nodes are read tile by tile
+//! and summed into strips of rows over the frame's whole width. Strips go on to a measurement, a file or a preview.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -18,7 +18,8 @@ use crate::model::{JobRecord, NodeRow, TilePasses, Work};
 pub(crate) enum Extent {
     /// Those of a round, up to which all tiles must be complete.
     Round(u32, TilePasses),
-    /// Those of each tile from its first pass on without a gap. Such an image can be rendered again from its pass counts.
+    /// Those of each tile from its first pass on without a gap. Such an image can be rendered again from its pass
+    /// counts.
     Complete,
 }
 
@@ -32,8 +33,8 @@ impl Extent {
     }
 }
 
-/// The rows of an image in strips of at most `most_bytes`, but at least a block of rows. Strips are whole tiles and whole blocks
-/// where those fit.
+/// The rows of an image in strips of at most `most_bytes`, but at least a block of rows. Strips are whole tiles and
+/// whole blocks where those fit.
 pub(crate) fn strips(grid: TileGrid, bytes_per_pixel: u64, most_bytes: u64) -> impl Iterator<Item = Range<u32>> {
     let row_bytes = (u64::from(grid.width) * bytes_per_pixel).max(1);
     let fitting = u32::try_from(most_bytes / row_bytes).unwrap_or(u32::MAX);

@@ -1,8 +1,9 @@
 //! Garbage collection: old rows, and blobs that no row names.
 //!
-//! A blob is stored before the row that names it. A blob without a row may therefore hold nodes that are being accepted, here or by
-//! another coordinator. No clock tells these from garbage, because the clocks of machines and stores differ. A blob is removed when no
-//! row has named it at two collections, an hour apart. A coordinator without peers accepts nothing before it serves, and needs one.
+//! A blob is stored before the row that names it. A blob without a row may therefore hold nodes that are being
+//! accepted, here or by another coordinator. No clock tells these from garbage, because the clocks of machines and
+//! stores differ. A blob is removed when no row has named it at two collections, an hour apart. A coordinator without
+//! peers accepts nothing before it serves, and needs one.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -98,8 +99,8 @@ pub(crate) async fn collect_alone(store: &Store, blobs: &Blobs) -> Result<(), Fi
     Ok(())
 }
 
-/// Blobs of nodes that no row names, and pieces of partials, which rows never name. Blobs are listed before rows are read, so that a
-/// blob stored in between is not listed.
+/// Blobs of nodes that no row names, and pieces of partials, which rows never name. Blobs are listed before rows are
+/// read, so that a blob stored in between is not listed.
 async fn unreferenced(store: &Store, blobs: &Blobs) -> Result<BTreeSet<String>, FilmError> {
     let found = blobs.node_blobs().await?;
     let known = store.node_blobs().await?;

@@ -1,7 +1,7 @@
 //! Images as files, for downloads.
 //!
-//! A file is made in strips. Its blocks go to an unnamed file in the data directory, which ends with the coordinator. The download
-//! begins when the file is complete, because its head holds the metadata, which are known last.
+//! A file is made in strips. Its blocks go to an unnamed file in the data directory, which ends with the coordinator.
+//! The download begins when the file is complete, because its head holds the metadata, which are known last.
 
 use std::fs::File;
 use std::io::{Seek, SeekFrom};
@@ -65,7 +65,8 @@ impl Images {
     ///
     /// # Errors
     ///
-    /// [`FilmError::Empty`] when no tile has a pass, and [`FilmError::RenderedAgain`] when nodes of a complete image are lost.
+    /// [`FilmError::Empty`] when no tile has a pass, and [`FilmError::RenderedAgain`] when nodes of a complete image
+    /// are lost.
     pub(crate) async fn layers(&self, job: &JobRecord) -> Result<LayerChoice, FilmError> {
         if job.reopened_ms.is_some() {
             return Err(FilmError::RenderedAgain);
@@ -82,8 +83,8 @@ impl Images {
         Ok(clerestory_film::first_bytes(job.grid.width, job.grid.height, nothing.layers())?)
     }
 
-    /// Makes the image of a job's first frame, in which every tile shows its complete passes. The image of a job that is done has
-    /// all passes. Few large images are made at the same time.
+    /// Makes the image of a job's first frame, in which every tile shows its complete passes. The image of a job that
+    /// is done has all passes. Few large images are made at the same time.
     pub(crate) async fn make(&self, job: &JobRecord, choice: LayerChoice) -> Result<ImageFile, FilmError> {
         let mut attempts = 1;
         loop {
@@ -142,7 +143,8 @@ impl Images {
         Frame { reader: &self.reader, job, frame: 0, extent: Extent::Complete }
     }
 
-    /// Whether nodes of a job that is done were removed from its film since its record was read: another reader found them lost.
+    /// Whether nodes of a job that is done were removed from its film since its record was read: another reader found
+    /// them lost.
     async fn has_lost_nodes_since(&self, job: &JobRecord) -> Result<bool, StoreError> {
         if job.state != JobState::Done {
             return Ok(false);

@@ -1,8 +1,9 @@
 //! The error of a frame between its rounds, for clients that watch a job converge.
 //!
-//! It is measured over the pixels that have passes now, and belongs to no pass count. It is never stored and stops nothing. The cache
-//! holds the measurement of each tile, so that an update measures only tiles that have grown. A job gets at most one update a second,
-//! in at most half of a core's time. The tiles of a large frame are measured over several updates.
+//! It is measured over the pixels that have passes now, and belongs to no pass count. It is never stored and stops
+//! nothing. The cache holds the measurement of each tile, so that an update measures only tiles that have grown. A job
+//! gets at most one update a second, in at most half of a core's time. The tiles of a large frame are measured over
+//! several updates.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -145,7 +146,8 @@ impl LiveErrors {
         Ok(live.measurement(&job))
     }
 
-    /// Measures the tiles that have changed, from where the last update ended. `false` when the time was too short for all.
+    /// Measures the tiles that have changed, from where the last update ended. `false` when the time was too short for
+    /// all.
     async fn update(&self, job: &JobRecord, live: &mut Live, begin_ms: i64) -> Result<bool, FilmError> {
         let mut reference = match job.reference {
             Some(hash) => Some(ReferenceRows::new(self, job.grid, hash).await),

@@ -1,10 +1,11 @@
 //! Adaptive jobs: the passes of a round are shared out among the tiles by their noise.
 //!
-//! The pilot tells the noise of a tile. It is a few passes that no image contains ([`clerestory_film::adaptive`]), and work of the round
-//! [`PILOT_ROUND`](clerestory_film::PILOT_ROUND), in nodes like any others. When that round is complete, the round finalizer reads the
-//! pilot, stores the share of each tile, discards the pilot and records the round. Rounds beyond the passes that every tile gets are cut
-//! into nodes once the shares are stored. The decision depends on the scene, its tiles and the samples of the job alone. So every
-//! coordinator decides the same, and so does `clerestory render`.
+//! The pilot tells the noise of a tile. It is a few passes that no image contains ([`clerestory_film::adaptive`]), and
+//! work of the round [`PILOT_ROUND`](clerestory_film::PILOT_ROUND), in nodes like any others. When that round is
+//! complete, the round finalizer reads the pilot, stores the share of each tile, discards the pilot and records the
+//! round. Rounds beyond the passes that every tile gets are cut into nodes once the shares are stored. The decision
+//! depends on the scene, its tiles and the samples of the job alone. So every coordinator decides the same, and so does
+//! `clerestory render`.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -67,8 +68,8 @@ impl PassSharing {
         self.discard_pilot(job).await
     }
 
-    /// Discards the pilot of a job that does not need it, run by run, so that a claim waits for one run at most. A pilot that is only
-    /// partly discarded goes when the job has ended.
+    /// Discards the pilot of a job that does not need it, run by run, so that a claim waits for one run at most. A
+    /// pilot that is only partly discarded goes when the job has ended.
     pub(crate) async fn discard_pilot(&self, job: &JobRecord) -> Result<(), FilmError> {
         for (frame, tiles) in (0..job.frames).flat_map(|frame| runs(0..job.grid.len()).map(move |tiles| (frame, tiles)))
         {

@@ -1,8 +1,9 @@
 //! Previews: small images of a job while it converges.
 //!
-//! The cache holds the canvas of each preview with the number of passes that each tile shows. So an update reads only the nodes of tiles
-//! that have grown. It reads all tiles after nodes were removed from the film to be rendered again: a tile may have as many passes as
-//! before, but others. A job gets at most one update in a quarter of a second, in at most half of a core's time.
+//! The cache holds the canvas of each preview with the number of passes that each tile shows. So an update reads only
+//! the nodes of tiles that have grown. It reads all tiles after nodes were removed from the film to be rendered again:
+//! a tile may have as many passes as before, but others. A job gets at most one update in a quarter of a second, in at
+//! most half of a core's time.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -213,8 +214,8 @@ async fn update(
     Ok(canvas)
 }
 
-/// Draws the current state of some tiles of one run. Answers also the first tile whose nodes could not be read, and why; the tiles
-/// before it are drawn.
+/// Draws the current state of some tiles of one run. Answers also the first tile whose nodes could not be read, and
+/// why; the tiles before it are drawn.
 async fn show(
     reader: &FilmReader,
     job: &JobRecord,

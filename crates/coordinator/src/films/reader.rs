@@ -1,7 +1,7 @@
 //! The film of a job: from rows and blobs to nodes.
 //!
-//! Rows name the nodes, and their blobs never change. So a cache of decoded nodes by blob range is never stale, and everything
-//! else is computed from nodes on demand.
+//! Rows name the nodes, and their blobs never change. So a cache of decoded nodes by blob range is never stale, and
+//! everything else is computed from nodes on demand.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -71,8 +71,8 @@ impl FilmReader {
         self.blobs.remove(removed.blobs).await;
     }
 
-    /// Returns the failure, unless a node was not found because a merge removed it between the read of its row and its own. Then
-    /// the caller reads the rows again: they name the parent now.
+    /// Returns the failure, unless a node was not found because a merge removed it between the read of its row and its
+    /// own. Then the caller reads the rows again: they name the parent now.
     pub(crate) async fn unless_merged(&self, job: JobId, failure: FilmError) -> Result<(), FilmError> {
         match &failure {
             FilmError::Lost { node, blob, .. } if self.store.node_at(job, node, blob).await?.is_none() => Ok(()),

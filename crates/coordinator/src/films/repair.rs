@@ -1,7 +1,8 @@
 //! Repair: nodes whose stored bytes are lost or damaged are rendered again.
 //!
-//! Disks lose bits, people remove files, and a database and a blob store may be restored from backups of different moments. A reader that
-//! cannot read a node names it here. When a coordinator starts, and once an hour, rows are also compared with the blobs that exist.
+//! Disks lose bits, people remove files, and a database and a blob store may be restored from backups of different
+//! moments. A reader that cannot read a node names it here. When a coordinator starts, and once an hour, rows are also
+//! compared with the blobs that exist.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -41,8 +42,9 @@ impl Repair {
         Self { store, blobs, reader, assets, notifications, clock }
     }
 
-    /// Checks the node that a failure names. A damaged node is rendered again; a lost one with all other nodes of its job whose blobs
-    /// are missing. Answers whether the film has changed since the failure, so that it can be read again.
+    /// Checks the node that a failure names. A damaged node is rendered again; a lost one with all other nodes of its
+    /// job whose blobs are missing. Answers whether the film has changed since the failure, so that it can be read
+    /// again.
     ///
     /// # Errors
     ///
@@ -113,7 +115,8 @@ impl Repair {
         if replaced.is_queued {
             tracing::error!(%job, nodes = replaced.nodes, "stored nodes are lost or damaged; they are rendered again");
         } else {
-            tracing::error!(%job, nodes = replaced.nodes, "stored nodes of a job that was stopped are lost or damaged; its image lacks them");
+            tracing::error!(%job, nodes = replaced.nodes, "stored nodes of a job that was stopped are lost or \
+                                                           damaged; its image lacks them");
         }
         self.reader.release(replaced.removed).await;
         self.notifications.publish(Notification::Job(job));

@@ -1,7 +1,7 @@
-//! Connections: accepted, served, and brought to an end.
+//! Connections: accepted, served, and closed.
 //!
-//! There may be thousands, most of them workers that wait or render. What a connection has read ahead stays with it, so the buffer for that is
-//! small: uploads are read in more pieces, which costs little beside what becomes of them.
+//! There may be thousands, mostly of workers that wait or render. Each keeps its read buffer, so the buffer is small:
+//! uploads are read in more pieces, which costs little.
 
 use std::io;
 use std::time::Duration;
@@ -16,13 +16,13 @@ use tokio_util::sync::CancellationToken;
 
 use crate::http::lingering::Lingering;
 
-/// Bytes that are read from a connection at a time, and so the most that the head of a request may have.
+/// Bytes of one read, and so the largest head of a request.
 const BUFFER: usize = 8 << 10;
 
-/// Pause when a connection cannot be accepted, mostly because too many files are open.
+/// Pause after a connection could not be accepted, mostly because too many files are open.
 const PAUSE: Duration = Duration::from_secs(1);
 
-/// Serves whoever calls until `stopping`, and then those whose requests are under way until they are answered.
+/// Serves until `stopping`, and then until running requests are answered.
 pub(crate) async fn serve(listener: TcpListener, router: Router, stopping: CancellationToken) {
     let mut server = Builder::new(TokioExecutor::new()).http1_only();
     server.http1().max_buf_size(BUFFER);
@@ -49,7 +49,7 @@ pub(crate) async fn serve(listener: TcpListener, router: Router, stopping: Cance
     connections.shutdown().await;
 }
 
-/// The next connection that is still there when it is taken.
+/// The next connection that is still open.
 async fn accept(listener: &TcpListener) -> io::Result<TcpStream> {
     use io::ErrorKind::{ConnectionAborted, ConnectionRefused, ConnectionReset};
     loop {

@@ -1,8 +1,9 @@
-//! What is left of a request's body once it has been answered.
+//! Draining: the rest of a request's body is received after its answer.
 //!
-//! An answer may come before the whole body: the lease is over, the file is there already, the body is too large. The
-//! connection would then be closed without a word, under a caller who is still sending, or sends its next request on it.
-//! So the rest is received and dropped; where it is too much, the answer says that the connection ends, and it [ends late](super::lingering).
+//! An answer may come before the end of the body: the lease has ended, the file is there already, the body is too
+//! large. The connection would then be closed under a client that is still sending, or that sends its next request on
+//! it. So the rest is received and dropped. When it is too much, the answer announces the end of the connection, and a
+//! [lingering close](super::lingering) follows.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -15,7 +16,7 @@ use axum::middleware::Next;
 use axum::response::Response;
 use futures::stream::{Stream, StreamExt, poll_fn};
 
-/// Most bytes that are received for nothing.
+/// Most bytes that are received and dropped.
 const MOST_BYTES: usize = 16 << 20;
 
 /// Longest time for that.
@@ -23,7 +24,7 @@ const LONGEST_TIME: Duration = Duration::from_secs(5);
 
 /// The layer.
 pub(super) async fn drop_leftover(request: Request, next: Next) -> Response {
-    // Who expects to be told to go on has not sent anything yet.
+    // A client that expects `100-continue` has not sent anything yet.
     if request.body().is_end_stream() || request.headers().contains_key(EXPECT) {
         return next.run(request).await;
     }
@@ -37,7 +38,7 @@ pub(super) async fn drop_leftover(request: Request, next: Next) -> Response {
     response
 }
 
-/// Reads a body that somebody else may have begun to read.
+/// Reads a body that a handler may have begun to read.
 fn shared(body: Arc<Mutex<BodyDataStream>>) -> impl Stream<Item = <BodyDataStream as Stream>::Item> + Send + 'static {
     fn locked(body: &Mutex<BodyDataStream>) -> MutexGuard<'_, BodyDataStream> {
         body.lock().unwrap_or_else(PoisonError::into_inner)
@@ -45,7 +46,7 @@ fn shared(body: Arc<Mutex<BodyDataStream>>) -> impl Stream<Item = <BodyDataStrea
     poll_fn(move |context| locked(&body).poll_next_unpin(context))
 }
 
-/// Receives a body, and says whether it has ended well.
+/// Receives a body, and answers whether it ended well.
 async fn is_received(mut body: impl Stream<Item = <BodyDataStream as Stream>::Item> + Unpin) -> bool {
     let mut left = MOST_BYTES;
     while let Some(chunk) = body.next().await {

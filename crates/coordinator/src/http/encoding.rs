@@ -1,4 +1,4 @@
-//! Bodies are read as they are: an encoded one is refused before it is taken for a damaged one.
+//! Encodings: bodies are read as they are, so an encoded one is refused before it looks damaged.
 
 use axum::extract::Request;
 use axum::http::HeaderValue;
@@ -9,7 +9,7 @@ use clerestory_api::ProblemCode;
 
 use crate::http::problem::ApiError;
 
-/// The only encoding that is read, which changes nothing.
+/// The only encoding that is read: it changes nothing.
 const IDENTITY: &str = "identity";
 
 /// The layer.

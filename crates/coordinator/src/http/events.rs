@@ -17,11 +17,11 @@ use super::problem::ApiError;
 use crate::jobs::lifecycle::Jobs;
 use crate::watch::events::EventFeed;
 
-/// Longest silence of a stream: then a comment is sent, so that a listener knows that nothing holds the stream back.
+/// Longest silence of a stream. Then a comment is sent, so that the client knows that no proxy holds the stream back.
 const SILENCE: Duration = Duration::from_secs(5);
 
-/// What happens on the farm: first a snapshot, then every change. A listener that comes back with `Last-Event-ID` gets the
-/// stored events that it missed before the snapshot, the newest 500 at most.
+/// What happens on the farm: first a snapshot, then every change. A listener that comes back with `Last-Event-ID` gets
+/// the stored events that it missed before the snapshot, the newest 500 at most.
 #[utoipa::path(
     get, path = "/events", tag = "events",
     params(("last-event-id" = Option<i64>, Header, description = "The last event that was seen.")),
@@ -54,14 +54,14 @@ async fn listen(feed: Arc<EventFeed>, job: Option<JobId>, last_id: Option<i64>) 
     let stream = feed.listen(job, last_id).await?.map(|event| message(&event));
     let mut response =
         Sse::new(stream.map(Ok::<_, Infallible>)).keep_alive(KeepAlive::new().interval(SILENCE)).into_response();
-    // Proxies are asked to hand events on as they come: nginx by the first, those that compress by the second.
+    // These ask proxies to pass events on at once: the first one nginx, the second one those that compress.
     let headers = response.headers_mut();
     headers.insert(HeaderName::from_static("x-accel-buffering"), HeaderValue::from_static("no"));
     headers.insert(CACHE_CONTROL, HeaderValue::from_static("no-cache, no-transform"));
     Ok(response)
 }
 
-/// A browser sends back what it was sent; anything else is as good as nothing.
+/// A browser sends back an id that it was sent. Any other value is ignored.
 fn last_id(headers: &HeaderMap) -> Option<i64> {
     headers.get("last-event-id").and_then(|value| value.to_str().ok()?.parse().ok())
 }

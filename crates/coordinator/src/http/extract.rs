@@ -1,4 +1,4 @@
-//! Reading requests strictly: an error names the field, its value and what would be right.
+//! Strict reading of requests: an error names the field, its value and what would be right.
 
 use std::str::FromStr;
 use std::time::Duration;
@@ -19,10 +19,10 @@ use tokio::time::Instant;
 use crate::http::problem::ApiError;
 use crate::http::strict_object::StrictObject;
 
-/// How long a body that fits into memory may be waited for, all in all.
+/// Longest time of a body that fits into memory.
 const BODY_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// Longest silence before or in the middle of such a body: who has stopped sending is not to keep memory from others.
+/// Longest silence before or within such a body. A sender that has stopped must not keep memory from others.
 const LONGEST_SILENCE: Duration = Duration::from_secs(5);
 
 /// How the reader begins when it speaks of a number that no double can hold.
@@ -64,7 +64,7 @@ impl JsonBody {
     ///
     /// When it is not JSON, or not of this type.
     pub(crate) fn parse<T: DeserializeOwned>(self) -> Result<T, ApiError> {
-        // The reader of a type takes an array for an object, and the last of two members with one name.
+        // The reader of a type would accept an array for an object, and the last of two members with one name.
         read_json::<StrictObject>(&self.0)?;
         read_json(&self.0)
     }
@@ -88,7 +88,7 @@ fn read_json<T: DeserializeOwned>(body: &[u8]) -> Result<T, ApiError> {
     Ok(value)
 }
 
-/// What stands at a place of a body, as JSON, or as it is if it is a text.
+/// The value at a position of a body, as JSON, or as it is if it is a text.
 fn value_at(body: &[u8], path: &serde_path_to_error::Path) -> Option<String> {
     let body: Value = serde_json::from_slice(body).ok()?;
     let value = path.iter().try_fold(&body, |value, segment| match segment {
@@ -186,19 +186,19 @@ async fn read_body(request: Request, limit: u64) -> Result<Bytes, ApiError> {
     Ok(body.freeze())
 }
 
-/// How many bytes a body has, as far as its head says.
+/// Bytes of a body, if its head says so.
 pub(super) fn announced_bytes(headers: &HeaderMap) -> Option<u64> {
     headers.get(CONTENT_LENGTH)?.to_str().ok()?.parse().ok()
 }
 
-/// A body that fits into memory, on its way.
+/// A body that arrives and fits into memory.
 pub(crate) struct ArrivingBody {
     stream: BodyDataStream,
     announced_bytes: Option<u64>,
     received_bytes: u64,
     limit: u64,
-    /// How long the rest of it may be waited for.
-    patience: Duration,
+    /// Time left for the rest of it.
+    time_left: Duration,
 }
 
 impl ArrivingBody {
@@ -213,24 +213,20 @@ impl ArrivingBody {
             return Err(ApiError::body_too_large(limit));
         }
         let stream = request.into_body().into_data_stream();
-        Ok(Self { stream, announced_bytes, received_bytes: 0, limit, patience: BODY_TIMEOUT })
+        Ok(Self { stream, announced_bytes, received_bytes: 0, limit, time_left: BODY_TIMEOUT })
     }
 
-    /// How many bytes it has, as far as it says.
+    /// Its bytes, if its head says so.
     pub(crate) fn announced_bytes(&self) -> Option<u64> {
         self.announced_bytes
     }
 
-    /// Its next bytes; `None` when those were all.
-    ///
-    /// # Errors
-    ///
-    /// When it is too large, is cut off, or stops coming.
+    /// Its next bytes, or `None` at its end.
     pub(crate) async fn piece(&mut self) -> Result<Option<Bytes>, ApiError> {
         let begin = Instant::now();
-        let next = tokio::time::timeout(LONGEST_SILENCE.min(self.patience), self.stream.next()).await;
-        // What passes between two calls is not the sender's.
-        self.patience = self.patience.saturating_sub(begin.elapsed());
+        let next = tokio::time::timeout(LONGEST_SILENCE.min(self.time_left), self.stream.next()).await;
+        // The time between two calls is not the sender's.
+        self.time_left = self.time_left.saturating_sub(begin.elapsed());
         let piece = match next {
             Ok(Some(Ok(piece))) => piece,
             Ok(Some(Err(_))) => {
@@ -252,8 +248,8 @@ pub(crate) fn too_slow() -> ApiError {
     ApiError::new(ProblemCode::BodyTooSlow, "the body took too long to arrive")
 }
 
-/// Refuses a body that is declared as something else. Browsers send such a type to another site only after asking, which
-/// is one more lock against requests that pages make behind their readers' backs.
+/// Refuses a body with another media type. Browsers send such a type to another site only after asking, which is one
+/// more lock against forged requests.
 pub(crate) fn require_media_type(headers: &HeaderMap, expected: &'static str) -> Result<(), ApiError> {
     let found = headers.get(CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or("");
     let media_type = found.split(';').next().unwrap_or("").trim();
@@ -272,8 +268,8 @@ pub(crate) fn number_header(headers: &HeaderMap, name: &'static str) -> Result<u
         .ok_or_else(|| ApiError::invalid_field(name, found.as_deref().unwrap_or("absent"), "a whole number, 0 or more"))
 }
 
-/// From what serde says to field, value and expectation. Its messages are of the forms ``unknown field `a`, expected b``,
-/// ``missing field `a` ``, ``duplicate field `a` `` and `invalid type: a, expected b`.
+/// Translates a message of serde to field, value and expectation. Messages are of the forms ``unknown field `a`,
+/// expected b``, ``missing field `a` ``, ``duplicate field `a` `` and `invalid type: a, expected b`.
 fn of_message(path: &str, message: &str, value: Option<String>) -> ApiError {
     let (message, _) = message.split_once(" at line ").unwrap_or((message, ""));
     let (problem, expected) = expectation(message);
@@ -281,7 +277,7 @@ fn of_message(path: &str, message: &str, value: Option<String>) -> ApiError {
     let path = path.trim_matches('.');
     let member = |name: &str| match path {
         "" => name.to_owned(),
-        // The reader counts the unknown member as part of the path already.
+        // The path contains the unknown member already.
         _ if path == name || path.ends_with(&format!(".{name}")) => path.to_owned(),
         _ => format!("{path}.{name}"),
     };
@@ -316,7 +312,7 @@ fn of_message(path: &str, message: &str, value: Option<String>) -> ApiError {
     error
 }
 
-/// What is wrong and what would be right, the second in the words of people who do not write Rust.
+/// The problem and the expectation, the latter in the words of people who do not write Rust.
 fn expectation(message: &str) -> (&str, &str) {
     let (problem, expected) = match message {
         _ if message.starts_with("UUID parsing failed") => ("it is no UUID", "a UUID"),

@@ -58,8 +58,8 @@ pub(super) async fn exr(
 /// A file that is being made.
 type Making = Pin<Box<dyn Future<Output = Result<ImageFile, FilmError>> + Send>>;
 
-/// A file that takes long to make. One of its first bytes, which are known before, is sent from time to time, so that no proxy takes the
-/// silence for the end. A failure cuts the answer off.
+/// A file that takes long to make. One of its first bytes, which are known before, is sent from time to time, so that
+/// no proxy takes the silence for the end. A failure cuts the answer off.
 fn slow(making: Making, first: Bytes, silence: Duration) -> impl Stream<Item = io::Result<Bytes>> + Send {
     let waiting = stream::unfold(Some((making, first, 0)), move |state| async move {
         let (mut making, first, sent) = state?;
@@ -95,7 +95,8 @@ fn pieces(file: ImageFile, sent: usize) -> impl Stream<Item = io::Result<Bytes>>
     get, path = "/jobs/{job}/preview.png", tag = "images", params(("job" = JobId, Path), PreviewQuery),
     responses((
         status = 200, body = Vec<u8>, content_type = "image/png",
-        headers(("clerestory-accepted-nodes" = u64, description = "Accepted nodes of the job when the preview was begun."))
+        headers(("clerestory-accepted-nodes" = u64, description = "Accepted nodes of the job when the preview was \
+            begun."))
     ))
 )]
 pub(super) async fn preview(

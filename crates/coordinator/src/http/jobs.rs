@@ -108,8 +108,8 @@ pub(super) async fn convergence(
     Ok(Json(ConvergenceSeries { job, has_reference: record.reference.is_some(), points }))
 }
 
-/// The error of a job between its rounds, as it is now. It is brought up to date once a second at most; that of a large frame, over several
-/// calls.
+/// The error of a job between its rounds, as it is now. It is brought up to date once a second at most; that of a large
+/// frame, over several calls.
 #[utoipa::path(
     get, path = "/jobs/{job}/live", tag = "jobs", params(("job" = JobId, Path)),
     responses((status = 200, body = LiveMeasurement))

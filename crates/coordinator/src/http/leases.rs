@@ -11,29 +11,28 @@ use clerestory_api::{
     LeaseReturn, LeaseToken, PartialAnswer, ProblemCode,
 };
 
-use super::extract::{ArrivingBody, PathParameter, StrictJson, number_header, require_media_type};
-use super::problem::ApiError;
-use super::receiving::ReceivingMemory;
-use super::state::BodyLimits;
 use crate::films::acceptance::Acceptance;
+use crate::http::extract::{ArrivingBody, PathParameter, StrictJson, number_header, require_media_type};
+use crate::http::problem::ApiError;
+use crate::http::receiving::ReceivingMemory;
+use crate::http::state::BodyLimits;
 use crate::jobs::claims::Claims;
 use crate::model::LeaseRecord;
 use crate::store::LeaseError;
 
-/// Longest wait for work to appear.
+/// Longest wait for work.
 const LONGEST_WAIT_MS: u32 = 20_000;
 
-/// Longest lease that a worker may wish for.
+/// Longest lease that a worker may ask for.
 const LONGEST_WANTED_MS: u32 = 3_600_000;
 
-/// Most scenes that a worker may say it has at hand.
+/// Most scenes that a worker may name as built.
 const MOST_BUILT: usize = 64;
 
-/// Longest reason for giving a lease back.
+/// Longest reason for returning a lease.
 const LONGEST_REASON: usize = 500;
 
-/// Longest time that a partial may have taken, in milliseconds of one core: thirty years. Who claims more has not
-/// measured.
+/// Longest time of a partial, in milliseconds of one core: thirty years. A longer one was not measured.
 const MOST_CORE_MS: u64 = 1_000_000_000_000;
 
 /// Asks for work, and waits for it if there is none and the worker wants to.
@@ -82,7 +81,8 @@ pub(super) async fn renew(
     params(
         ("lease" = LeaseId, Path),
         ("clerestory-fencing-token" = u64, Header, description = "The lease's fencing token."),
-        ("clerestory-core-ms" = u64, Header, description = "Milliseconds spent rendering, summed over cores, at most 10^12."),
+        ("clerestory-core-ms" = u64, Header, description = "Milliseconds spent rendering, summed over cores, at most \
+                                                            10^12."),
     ),
     request_body(content = Vec<u8>, content_type = "image/x-exr"), responses((status = 200, body = PartialAnswer))
 )]
@@ -120,7 +120,7 @@ pub(super) async fn valid_lease(
     })
 }
 
-/// Refuses a time that nobody has measured.
+/// Refuses an impossible time.
 pub(super) fn check_core_ms(field: &'static str, core_ms: u64) -> Result<(), ApiError> {
     if core_ms <= MOST_CORE_MS {
         return Ok(());

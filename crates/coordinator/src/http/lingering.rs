@@ -1,8 +1,8 @@
-//! Connections that are not closed before the other side has heard the last answer.
+//! Lingering close: a connection is not closed before the client has received the last answer.
 //!
-//! A body that is too large is answered before it has been read. A socket that is closed with bytes unread is reset, and a reset takes the answer
-//! away from a sender that is still busy: it sees a broken connection and not why. So reading goes on for a moment after the last byte has been
-//! written, and what comes is thrown away (RFC 9112, section 9.6).
+//! A body that is too large is answered before it has been read. A socket that is closed with unread bytes is reset,
+//! and the reset takes the answer from a client that is still sending: it sees a broken connection and no reason. So
+//! reading goes on for a moment after the last byte was written, and the bytes are dropped (RFC 9112, section 9.6).
 
 use std::future::Future;
 use std::io;
@@ -14,16 +14,16 @@ use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::TcpStream;
 use tokio::time::{Sleep, sleep};
 
-/// How long a sender may go on after it has been answered for the last time.
+/// Longest time for which a client may go on sending after the last answer.
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// Bytes that are thrown away at a time.
+/// Bytes of one dropped read.
 const PIECE: usize = 8 << 10;
 
-/// A connection whose end waits for the other side to have ended too, for a moment.
+/// A connection whose end waits for the client's end, for a moment.
 pub(super) struct Lingering {
     stream: TcpStream,
-    /// From when on nothing more is sent: when waiting ends.
+    /// End of the waiting, once nothing more is sent.
     ending: Option<Pin<Box<Sleep>>>,
 }
 
@@ -76,7 +76,7 @@ impl AsyncWrite for Lingering {
         let mut piece = [0; PIECE];
         while ending.as_mut().poll(context).is_pending() {
             let mut buffer = ReadBuf::new(&mut piece);
-            // Who has reset the connection hears nothing any more.
+            // A client that has reset the connection receives nothing more.
             if ready!(Pin::new(&mut *stream).poll_read(context, &mut buffer)).is_err() || buffer.filled().is_empty() {
                 break;
             }

@@ -1,10 +1,10 @@
 //! The HTTP API and the dashboard.
 //!
 //! A request passes these layers, from the outside in: [`drain`] (bodies that nobody has read to their end),
-//! [`problem::explain`] (request id, span, problem documents), panics caught, [`auth::authorise`] (token, or the name of
-//! this machine), requests from other sites' pages refused, [`encoding`] (encoded bodies), [`queries`] (parameters that no
-//! endpoint has), limits on bodies. Handlers read with [`extract`], which names the field that is wrong, and return an
-//! [`ApiError`].
+//! [`problem::explain`] (request id, span, problem documents), panics caught, [`auth::authorise`] (token, or the name
+//! of this machine), requests from other sites' pages refused, [`encoding`] (encoded bodies), [`queries`] (parameters
+//! that no endpoint has), limits on bodies. Handlers read with [`extract`], which names the field that is wrong, and
+//! return an [`ApiError`].
 
 mod assets;
 mod auth;
@@ -71,7 +71,7 @@ pub(crate) fn router(state: ApiState) -> Router {
         .fallback(dashboard::file)
         .layer(CsrfLayer::new())
         .layer(from_fn_with_state(state.clone(), auth::authorise))
-        // Probes ask by address, and learn of the coordinator alone.
+        // Probes call by address, and learn only the state of the coordinator.
         .route("/healthz", get(async || StatusCode::NO_CONTENT))
         .route("/readyz", get(ready))
         .layer(CatchPanicLayer::new())

@@ -14,7 +14,8 @@ use crate::http::{assets, auth, events, images, jobs, leases, pieces, workers};
 #[openapi(
     info(
         title = "Clerestory",
-        description = "A render farm for the light that old glass throws. Every failure is a problem document (RFC 9457).",
+        description = "A render farm for the light that old glass throws. Every failure is a problem document (RFC \
+                       9457).",
         license(name = "MIT OR Apache-2.0", identifier = "MIT OR Apache-2.0")
     ),
     components(schemas(Problem)),

@@ -1,8 +1,8 @@
 //! Partials that arrive in pieces, because a proxy refuses them whole.
 //!
-//! Pieces are blobs, so that each may reach another coordinator. They are named by their content: a repeated or late piece changes nothing.
-//! When all are there, the worker names them in their order, and the partial is accepted like one that arrived whole. Garbage collection
-//! removes pieces that are left over.
+//! Pieces are blobs, so that each may reach another coordinator. They are named by their content: a repeated or late
+//! piece changes nothing. When all are there, the worker names them in their order, and the partial is accepted like
+//! one that arrived whole. Garbage collection removes pieces that are left over.
 
 use std::sync::Arc;
 
@@ -59,8 +59,8 @@ pub(super) async fn put(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Uploads complete nodes of a lease whose partial has been uploaded in pieces. The answer comes when they are safe on disk. When pieces are
-/// missing the answer is a problem with status 409 whose `missing` lists their hashes.
+/// Uploads complete nodes of a lease whose partial has been uploaded in pieces. The answer comes when they are safe on
+/// disk. When pieces are missing the answer is a problem with status 409 whose `missing` lists their hashes.
 #[utoipa::path(
     post, path = "/leases/{lease}/pieces", tag = "leases", params(("lease" = LeaseId, Path)),
     request_body = PartialPieces, responses((status = 200, body = PartialAnswer))

@@ -1,7 +1,8 @@
-//! From an error to a problem document (RFC 9457): the one place where it is decided what a caller is told.
+//! Problem documents (RFC 9457): the one place that decides what a caller is told.
 //!
-//! Handlers return an [`ApiError`]. Its response carries the problem as an extension; the [`explain`] layer, outside of
-//! everything else, writes the document with the request's id and logs what the caller is not told: the cause of a 5xx.
+//! Handlers return an [`ApiError`], and domain errors become one in the one `From` below. Its response carries the
+//! problem as an extension. The [`explain`] layer, outside of everything else, writes the document with the request's
+//! id, and logs what the caller is not told: the cause of a 5xx.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -36,7 +37,7 @@ const LONGEST_VALUE: usize = 120;
 #[derive(Clone, Debug)]
 pub(crate) struct ApiError {
     problem: Box<Problem>,
-    /// When the caller is to come back.
+    /// Pause before the caller should try again.
     retry_after: Option<Duration>,
     cause: Option<Arc<dyn Error + Send + Sync>>,
 }
@@ -62,7 +63,7 @@ impl ApiError {
         Self { problem: Box::new(problem), retry_after: None, cause: None }
     }
 
-    /// A field that has a value which it cannot have.
+    /// A field with a value that it cannot have.
     pub(crate) fn invalid_field(field: impl Into<String>, value: impl ToString, expected: impl Into<String>) -> Self {
         let field = field.into();
         Self::new(ProblemCode::InvalidField, format!("the value of `{field}` cannot be used"))
@@ -77,7 +78,7 @@ impl ApiError {
         problem.field("body").expected(format!("at most {limit} bytes"))
     }
 
-    /// A fault of ours. The cause goes to the log only.
+    /// A failure of the coordinator. The cause goes to the log only.
     pub(crate) fn internal(cause: impl Error + Send + Sync + 'static) -> Self {
         let mut error = Self::new(ProblemCode::Internal, "the coordinator failed; its log has the cause");
         error.cause = Some(Arc::new(cause));
@@ -90,7 +91,7 @@ impl ApiError {
         self
     }
 
-    /// Whether the fault is not the caller's, so that the same call may succeed later.
+    /// Whether the caller is not to blame, so that the same call may succeed later.
     pub(crate) fn is_ours(&self) -> bool {
         self.problem.status >= 500
     }
@@ -118,7 +119,7 @@ impl ApiError {
         self
     }
 
-    /// Bytes that do not have the hash under which they come.
+    /// Bytes with another hash than the one they arrive under.
     pub(crate) fn hash_mismatch(announced: ContentHash, found: ContentHash) -> Self {
         Self::new(ProblemCode::HashMismatch, format!("the content has the hash {found}"))
             .field("hash")
@@ -367,7 +368,7 @@ fn document(mut response: Response, method: &Method, path: &str, request_id: &st
     explained
 }
 
-/// What a failure means that comes from the router or a layer, which know no problem documents.
+/// The problem of a failure that comes from the router or a layer.
 fn of_status(response: &Response, method: &Method, path: &str) -> ApiError {
     if response.extensions().get::<ProtectionError>().is_some() {
         return ApiError::new(ProblemCode::ForeignOrigin, "the request comes from a page of another site");

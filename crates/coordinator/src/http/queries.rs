@@ -1,4 +1,4 @@
-//! Queries of endpoints that have no parameters: one that is not read is refused, as a member of a body is.
+//! Queries of endpoints without parameters: one is refused, like an unknown member of a body.
 
 use axum::extract::Request;
 use axum::middleware::Next;

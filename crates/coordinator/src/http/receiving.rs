@@ -12,7 +12,8 @@ use crate::memory::MemoryBudget;
 /// Bytes of partials that are received at the same time, beside one that exceeds them.
 const RECEIVED_BYTES: u64 = 32 << 20;
 
-/// Bytes of a partial that are reserved before they arrive. Few partials are larger, and a sender that stops holds little.
+/// Bytes of a partial that are reserved before they arrive. Few partials are larger, and a sender that stops holds
+/// little.
 const RESERVED_BYTES: u64 = 1 << 20;
 
 /// Memory for partials that are received, and where pieces of partials are stored.
@@ -20,7 +21,8 @@ const RESERVED_BYTES: u64 = 1 << 20;
 pub(crate) struct ReceivingMemory {
     blobs: Blobs,
     budget: MemoryBudget,
-    /// Permit to receive the rest of a partial beyond the budget: partials that have begun to arrive could wait for each other.
+    /// Permit to receive the rest of a partial beyond the budget: partials that have begun to arrive could wait for
+    /// each other.
     beyond: Semaphore,
 }
 

@@ -1,11 +1,11 @@
-//! JSON that means the same to every reader: an object, without a name that stands there twice in any object.
+//! JSON with one meaning for every reader: an object, in which no object names a member twice.
 
 use std::collections::BTreeSet;
 use std::fmt;
 
 use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
-/// Such an object. Nothing of it is kept.
+/// Such an object, of which nothing is kept.
 pub(super) struct StrictObject;
 
 impl<'de> Deserialize<'de> for StrictObject {
@@ -28,7 +28,7 @@ impl<'de> Deserialize<'de> for StrictObject {
     }
 }
 
-/// Any JSON value without such a name.
+/// Any JSON value in which no object names a member twice.
 struct StrictValue;
 
 impl<'de> Deserialize<'de> for StrictValue {

@@ -70,7 +70,8 @@ pub(super) async fn heartbeat(
     Ok(StatusCode::NO_CONTENT)
 }
 
-/// Says that a worker ends: what it has under lease goes back to the queue, and lists leave it out. A worker that has ended stays so.
+/// Says that a worker ends: what it has under lease goes back to the queue, and lists leave it out. A worker that has
+/// ended stays so.
 #[utoipa::path(
     delete, path = "/workers/{worker}", tag = "workers", params(("worker" = WorkerId, Path)),
     responses((status = 204, description = "It has ended."))

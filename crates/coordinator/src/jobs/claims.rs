@@ -9,9 +9,9 @@ use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
 use uuid::Uuid;
 
-use super::idle_workers::IdleWorkers;
-use super::upload_linger::UploadLinger;
 use crate::clock::Clock;
+use crate::jobs::idle_workers::IdleWorkers;
+use crate::jobs::upload_linger::UploadLinger;
 use crate::model::{ClaimTerms, Grant, wire_address};
 use crate::store::{LeaseError, Store, WorkerError};
 use crate::watch::liveness::Liveness;

@@ -1,4 +1,5 @@
-//! Deadlines: leases that expire, jobs whose time limit is reached, workers that are lost, and checks that no worker is left for.
+//! Deadlines: leases that expire, jobs whose time limit is reached, workers that are lost, and checks that no worker is
+//! left for.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -16,8 +17,8 @@ use crate::watch::notifications::{Notification, Notifications};
 /// Longest time between two checks of deadlines.
 const LONGEST_TICK: Duration = Duration::from_secs(1);
 
-/// Longest gap in listening that does not count. A worker that sent a heartbeat just before and just after it was silent for less
-/// time than others wait for it.
+/// Longest gap in listening that does not count. A worker that sent a heartbeat just before and just after it was
+/// silent for less time than others wait for it.
 const LONGEST_GAP: Duration = Duration::from_secs(5);
 
 /// Expired leases that one check logs, each with its worker: a power cut ends thousands.
@@ -92,7 +93,8 @@ impl Deadlines {
         self.claims.forget_absent();
         let open = self.store.open_jobs().await?;
         if !open.is_empty() {
-            // Held work becomes overdue with time alone, and the claimants that a notification woke may have been the wrong ones.
+            // Held work becomes overdue with time alone, and the claimants that a notification woke may have been the
+            // wrong ones.
             self.notifications.wake_claimants();
         }
         if self.store.is_shared() {
@@ -129,7 +131,8 @@ impl Deadlines {
             self.notifications.publish(Notification::Job(job));
         }
         for job in expiry.unchecked {
-            tracing::error!(%job, "workers died again and again with a node that they were to check; it is not checked");
+            tracing::error!(%job, "workers died again and again with a node that they were to check; it is not \
+                                   checked");
             self.notifications.publish(Notification::Round(job));
         }
         for job in self.store.release_jobs_of_returned_workers(now_ms).await? {

@@ -1,9 +1,9 @@
 //! Idle workers: those whose last query for work found none.
 //!
-//! Each query costs the database some milliseconds, whether there is work or not. A worker that found none waits for a notification. When
-//! its request ends and it asks again, it goes on waiting. Otherwise thousands of idle workers, each back after some seconds, would leave
-//! no time to those with work. Since nobody knows which worker a job suits, an idle worker queries from time to time without a
-//! notification: the more of them there are, the less often each.
+//! Each query costs the database some milliseconds, whether there is work or not. A worker that found none waits for a
+//! notification. When its request ends and it asks again, it goes on waiting. Otherwise thousands of idle workers, each
+//! back after some seconds, would leave no time to those with work. Since nobody knows which worker a job suits, an
+//! idle worker queries from time to time without a notification: the more of them there are, the less often each.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -167,8 +167,8 @@ impl Submissions {
         Ok(self.metrics.reference(grid, hash).await.map_err(refused)?.noise())
     }
 
-    /// Checks a scene with the contents of its assets. Memory is reserved before assets are read, and again before they are decoded, when
-    /// their decoded size is known.
+    /// Checks a scene with the contents of its assets. Memory is reserved before assets are read, and again before they
+    /// are decoded, when their decoded size is known.
     async fn check_scene(
         &self,
         description: SceneDescription,

@@ -1,7 +1,8 @@
 //! Memory for submissions that are checked, and the queue for it.
 //!
-//! The memory of a submission is known before it is taken. Small submissions have memory of their own, so that they do not wait for a large
-//! one that takes seconds. The queue is short, and waits in it are short: a caller that is turned away tries again.
+//! The memory of a submission is known before it is taken. Small submissions have memory of their own, so that they do
+//! not wait for a large one that takes seconds. The queue is short, and waits in it are short: a caller that is turned
+//! away tries again.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
@@ -10,7 +11,8 @@ use tokio::sync::OwnedSemaphorePermit;
 
 use crate::memory::{MemoryBudget, permits};
 
-/// Bytes of memory for each byte of a submission while it is parsed, most of which are numbers of inline meshes, and for what it is parsed to.
+/// Bytes of memory for each byte of a submission while it is parsed, most of which are numbers of inline meshes, and
+/// for what it is parsed to.
 const PARSED_BYTES: u64 = 32;
 const DESCRIBED_BYTES: u64 = 4;
 

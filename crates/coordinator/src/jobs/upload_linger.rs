@@ -23,8 +23,8 @@ impl UploadLinger {
         self.active_leases.store(count, Ordering::Relaxed);
     }
 
-    /// How long a complete node of a long lease waits for others. A thousand workers that upload every second would take all of a
-    /// coordinator's time.
+    /// How long a complete node of a long lease waits for others. A thousand workers that upload every second would
+    /// take all of a coordinator's time.
     pub(crate) fn duration(&self) -> Duration {
         let shared = Duration::from_secs(1) * self.active_leases.load(Ordering::Relaxed) / PARTIALS_PER_SECOND;
         shared.clamp(Duration::from_secs_f64(SHORTEST_LINGER_SECONDS), LONGEST)

@@ -1,7 +1,9 @@
 //! Check selection: which nodes a second worker renders too.
 
-use clerestory_api::JobId;
+use clerestory_api::{JobId, Quarantine, WorkerId};
 use clerestory_film::NodeAddress;
+
+use crate::model::node::Removed;
 
 /// The key that selects nodes for [checks](is_selected). Only the coordinators of the farm know it.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -19,6 +21,21 @@ pub(crate) fn is_selected(key: &CheckKey, job: JobId, node: &NodeAddress, fracti
     let hash = blake3::keyed_hash(&key.0, format!("check {job} {frame} {tile} {level} {index}").as_bytes());
     let [a, b, c, d, ..] = *hash.as_bytes();
     f64::from(u32::from_le_bytes([a, b, c, d])) < fraction * (f64::from(u32::MAX) + 1.0)
+}
+
+/// The outcome of checks.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct CheckOutcome {
+    /// Whether there are checks to do.
+    pub(crate) has_work: bool,
+    /// Whether checks have ended.
+    pub(crate) has_ended: bool,
+    /// Workers whose nodes were wrong, and why.
+    pub(crate) quarantined: Vec<(WorkerId, Quarantine)>,
+    /// Jobs of which nodes are rendered again.
+    pub(crate) redone: Vec<JobId>,
+    /// What was removed from their films.
+    pub(crate) removed: Removed,
 }
 
 #[cfg(test)]

@@ -2,8 +2,8 @@
 
 use clerestory_film::PassRange;
 
-/// Cuts a range of passes into aligned runs of `2^level` passes, from left to right, each as long as alignment, the range
-/// and `largest_level` allow. Yields `(level, index)`.
+/// Cuts a range of passes into aligned runs of `2^level` passes, from left to right, each as long as alignment, the
+/// range and `largest_level` allow. Yields `(level, index)`.
 pub(crate) fn cut(range: PassRange, largest_level: u32) -> impl Iterator<Item = (u32, u32)> {
     let end = range.first + range.count;
     let mut first = range.first;

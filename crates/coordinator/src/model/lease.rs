@@ -12,7 +12,7 @@ pub(crate) const MOST_NODES: u32 = 256;
 /// What a worker asks for.
 #[derive(Clone, Debug)]
 pub(crate) struct ClaimTerms {
-    /// Who asks.
+    /// The worker.
     pub(crate) worker: WorkerId,
     /// Jobs whose scenes it has built.
     pub(crate) built: Vec<JobId>,
@@ -89,4 +89,17 @@ pub(crate) struct LeaseRecord {
     pub(crate) deadline_ms: i64,
     /// All nodes that were leased.
     pub(crate) nodes: BTreeSet<NodeAddress>,
+}
+
+/// A renewal of a lease.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Renewal {
+    /// The lease.
+    pub(crate) lease: LeaseId,
+    /// Its fencing token.
+    pub(crate) token: u64,
+    /// Now.
+    pub(crate) now_ms: i64,
+    /// The new deadline.
+    pub(crate) deadline_ms: i64,
 }

@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn work_that_was_given_out_before_is_left_to_the_next_for_longer() {
+    fn each_earlier_lease_on_the_same_work_makes_the_next_overdue_later() {
         let overdue = |samples_per_second, samples, repeats| {
             MeasuredRate { samples_per_second, target_seconds: 10.0, workers: 3 }.overdue_seconds(samples, repeats, 1.0)
         };

@@ -39,7 +39,8 @@ pub enum RunError {
     },
     /// The blobs are another farm's.
     #[error(
-        "the blobs in {place} cannot be used with the database {database}: {problem}; a blob store and a database go together"
+        "the blobs in {place} cannot be used with the database {database}: {problem}; a blob store and a database go \
+         together"
     )]
     ForeignBlobs {
         /// Where the blobs are.

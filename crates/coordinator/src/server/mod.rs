@@ -1,7 +1,7 @@
 //! Starting and stopping.
 //!
-//! The caller brings the socket and says when to stop, as in mini-redis, so that tests and the one-machine farm can choose both. Every
-//! task that is started here is awaited here.
+//! The caller brings the socket and says when to stop, as in mini-redis, so that tests and the one-machine farm can
+//! choose both. Every task that is started here is awaited here.
 
 mod coordinator;
 mod error;
@@ -22,8 +22,8 @@ use crate::config::Config;
 use crate::http;
 use crate::tasks::Ended;
 
-/// How long a coordinator that other machines reach serves on after it has reported that it is not ready: load balancers ask every few
-/// seconds.
+/// How long a coordinator that other machines reach serves on after it has reported that it is not ready: load
+/// balancers ask every few seconds.
 const DRAIN_TIME: Duration = Duration::from_secs(6);
 
 /// How long running requests, and then tasks, may take to finish when the coordinator stops.
@@ -43,7 +43,8 @@ pub async fn run(
     run_until(listener, config, Box::pin(shutdown)).await
 }
 
-/// As [`run`]. A boxed future is compiled where it is boxed: the whole coordinator once, in this crate, and not in each caller.
+/// As [`run`]. A boxed future is compiled where it is boxed: the whole coordinator once, in this crate, and not in each
+/// caller.
 fn run_until<'a>(
     listener: TcpListener,
     config: Config,

@@ -45,8 +45,8 @@ impl Storage {
         if !store.is_shared() {
             collect_alone(&store, &blobs).await?;
         }
-        // Workers have gone on rendering while no coordinator ran. They need a term to say so, unless another coordinator has
-        // received their heartbeats.
+        // Workers have gone on rendering while no coordinator ran. They need a term to say so, unless another
+        // coordinator has received their heartbeats.
         let ttl_ms = i64::try_from(config.lease_ttl.as_millis()).unwrap_or(i64::MAX);
         let now_ms = config.clock.now_ms();
         let heard_ms = if store.is_shared() { now_ms.saturating_sub(ttl_ms) } else { i64::MAX };

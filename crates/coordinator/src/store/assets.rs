@@ -101,7 +101,8 @@ impl Store {
                         None => "its reference".to_owned(),
                     };
                     let reason = format!(
-                        "{what} is lost or damaged in the blob store (content hash {hash}): when the file is uploaded again, \
+                        "{what} is lost or damaged in the blob store (content hash {hash}): when the file is \
+                         uploaded again, \
                          as `clerestory submit` of the same scene does, the job goes on"
                     );
                     let hold = JobHold { since_ms: now_ms, reason, node: None, workers: Vec::new(), asset: Some(hash) };

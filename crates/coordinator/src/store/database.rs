@@ -2,6 +2,7 @@
 
 use futures::future::BoxFuture;
 
+use crate::model::{Heartbeat, Renewal};
 use crate::store::engine::batch::Batch;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::postgres::Listener;
@@ -9,10 +10,7 @@ use crate::store::engine::schema::{self, SchemaError};
 use crate::store::engine::source::{Connection, Readers, Source};
 use crate::store::engine::sql::query;
 use crate::store::engine::writer::{Turn, Writer};
-use crate::store::leases::renewals::Renewal;
-use crate::store::leases::table::LeaseError;
-use crate::store::workers::heartbeats::Heartbeat;
-use crate::store::workers::table::WorkerError;
+use crate::store::errors::{LeaseError, WorkerError};
 
 /// A handle on the database. Cheap to clone.
 #[derive(Clone, Debug)]

@@ -17,9 +17,11 @@ use crate::store::engine::sql::query;
 use crate::store::events;
 
 /// What [`record`] reads.
-pub(in crate::store) const COLUMNS: &str = "id, name, state, stopped_by, failure, failed_node, hold, priority, scene_hash, integrator, missing_light, left_to_chance, frames, width, \
+pub(in crate::store) const COLUMNS: &str = "id, name, state, stopped_by, failure, failed_node, hold, priority, \
+                                            scene_hash, integrator, missing_light, left_to_chance, frames, width, \
      height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
-     target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
+     target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, \
+     cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
      redone_nodes, samples, core_ms, counters";
 
 /// The job of a row.
@@ -130,7 +132,8 @@ impl Store {
     pub(crate) async fn unsettled_jobs(&self) -> Result<Vec<JobId>, StoreError> {
         let unsettled = query(
             "select id from jobs where state in ('queued', 'running') \
-             or (adaptive = 1 and (select 1 from nodes where job = jobs.id and first_pass >= jobs.passes limit 1) is not null) \
+             or (adaptive = 1 and (select 1 from nodes where job = jobs.id and first_pass >= jobs.passes limit 1) is \
+             not null) \
              or exists (select 1 from waves where job = jobs.id and round = jobs.rounds)",
         );
         unsettled.fetch_all(&self.readers).await?.iter().map(|row| row.parsed("id")).collect()
@@ -192,7 +195,8 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
          target_estimated_mse, adaptive, created_ms, left_to_chance) \
-         values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, $20)",
+         values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, \
+         $20)",
     )
     .bind(job.id.to_string())
     .bind(&job.name)

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use clerestory_api::{JobId, JobState, LeaseId, NodeVerdict, StopReason};
+use clerestory_api::{JobId, JobState, NodeVerdict, StopReason};
 use clerestory_film::NodeAddress;
 use clerestory_film::counters::Counters;
 use uuid::Uuid;
@@ -13,15 +13,16 @@ use crate::store::engine::error::StoreError;
 use crate::store::engine::schema::SchemaError;
 use crate::store::engine::source::Source;
 use crate::store::engine::sql::query;
-use crate::store::leases::table::LeaseError;
-use crate::store::workers::table::WorkerError;
+use crate::store::errors::{LeaseError, WorkerError};
 
 mod adaptive;
+mod check_holders;
 mod checks;
 mod claims;
 mod comes_back;
 mod deaths;
 pub(crate) mod farm;
+mod leases;
 mod lookups;
 mod migrations;
 mod model;
@@ -39,38 +40,41 @@ use adaptive::{
     nodes_beyond_the_share_of_a_round_go_when_a_target_ends_the_job,
     passes_beyond_those_that_all_get_wait_until_they_are_shared_out,
 };
+use check_holders::{
+    a_check_that_two_have_goes_on_without_either, checks_of_a_worker_that_is_gone_go_to_another,
+    the_holder_of_a_check_keeps_it_when_another_worker_takes_it_over,
+    the_second_of_two_holders_of_a_check_decides_a_dispute,
+    two_workers_that_do_not_bring_a_check_keep_it_from_no_other,
+    workers_of_one_name_take_checks_over_from_each_other_and_answer_once,
+};
 use checks::{
-    a_check_ends_though_no_node_would_be_chosen_now, a_check_that_nobody_can_do_does_not_hold_up_the_round,
-    a_check_that_one_machine_fails_waits_for_another, a_check_that_two_have_goes_on_without_either,
-    a_job_keeps_to_the_bits_that_it_was_begun_with, a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
-    a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others,
-    a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again, a_worker_of_the_same_name_is_nobody_to_check,
-    a_worker_that_computes_other_bits_is_nobody_to_check,
-    a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again,
-    an_answered_check_ends_a_row_of_failures, checks_of_a_worker_that_is_gone_go_to_another,
+    a_check_ends_though_no_node_would_be_chosen_now, a_check_that_no_worker_can_do_does_not_delay_the_round,
+    a_check_that_one_machine_fails_waits_for_another, a_job_stays_pinned_to_its_first_fingerprint,
+    a_job_that_is_pinned_to_a_wrong_machine_alone_restarts_with_another,
+    a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again,
+    a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again, a_worker_of_the_same_name_cannot_check,
+    a_worker_whose_vote_differs_from_two_others_is_found_and_its_nodes_are_rendered_again,
+    a_worker_with_another_fingerprint_cannot_check, an_answered_check_ends_a_row_of_failures,
     no_check_waits_for_a_machine_that_fails_again_and_again, points_that_were_measured_with_wrong_nodes_are_taken_back,
-    the_second_of_two_who_have_a_check_decides_a_dispute, two_who_agree_end_a_check,
-    two_who_do_not_bring_a_check_keep_it_from_nobody, whoever_brings_a_node_second_has_checked_it,
-    whoever_has_a_check_keeps_it_when_another_takes_it_over, whoever_has_brought_a_node_is_not_waited_for_to_check_it,
-    workers_of_one_name_are_one_machine, workers_of_one_name_take_checks_over_from_each_other_and_answer_once,
+    the_second_upload_of_a_node_is_its_check, the_worker_that_rendered_a_node_is_not_waited_for_to_check_it,
+    two_equal_votes_end_a_check, workers_of_one_name_are_one_machine,
 };
 use claims::{
-    a_job_of_which_nothing_has_come_is_open_to_other_bits,
-    a_node_that_fails_on_ten_machines_fails_the_job_whoever_is_there,
+    a_job_without_nodes_is_unpinned, a_node_that_fails_on_ten_machines_fails_the_job_in_any_case,
     a_node_that_fails_on_three_machines_fails_the_job_and_names_them,
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason,
     a_worker_goes_on_with_scenes_that_it_has_unless_nobody_renders_an_older_job,
-    a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time, an_unknown_worker_gets_no_work_and_is_told,
+    a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time,
+    a_worker_with_another_fingerprint_could_try_a_job_without_nodes, an_unknown_worker_gets_no_work_but_an_error,
     concurrent_claimants_never_get_the_same_node, failures_count_where_nobody_else_could_try,
     jobs_are_served_by_priority_and_then_by_age,
     leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same,
     leases_that_nobody_could_renew_hold_and_fail_no_job, machines_that_fail_in_turn_fail_the_job,
     nodes_that_were_cut_before_are_cut_again_for_a_slower_worker,
+    nodes_that_were_taken_over_are_not_accepted_after_the_job_was_unpinned,
     one_machine_alone_fails_no_job_that_another_could_render,
     returned_work_is_free_at_once_and_returning_twice_is_harmless, the_speed_of_a_worker_is_that_of_its_last_work,
     times_of_short_nodes_add_up_and_give_a_speed,
-    what_was_taken_over_is_not_accepted_when_the_job_is_open_to_other_bits,
-    who_has_other_bits_could_try_a_job_of_which_nothing_has_come,
 };
 use deaths::{
     a_check_that_workers_die_with_again_and_again_is_given_up, a_job_that_kills_the_only_worker_five_times_is_held,
@@ -81,15 +85,21 @@ use deaths::{
     jobs_whose_content_is_lost_are_held_until_it_is_here,
 };
 use farm::{Farm, TTL_MS, blob_range, delivered, merge};
+use leases::{
+    a_lease_is_dead_at_its_deadline_even_before_the_sweep, a_renewed_lease_lives_on, a_wrong_token_opens_nothing,
+    an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing,
+    more_renewals_than_are_written_together_are_all_answered, renewals_that_come_together_are_answered_one_by_one,
+};
 use refused::a_database_of_another_program_is_refused_and_left_as_it_is;
 use stragglers::{
     a_node_is_not_leased_again_without_end, a_single_node_is_taken_over_by_its_passes,
-    nodes_wait_for_others_no_longer_than_their_lease_should_take, stragglers_do_not_hold_up_the_end,
+    held_nodes_are_taken_over_and_the_first_result_wins,
+    late_nodes_are_taken_over_beside_an_older_lease_that_may_keep_its_own,
+    nodes_wait_for_others_no_longer_than_their_lease_should_take,
+    overdue_nodes_of_an_urgent_job_come_before_free_work_of_others,
+    overdue_nodes_of_the_next_round_are_taken_over_while_there_is_work_of_later_ones, stragglers_do_not_delay_the_end,
     stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_for_long,
-    what_a_worker_may_still_keep_is_not_taken_over, what_a_worker_sits_on_is_taken_over_and_the_first_result_wins,
-    what_comes_late_is_taken_over_beside_an_older_lease_that_may_keep_its_nodes,
-    what_is_overdue_of_an_urgent_job_comes_before_free_work_of_others,
-    what_the_next_round_waits_for_is_taken_over_while_there_is_work_of_later_ones,
+    what_a_worker_may_still_keep_is_not_taken_over,
 };
 use targets::{
     a_round_that_reaches_a_target_ends_the_job_and_what_lies_beyond_it_goes,
@@ -103,123 +113,16 @@ use workers::{
     workers_that_nothing_refers_to_are_forgotten_and_quarantined_ones_stay,
 };
 use writes::{
-    a_claim_of_a_worker_that_goes_away_during_another_write_takes_nothing,
-    a_claim_of_a_worker_that_has_gone_away_takes_nothing, a_failed_write_takes_nothing_else_with_it,
-    a_lease_lasts_from_when_it_is_granted, a_transaction_ends_with_one_patient_write,
-    an_error_in_a_transaction_that_fails_is_not_told, claims_take_turns_with_other_writes,
-    what_else_was_asked_is_written_though_whoever_asked_has_gone_away,
-    what_keeps_workers_and_films_is_written_before_all_that_waits, what_waits_is_written_before_the_store_is_closed,
+    a_failed_write_takes_nothing_else_with_it, a_lease_lasts_from_when_it_is_granted,
+    a_transaction_ends_with_one_patient_write, claims_take_turns_with_other_writes,
+    heartbeats_renewals_and_film_leases_are_written_before_waiting_writes,
+    other_writes_are_carried_out_after_their_caller_has_disconnected, the_claim_of_a_disconnected_worker_takes_nothing,
+    the_claim_of_a_worker_that_disconnects_during_another_write_takes_nothing,
+    the_error_of_a_write_is_not_reported_when_its_transaction_fails,
+    waiting_writes_are_carried_out_before_the_store_closes,
 };
 
-async fn an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing(farm: Farm) {
-    let job = farm.job(1).await;
-    let (first, second) = (farm.worker().await, farm.worker().await);
-    let lost = farm.claim(first, 3, 0).await.unwrap();
-    assert_eq!(farm.expire(TTL_MS - 1).await, 0);
-    assert_eq!(farm.expire(TTL_MS).await, 1);
-    let again = farm.claim(second, 3, TTL_MS).await.unwrap();
-    assert_eq!(again.nodes, lost.nodes);
-    assert!(again.lease.token > lost.lease.token);
-    let late = farm.deliver(&lost, &lost.nodes, TTL_MS).await;
-    assert!(matches!(late, Err(LeaseError::Expired)), "{late:?}");
-    assert!(farm.addresses(job).await.is_empty());
-    let good = farm.deliver(&again, &again.nodes, TTL_MS).await.unwrap();
-    assert_eq!(good.verdicts, [NodeVerdict::Accepted; 3]);
-}
-
-async fn a_lease_is_dead_at_its_deadline_even_before_the_sweep(farm: Farm) {
-    let job = farm.job(1).await;
-    let worker = farm.worker().await;
-    let grant = farm.claim(worker, 1, 0).await.unwrap();
-    let late = farm.deliver(&grant, &grant.nodes, TTL_MS).await;
-    assert!(matches!(late, Err(LeaseError::Expired)), "{late:?}");
-    assert!(farm.addresses(job).await.is_empty());
-}
-
-async fn a_renewed_lease_lives_on(farm: Farm) {
-    farm.job(1).await;
-    let worker = farm.worker().await;
-    let grant = farm.claim(worker, 1, 0).await.unwrap();
-    farm.store.renew(grant.lease.id, grant.lease.token, 900, 900 + TTL_MS).await.unwrap();
-    assert_eq!(farm.expire(TTL_MS).await, 0);
-    assert!(farm.deliver(&grant, &grant.nodes, 1500).await.is_ok());
-}
-
-async fn renewals_that_come_together_are_answered_one_by_one(farm: Farm) {
-    farm.job(4).await;
-    let (one, other) = (farm.worker().await, farm.worker().await);
-    let active = farm.claim(one, 2, 0).await.unwrap();
-    let complete = farm.claim(one, 1, 0).await.unwrap();
-    farm.deliver(&complete, &complete.nodes, 0).await.unwrap();
-    let returned = farm.claim(other, 1, 0).await.unwrap();
-    farm.store.return_lease(returned.lease.id, returned.lease.token, 0).await.unwrap();
-    let expired = farm.claim(other, 1, 0).await.unwrap();
-    let late = farm.claim(other, 1, 500).await.unwrap();
-    let store = &farm.store;
-    let renew = |grant: &Grant, more: u64, now_ms| {
-        let (lease, token) = (grant.lease.id, grant.lease.token + more);
-        async move { store.renew(lease, token, now_ms, now_ms + TTL_MS).await }
-    };
-    let unknown = store.renew(LeaseId::from(Uuid::nil()), 1, 0, TTL_MS);
-    let (now_ms, later) = (TTL_MS - 1, TTL_MS + 1);
-    let outcomes = futures::join!(
-        renew(&active, 0, now_ms),
-        renew(&active, 1, now_ms),
-        renew(&active, u64::MAX / 2, now_ms),
-        renew(&complete, 0, now_ms),
-        renew(&returned, 0, now_ms),
-        renew(&expired, 0, later),
-        renew(&late, 0, later),
-        unknown,
-    );
-    assert!(matches!(outcomes.0, Ok(2)), "{outcomes:?}");
-    assert!(matches!(outcomes.1, Err(LeaseError::StaleToken(_))), "{outcomes:?}");
-    assert!(matches!(outcomes.2, Err(LeaseError::StaleToken(_))), "{outcomes:?}");
-    assert!(matches!(outcomes.3, Ok(0)), "{outcomes:?}");
-    assert!(matches!(outcomes.4, Err(LeaseError::Returned)), "{outcomes:?}");
-    assert!(matches!(outcomes.5, Err(LeaseError::Expired)), "{outcomes:?}");
-    assert!(matches!(outcomes.6, Ok(1)), "{outcomes:?}");
-    assert!(matches!(outcomes.7, Err(LeaseError::Unknown(_))), "{outcomes:?}");
-    // They were written together: with the latest deadline, and the latest time at which a worker was heard.
-    for renewed in [&active, &late] {
-        assert_eq!(farm.store.lease(renewed.lease.id).await.unwrap().deadline_ms, later + TTL_MS);
-    }
-    let views = farm.store.workers(0, 0).await.unwrap();
-    assert_eq!(views.iter().map(|view| view.seen_ms).collect::<Vec<_>>(), [later; 2]);
-    assert_eq!(farm.expire(later + TTL_MS - 1).await, 1);
-    assert!(farm.deliver(&active, &active.nodes, later + TTL_MS - 1).await.is_ok());
-}
-
-async fn more_renewals_than_are_written_together_are_all_answered(farm: Farm) {
-    farm.job(4).await;
-    let worker = farm.worker().await;
-    let grant = farm.claim(worker, 2, 0).await.unwrap();
-    let (lease, token) = (grant.lease.id, grant.lease.token);
-    let renewals = (0..600).map(|number| {
-        let renewal = farm.store.renew(lease, token + number % 3, 500, 500 + TTL_MS);
-        async move { (number, renewal.await) }
-    });
-    for (number, outcome) in futures::future::join_all(renewals).await {
-        match number % 3 {
-            0 => assert_eq!(outcome.unwrap(), 2),
-            _ => assert!(matches!(outcome, Err(LeaseError::StaleToken(stale)) if stale == token + number % 3)),
-        }
-    }
-    assert!(farm.store.renew(lease, token, 501, 501 + TTL_MS).await.is_ok(), "the next is the first again");
-}
-
-async fn a_wrong_token_opens_nothing(farm: Farm) {
-    let job = farm.job(1).await;
-    let worker = farm.worker().await;
-    let mut grant = farm.claim(worker, 1, 0).await.unwrap();
-    grant.lease.token += 1;
-    assert!(matches!(farm.deliver(&grant, &grant.nodes, 0).await, Err(LeaseError::StaleToken(_))));
-    let renewed = farm.store.renew(grant.lease.id, grant.lease.token, 0, 10).await;
-    assert!(matches!(renewed, Err(LeaseError::StaleToken(_))));
-    assert!(farm.addresses(job).await.is_empty());
-}
-
-async fn a_repeated_upload_is_told_that_all_is_there(farm: Farm) {
+async fn a_repeated_upload_is_answered_with_duplicates(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
     let grant = farm.claim(worker, 2, 0).await.unwrap();
@@ -432,7 +335,7 @@ async fn a_lost_connection_fails_what_was_under_way_and_nothing_after_it(farm: F
     assert_eq!(farm.state(job).await, JobState::Running);
 }
 
-async fn a_film_is_kept_by_one_coordinator_until_its_term_is_over(farm: Farm) {
+async fn a_film_lease_belongs_to_one_coordinator_until_its_term_ends(farm: Farm) {
     let job = farm.job(1).await;
     let [one, other] = [(); 2].map(|()| Uuid::now_v7());
     let keep = |coordinator, now_ms| farm.store.acquire_film_lease(job, coordinator, now_ms, now_ms + 100);
@@ -487,7 +390,8 @@ pub(crate) async fn alter_database(address: &str, change: &str) {
 async fn a_dollar_in_a_text_is_no_parameter(farm: Farm) {
     let select = || {
         query(
-            "select '$1 and $2' as words, cast($2 as text) as second, cast($1 as text) as first, cast($2 as text) as again",
+            "select '$1 and $2' as words, cast($2 as text) as second, cast($1 as text) as first, cast($2 as text) as \
+             again",
         )
     };
     let row = select().bind("one").bind("two").fetch_one(&farm.store.readers).await.unwrap();
@@ -523,7 +427,7 @@ macro_rules! on_both {
 on_both! {
     a_dollar_in_a_text_is_no_parameter
     a_database_of_another_program_is_refused_and_left_as_it_is
-    a_film_is_kept_by_one_coordinator_until_its_term_is_over
+    a_film_lease_belongs_to_one_coordinator_until_its_term_ends
     concurrent_claimants_never_get_the_same_node
     leases_that_ended_long_ago_go_and_the_next_token_is_larger_all_the_same
     jobs_are_served_by_priority_and_then_by_age
@@ -534,50 +438,50 @@ on_both! {
     renewals_that_come_together_are_answered_one_by_one
     more_renewals_than_are_written_together_are_all_answered
     a_wrong_token_opens_nothing
-    a_repeated_upload_is_told_that_all_is_there
+    a_repeated_upload_is_answered_with_duplicates
     a_node_outside_the_lease_is_refused_and_one_under_an_accepted_ancestor_is_a_duplicate
     a_parent_replaces_two_children_or_nothing
     a_blob_is_needed_until_the_last_of_its_nodes_has_been_replaced
-    what_a_worker_sits_on_is_taken_over_and_the_first_result_wins
+    held_nodes_are_taken_over_and_the_first_result_wins
     a_node_is_not_leased_again_without_end
     a_single_node_is_taken_over_by_its_passes
-    what_is_overdue_of_an_urgent_job_comes_before_free_work_of_others
-    what_the_next_round_waits_for_is_taken_over_while_there_is_work_of_later_ones
+    overdue_nodes_of_an_urgent_job_come_before_free_work_of_others
+    overdue_nodes_of_the_next_round_are_taken_over_while_there_is_work_of_later_ones
     a_worker_whose_speed_is_not_known_gets_a_pass_at_a_time
     nodes_that_were_cut_before_are_cut_again_for_a_slower_worker
     times_of_short_nodes_add_up_and_give_a_speed
     the_speed_of_a_worker_is_that_of_its_last_work
-    two_who_agree_end_a_check
-    a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again
+    two_equal_votes_end_a_check
+    a_worker_whose_vote_differs_from_two_others_is_found_and_its_nodes_are_rendered_again
     points_that_were_measured_with_wrong_nodes_are_taken_back
-    a_check_that_nobody_can_do_does_not_hold_up_the_round
+    a_check_that_no_worker_can_do_does_not_delay_the_round
     no_check_waits_for_a_machine_that_fails_again_and_again
     a_check_that_one_machine_fails_waits_for_another
     an_answered_check_ends_a_row_of_failures
-    a_worker_that_computes_other_bits_is_nobody_to_check
+    a_worker_with_another_fingerprint_cannot_check
     workers_of_one_name_are_one_machine
-    a_worker_of_the_same_name_is_nobody_to_check
+    a_worker_of_the_same_name_cannot_check
     a_check_ends_though_no_node_would_be_chosen_now
-    a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others
-    whoever_has_a_check_keeps_it_when_another_takes_it_over
+    a_job_that_is_pinned_to_a_wrong_machine_alone_restarts_with_another
+    the_holder_of_a_check_keeps_it_when_another_worker_takes_it_over
     a_check_that_two_have_goes_on_without_either
-    two_who_do_not_bring_a_check_keep_it_from_nobody
-    the_second_of_two_who_have_a_check_decides_a_dispute
+    two_workers_that_do_not_bring_a_check_keep_it_from_no_other
+    the_second_of_two_holders_of_a_check_decides_a_dispute
     workers_of_one_name_take_checks_over_from_each_other_and_answer_once
-    whoever_has_brought_a_node_is_not_waited_for_to_check_it
-    whoever_brings_a_node_second_has_checked_it
+    the_worker_that_rendered_a_node_is_not_waited_for_to_check_it
+    the_second_upload_of_a_node_is_its_check
     checks_of_a_worker_that_is_gone_go_to_another
-    a_job_keeps_to_the_bits_that_it_was_begun_with
-    stragglers_do_not_hold_up_the_end
+    a_job_stays_pinned_to_its_first_fingerprint
+    stragglers_do_not_delay_the_end
     stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_for_long
     what_a_worker_may_still_keep_is_not_taken_over
-    what_comes_late_is_taken_over_beside_an_older_lease_that_may_keep_its_nodes
+    late_nodes_are_taken_over_beside_an_older_lease_that_may_keep_its_own
     nodes_wait_for_others_no_longer_than_their_lease_should_take
     returned_work_is_free_at_once_and_returning_twice_is_harmless
     a_cancelled_job_accepts_nothing_more_and_keeps_what_it_has
     a_node_that_nobody_can_bring_fails_its_job_with_the_reason
     a_node_that_fails_on_three_machines_fails_the_job_and_names_them
-    a_node_that_fails_on_ten_machines_fails_the_job_whoever_is_there
+    a_node_that_fails_on_ten_machines_fails_the_job_in_any_case
     one_machine_alone_fails_no_job_that_another_could_render
     machines_that_fail_in_turn_fail_the_job
     failures_count_where_nobody_else_could_try
@@ -612,20 +516,20 @@ on_both! {
     a_pilot_that_was_not_thrown_away_goes_when_the_job_has_ended
     a_pilot_that_a_wrong_worker_has_rendered_is_rendered_again
     a_job_whose_passes_a_wrong_pilot_has_shared_out_begins_again
-    an_unknown_worker_gets_no_work_and_is_told
-    a_job_of_which_nothing_has_come_is_open_to_other_bits
-    what_was_taken_over_is_not_accepted_when_the_job_is_open_to_other_bits
-    who_has_other_bits_could_try_a_job_of_which_nothing_has_come
+    an_unknown_worker_gets_no_work_but_an_error
+    a_job_without_nodes_is_unpinned
+    nodes_that_were_taken_over_are_not_accepted_after_the_job_was_unpinned
+    a_worker_with_another_fingerprint_could_try_a_job_without_nodes
     a_failed_write_takes_nothing_else_with_it
-    an_error_in_a_transaction_that_fails_is_not_told
+    the_error_of_a_write_is_not_reported_when_its_transaction_fails
     a_transaction_ends_with_one_patient_write
     claims_take_turns_with_other_writes
-    what_keeps_workers_and_films_is_written_before_all_that_waits
+    heartbeats_renewals_and_film_leases_are_written_before_waiting_writes
     a_lease_lasts_from_when_it_is_granted
-    what_else_was_asked_is_written_though_whoever_asked_has_gone_away
-    a_claim_of_a_worker_that_has_gone_away_takes_nothing
-    a_claim_of_a_worker_that_goes_away_during_another_write_takes_nothing
-    what_waits_is_written_before_the_store_is_closed
+    other_writes_are_carried_out_after_their_caller_has_disconnected
+    the_claim_of_a_disconnected_worker_takes_nothing
+    the_claim_of_a_worker_that_disconnects_during_another_write_takes_nothing
+    waiting_writes_are_carried_out_before_the_store_closes
     missed_events_are_the_newest_of_the_job_that_is_asked_for
     a_farm_keeps_its_identity
     a_database_of_a_newer_build_is_refused_with_both_versions

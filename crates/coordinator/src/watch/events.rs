@@ -1,8 +1,8 @@
 //! Event streams: stored events in their order, and the progress of jobs and workers between them.
 //!
 //! One task sends everything, so that stored events go out in the order of their numbers and none is skipped, whichever
-//! transaction committed first. Stored events go out within milliseconds, because clients wait for the end of a job. Progress is
-//! batched: however many nodes arrive, a job is sent a few times a second at most, and workers once.
+//! transaction committed first. Stored events go out within milliseconds, because clients wait for the end of a job.
+//! Progress is batched: however many nodes arrive, a job is sent a few times a second at most, and workers once.
 
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -18,8 +18,8 @@ use super::views::Views;
 use crate::model::{StoredEvent, StoredKind};
 use crate::store::{Store, StoreError};
 
-/// Events by which a slow listener may fall behind before it gets a snapshot instead. It exceeds the number of workers, since
-/// those go out together.
+/// Events by which a slow listener may fall behind before it gets a snapshot instead. It exceeds the number of workers,
+/// since those go out together.
 const BACKLOG: usize = 8192;
 
 /// Stored events in one read, and the most that a reconnecting listener gets one by one.
@@ -161,7 +161,8 @@ impl EventFeed {
         }
     }
 
-    /// Sends the stored events that have not been sent, and those other pending changes that are due. The rest stays pending.
+    /// Sends the stored events that have not been sent, and those other pending changes that are due. The rest stays
+    /// pending.
     async fn send_pending(&self, sent: &mut Sent, pending: &mut Changed) -> Result<(), StoreError> {
         let now = Instant::now();
         loop {
@@ -226,8 +227,8 @@ impl EventFeed {
         }
     }
 
-    /// The stream of one listener: the events that it missed since `last_id`, a snapshot, and then every event, of one job or
-    /// of all. The stream ends when the coordinator stops.
+    /// The stream of one listener: the events that it missed since `last_id`, a snapshot, and then every event, of one
+    /// job or of all. The stream ends when the coordinator stops.
     pub(crate) async fn listen(
         self: Arc<Self>,
         job: Option<JobId>,
@@ -369,7 +370,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn what_could_not_be_read_is_sent_later() {
+    async fn an_event_that_could_not_be_read_is_sent_later() {
         let directory = tempfile::tempdir().unwrap();
         let feed = feed(directory.path()).await;
         let mut events = pin!(Arc::clone(&feed).listen(None, None).await.unwrap());

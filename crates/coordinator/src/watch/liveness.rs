@@ -28,8 +28,8 @@ impl Liveness {
         self.clock.now_ms().saturating_sub(milliseconds(self.lease_ttl))
     }
 
-    /// Last heartbeat of a worker that nobody waits for, milliseconds since 1970. While this coordinator has listened for less
-    /// than [`LONGEST_SILENCE`], every worker is waited for.
+    /// Last heartbeat of a worker that nobody waits for, milliseconds since 1970. While this coordinator has listened
+    /// for less than [`LONGEST_SILENCE`], every worker is waited for.
     pub(crate) fn alive_ms(&self) -> i64 {
         if self.listening_time() < LONGEST_SILENCE {
             return i64::MIN;

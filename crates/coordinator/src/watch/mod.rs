@@ -1,5 +1,5 @@
-//! What is seen of the farm while it works: views, event streams, notifications between tasks and coordinators, liveness and
-//! readiness.
+//! What is seen of the farm while it works: views, event streams, notifications between tasks and coordinators,
+//! liveness and readiness.
 
 pub(crate) mod events;
 pub(crate) mod liveness;

@@ -1,8 +1,9 @@
-//! Notifications: what changed, for the tasks and requests of this coordinator and for the other coordinators of the farm.
+//! Notifications: what changed, for the tasks and requests of this coordinator and for the other coordinators of the
+//! farm.
 //!
-//! A part that changes something publishes a notification. It wakes whoever waits in this process at once, and [peers](super::peers)
-//! send it to the other coordinators. Nothing depends on its arrival: the database holds every change, and each coordinator
-//! reads it once a second as well.
+//! A part that changes something publishes a notification. It wakes whoever waits in this process at once, and
+//! [peers](super::peers) send it to the other coordinators. Nothing depends on its arrival: the database holds every
+//! change, and each coordinator reads it once a second as well.
 
 use std::sync::Arc;
 

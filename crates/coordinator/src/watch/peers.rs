@@ -173,7 +173,8 @@ mod tests {
         let (other, receiving, _subscriptions) = peers().await;
         tokio::spawn(one.send(subscriptions.peers));
         tokio::spawn(other.receive());
-        // It wakes claimants itself when it begins to listen, and never again: nothing here reads the database once a second.
+        // It wakes claimants itself when it begins to listen, and never again: nothing here reads the database once a
+        // second.
         receiving.work().await;
         while tokio::time::timeout(Duration::from_millis(300), receiving.work()).await.is_ok() {}
         for notification in [Notification::Work, Notification::Job(JobId::from(Uuid::now_v7()))] {

@@ -11,7 +11,7 @@ const WINDOW_MS: i64 = 60_000;
 /// Shortest time over which a rate means anything.
 const SHORTEST_MS: i64 = 500;
 
-/// Accepted samples by job and time. A cache: after a restart it fills again.
+/// Accepted samples by job and time. A cache, empty after a restart.
 #[derive(Debug)]
 pub(crate) struct Rates {
     since_ms: i64,
@@ -37,7 +37,7 @@ impl Rates {
         self.jobs().remove(&job);
     }
 
-    /// Samples a second, lately, of a job that was started at `started_ms`; `None` while there is nothing to measure.
+    /// Samples a second of a job that started at `started_ms`. `None` while there is nothing to measure.
     pub(crate) fn rate(&self, job: JobId, started_ms: i64, now_ms: i64) -> Option<f64> {
         let mut jobs = self.jobs();
         let entries = jobs.get_mut(&job)?;

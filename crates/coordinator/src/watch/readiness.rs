@@ -1,8 +1,8 @@
 //! Whether a coordinator is ready (`/readyz`): whether what a caller brings could be stored now.
 //!
-//! A check writes a row to the database and a small blob to the blob store, and looks for room on the disk of the data directory.
-//! An outcome holds for some seconds, so that probes cost little. A coordinator that is about to stop is not ready. It goes on
-//! serving until a load balancer has seen that.
+//! A check writes a row to the database and a small blob to the blob store, and looks for room on the disk of the data
+//! directory. An outcome holds for some seconds, so that probes cost little. A coordinator that is about to stop is not
+//! ready. It goes on serving until a load balancer has seen that.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -81,8 +81,8 @@ impl Readiness {
         }
     }
 
-    /// Reports from now on that the coordinator is not ready. Answers whether a probe asks again and again: it has to be served
-    /// until it has seen this.
+    /// Reports from now on that the coordinator is not ready. Answers whether a probe asks again and again: it has to
+    /// be served until it has seen this.
     pub(crate) fn withdraw(&self) -> bool {
         self.is_withdrawn.store(true, Ordering::SeqCst);
         let asked = *self.asked.lock().unwrap_or_else(PoisonError::into_inner);

@@ -5,11 +5,11 @@ use std::sync::Arc;
 use clerestory_api::{ConvergencePoint, JobState, JobView, WorkerId, WorkerView};
 use clerestory_film::counters::Counters;
 
-use super::liveness::Liveness;
-use super::rates::Rates;
 use crate::clock::Clock;
 use crate::model::{JobRecord, round_error};
 use crate::store::{Store, StoreError, WorkerError};
+use crate::watch::liveness::Liveness;
+use crate::watch::rates::Rates;
 
 /// How long event streams show workers that have ended.
 const ENDING_SHOWN_MS: i64 = 60 * 1000;
@@ -127,7 +127,8 @@ fn first_pass_samples(job: &JobRecord) -> u64 {
     job.pass_samples()
 }
 
-/// Camera samples after which a job is expected to end: all, or fewer if the error of its last round promises a target before.
+/// Camera samples after which a job is expected to end: all, or fewer if the error of its last round promises a target
+/// before.
 fn expected_samples(job: &JobRecord, latest: Option<&ConvergencePoint>) -> u64 {
     let by_targets = latest.and_then(|point| job.targets.expected_samples(job.samples_per_block, &round_error(point)));
     let in_a_pixel = u64::from(job.passes) * u64::from(job.samples_per_pass);
@@ -140,7 +141,8 @@ fn limit_ms(job: &JobRecord) -> Option<i64> {
     job.time_limit_ms.filter(|_| job.reopened_ms.is_none())
 }
 
-/// The progress of a job, 0 to 1. A time limit may end it long before its last sample, but not before its first pass is complete.
+/// The progress of a job, 0 to 1. A time limit may end it long before its last sample, but not before its first pass is
+/// complete.
 fn progress(job: &JobRecord, expected_samples: u64, now_ms: i64) -> f64 {
     if job.state == JobState::Done {
         return 1.0;

@@ -72,8 +72,8 @@ fn adaptive(passes: u32) -> JobSubmission {
     JobSubmission { adaptive: true, ..submission(passes) }
 }
 
-/// Brings what there is to render until the job has ended, newest nodes first; with a coordinator that is stopped after each upload,
-/// before it has looked at any round, or not.
+/// Brings what there is to render until the job has ended, newest nodes first; with a coordinator that is stopped after
+/// each upload, before it has looked at any round, or not.
 async fn work_off(mut farm: TestFarm, job: JobId, is_restarted: bool) -> TestFarm {
     let worker = farm.worker().await.id;
     while !farm.client.job(job).await.unwrap().state.is_final() {

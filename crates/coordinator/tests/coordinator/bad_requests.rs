@@ -380,7 +380,7 @@ async fn a_connection_lives_on_when_the_answer_comes_before_the_body() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn who_sends_far_too_much_is_told_so_whenever_it_listens() {
+async fn a_client_that_sends_far_too_much_gets_the_answer_whenever_it_reads() {
     let farm = TestFarm::start().await;
     let mut connection = TcpStream::connect(farm.address.trim_start_matches("http://")).await.unwrap();
     let head = "POST /api/v1/jobs HTTP/1.1\r\ncontent-type: application/json";
@@ -390,7 +390,7 @@ async fn who_sends_far_too_much_is_told_so_whenever_it_listens() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn uploads_that_stop_keep_nobody_waiting_and_are_told() {
+async fn uploads_that_stop_get_an_error_and_delay_no_other() {
     let farm = TestFarm::start_with(|config| config.lease_nodes = Some(200)).await;
     let job = farm.submit(1).await;
     let worker = farm.worker().await;

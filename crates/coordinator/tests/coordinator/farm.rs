@@ -70,7 +70,8 @@ async fn merged_children_are_removed() {
     farm.finished(job.id).await;
     // The merge of the last round may still run: a stopped coordinator has finished it.
     let farm = farm.restarted().await;
-    // 21 passes are the nodes 16 + 4 + 1 in each tile. The first were merged, and stored together; the last two came one by one.
+    // 21 passes are the nodes 16 + 4 + 1 in each tile. The first were merged, and stored together; the last two came
+    // one by one.
     assert_eq!(farm.node_blobs(), 1 + 2 * grid().len() as usize);
     assert!(bits(&farm.image(job.id).await) == expected_bits(21));
 }
@@ -265,7 +266,7 @@ async fn a_worker_that_waits_gets_work_as_soon_as_there_is_some() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn all_who_wait_get_work_as_soon_as_there_is_enough() {
+async fn all_waiting_workers_get_work_as_soon_as_there_is_enough() {
     // Of the six tiles each gets one.
     let farm = TestFarm::start_with(|config| config.lease_nodes = Some(1)).await;
     let mut waiting = tokio::task::JoinSet::new();

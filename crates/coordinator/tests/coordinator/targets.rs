@@ -26,8 +26,8 @@ async fn rounds_of(farm: &TestFarm, submission: &JobSubmission) -> Vec<Convergen
     farm.client.convergence(job.id).await.unwrap().points
 }
 
-/// Submits, brings everything there is to render, newest passes first, and expects the end at a pass for a reason; then the
-/// same of a coordinator that is stopped before it has looked at any round.
+/// Submits, brings everything there is to render, newest passes first, and expects the end at a pass for a reason; then
+/// the same of a coordinator that is stopped before it has looked at any round.
 async fn ends_at(mut farm: TestFarm, submission: JobSubmission, passes: u32, reason: StopReason) {
     for is_restarted in [false, true] {
         let job = farm.client.submit_job(&submission).await.unwrap();

@@ -77,7 +77,7 @@ async fn damaged_partials_of_one_machine_fail_no_job_and_those_of_three_say_whos
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_worker_that_ends_leaves_the_list_and_those_who_watch_are_told() {
+async fn a_worker_that_ends_leaves_the_list_with_an_event() {
     let farm = TestFarm::start_with(|config| config.lease_nodes = Some(200)).await;
     farm.submit(1).await;
     let (ending, other) = (farm.worker_named("ending").await, farm.worker_named("other").await);

@@ -1,7 +1,7 @@
 //! Film leases: of several coordinators, one at a time finalizes the rounds of a job.
 //!
-//! A lease is a row of the database that ends by itself. While a coordinator works on a film, a task renews its lease. When renewing fails
-//! for so long that another coordinator may take over, the work is dropped.
+//! A lease is a row of the database that ends by itself. While a coordinator works on a film, a task renews its lease.
+//! When renewing fails for so long that another coordinator may take over, the work is dropped.
 
 use std::time::Duration;
 

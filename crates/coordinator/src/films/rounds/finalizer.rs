@@ -1,9 +1,10 @@
 //! The round finalizer: records rounds as they become complete, and merges the nodes that they leave behind.
 //!
 //! It works off the path of requests: a worker that uploads a node waits for its acceptance only. One task at a time
-//! [visits](super::visits) a job, so that no job waits for another's large frame. Work that needs much memory runs in turn.
-//! When a round has been recorded, the nodes that only it needed apart are [merged](super::merging). Of several coordinators, one at a
-//! time works on the film of a job, under a [lease](super::film_lease). When that coordinator dies, another takes over.
+//! [visits](super::visits) a job, so that no job waits for another's large frame. Work that needs much memory runs in
+//! turn. When a round has been recorded, the nodes that only it needed apart are [merged](super::merging). Of several
+//! coordinators, one at a time works on the film of a job, under a [lease](super::film_lease). When that coordinator
+//! dies, another takes over.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -138,8 +139,8 @@ impl RoundFinalizer {
         }
     }
 
-    /// Until when the film of a job is leased to this coordinator. A film that another coordinator holds is visited again when that
-    /// lease ends.
+    /// Until when the film of a job is leased to this coordinator. A film that another coordinator holds is visited
+    /// again when that lease ends.
     async fn acquire_lease(&self, job: JobId, state: &mut FilmState) -> Result<Option<i64>, StoreError> {
         let now_ms = self.clock.now_ms();
         match state.lease {
@@ -194,8 +195,8 @@ impl RoundFinalizer {
         }
     }
 
-    /// Records every complete round of a job. Answers whether the job has ended and nothing is left to do. `version` is the version of
-    /// the film that was read last.
+    /// Records every complete round of a job. Answers whether the job has ended and nothing is left to do. `version` is
+    /// the version of the film that was read last.
     async fn advance(
         &self,
         job: JobId,
@@ -209,7 +210,8 @@ impl RoundFinalizer {
                 self.close_reopened(&record).await?;
                 return Ok(false);
             }
-            // A job that was cancelled or ran out of time may have completed a round before. No round of a failed job is recorded.
+            // A job that was cancelled or ran out of time may have completed a round before. No round of a failed job
+            // is recorded.
             let complete = match record.state {
                 JobState::Failed => None,
                 _ => self.store.complete_round(&record).await?,
@@ -225,7 +227,8 @@ impl RoundFinalizer {
                 None => match self.turns.try_acquire() {
                     Ok(turn) => turn,
                     Err(_) => {
-                        // Another coordinator may have time for it meanwhile, and the record is old when the turn comes.
+                        // Another coordinator may have time for it meanwhile, and the record is old when the turn
+                        // comes.
                         lease = None;
                         waited = self.stopping.run_until_cancelled(self.turns.acquire()).await.and_then(Result::ok);
                         continue;

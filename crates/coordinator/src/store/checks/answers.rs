@@ -1,10 +1,10 @@
-//! TODO
+//! Answers to checks: the votes of workers, and the quarantine of the odd one.
 
 use std::collections::BTreeMap;
 
-use clerestory_api::{JobId, Quarantine, WorkerId};
+use clerestory_api::{Quarantine, WorkerId};
 
-use crate::model::{LeaseRecord, Removed};
+use crate::model::{CheckOutcome, LeaseRecord};
 use crate::store::checks::redo;
 use crate::store::checks::table::{Brought, cast_vote, end, is_new_to, votes};
 use crate::store::engine::error::StoreError;
@@ -17,21 +17,6 @@ use crate::store::workers::table::OF_THE_SAME_NAME;
 /// Votes with which a check ends in any case.
 const MOST_VOTES: usize = 3;
 
-/// What checks have come to.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Outcome {
-    /// Whether there are checks to do.
-    pub(crate) has_work: bool,
-    /// Whether checks have ended.
-    pub(crate) has_ended: bool,
-    /// Workers whose nodes were wrong, and why.
-    pub(crate) quarantined: Vec<(WorkerId, Quarantine)>,
-    /// Jobs of which nodes are rendered again.
-    pub(crate) redone: Vec<JobId>,
-    /// What was removed from their films.
-    pub(crate) removed: Removed,
-}
-
 /// Takes the votes of a worker on checked nodes of a lease, also when others hold them by now. Other nodes change
 /// nothing.
 pub(in crate::store) async fn answer(
@@ -39,8 +24,8 @@ pub(in crate::store) async fn answer(
     lease: &LeaseRecord,
     nodes: &[Brought],
     now_ms: i64,
-) -> Result<Outcome, StoreError> {
-    let mut outcome = Outcome::default();
+) -> Result<CheckOutcome, StoreError> {
+    let mut outcome = CheckOutcome::default();
     let mut has_answered = false;
     let leased = nodes.iter().map(|brought| &brought.address).filter(|node| lease.nodes.contains(node));
     let rows = query(format!(
@@ -78,7 +63,8 @@ pub(in crate::store) async fn answer(
             Judgement::Unclear(workers) => {
                 end(connection, &check).await?;
                 let workers: Vec<String> = workers.iter().map(WorkerId::to_string).collect();
-                tracing::error!(job = %lease.job, %node, ?workers, "workers render a node to different bits, each to its own");
+                tracing::error!(job = %lease.job, %node, ?workers, "workers render a node to different bits, each to \
+                    its own");
             }
         }
         outcome.has_ended = true;
@@ -116,7 +102,7 @@ async fn release_held_by(connection: &mut Connection, check: &str, worker: Worke
     Ok(())
 }
 
-/// What opinions say.
+/// The result of votes.
 #[derive(Debug, PartialEq, Eq)]
 enum Judgement {
     /// All are the same.
@@ -149,7 +135,7 @@ async fn quarantine(
     worker: WorkerId,
     reason: String,
     now_ms: i64,
-    outcome: &mut Outcome,
+    outcome: &mut CheckOutcome,
 ) -> Result<(), StoreError> {
     let held = query(format!("select id from leases where worker in {OF_THE_SAME_NAME} and state = 'active'"))
         .bind(worker.to_string())

@@ -102,7 +102,8 @@ pub(in crate::store) async fn requeue(
     insert_pending(connection, job, &pending).await?;
     for ((frame, round), passes) in passes {
         query(
-            "update waves set outstanding = outstanding + $4, completed_ms = null where job = $1 and frame = $2 and round = $3",
+            "update waves set outstanding = outstanding + $4, completed_ms = null where job = $1 and frame = $2 and \
+             round = $3",
         )
         .bind(job.id.to_string())
         .bind(i64::from(frame))
@@ -169,7 +170,8 @@ pub(in crate::store) async fn restart(
         query(format!("delete from {table} where job = $1")).bind(job.id.to_string()).execute(&mut *connection).await?;
     }
     query(
-        "update jobs set cursor_round = 0, cursor_frame = 0, cursor_tile = 0, rounds = 0, complete_passes = 0, samples = 0, \
+        "update jobs set cursor_round = 0, cursor_frame = 0, cursor_tile = 0, rounds = 0, complete_passes = 0, \
+         samples = 0, \
          shared_samples = null, probe_digest = null, hold = null, redone_nodes = redone_nodes + $2, \
          accepted_nodes = accepted_nodes + 1 where id = $1",
     )

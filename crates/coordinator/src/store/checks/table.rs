@@ -13,8 +13,7 @@ use clerestory_api::{JobId, LeaseId, WorkerId};
 use clerestory_film::NodeAddress;
 use uuid::Uuid;
 
-use crate::model::{JobRecord, LeaseRecord};
-use crate::store::checks::answers::Outcome;
+use crate::model::{CheckOutcome, JobRecord, LeaseRecord};
 use crate::store::database::Store;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::address;
@@ -69,7 +68,7 @@ pub(in crate::store) async fn open(
     lease: &LeaseRecord,
     nodes: &[(i64, Brought)],
     alive_ms: i64,
-) -> Result<Outcome, StoreError> {
+) -> Result<CheckOutcome, StoreError> {
     let others = query(format!(
         "select 1 from workers join jobs on jobs.id = $3 where {} \
          and workers.name <> (select own.name from workers as own where own.id = $1) limit 1",
@@ -81,7 +80,7 @@ pub(in crate::store) async fn open(
     .fetch_optional(&mut *connection)
     .await?;
     if others.is_none() {
-        return Ok(Outcome::default());
+        return Ok(CheckOutcome::default());
     }
     for (round, node) in nodes {
         let check = Uuid::now_v7().to_string();
@@ -98,7 +97,7 @@ pub(in crate::store) async fn open(
             .await?;
         cast_vote(connection, &check, lease.worker, &node.digest).await?;
     }
-    Ok(Outcome { has_work: true, ..Outcome::default() })
+    Ok(CheckOutcome { has_work: true, ..CheckOutcome::default() })
 }
 
 /// Releases the checks of a lease. A worker that has taken one over becomes its only holder.
@@ -165,7 +164,8 @@ pub(in crate::store) async fn choose(
 ) -> Result<Vec<NodeAddress>, StoreError> {
     let is_held_since = |lease: &str, time: &str| {
         format!(
-            "exists (select 1 from leases where id = checks.{lease} and worker <> $2 and granted_ms + gather_ms <= {time})"
+            "exists (select 1 from leases where id = checks.{lease} and worker <> $2 and granted_ms + gather_ms <= \
+             {time})"
         )
     };
     // A worker that holds some begins with the first.
@@ -234,7 +234,8 @@ pub(in crate::store) async fn abandon(connection: &mut Connection, job: JobId) -
     for row in &disputed {
         let (node, votes) = (address(row)?, votes(connection, &row.text("id")?).await?);
         let workers: Vec<String> = votes.iter().map(|(worker, _)| worker.to_string()).collect();
-        tracing::error!(%job, %node, ?workers, "the job ended before a third worker could decide which of two rendered a node to wrong bits");
+        tracing::error!(%job, %node, ?workers, "the job ended before a third worker could decide which of two \
+                                                rendered a node to wrong bits");
     }
     query("delete from checks where job = $1").bind(job.to_string()).execute(connection).await?;
     Ok(())

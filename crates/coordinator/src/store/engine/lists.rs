@@ -71,14 +71,15 @@ pub(in crate::store) fn looked_up_if(
     wanted: &str,
 ) -> String {
     let listed = rows_of(engine, number, columns);
-    let blob_ranges = |blob_range| {
+    let row_ids = |row_id| {
         format!(
-            "select (select case when {wanted} then {blob_range} end from {table} where {found}) from {listed} as looked_up"
+            "select (select case when {wanted} then {row_id} end from {table} where {found}) from {listed} as \
+             looked_up"
         )
     };
     match engine {
-        Engine::Sqlite => format!("rowid in ({})", blob_ranges("rowid")),
-        Engine::Postgres => format!("ctid = any(array({}))", blob_ranges("ctid")),
+        Engine::Sqlite => format!("rowid in ({})", row_ids("rowid")),
+        Engine::Postgres => format!("ctid = any(array({}))", row_ids("ctid")),
     }
 }
 

@@ -219,16 +219,16 @@ pub(in crate::store) fn pool(
 }
 
 /// Whether an idle connection is alive. A firewall that has cut it sends nothing.
-async fn is_there(connection: &mut PgConnection, timeouts: Duration) -> bool {
-    matches!(tokio::time::timeout(timeouts, connection.ping()).await, Ok(Ok(())))
+async fn is_there(connection: &mut PgConnection, timeout: Duration) -> bool {
+    matches!(tokio::time::timeout(timeout, connection.ping()).await, Ok(Ok(())))
 }
 
 /// Runs a statement on a pooled connection. The connection is closed after a timeout, for which the pool itself would
 /// wait, and after an error that the statement did not cause.
-pub(in crate::store) async fn read(pool: &PgPool, query: Query, timeouts: Duration) -> Result<Answer, StoreError> {
+pub(in crate::store) async fn read(pool: &PgPool, query: Query, timeout: Duration) -> Result<Answer, StoreError> {
     let mut connection = pool.acquire().await?;
-    let slow = || StoreError::Database(format!("no answer in {} s", timeouts.as_secs()));
-    let answer = tokio::time::timeout(timeouts, run(&mut *connection, query)).await;
+    let slow = || StoreError::Database(format!("no answer in {} s", timeout.as_secs()));
+    let answer = tokio::time::timeout(timeout, run(&mut *connection, query)).await;
     let damage =
         answer.as_ref().map_or(Damage::Session, |answer| answer.as_ref().err().map_or(Damage::None, Damage::of));
     if damage > Damage::None {

@@ -45,7 +45,10 @@ impl Server {
             ));
         }
         self.schema.is_none().then(|| {
-            format!("the role `{role}` may use no schema of its search path: run `grant usage, create on schema public to {role}`")
+            format!(
+                "the role `{role}` may use no schema of its search path: run `grant usage, create on schema \
+                     public to {role}`"
+            )
         })
     }
 
@@ -54,7 +57,8 @@ impl Server {
         let (role, schema) = (&self.role, self.schema.as_deref().unwrap_or("public"));
         (!self.may_create).then(|| {
             format!(
-                "the role `{role}` may not create tables in the schema `{schema}`: run `grant create on schema {schema} to {role}`"
+                "the role `{role}` may not create tables in the schema `{schema}`: run `grant create on schema \
+                 {schema} to {role}`"
             )
         })
     }

@@ -26,7 +26,8 @@ pub enum SchemaError {
     },
     /// A newer build has written it.
     #[error(
-        "the database `{database}` has schema version {found}, but this build knows versions up to {known}: start the newer \
+        "the database `{database}` has schema version {found}, but this build knows versions up to {known}: start \
+         the newer \
          build that wrote it, or use another database or data directory"
     )]
     Newer {
@@ -75,7 +76,8 @@ pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 23] = [
 ];
 
 /// The table of applied migrations. Newer builds leave the checksum empty.
-pub(in crate::store) const APPLIED: &str = "create table _sqlx_migrations (version bigint primary key, description text not null, \
+pub(in crate::store) const APPLIED: &str = "create table _sqlx_migrations (version bigint primary key, description \
+                                            text not null, \
     installed_on timestamp not null default current_timestamp, success boolean not null, checksum text not null, \
     execution_time bigint not null)";
 

@@ -126,7 +126,7 @@ pub(in crate::store) enum Readers {
         pool: PgPool,
         url: PostgresUrl,
         /// The time that a read may take.
-        timeouts: Duration,
+        timeout: Duration,
     },
 }
 
@@ -135,10 +135,10 @@ impl Readers {
     pub(in crate::store) async fn close(&self) {
         match self {
             Self::Sqlite(readers) => readers.close(READERS).await,
-            Self::Postgres { pool, timeouts, .. } => {
-                // The pool waits for each connection to be given back, and one that has fallen silent never is. They all
-                // end with this process.
-                if tokio::time::timeout(*timeouts, pool.close()).await.is_err() {
+            Self::Postgres { pool, timeout, .. } => {
+                // The pool waits for each connection to be given back, and one that has fallen silent never is. They
+                // all end with this process.
+                if tokio::time::timeout(*timeout, pool.close()).await.is_err() {
                     tracing::warn!("some connections to the database did not close in time");
                 }
             }
@@ -150,8 +150,8 @@ impl Runner for &Readers {
     async fn run(self, query: Query) -> Result<Answer, StoreError> {
         match self {
             Readers::Sqlite(readers) => readers.run(query).await,
-            Readers::Postgres { pool, url, timeouts } => {
-                let answer = postgres::read(pool, query, *timeouts).await;
+            Readers::Postgres { pool, url, timeout } => {
+                let answer = postgres::read(pool, query, *timeout).await;
                 if answer.is_err() {
                     pool.set_connect_options(options(url)?);
                 }
@@ -217,7 +217,7 @@ impl Source {
             Location::Server { url, renewed } => Readers::Postgres {
                 pool: postgres::pool(options(url)?, READERS, self.timeouts, renewed.subscribe()),
                 url: url.clone(),
-                timeouts: self.timeouts.read,
+                timeout: self.timeouts.read,
             },
         })
     }

@@ -121,19 +121,6 @@ mod tests {
     use std::os::unix::fs::PermissionsExt;
 
     use super::*;
-    use crate::store::database::Store;
-    use crate::store::engine::source::Source;
-
-    #[tokio::test]
-    async fn a_database_that_is_closed_is_one_file() {
-        let folder = tempfile::tempdir().unwrap();
-        let store = Store::open(Source::file(&folder.path().join("farm.sqlite"))).await.unwrap();
-        store.try_to_write().await.unwrap();
-        store.open_jobs().await.unwrap();
-        store.close().await;
-        let names = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
-        assert_eq!(names.collect::<Vec<_>>(), ["farm.sqlite"]);
-    }
 
     #[test]
     fn nobody_else_may_read_the_state() {

@@ -14,19 +14,18 @@ use clerestory_api::{JobId, NodeVerdict, WorkerId};
 use clerestory_film::NodeAddress;
 use clerestory_film::counters::Counters;
 
-use crate::model::{DeliveredNode, Delivery, LeaseRecord, NodeRow, Work};
-use crate::store::checks::answers::{self, Outcome};
-use crate::store::checks::table as checks;
+use crate::model::{CheckOutcome, DeliveredNode, Delivery, LeaseRecord, NodeRow, Work};
 use crate::store::checks::table::Brought;
+use crate::store::checks::{answers, table as checks};
 use crate::store::database::Store;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::{Kind, address, big, is_of_nodes, nodes_json, rows_of, to_json};
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
+use crate::store::errors::LeaseError;
 use crate::store::films::nodes;
 use crate::store::jobs;
 use crate::store::leases::table as leases;
-use crate::store::leases::table::LeaseError;
 use crate::store::workers::table as workers;
 
 /// Earlier work that counts in the mean rate of a worker, in microseconds of each of its cores. Scenes change from
@@ -45,7 +44,7 @@ pub(crate) struct Acceptance {
     /// Whether all work of a round has been accepted.
     pub(crate) completes_round: bool,
     /// What checks have come to.
-    pub(crate) checks: Outcome,
+    pub(crate) checks: CheckOutcome,
 }
 
 impl Store {
@@ -104,13 +103,13 @@ async fn accept(connection: &mut Connection, delivery: &Delivery) -> Result<Acce
         let core_us = delivery.core_ms as f64 * 1000.0 * samples as f64 / all_samples.max(1) as f64;
         measure(connection, lease.worker, job.id, samples, [core_us, REMEMBERED_US * f64::from(cores)]).await?;
     }
-    let mut checks = Outcome::default();
+    let mut checks = CheckOutcome::default();
     if !to_be_checked.is_empty() {
         checks = checks::open(connection, &lease, &to_be_checked, delivery.alive_ms).await?;
     }
     if !checked.is_empty() {
         let answered = answers::answer(connection, &lease, &checked, delivery.now_ms).await?;
-        checks = Outcome { has_work: checks.has_work || answered.has_work, ..answered };
+        checks = CheckOutcome { has_work: checks.has_work || answered.has_work, ..answered };
     }
     checks.has_work |= frees_work;
     let accepted_ms = (!accepted.is_empty()).then_some(delivery.now_ms);
@@ -339,8 +338,10 @@ async fn measure(
     [core_us, remembered_us]: [f64; 2],
 ) -> Result<(), StoreError> {
     query(
-        "insert into rates (worker, job, samples, core_us) values ($1, $2, $3, $4) on conflict (worker, job) do update set \
-         samples = rates.samples * (case when rates.core_us > $5 then $5 / rates.core_us else 1.0 end) + excluded.samples, \
+        "insert into rates (worker, job, samples, core_us) values ($1, $2, $3, $4) on conflict (worker, job) do \
+         update set \
+         samples = rates.samples * (case when rates.core_us > $5 then $5 / rates.core_us else 1.0 end) + \
+         excluded.samples, \
          core_us = (case when rates.core_us > $5 then $5 else rates.core_us end) + excluded.core_us",
     )
     .bind(worker.to_string())

@@ -51,7 +51,8 @@ impl Store {
                 let closed = query(
                     "update jobs set state = 'done', finished_ms = reopened_ms, reopened_ms = null \
                      where id = $1 and reopened_ms is not null and state = 'running' \
-                     and not exists (select 1 from pending where job = $1) and not exists (select 1 from checks where job = $1)",
+                     and not exists (select 1 from pending where job = $1) and not exists (select 1 from checks \
+                     where job = $1)",
                 )
                 .bind(job.to_string())
                 .execute(&mut *connection)

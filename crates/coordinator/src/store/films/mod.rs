@@ -1,4 +1,4 @@
-//! TODO
+//! What the database keeps of films: accepted nodes, rounds, shares of passes, and which coordinator works on a film.
 
 pub(in crate::store) mod acceptance;
 pub(in crate::store) mod film_leases;

@@ -69,7 +69,8 @@ impl Store {
         before_pass: u32,
     ) -> Result<Vec<NodeRow>, StoreError> {
         let rows = query(format!(
-            "select {COLUMNS} from nodes where job = $1 and frame = $2 and tile >= $3 and tile < $4 and first_pass < $5 \
+            "select {COLUMNS} from nodes where job = $1 and frame = $2 and tile >= $3 and tile < $4 and first_pass < \
+             $5 \
              and first_pass < (select passes from jobs where id = $1) order by tile, first_pass"
         ))
         .bind(job.to_string())
@@ -106,7 +107,8 @@ impl Store {
     ) -> Result<Vec<u32>, StoreError> {
         let rows = query(
             "select tile, first_pass, end_pass from nodes \
-             where job = $1 and frame = $2 and tile >= $3 and tile < $4 and first_pass < (select passes from jobs where id = $1) \
+             where job = $1 and frame = $2 and tile >= $3 and tile < $4 and first_pass < (select passes from jobs \
+             where id = $1) \
              order by tile, first_pass",
         )
         .bind(job.to_string())
@@ -289,7 +291,8 @@ pub(in crate::store) async fn insert(
     use Kind::{Integer, Text};
     let columns = [Integer, Integer, Integer, Integer, Integer, Integer, Text, Integer, Integer, Text, Text];
     let statement = format!(
-        "insert into nodes (job, frame, tile, level, idx, first_pass, end_pass, blob, blob_offset, blob_length, counters, builds) \
+        "insert into nodes (job, frame, tile, level, idx, first_pass, end_pass, blob, blob_offset, blob_length, \
+         counters, builds) \
          select $1, c0, c1, c2, c3, c4, c5, c6, c7, c8, c9, c10 from {} as listed_nodes",
         rows_of(connection.engine(), 2, &columns)
     );

@@ -20,7 +20,8 @@ impl Store {
         // read.
         let looked = query(
             "select (select count(*) from waves where job = $1 and round = $2) as opened, \
-             (select count(*) from waves where job = $1 and round <= $2 and completed_ms is null and outstanding > 0) as incomplete, \
+             (select count(*) from waves where job = $1 and round <= $2 and completed_ms is null and outstanding > \
+             0) as incomplete, \
              (select count(*) from checks where job = $1 and round <= $2) as checks",
         );
         let looked = looked.bind(job.id.to_string()).bind(i64::from(job.rounds)).fetch_one(&self.readers).await?;

@@ -166,7 +166,8 @@ async fn discard_pilot(
     tiles: Range<u32>,
 ) -> Result<Removed, StoreError> {
     let rows = query(
-        "delete from nodes where job = $1 and frame = $2 and tile >= $3 and tile < $4 and first_pass >= (select passes from jobs \
+        "delete from nodes where job = $1 and frame = $2 and tile >= $3 and tile < $4 and first_pass >= (select \
+         passes from jobs \
          where id = $1 and (shared_samples is not null or state not in ('queued', 'running'))) \
          returning blob, blob_offset, blob_length",
     )

@@ -4,8 +4,8 @@ use clerestory_api::WorkerId;
 
 use crate::store::database::Store;
 use crate::store::engine::sql::query;
+use crate::store::errors::WorkerError;
 use crate::store::leases::table as leases;
-use crate::store::workers::table::WorkerError;
 
 impl Store {
     /// Ends a worker, and takes its leases back. Answers whether it had not ended. A later call does not revive it.

@@ -154,8 +154,10 @@ pub(in crate::store) async fn release(
 
 async fn expire(connection: &mut Connection, observation: Observation) -> Result<Expiry, StoreError> {
     let rows = query(
-        "select leases.id as lease, job, jobs.name as job_name, worker, workers.name as worker_name, granted_ms, deadline_ms, \
-         (due_ms > granted_ms + patience_ms) as has_brought, (select count(*) from pending where lease = leases.id) as nodes \
+        "select leases.id as lease, job, jobs.name as job_name, worker, workers.name as worker_name, granted_ms, \
+         deadline_ms, \
+         (due_ms > granted_ms + patience_ms) as has_brought, (select count(*) from pending where lease = leases.id) \
+         as nodes \
          from leases join jobs on jobs.id = job join workers on workers.id = worker \
          where leases.state = 'active' and deadline_ms <= $1 order by token",
     );
@@ -204,7 +206,8 @@ async fn record_death(
     observation: Observation,
 ) -> Result<Option<JobHold>, StoreError> {
     let first = query(
-        "select frame, tile, level, idx, died_on, lost_by from pending where lease = $1 order by round, frame, tile, idx limit 1",
+        "select frame, tile, level, idx, died_on, lost_by from pending where lease = $1 order by round, frame, tile, \
+         idx limit 1",
     );
     let Some(row) = first.bind(expired.lease.to_string()).fetch_optional(&mut *connection).await? else {
         return Ok(None);

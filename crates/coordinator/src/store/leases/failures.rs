@@ -14,10 +14,10 @@ use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::{address, to_json};
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
+use crate::store::errors::LeaseError;
 use crate::store::jobs;
 use crate::store::leases::attempts::{self, GivenUp};
 use crate::store::leases::table as leases;
-use crate::store::leases::table::LeaseError;
 
 impl Store {
     /// Takes back a lease whose work failed, and counts the failure on the nodes and the worker. Answers the job if it
@@ -91,7 +91,8 @@ async fn record_failures(
     failing: (WorkerId, String),
 ) -> Result<Vec<(Vec<(WorkerId, String)>, Group)>, StoreError> {
     let rows = query(
-        "select frame, tile, level, idx, failures, coalesce(failed_on, '[]') as failed_on from pending where lease = $1 \
+        "select frame, tile, level, idx, failures, coalesce(failed_on, '[]') as failed_on from pending where lease = \
+         $1 \
          order by round, frame, tile, idx",
     );
     let mut groups: BTreeMap<String, Group> = BTreeMap::new();
@@ -108,12 +109,15 @@ async fn record_failures(
             .map_err(|_| StoreError::Corrupt { column: "failed_on", value: failed_on.clone() })?;
         tried.retain(|(_, name)| *name != failing.1);
         tried.push(failing.clone());
-        query("update pending set failures = failures + 1, failed_on = $2 where lease = $1 and coalesce(failed_on, '[]') = $3")
-            .bind(lease.to_string())
-            .bind(to_json(&tried)?)
-            .bind(failed_on)
-            .execute(&mut *connection)
-            .await?;
+        query(
+            "update pending set failures = failures + 1, failed_on = $2 where lease = $1 and coalesce(failed_on, \
+               '[]') = $3",
+        )
+        .bind(lease.to_string())
+        .bind(to_json(&tried)?)
+        .bind(failed_on)
+        .execute(&mut *connection)
+        .await?;
         noted.push((tried, group));
     }
     Ok(noted)

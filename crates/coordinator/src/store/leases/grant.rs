@@ -1,7 +1,8 @@
 //! Grants: the nodes that a [claim](super::claim) has chosen become a lease.
 //!
-//! A lease gets a fencing token beyond all that there are, and its nodes are marked as leased where they lie: in the queue, or among the
-//! [checks](super::checks). The first grant of a job starts it, and notes which bits its workers have to compute.
+//! A lease gets a fencing token beyond all that there are, and its nodes are marked as leased where they lie: in the
+//! queue, or among the [checks](super::checks). The first grant of a job starts it, and notes which bits its workers
+//! have to compute.
 
 use clerestory_film::NodeAddress;
 
@@ -61,7 +62,8 @@ pub(in crate::store) async fn grant(
     let listed = nodes_json(&nodes)?;
     let deadline_ms = terms.now_ms.saturating_add(terms.ttl_ms);
     let granted = query(
-        "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms, patience_ms, due_ms, gather_ms) \
+        "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms, patience_ms, due_ms, \
+         gather_ms) \
          select $1, coalesce(max(token), 0) + 1, $2, $3, 'active', $4, $5, $6, $7, $8, $9 from leases returning token",
     )
     .bind(terms.lease.to_string())

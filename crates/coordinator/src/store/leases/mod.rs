@@ -1,4 +1,4 @@
-//! TODO
+//! Leases: granted, renewed, returned, failed and expired.
 
 pub(in crate::store) mod attempts;
 pub(in crate::store) mod ended_workers;

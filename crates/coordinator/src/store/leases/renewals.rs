@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use clerestory_api::{LeaseId, WorkerId};
 
-use crate::model::LeaseState;
+use crate::model::{LeaseState, Renewal};
 use crate::store::database::Store;
 use crate::store::engine::batch::Outcomes;
 use crate::store::engine::error::StoreError;
@@ -12,17 +12,9 @@ use crate::store::engine::lists::{Kind, looked_up, looked_up_if, to_json};
 use crate::store::engine::row::Row;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
-use crate::store::leases::table::{LeaseError, OUTSTANDING, check};
+use crate::store::errors::LeaseError;
+use crate::store::leases::table::{OUTSTANDING, check};
 use crate::store::workers::table as workers;
-
-/// A renewal of a lease.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::store) struct Renewal {
-    lease: LeaseId,
-    token: u64,
-    now_ms: i64,
-    deadline_ms: i64,
-}
 
 impl Store {
     /// Extends a lease to `deadline_ms` or slightly longer, and answers how many of its nodes are still wanted. A
@@ -51,7 +43,8 @@ async fn renew(connection: &mut Connection, renewals: Vec<Renewal>) -> Outcomes<
     // scan all active ones.
     let wanted = "token = c1 and state = 'active' and deadline_ms > c2";
     let statement = format!(
-        "update leases set state = case when {OUTSTANDING} = 0 then 'complete' else state end, deadline_ms = $1 where {} \
+        "update leases set state = case when {OUTSTANDING} = 0 then 'complete' else state end, deadline_ms = $1 \
+         where {} \
          returning id, token, worker, {OUTSTANDING} as outstanding",
         looked_up_if(connection.engine(), "leases", 2, &columns, "id = c0", wanted)
     );

@@ -16,6 +16,7 @@ use crate::store::engine::lists::{Kind, looked_up, to_json};
 use crate::store::engine::row::Row;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
+use crate::store::errors::LeaseError;
 use crate::store::jobs;
 use crate::store::workers::table as workers;
 
@@ -24,31 +25,6 @@ const LEASES_KEPT_MS: i64 = 7 * 24 * 3600 * 1000;
 
 /// Leases that one write deletes: all other writes wait meanwhile.
 const PRUNED: usize = 1000;
-
-/// A call under a lease failed, and changed nothing.
-#[derive(Clone, Debug, thiserror::Error)]
-pub(crate) enum LeaseError {
-    /// There is no such lease.
-    #[error("there is no lease {0}")]
-    Unknown(LeaseId),
-    /// The fencing token is not the lease's.
-    #[error("the fencing token {0} is not that of the lease")]
-    StaleToken(u64),
-    /// It ran out.
-    #[error("the lease has run out; its nodes went back to the queue")]
-    Expired,
-    /// It was given or taken back.
-    #[error(
-        "the lease was given back, or taken back because its work could not be used; its nodes went back to the queue"
-    )]
-    Returned,
-    /// The job has ended.
-    #[error("the job is not being rendered any more")]
-    JobNotRunning,
-    /// The database failed.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-}
 
 impl LeaseRecord {
     /// Whether work may be brought under it: the token fits, and the lease is active or complete.
@@ -130,7 +106,8 @@ pub(in crate::store) async fn valid_with_job(
 }
 
 /// SQL for what a lease still holds: work, and checks.
-pub(in crate::store) const OUTSTANDING: &str = "((select count(*) from pending where lease = leases.id) + (select count(*) from checks where lease = leases.id) \
+pub(in crate::store) const OUTSTANDING: &str = "((select count(*) from pending where lease = leases.id) + (select \
+                                                count(*) from checks where lease = leases.id) \
      + (select count(*) from checks where second_lease = leases.id))";
 
 /// Updates a lease after an upload, and answers what it still holds. A lease that holds nothing is complete. Accepted
@@ -142,7 +119,8 @@ pub(in crate::store) async fn go_on(
 ) -> Result<u32, StoreError> {
     let active = query(format!(
         "update leases set state = case when {OUTSTANDING} = 0 then 'complete' else state end, \
-         due_ms = coalesce($2 + patience_ms, due_ms) where id = $1 and state = 'active' returning {OUTSTANDING} as outstanding"
+         due_ms = coalesce($2 + patience_ms, due_ms) where id = $1 and state = 'active' returning {OUTSTANDING} as \
+         outstanding"
     ))
     .bind(lease.to_string())
     .bind(accepted_ms)
@@ -217,7 +195,8 @@ impl Store {
             let old = query(
                 "select id from leases where state <> 'active' and deadline_ms < $1 \
                  and token < (select max(token) from leases) \
-                 and job not in (select id from jobs where state in ('queued', 'running')) order by deadline_ms limit $2",
+                 and job not in (select id from jobs where state in ('queued', 'running')) order by deadline_ms \
+                 limit $2",
             );
             let rows = old.bind(now_ms - LEASES_KEPT_MS).bind(PRUNED as i64).fetch_all(&self.readers).await?;
             let old: Vec<[String; 1]> =

@@ -105,7 +105,8 @@ pub(in crate::store) async fn insert_pending(
         return Ok(());
     }
     let statement = format!(
-        "insert into pending (job, round, frame, tile, level, idx) select $1, c0, c1, c2, c3, c4 from {} as listed_nodes",
+        "insert into pending (job, round, frame, tile, level, idx) select $1, c0, c1, c2, c3, c4 from {} as \
+         listed_nodes",
         rows_of(connection.engine(), 2, &[Kind::Integer; 5])
     );
     let rows = nodes.iter().map(|(round, node)| [*round, node.frame, node.tile, node.level, node.index]);

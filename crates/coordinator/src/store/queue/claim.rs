@@ -25,17 +25,18 @@ use crate::store::engine::lists::address;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::engine::writer::Turn;
+use crate::store::errors::WorkerError;
 use crate::store::leases::grant::{Leased, Offer, grant};
 use crate::store::leases::table as leases;
 use crate::store::queue::backlog::fill_ready_queue;
 use crate::store::queue::open_jobs::{
-    JOBS_AT_ONCE, OpenJob, first_of, last_round, matches_pin, most_samples, open_jobs, prefer_built, rate,
+    JOBS_AT_ONCE, OpenJob, first_of, last_round, matches_pin, measured_rate, most_samples, open_jobs, prefer_built,
 };
 use crate::store::queue::splits::{Side, split_off};
 use crate::store::queue::stragglers::{self, HeldLease, TakenOver};
 use crate::store::queue::suspects::{Suspects, suspects};
 use crate::store::workers::table as workers;
-use crate::store::workers::table::{Claimant, WorkerError};
+use crate::store::workers::table::Claimant;
 
 /// A check that another worker holds for this many lease times goes to one more worker, before other work. So does one
 /// that two workers hold. The factor is high, so that a worker that makes progress keeps its check.
@@ -115,7 +116,7 @@ async fn free_work(
             return Ok(grant);
         }
     }
-    let rate = rate(connection, open, terms).await?;
+    let rate = measured_rate(connection, open, terms).await?;
     let nodes = choose(connection, open, &rate, claimant, terms).await?;
     lease(connection, open, (nodes, Leased::Work, 0), &rate, claimant, terms).await
 }
@@ -131,7 +132,7 @@ async fn lease_checks(
     if nodes.is_empty() {
         return Ok(None);
     }
-    let rate = rate(connection, open, terms).await?;
+    let rate = measured_rate(connection, open, terms).await?;
     let nodes = first_of(nodes, &open.job, &rate, terms);
     lease(connection, open, (nodes, Leased::Checks, 0), &rate, claimant, terms).await
 }
@@ -194,7 +195,7 @@ async fn held_of(
     let seconds = |samples| open.rate_alone(terms).seconds(samples);
     let held = held.filter(|held| held.may_be_taken_over(&open.job, seconds, terms));
     if let Some(held) = held {
-        let rate = rate(connection, open, terms).await?;
+        let rate = measured_rate(connection, open, terms).await?;
         let TakenOver { nodes, repeats } = stragglers::take_over(connection, &open.job, &held, &rate, terms).await?;
         let grant = lease(connection, open, (nodes, Leased::Work, repeats), &rate, claimant, terms).await?;
         leases::end_if_empty(connection, held.id).await?;

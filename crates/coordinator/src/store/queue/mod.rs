@@ -1,4 +1,4 @@
-//! TODO
+//! The queue: pending work, and the claims that choose nodes of it.
 
 pub(in crate::store) mod backlog;
 pub(in crate::store) mod claim;

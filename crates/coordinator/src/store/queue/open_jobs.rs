@@ -109,7 +109,8 @@ pub(in crate::store) async fn open_jobs(
          (select 1 from pending where job = jobs.id and died_on is not null limit 1) is not null as has_suspects, \
          ({can_check} and lease is null limit 1) is not null as has_checks, \
          ({can_check} and lease is not null limit 1) is not null as has_held_checks \
-         from jobs where state in ('queued', 'running') and hold is null order by priority desc, created_ms, id limit $2 offset $3"
+         from jobs where state in ('queued', 'running') and hold is null order by priority desc, created_ms, id \
+         limit $2 offset $3"
     ))
     .bind(terms.worker.to_string())
     .bind(JOBS_AT_ONCE as i64)
@@ -141,7 +142,7 @@ pub(in crate::store) async fn open_jobs(
 }
 
 /// The worker's rate for a job, and the number of workers on it.
-pub(in crate::store) async fn rate(
+pub(in crate::store) async fn measured_rate(
     connection: &mut Connection,
     open: &OpenJob,
     terms: &ClaimTerms,

@@ -48,8 +48,10 @@ pub(in crate::store) async fn split_off(
     rest.push([part.level, part.index]);
     let NodeAddress { frame, tile, level, index } = node;
     let cut = format!(
-        "insert into pending (job, round, frame, tile, level, idx, failures, failed_on, died_on, lost_by, lease, repeats) \
-         select job, round, frame, tile, c0, c1, failures, failed_on, died_on, lost_by, lease, repeats from pending cross join {} as parts \
+        "insert into pending (job, round, frame, tile, level, idx, failures, failed_on, died_on, lost_by, lease, \
+         repeats) \
+         select job, round, frame, tile, c0, c1, failures, failed_on, died_on, lost_by, lease, repeats from pending \
+         cross join {} as parts \
          where job = $1 and frame = $2 and tile = $3 and level = $4 and idx = $5",
         rows_of(connection.engine(), 6, &[Kind::Integer; 2])
     );

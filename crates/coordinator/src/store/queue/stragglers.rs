@@ -75,7 +75,8 @@ pub(in crate::store) async fn overdue(
     let last_round = up_to.min(last_round(job, terms));
     let nodes = nodes_of(connection.engine(), "lease = leases.id and round <= $4");
     let row = query(format!(
-        "select id, granted_ms, gather_ms, {nodes} as nodes from leases where state = 'active' and due_ms <= $1 and job = $2 and worker <> $3 \
+        "select id, granted_ms, gather_ms, {nodes} as nodes from leases where state = 'active' and due_ms <= $1 and \
+         job = $2 and worker <> $3 \
          and exists (select 1 from pending where lease = leases.id and round <= $4) order by due_ms, token limit 1"
     ))
     .bind(terms.now_ms)
@@ -112,9 +113,11 @@ pub(in crate::store) async fn held_longest(
          (select held.*, row_number() over (partition by job order by granted_ms, token) as place from \
          (select id, job, granted_ms, gather_ms, token, (select c1 from listed_jobs where c0 = job) as last_round \
          from leases where state = 'active' and worker <> $2 \
-         and granted_ms <= $3 and granted_ms + gather_ms <= $6 and (select c1 from listed_jobs where c0 = job) is not null \
+         and granted_ms <= $3 and granted_ms + gather_ms <= $6 and (select c1 from listed_jobs where c0 = job) is \
+         not null \
          order by granted_ms, token limit $4) as held \
-         where (select 1 from pending where lease = held.id and repeats < $5 and round <= last_round limit 1) is not null) \
+         where (select 1 from pending where lease = held.id and repeats < $5 and round <= last_round limit 1) is not \
+         null) \
          as first_held where place = 1"
     ))
     .bind(to_json(&listed)?)

@@ -39,7 +39,7 @@ impl Farm {
         }
     }
 
-    /// Throws the pilot of a job of one frame away, two tiles after others, if it is not needed.
+    /// Discards the pilot of a job of one frame, two tiles at a time, if it is not needed.
     pub(super) async fn discard_pilot(&self, job: &JobRecord) -> Removed {
         let mut removed = Removed::default();
         for first in (0..job.grid.len()).step_by(2) {
@@ -73,7 +73,7 @@ impl Farm {
     }
 }
 
-/// All for the first tile, and a part for each of the others.
+/// All for the first tile, and a part for each other tile.
 pub(super) fn some_shares(record: &JobRecord) -> BTreeMap<u32, Vec<Share>> {
     let shares = (0..record.grid.len()).map(|tile| Share::new(Share::ALL / (tile % 8 + 1)).unwrap());
     BTreeMap::from([(0, shares.collect())])

@@ -1,18 +1,17 @@
-//! Nodes that a second worker renders too, and what follows when the bits differ.
+//! Nodes that a second worker renders too, and the consequences when the results differ.
 
 use clerestory_api::{ConvergencePoint, JobId, JobState, NodeVerdict, WorkerActivity, WorkerId, WorkerState};
 use clerestory_film::{NodeAddress, Targets};
 
-use crate::model::Removed;
-use crate::store::checks::answers::Outcome;
+use crate::model::{CheckOutcome, Removed};
 use crate::store::tests::adaptive::some_shares;
 use crate::store::tests::claims::fail;
 use crate::store::tests::{
     DeliveredNode, Farm, Grant, LeaseError, Merge, TTL_MS, WorkerError, blob_range, delivered, merge,
 };
 
-/// Nodes with these bits, all of which are checked.
-fn with_bits(nodes: &[NodeAddress], bits: &str) -> Vec<DeliveredNode> {
+/// Nodes with this digest, all of them selected for checks.
+pub(super) fn with_digest(nodes: &[NodeAddress], bits: &str) -> Vec<DeliveredNode> {
     let node = |address: &NodeAddress| DeliveredNode {
         digest: format!("{address} {bits}"),
         is_selected: true,
@@ -21,11 +20,11 @@ fn with_bits(nodes: &[NodeAddress], bits: &str) -> Vec<DeliveredNode> {
     nodes.iter().map(node).collect()
 }
 
-async fn bring(farm: &Farm, grant: &Grant, bits: &str, now_ms: i64) -> Outcome {
-    farm.bring(grant, with_bits(&grant.nodes, bits), now_ms).await.unwrap().checks
+pub(super) async fn bring(farm: &Farm, grant: &Grant, bits: &str, now_ms: i64) -> CheckOutcome {
+    farm.bring(grant, with_digest(&grant.nodes, bits), now_ms).await.unwrap().checks
 }
 
-async fn named<const N: usize>(farm: &Farm, names: [&str; N]) -> [WorkerId; N] {
+pub(super) async fn named<const N: usize>(farm: &Farm, names: [&str; N]) -> [WorkerId; N] {
     let mut workers = Vec::new();
     for name in names {
         workers.push(farm.worker_named(name).await.unwrap());
@@ -34,7 +33,7 @@ async fn named<const N: usize>(farm: &Farm, names: [&str; N]) -> [WorkerId; N] {
 }
 
 /// Workers with these names and digests of the probe.
-async fn with_digests<const N: usize>(farm: &Farm, workers: [(&str, &str); N]) -> [WorkerId; N] {
+pub(super) async fn with_digests<const N: usize>(farm: &Farm, workers: [(&str, &str); N]) -> [WorkerId; N] {
     let mut registered = Vec::new();
     for (name, digest) in workers {
         registered.push(farm.worker_with(name, Some(digest)).await.unwrap());
@@ -42,11 +41,11 @@ async fn with_digests<const N: usize>(farm: &Farm, workers: [(&str, &str); N]) -
     registered.try_into().unwrap()
 }
 
-async fn redone(farm: &Farm, job: JobId) -> u64 {
+pub(super) async fn redone(farm: &Farm, job: JobId) -> u64 {
     farm.store.job(job).await.unwrap().unwrap().redone_nodes
 }
 
-pub(super) async fn two_who_agree_end_a_check(farm: Farm) {
+pub(super) async fn two_equal_votes_end_a_check(farm: Farm) {
     let job = farm.job(1).await;
     let [first, second] = named(&farm, ["a", "b"]).await;
     let all = farm.claim(first, 100, 0).await.unwrap();
@@ -55,7 +54,7 @@ pub(super) async fn two_who_agree_end_a_check(farm: Farm) {
     assert!(farm.claim(first, 100, 0).await.is_none(), "nobody checks what it has rendered itself");
     let check = farm.claim(second, 4, 0).await.unwrap();
     assert_eq!(check.nodes, all.nodes[..4]);
-    let answer = farm.bring(&check, with_bits(&check.nodes, "right"), 0).await.unwrap();
+    let answer = farm.bring(&check, with_digest(&check.nodes, "right"), 0).await.unwrap();
     assert_eq!((answer.verdicts, answer.outstanding), (vec![NodeVerdict::Duplicate; 4], 0));
     assert!(answer.checks.has_ended && answer.checks.quarantined.is_empty());
     assert_eq!(farm.next_complete_round(job).await, None, "some of its nodes are not checked");
@@ -67,7 +66,7 @@ pub(super) async fn two_who_agree_end_a_check(farm: Farm) {
     assert_eq!((record.samples, record.accepted_nodes), (record.total_samples(), 15), "a check is no progress");
 }
 
-pub(super) async fn a_worker_with_other_bits_than_two_others_is_found_and_its_nodes_are_rendered_again(farm: Farm) {
+pub(super) async fn a_worker_whose_vote_differs_from_two_others_is_found_and_its_nodes_are_rendered_again(farm: Farm) {
     let job = farm.job(1).await;
     let ended = farm.job(1).await;
     let [good, wrong, third] = named(&farm, ["good", "wrong", "third"]).await;
@@ -127,7 +126,7 @@ pub(super) async fn points_that_were_measured_with_wrong_nodes_are_taken_back(fa
     let job = farm.job(4).await;
     let [good, wrong, third] = named(&farm, ["good", "wrong", "third"]).await;
     for round in 0..2 {
-        // The first tile is rendered by one who is found to be wrong later.
+        // A worker that turns out to be wrong renders the first tile.
         let first = farm.claim(wrong, 1, 0).await.unwrap();
         assert_eq!(first.nodes, [NodeAddress { frame: 0, tile: 0, level: 0, index: round }]);
         farm.deliver(&first, &first.nodes, 0).await.unwrap();
@@ -192,7 +191,7 @@ async fn record(farm: &Farm, job: JobId, round: u32) {
     farm.store.record_round(&record, vec![point(round)], 0).await.unwrap().unwrap();
 }
 
-pub(super) async fn a_check_that_nobody_can_do_does_not_hold_up_the_round(farm: Farm) {
+pub(super) async fn a_check_that_no_worker_can_do_does_not_delay_the_round(farm: Farm) {
     let job = farm.job(1).await;
     let alone = farm.worker_named("alone").await.unwrap();
     let late = 10 * TTL_MS;
@@ -288,7 +287,7 @@ pub(super) async fn a_check_ends_though_no_node_would_be_chosen_now(farm: Farm) 
     let all = farm.claim(first, 100, 0).await.unwrap();
     assert!(bring(&farm, &all, "bits", 0).await.has_work);
     let unchosen = |nodes: &[NodeAddress], bits: &str| -> Vec<DeliveredNode> {
-        with_bits(nodes, bits).into_iter().map(|node| DeliveredNode { is_selected: false, ..node }).collect()
+        with_digest(nodes, bits).into_iter().map(|node| DeliveredNode { is_selected: false, ..node }).collect()
     };
     let check = farm.claim(second, 1, 0).await.unwrap();
     let agreed = farm.bring(&check, unchosen(&check.nodes, "bits"), 0).await.unwrap().checks;
@@ -302,7 +301,7 @@ pub(super) async fn a_check_ends_though_no_node_would_be_chosen_now(farm: Farm) 
     assert!(matches!(decided.quarantined.as_slice(), [(wrong, _)] if *wrong == second), "{decided:?}");
 }
 
-pub(super) async fn a_worker_that_computes_other_bits_is_nobody_to_check(farm: Farm) {
+pub(super) async fn a_worker_with_another_fingerprint_cannot_check(farm: Farm) {
     let job = farm.job(1).await;
     let [first, _other] = with_digests(&farm, [("first", "x"), ("other", "y")]).await;
     let all = farm.claim(first, 100, 0).await.unwrap();
@@ -351,7 +350,7 @@ pub(super) async fn workers_of_one_name_are_one_machine(farm: Farm) {
     }
 }
 
-pub(super) async fn a_worker_of_the_same_name_is_nobody_to_check(farm: Farm) {
+pub(super) async fn a_worker_of_the_same_name_cannot_check(farm: Farm) {
     let job = farm.job(1).await;
     let [first, namesake, _other] = named(&farm, ["first", "first", "other"]).await;
     let all = farm.claim(first, 100, 0).await.unwrap();
@@ -362,7 +361,7 @@ pub(super) async fn a_worker_of_the_same_name_is_nobody_to_check(farm: Farm) {
     assert!(farm.next_complete_round(job).await.is_some());
 }
 
-pub(super) async fn a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_with_those_of_others(farm: Farm) {
+pub(super) async fn a_job_that_is_pinned_to_a_wrong_machine_alone_restarts_with_another(farm: Farm) {
     let [begun, untouched] = [farm.job(1).await, farm.job(1).await];
     // Its memory was wrong while it rendered the probe.
     let [odd] = with_digests(&farm, [("wrong", "odd")]).await;
@@ -391,126 +390,10 @@ pub(super) async fn a_job_with_the_bits_of_a_wrong_machine_alone_is_begun_again_
     }
 }
 
-pub(super) async fn checks_of_a_worker_that_is_gone_go_to_another(farm: Farm) {
-    farm.job(1).await;
-    let [first, second, third] = named(&farm, ["a", "b", "c"]).await;
-    let all = farm.claim(first, 100, 0).await.unwrap();
-    bring(&farm, &all, "right", 0).await;
-    let lost = farm.claim(second, 5, 0).await.unwrap();
-    farm.store.renew(lost.lease.id, lost.lease.token, 0, 5 * TTL_MS).await.unwrap();
-    let rest = farm.claim(third, 100, 0).await.unwrap();
-    bring(&farm, &rest, "right", 0).await;
-    assert!(farm.claim(third, 100, 1999).await.is_none(), "it may still be at it, or wait to bring it");
-    let taken = farm.claim(third, 5, 2000).await.unwrap();
-    assert_eq!(taken.lease.nodes, lost.lease.nodes, "it has been at it for longer than a lease should take");
-    assert!(bring(&farm, &taken, "right", 2001).await.has_ended);
-    assert!(!bring(&farm, &lost, "other", 2002).await.has_work, "it is too late");
-    assert_eq!(all.nodes.len(), lost.nodes.len() + rest.nodes.len());
-
-    farm.job(1).await;
-    let all = farm.claim(first, 100, 3000).await.unwrap();
-    bring(&farm, &all, "right", 3000).await;
-    let lost = farm.claim(second, 100, 3000).await.unwrap();
-    farm.expire(3000 + TTL_MS).await;
-    assert_eq!(farm.claim(third, 100, 3000 + TTL_MS).await.unwrap().nodes, lost.nodes);
-}
-
 /// Longer than any of these leases should last, milliseconds.
-const LONG_MS: i64 = 100_000;
+pub(super) const LONG_MS: i64 = 100_000;
 
-/// How much is still wanted under a lease, which goes on.
-async fn outstanding(farm: &Farm, grant: &Grant, now_ms: i64) -> u32 {
-    farm.store.renew(grant.lease.id, grant.lease.token, now_ms, now_ms + LONG_MS).await.unwrap()
-}
-
-/// A claim of whatever there is, under a lease that lasts.
-async fn long(farm: &Farm, worker: WorkerId, now_ms: i64) -> Grant {
-    let grant = farm.claim(worker, 100, now_ms).await.unwrap();
-    outstanding(farm, &grant, now_ms).await;
-    grant
-}
-
-pub(super) async fn whoever_has_a_check_keeps_it_when_another_takes_it_over(farm: Farm) {
-    let job = farm.job(1).await;
-    let [first, slow, slower, late] = named(&farm, ["first", "slow", "slower", "late"]).await;
-    let all = farm.claim(first, 100, 0).await.unwrap();
-    bring(&farm, &all, "bits", 0).await;
-    let check = long(&farm, slow, 0).await;
-    assert!(farm.claim(slow, 100, 2000).await.is_none(), "it has it already");
-    let taken = long(&farm, slower, 2000).await;
-    assert_eq!(check.nodes, all.nodes);
-    assert!(taken.nodes.iter().eq(all.nodes.iter().rev()), "from the other end");
-    for now_ms in [2000, 4000, 20_000] {
-        assert_eq!([outstanding(&farm, &check, now_ms).await, outstanding(&farm, &taken, now_ms).await], [15; 2]);
-        for worker in [slow, slower, late] {
-            assert!(farm.claim(worker, 100, now_ms).await.is_none(), "two are at it");
-        }
-    }
-    assert!(bring(&farm, &check, "bits", 20_000).await.has_ended, "whoever comes first");
-    assert_eq!(outstanding(&farm, &taken, 20_000).await, 0);
-    let answer = farm.bring(&taken, with_bits(&taken.nodes, "others"), 20_000).await.unwrap();
-    assert_eq!(answer.checks, Outcome::default(), "it comes second");
-    assert!(farm.next_complete_round(job).await.is_some());
-}
-
-pub(super) async fn a_check_that_two_have_goes_on_without_either(farm: Farm) {
-    farm.job(1).await;
-    let [first, one, two, three] = named(&farm, ["first", "one", "two", "three"]).await;
-    let all = farm.claim(first, 100, 0).await.unwrap();
-    bring(&farm, &all, "bits", 0).await;
-    for gives_up in [0, 1] {
-        let now_ms = gives_up * 10_000;
-        let check = long(&farm, one, now_ms).await;
-        let taken = long(&farm, two, now_ms + 2000).await;
-        let given_up = if gives_up == 0 { &check } else { &taken };
-        farm.store.return_lease(given_up.lease.id, given_up.lease.token, now_ms + 2000).await.unwrap();
-        let other = if gives_up == 0 { &taken } else { &check };
-        assert_eq!(outstanding(&farm, other, now_ms + 2000).await, 15);
-        assert!(farm.store.give_up_checks(i64::MAX).await.unwrap().is_empty(), "it is at it");
-        let again = long(&farm, three, now_ms + 4000).await;
-        assert_eq!(again.lease.nodes, all.lease.nodes, "there is one who has had it for long enough");
-        farm.store.return_lease(again.lease.id, again.lease.token, now_ms + 4000).await.unwrap();
-        farm.store.return_lease(other.lease.id, other.lease.token, now_ms + 4000).await.unwrap();
-    }
-    // Nobody has it: it is as it was at first.
-    let check = long(&farm, three, 20_000).await;
-    assert!(bring(&farm, &check, "bits", 20_000).await.has_ended);
-}
-
-pub(super) async fn two_who_do_not_bring_a_check_keep_it_from_nobody(farm: Farm) {
-    farm.job(1).await;
-    let [first, one, two, three] = named(&farm, ["first", "one", "two", "three"]).await;
-    let all = farm.claim(first, 100, 0).await.unwrap();
-    bring(&farm, &all, "bits", 0).await;
-    let check = long(&farm, one, 0).await;
-    let taken = long(&farm, two, 2000).await;
-    for grant in [&check, &taken] {
-        assert_eq!(outstanding(&farm, grant, 32_999).await, 15);
-    }
-    assert!(farm.claim(three, 100, 32_999).await.is_none());
-    let last = long(&farm, three, 33_000).await;
-    assert_eq!(last.lease.nodes, all.lease.nodes);
-    let answer = farm.bring(&taken, with_bits(&all.nodes[..5], "bits"), 33_000).await.unwrap();
-    assert!(answer.checks.has_ended, "it had it once");
-    assert_eq!(outstanding(&farm, &check, 33_000).await, 10);
-    assert!(bring(&farm, &last, "bits", 33_000).await.has_ended);
-}
-
-pub(super) async fn the_second_of_two_who_have_a_check_decides_a_dispute(farm: Farm) {
-    farm.job(1).await;
-    let [first, one, two] = named(&farm, ["first", "one", "two"]).await;
-    let all = farm.claim(first, 100, 0).await.unwrap();
-    bring(&farm, &all, "right", 0).await;
-    let check = long(&farm, one, 0).await;
-    let taken = long(&farm, two, 2000).await;
-    let disputed = bring(&farm, &check, "wrong", 2000).await;
-    assert!(disputed.has_work && !disputed.has_ended, "{disputed:?}");
-    assert_eq!(outstanding(&farm, &taken, 2000).await, 15, "it is at it");
-    let decided = bring(&farm, &taken, "right", 2000).await;
-    assert!(matches!(decided.quarantined.as_slice(), [(wrong, _)] if *wrong == one), "{decided:?}");
-}
-
-pub(super) async fn whoever_brings_a_node_second_has_checked_it(farm: Farm) {
+pub(super) async fn the_second_upload_of_a_node_is_its_check(farm: Farm) {
     let job = farm.job(1).await;
     let [first, second] = named(&farm, ["first", "second"]).await;
     let one = farm.claim(first, 1, 0).await.unwrap();
@@ -527,25 +410,7 @@ pub(super) async fn whoever_brings_a_node_second_has_checked_it(farm: Farm) {
     assert!(farm.next_complete_round(job).await.is_some());
 }
 
-pub(super) async fn workers_of_one_name_take_checks_over_from_each_other_and_answer_once(farm: Farm) {
-    farm.job(1).await;
-    let [first, hung, namesake, third] = named(&farm, ["first", "twin", "twin", "third"]).await;
-    let all = farm.claim(first, 100, 0).await.unwrap();
-    bring(&farm, &all, "right", 0).await;
-    let check = long(&farm, hung, 0).await;
-    let taken = long(&farm, namesake, 2000).await;
-    assert_eq!(taken.lease.nodes, check.lease.nodes);
-    let disputed = bring(&farm, &taken, "wrong", 2000).await;
-    assert!(disputed.has_work && !disputed.has_ended, "{disputed:?}");
-    assert_eq!([outstanding(&farm, &check, 2000).await, outstanding(&farm, &taken, 2000).await], [0; 2]);
-    let decision = farm.claim(third, 100, 2000).await.unwrap();
-    assert_eq!(decision.nodes, all.nodes, "neither of the two has it any more");
-    assert_eq!(bring(&farm, &check, "right", 2000).await, Outcome::default(), "they have had their say");
-    let decided = bring(&farm, &decision, "right", 2000).await;
-    assert!(matches!(decided.quarantined.as_slice(), [(wrong, _)] if *wrong == namesake), "{decided:?}");
-}
-
-pub(super) async fn whoever_has_brought_a_node_is_not_waited_for_to_check_it(farm: Farm) {
+pub(super) async fn the_worker_that_rendered_a_node_is_not_waited_for_to_check_it(farm: Farm) {
     farm.job(1).await;
     let [first, second, third] = named(&farm, ["first", "second", "third"]).await;
     let one = farm.claim(first, 1, 0).await.unwrap();
@@ -566,7 +431,12 @@ pub(super) async fn whoever_has_brought_a_node_is_not_waited_for_to_check_it(far
     assert!(matches!(decided.quarantined.as_slice(), [(wrong, _)] if *wrong == second), "{decided:?}");
 }
 
-pub(super) async fn a_job_keeps_to_the_bits_that_it_was_begun_with(farm: Farm) {
+/// How much is still wanted under a lease, which goes on.
+pub(super) async fn outstanding(farm: &Farm, grant: &Grant, now_ms: i64) -> u32 {
+    farm.store.renew(grant.lease.id, grant.lease.token, now_ms, now_ms + LONG_MS).await.unwrap()
+}
+
+pub(super) async fn a_job_stays_pinned_to_its_first_fingerprint(farm: Farm) {
     let older = farm.job(1).await;
     let newer = farm.job(1).await;
     let mut workers = Vec::new();
@@ -586,10 +456,10 @@ pub(super) async fn a_job_keeps_to_the_bits_that_it_was_begun_with(farm: Farm) {
     assert_eq!(passed_over(none).await, [older, newer]);
 }
 
-/// Two others find that a worker has brought other bits of the nodes of a lease than they do.
-async fn find_wrong(farm: &Farm, grant: &Grant, others: [WorkerId; 2]) -> Outcome {
+/// Two other workers find that a worker has brought other digests for the nodes of a lease than they do.
+async fn find_wrong(farm: &Farm, grant: &Grant, others: [WorkerId; 2]) -> CheckOutcome {
     assert!(bring(farm, grant, "wrong", 0).await.has_work);
-    let mut outcome = Outcome::default();
+    let mut outcome = CheckOutcome::default();
     for worker in others {
         let check = farm.claim(worker, grant.nodes.len() as u32, 0).await.unwrap();
         assert_eq!(check.nodes, grant.nodes);

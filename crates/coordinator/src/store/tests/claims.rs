@@ -8,9 +8,9 @@ use uuid::Uuid;
 
 use crate::model::{ClaimTerms, Delivery, Ending, Grant, LeaseState, NewJob, WorkFailure};
 use crate::store::engine::error::StoreError;
+use crate::store::errors::WorkerError;
 use crate::store::tests::farm::terms;
 use crate::store::tests::{Farm, LeaseError, TTL_MS, delivered, query};
-use crate::store::workers::table::WorkerError;
 
 pub(super) async fn concurrent_claimants_never_get_the_same_node(farm: Farm) {
     let job = farm.job(40).await;
@@ -150,7 +150,7 @@ pub(super) async fn a_worker_goes_on_with_scenes_that_it_has_unless_nobody_rende
     assert_eq!(order, [newer, older], "the other when nothing is left of it");
 }
 
-pub(super) async fn an_unknown_worker_gets_no_work_and_is_told(farm: Farm) {
+pub(super) async fn an_unknown_worker_gets_no_work_but_an_error(farm: Farm) {
     farm.job(1).await;
     let terms = terms(WorkerId::from(Uuid::now_v7()), 0);
     assert!(matches!(farm.store.claim(move || terms).await, Err(WorkerError::Unknown(_))));
@@ -207,7 +207,8 @@ pub(super) async fn a_node_that_nobody_can_bring_fails_its_job_with_the_reason(f
     let (failure, failed) = (record.failure.unwrap(), record.failed_node.unwrap());
     let node = "frame 0, tile 0, level 0, index 0";
     let expected = format!(
-        "node ({node}) failed 5 times on `w`, and no other machine was there that could render it; the last failure: not a number"
+        "node ({node}) failed 5 times on `w`, and no other machine was there that could render it; the last failure: \
+         not a number"
     );
     assert_eq!(failure, expected);
     assert_eq!((failed.node.tile, failed.message.as_str()), (0, "not a number"));
@@ -252,7 +253,7 @@ pub(super) async fn a_node_that_fails_on_three_machines_fails_the_job_and_names_
     assert_eq!(failed, [workers[1], workers[0], workers[2]]);
 }
 
-pub(super) async fn a_node_that_fails_on_ten_machines_fails_the_job_whoever_is_there(farm: Farm) {
+pub(super) async fn a_node_that_fails_on_ten_machines_fails_the_job_in_any_case(farm: Farm) {
     let job = farm.job(1).await;
     let mut workers = Vec::new();
     for name in 0..20 {
@@ -275,7 +276,8 @@ pub(super) async fn machines_that_fail_in_turn_fail_the_job(farm: Farm) {
     assert_eq!(farm.state(job).await, JobState::Failed);
 }
 
-/// Lets a machine fail at a job of which it has brought a node, while another is registered, which was not heard of since `alive_ms` or could do nothing.
+/// A machine fails on a job that has a node. Another machine is registered, but was not heard of since `alive_ms` or
+/// could not render.
 async fn fails_soon(farm: &Farm, failing: WorkerId, alive_ms: i64) {
     let job = farm.job(1).await;
     let first_ms = 1_000_000 * (1 + farm.store.jobs().await.unwrap().len() as i64);
@@ -303,7 +305,7 @@ pub(super) async fn failures_count_where_nobody_else_could_try(farm: Farm) {
     fails_soon(&farm, failing, 0).await;
 }
 
-pub(super) async fn who_has_other_bits_could_try_a_job_of_which_nothing_has_come(farm: Farm) {
+pub(super) async fn a_worker_with_another_fingerprint_could_try_a_job_without_nodes(farm: Farm) {
     let job = farm.job(1).await;
     let failing = farm.worker_with("failing", Some("bits")).await.unwrap();
     let other = farm.worker_with("other bits", Some("other")).await.unwrap();
@@ -314,8 +316,8 @@ pub(super) async fn who_has_other_bits_could_try_a_job_of_which_nothing_has_come
     assert!(farm.claim(other, 1, 300_000).await.is_some());
 }
 
-/// Who has been overtaken with all of its lease may bring it as long as the job wants its bits.
-pub(super) async fn what_was_taken_over_is_not_accepted_when_the_job_is_open_to_other_bits(farm: Farm) {
+/// A worker whose whole lease was taken over may bring it while the job is pinned to its fingerprint.
+pub(super) async fn nodes_that_were_taken_over_are_not_accepted_after_the_job_was_unpinned(farm: Farm) {
     farm.job_like(|job| NewJob { passes: 1, grid: TileGrid { width: 8, height: 8, tile_size: 16 }, ..job }).await;
     let slow = farm.worker_with("slow", Some("bits")).await.unwrap();
     let quick = farm.worker_with("quick", Some("bits")).await.unwrap();
@@ -357,7 +359,7 @@ pub(super) async fn leases_that_ended_long_ago_go_and_the_next_token_is_larger_a
     assert!(farm.claim(worker, 1, LATER_MS).await.unwrap().lease.token > kept.lease.token);
 }
 
-pub(super) async fn a_job_of_which_nothing_has_come_is_open_to_other_bits(farm: Farm) {
+pub(super) async fn a_job_without_nodes_is_unpinned(farm: Farm) {
     let job = farm.job(1).await;
     let one = farm.worker_with("one", Some("bits")).await.unwrap();
     let other = farm.worker_with("other", Some("other bits")).await.unwrap();

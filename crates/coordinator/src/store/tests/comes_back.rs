@@ -1,4 +1,5 @@
-//! A PostgreSQL database that was away, or took no writes, and comes back: sessions that are left from before are not used again.
+//! A PostgreSQL database that was away, or took no writes, and comes back: sessions that are left from before are not
+//! used again.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -21,10 +22,12 @@ async fn write(farm: &Farm, statements: &'static str) -> Result<(), StoreError> 
 }
 
 /// A statement that only a session can run that takes writes.
-const WRITES: &str = "insert into sequences (name, value) values ('test', 1) on conflict (name) do update set value = sequences.value + 1";
+const WRITES: &str = "insert into sequences (name, value) values ('test', 1) on conflict (name) do update set value \
+                      = sequences.value + 1";
 
 /// Ends all sessions of the farm's database but this one, as a server does that another replaces.
-const END_OTHERS: &str = "select pg_terminate_backend(pid) from pg_stat_activity where datname = current_database() and pid <> pg_backend_pid()";
+const END_OTHERS: &str = "select pg_terminate_backend(pid) from pg_stat_activity where datname = current_database() \
+                          and pid <> pg_backend_pid()";
 
 /// Name of a farm's database.
 async fn name(farm: &Farm) -> String {

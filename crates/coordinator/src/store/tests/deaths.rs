@@ -10,7 +10,7 @@ use crate::store::tests::{DeliveredNode, Farm, Grant, TTL_MS, delivered};
 const ONE_TILE: TileGrid = TileGrid { width: 8, height: 8, tile_size: 16 };
 
 impl Farm {
-    /// Takes back the leases that have run out, while only workers that were heard of since are there.
+    /// Takes back expired leases. Only workers heard of since `alive_ms` are alive.
     async fn expire_watched(&self, now_ms: i64, alive_ms: i64) -> Expiry {
         self.store.expire_leases(Observation { now_ms, listening_ms: 0, alive_ms }).await.unwrap()
     }
@@ -122,7 +122,7 @@ pub(super) async fn a_worker_that_comes_back_has_not_died(farm: Farm) {
     for (name, now_ms) in [("one", 0), ("two", TTL_MS), ("three", 2 * TTL_MS)] {
         workers.push(farm.die(name, 1, now_ms).await.0);
         if name == "one" {
-            // Its lease ran out while it could not be heard.
+            // Its lease expired while no heartbeat could arrive.
             farm.store.touch_worker(workers[0], TTL_MS + 1, WorkerActivity::default()).await.unwrap();
         }
     }

@@ -12,10 +12,9 @@ use uuid::Uuid;
 use crate::model::{BlobRange, ClaimTerms, CompleteRound, DeliveredNode, Delivery, Grant, Merge, NewJob};
 use crate::store::database::Store;
 use crate::store::engine::source::Source;
+use crate::store::errors::{LeaseError, WorkerError};
 use crate::store::films::acceptance::Acceptance;
 use crate::store::leases::expiry::Observation;
-use crate::store::leases::table::LeaseError;
-use crate::store::workers::table::WorkerError;
 
 pub(super) const TTL_MS: i64 = 1000;
 
@@ -141,7 +140,8 @@ impl Farm {
         self.store.accept(Delivery { lease, token, nodes, core_ms: 100, now_ms, alive_ms: now_ms - TTL_MS }).await
     }
 
-    /// Takes back the leases that have run out, as a coordinator does that has just begun to listen: none counts as the death of its worker.
+    /// Takes back the leases that have run out, as a coordinator does that has just begun to listen: none counts as the
+    /// death of its worker.
     pub(super) async fn expire(&self, now_ms: i64) -> u64 {
         let observation = Observation { now_ms, listening_ms: i64::MAX, alive_ms: i64::MIN };
         self.store.expire_leases(observation).await.unwrap().leases.len() as u64

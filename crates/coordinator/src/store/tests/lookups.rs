@@ -1,5 +1,5 @@
-//! How PostgreSQL finds rows: by indexes, whatever it believes of the size of tables. It looks at that when it plans a statement, which is once, and
-//! would read all of a table that was small then, or all rows of a job.
+//! How PostgreSQL finds rows: by indexes, whatever it believes of the size of tables. It looks at that when it plans a
+//! statement, which is once, and would read all of a table that was small then, or all rows of a job.
 
 use std::time::Duration;
 
@@ -21,8 +21,8 @@ const TURNS: i64 = 60;
 /// Nodes of a lease.
 const NODES: u32 = 16;
 
-/// Rows, and entries of indexes, that a claim and all that follows it may read for each of its nodes: it is looked for when it is claimed, brought, and
-/// merged, in a few tables, and what has just been replaced is met with for a while.
+/// Rows, and entries of indexes, that a claim and all that follows it may read for each of its nodes: it is looked for
+/// when it is claimed, brought, and merged, in a few tables, and what has just been replaced is met with for a while.
 const READ: i64 = 30;
 
 /// Claims, renews, brings and merges.
@@ -48,7 +48,7 @@ async fn work(farm: &Farm, worker: WorkerId, now_ms: i64) {
     farm.next_complete_round(grant.lease.job).await;
 }
 
-/// Waits until nobody else is connected: then all that has been read is counted.
+/// Waits until no other connection is open: then all reads have been counted.
 async fn alone(connection: &mut Connection) {
     let all_gone = async {
         while others(connection).await > 0 {

@@ -10,26 +10,36 @@ use crate::store::engine::source::Source;
 use crate::store::engine::sql::query;
 use crate::store::tests::Farm;
 
-/// A job of two passes over two tiles. Of the first pass, one tile has been accepted, and a worker has the other; another job is done.
+/// A job of two passes over two tiles. Of the first pass, one tile has been accepted, and a worker has the other;
+/// another job is done.
 const LEFT: &str = r#"
-    insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, height, tile_size,
-        samples_per_pass, samples_per_block, passes, created_ms, started_ms, cursor_round, accepted_nodes, samples, core_ms)
-        values ('01900000-0000-7000-8000-000000000001', 'window', 'running', 0, '{}', 'h', 'path', '[]', 1, 32, 16, 16, 4, 64, 2, 5, 10, 1, 1, 1024, 100);
-    insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, height, tile_size,
-        samples_per_pass, samples_per_block, passes, created_ms, started_ms, finished_ms, cursor_round, rounds, complete_passes, accepted_nodes, samples)
-        values ('01900000-0000-7000-8000-000000000002', 'done', 'done', 0, '{}', 'h', 'path', '[]', 1, 16, 16, 16, 4, 64, 1, 1, 2, 3, 1, 1, 1, 1, 1024);
+    insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width,
+        height, tile_size,
+        samples_per_pass, samples_per_block, passes, created_ms, started_ms, cursor_round, accepted_nodes, samples,
+        core_ms)
+        values ('01900000-0000-7000-8000-000000000001', 'window', 'running', 0, '{}', 'h', 'path', '[]', 1, 32, 16,
+        16, 4, 64, 2, 5, 10, 1, 1, 1024, 100);
+    insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width,
+        height, tile_size,
+        samples_per_pass, samples_per_block, passes, created_ms, started_ms, finished_ms, cursor_round, rounds,
+        complete_passes, accepted_nodes, samples)
+        values ('01900000-0000-7000-8000-000000000002', 'done', 'done', 0, '{}', 'h', 'path', '[]', 1, 16, 16, 16,
+        4, 64, 1, 1, 2, 3, 1, 1, 1, 1, 1024);
     insert into workers (id, name, cores, build, registered_ms, seen_ms, accepted_nodes, samples, core_ms)
         values ('01900000-0000-7000-8000-000000000003', 'w', 2, 'b', 1, 20, 1, 1024, 100);
     insert into rates (worker, job, samples, core_ms)
         values ('01900000-0000-7000-8000-000000000003', '01900000-0000-7000-8000-000000000001', 1024, 100);
     insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms)
-        values ('01900000-0000-7000-8000-000000000004', 7, '01900000-0000-7000-8000-000000000001', '01900000-0000-7000-8000-000000000003',
+        values ('01900000-0000-7000-8000-000000000004', 7, '01900000-0000-7000-8000-000000000001',
+        '01900000-0000-7000-8000-000000000003',
         'active', '[[0,0,0,0],[0,1,0,0]]', 10, 1000);
-    insert into waves (job, frame, round, end_pass, outstanding, core_ms) values ('01900000-0000-7000-8000-000000000001', 0, 0, 1, 1, 100);
+    insert into waves (job, frame, round, end_pass, outstanding,
+        core_ms) values ('01900000-0000-7000-8000-000000000001', 0, 0, 1, 1, 100);
     insert into pending (job, round, frame, tile, level, idx, failures, lease)
         values ('01900000-0000-7000-8000-000000000001', 0, 0, 1, 0, 0, 3, '01900000-0000-7000-8000-000000000004');
     insert into nodes (job, frame, tile, level, idx, first_pass, end_pass, blob)
-        values ('01900000-0000-7000-8000-000000000001', 0, 0, 0, 0, 0, 1, 'first'), ('01900000-0000-7000-8000-000000000002', 0, 0, 0, 0, 0, 1, 'second');
+        values ('01900000-0000-7000-8000-000000000001', 0, 0, 0, 0, 0, 1, 'first'),
+        ('01900000-0000-7000-8000-000000000002', 0, 0, 0, 0, 0, 1, 'second');
     insert into rounds (job, frame, round, passes, samples_per_pixel, core_ms, wall_ms, recorded_ms, mse)
         values ('01900000-0000-7000-8000-000000000002', 0, 0, 1, 4, 50, 1, 3, 0.25);
     insert into events (id, kind, job, created_ms) values (1, 'job', '01900000-0000-7000-8000-000000000001', 5);
@@ -44,7 +54,8 @@ async fn leave(source: &Source) {
     query(APPLIED).execute(&mut connection).await.unwrap();
     connection.batch(statements).await.unwrap();
     connection.batch(LEFT).await.unwrap();
-    let applied = "insert into _sqlx_migrations (version, description, success, checksum, execution_time) values ($1, $2, true, '', 0)";
+    let applied = "insert into _sqlx_migrations (version, description, success, checksum, execution_time) values \
+                   ($1, $2, true, '', 0)";
     query(applied).bind(version).bind(name).execute(&mut connection).await.unwrap();
     connection.close().await.unwrap();
 }

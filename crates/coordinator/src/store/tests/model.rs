@@ -1,10 +1,11 @@
-//! Random histories of a job, held against a model of them in memory: jobs of few and of many nodes, claims of all
-//! sizes by workers of all speeds, results that come whole, in part, twice, late, under a wrong token or for somebody
-//! else's nodes, leases that are kept, given back, taken over or run out, workers that fail and others that are found
-//! to be wrong, coordinators that start again, rounds and merges.
+//! Random histories of a job, compared with a model in memory.
 //!
-//! How finely work is cut, and how much of it a worker gets, follows from its pace, and any choice is as good as
-//! another: the model looks at what was chosen and holds it to the rules. All else it foretells.
+//! Jobs have few or many nodes, and workers of all speeds claim leases of all sizes. Results arrive whole, in part,
+//! twice, late, under a wrong token or for another worker's nodes. Leases are renewed, returned, taken over or expire.
+//! Workers fail or turn out to be wrong, and coordinators restart. Rounds are recorded and merged.
+//!
+//! The rates of workers decide how finely work is cut and how much of it a lease gets, and every choice is correct. So
+//! the model reads the choice and checks the rules. It predicts everything else.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,7 +21,7 @@ use crate::model::{CompleteRound, Grant, LeaseState, NewJob};
 use crate::store::engine::lists::address;
 use crate::store::engine::row::Row;
 use crate::store::engine::sql::query;
-use crate::store::leases::table::LeaseError;
+use crate::store::errors::LeaseError;
 use crate::store::tests::{Farm, blob_range, merge};
 
 mod claims;
@@ -35,7 +36,7 @@ use steps::{History, Shape, Step, Wanted, history};
 /// Workers that claim, bring and fail at random.
 const WORKERS: usize = 3;
 
-/// How long a lease lasts: longer than others wait before they take it over.
+/// Term of a lease: longer than others wait before they take it over.
 const LEASE_MS: i64 = 5000;
 
 /// Longest rest after failures in a row.
@@ -73,7 +74,7 @@ struct Held {
     state: LeaseState,
     granted_ms: i64,
     deadline_ms: i64,
-    /// How long it may go on without an accepted node before others are given its work, and when that is over.
+    /// Time until it is overdue, and when that is.
     overdue_after_ms: i64,
     due_ms: i64,
 }
@@ -97,7 +98,7 @@ impl Pending {
     }
 }
 
-/// The work of one wave that was accepted.
+/// Accepted work of one round.
 #[derive(Clone, Copy, Debug, Default)]
 struct Work {
     core_ms: i64,
@@ -110,7 +111,7 @@ struct Model {
     job: JobId,
     shape: Shape,
     workers: Vec<Worker>,
-    /// Two more, who find out who is wrong.
+    /// Two more workers, which find out which one is wrong.
     judges: [WorkerId; 2],
     now_ms: i64,
     state: JobState,
@@ -207,7 +208,7 @@ impl Model {
         }
     }
 
-    /// Holds the answer to a call under a lease against the one that is foretold, and hands it on if it is no refusal.
+    /// Compares the answer to a call under a lease with the predicted one, and passes it on unless it is a refusal.
     #[track_caller]
     fn answered<T: Debug>(&mut self, lease: usize, answer: Result<T, LeaseError>) -> Option<T> {
         let Some(refusal) = self.refusal(lease) else { return Some(answer.unwrap()) };
@@ -244,12 +245,11 @@ impl Model {
         Rounds::new(self.shape.passes)
     }
 
-    /// Whether there is a wave, and all of its passes are accepted.
-    fn is_wave_complete(&self, round: u32) -> bool {
-        let Some(complete) = self.boundaries().passes(round) else { return false };
+    /// Whether a round exists and all of its passes are accepted.
+    fn is_round_complete(&self, round: u32) -> bool {
+        let Some(passes) = self.boundaries().passes(round) else { return false };
         let mut tiles = 0..self.shape.grid.len();
-        tiles
-            .all(|tile| (complete.first..complete.first + complete.count).all(|pass| self.done.contains(&(tile, pass))))
+        tiles.all(|tile| (passes.first..passes.first + passes.count).all(|pass| self.done.contains(&(tile, pass))))
     }
 
     /// What waits to be rendered, as the store has it.
@@ -353,7 +353,7 @@ impl Model {
     async fn record(&mut self, farm: &Farm) {
         loop {
             let record = farm.store.job(self.job).await.unwrap().unwrap();
-            let is_complete = (0..=self.rounds).all(|round| self.is_wave_complete(round));
+            let is_complete = (0..=self.rounds).all(|round| self.is_round_complete(round));
             let expected = is_complete.then(|| {
                 let work = self.work.range(..=self.rounds);
                 CompleteRound {

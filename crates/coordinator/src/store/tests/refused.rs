@@ -57,7 +57,7 @@ async fn a_database_that_does_not_hold_every_name_is_refused() {
 }
 
 #[tokio::test]
-async fn a_role_that_may_not_create_tables_is_told_what_it_needs_and_needs_it_once() {
+async fn a_role_that_may_not_create_tables_gets_an_error_with_the_missing_grant_and_needs_it_once() {
     let database = postgres().new_database();
     let owner = async |statement: &str| {
         let source = Source::postgres(&database.parse().unwrap()).unwrap();

@@ -33,7 +33,8 @@ async fn eight_claimants_share_a_job_and_none_is_sent_away_while_there_is_work()
                 assert!(acceptance.verdicts.iter().all(|verdict| *verdict == NodeVerdict::Accepted));
                 nodes.extend(grant.nodes);
             }
-            // Nothing comes back in this test: what is free now, or could be cut, was there when this claimant was sent away.
+            // Nothing comes back in this test: what is free now, or could be cut, was there when this claimant was sent
+            // away.
             let free = query("select 1 from pending where job = $1 and lease is null").bind(job.to_string());
             assert!(free.fetch_optional(&farm.store.readers).await.unwrap().is_none(), "sent away from free work");
             let record = farm.store.job(job).await.unwrap().unwrap();

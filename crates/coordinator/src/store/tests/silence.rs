@@ -40,7 +40,7 @@ impl Network {
         Self { address, is_silent }
     }
 
-    /// Nothing is heard any more on the connections that there are.
+    /// Open connections fall silent.
     fn fall_silent(&self) {
         let mut current = self.is_silent.lock().unwrap();
         current.store(true, Ordering::SeqCst);
@@ -71,7 +71,7 @@ async fn carry(
 /// For longer than any test.
 const LONG: Duration = Duration::from_secs(3600);
 
-/// Long enough for whoever answers, and short enough for a test. The server is not asked what it is at.
+/// Long enough for every answer, and short enough for a test. The server is not asked what it works on.
 const PATIENCE: Timeouts = Timeouts {
     connection: Duration::from_secs(2),
     idle: Duration::from_millis(200),
@@ -82,7 +82,7 @@ const PATIENCE: Timeouts = Timeouts {
     silence: Duration::from_millis(200),
 };
 
-/// The server is waited for as long as it is at it.
+/// The server is waited for while it works.
 const DOUBT: Timeouts = Timeouts { turn: LONG, transaction: LONG, doubt: Duration::from_millis(200), ..PATIENCE };
 
 #[tokio::test]

@@ -1,4 +1,4 @@
-//! Workers that get slow: who has nothing to do takes over what they hold, and the first result wins.
+//! Stragglers: an idle worker takes over what they hold, and the first result wins.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use crate::model::{ClaimTerms, Delivery, Grant, JobRecord, LeaseState, NewJob};
 use crate::store::tests::farm::terms;
 use crate::store::tests::{Farm, delivered};
 
-pub(super) async fn what_a_worker_sits_on_is_taken_over_and_the_first_result_wins(farm: Farm) {
+pub(super) async fn held_nodes_are_taken_over_and_the_first_result_wins(farm: Farm) {
     let job = farm.job(1).await;
     let [slow, quick, third] = [farm.worker().await, farm.worker().await, farm.worker().await];
     let first = farm.claim(slow, 100, 0).await.unwrap();
@@ -68,7 +68,7 @@ pub(super) async fn nodes_wait_for_others_no_longer_than_their_lease_should_take
     assert_eq!([claim(1, 500).await, claim(8, 500).await].map(|grant| grant.upload_linger_ms), [1000, 8000]);
 }
 
-pub(super) async fn what_comes_late_is_taken_over_beside_an_older_lease_that_may_keep_its_nodes(farm: Farm) {
+pub(super) async fn late_nodes_are_taken_over_beside_an_older_lease_that_may_keep_its_own(farm: Farm) {
     farm.job(1).await;
     let claim = async |worker, upload_linger_ms, count, now_ms| {
         let terms = ClaimTerms { upload_linger_ms, ttl_ms: 100_000, fixed_nodes: Some(count), ..terms(worker, now_ms) };
@@ -96,7 +96,7 @@ pub(super) async fn a_node_is_not_leased_again_without_end(farm: Farm) {
     assert!(farm.claim(farm.worker().await, 1, 52_000).await.is_some(), "the last to take it over has stopped");
 }
 
-pub(super) async fn what_is_overdue_of_an_urgent_job_comes_before_free_work_of_others(farm: Farm) {
+pub(super) async fn overdue_nodes_of_an_urgent_job_come_before_free_work_of_others(farm: Farm) {
     let urgent = farm.job_with(1, 5, None).await;
     let other = farm.job(4).await;
     let [slow, quick] = [farm.worker().await, farm.worker().await];
@@ -111,7 +111,7 @@ pub(super) async fn what_is_overdue_of_an_urgent_job_comes_before_free_work_of_o
     assert_eq!((taken.lease.job, taken.nodes.as_slice()), (urgent, &held.nodes[8..]));
 }
 
-pub(super) async fn what_the_next_round_waits_for_is_taken_over_while_there_is_work_of_later_ones(farm: Farm) {
+pub(super) async fn overdue_nodes_of_the_next_round_are_taken_over_while_there_is_work_of_later_ones(farm: Farm) {
     farm.job(4).await;
     let [slow, quick] = [farm.worker().await, farm.worker().await];
     let held = farm.claim(slow, 15, 0).await.unwrap();
@@ -161,7 +161,8 @@ pub(super) async fn a_single_node_is_taken_over_by_its_passes(farm: Farm) {
 struct Worker {
     id: WorkerId,
     grant: Option<Grant>,
-    /// Nodes of the grant that are rendered; the last `unsent` of them have not been brought, and will be when that is due, in tenths of a second.
+    /// Nodes of the grant that are rendered; the last `unsent` of them have not been brought, and will be when that is
+    /// due, in tenths of a second.
     rendered: usize,
     unsent: usize,
     due: i64,
@@ -170,7 +171,7 @@ struct Worker {
 }
 
 /// A farm of which a tenth gets twenty times slower in the middle of the job ends it not much later than it could.
-pub(super) async fn stragglers_do_not_hold_up_the_end(farm: Farm) {
+pub(super) async fn stragglers_do_not_delay_the_end(farm: Farm) {
     check_the_end(farm, 1000).await;
 }
 
@@ -179,7 +180,8 @@ pub(super) async fn stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_f
     check_the_end(farm, 30_000).await;
 }
 
-/// Time is counted in tenths of a second; a worker brings what it has rendered as late as its lease lets it, as real ones do.
+/// Time is counted in tenths of a second; a worker brings what it has rendered as late as its lease lets it, as real
+/// ones do.
 async fn check_the_end(farm: Farm, upload_linger_ms: i64) {
     const WORKERS: usize = 20;
     const STRAGGLERS: usize = 2;
@@ -192,7 +194,7 @@ async fn check_the_end(farm: Farm, upload_linger_ms: i64) {
     for _ in 0..WORKERS {
         workers.push(Worker { id: farm.worker().await, grant: None, rendered: 0, unsent: 0, due: 0, samples: 0.0 });
     }
-    // When the stragglers get slow, the others would be half done.
+    // When the stragglers get slow, the other workers would be half done.
     let slow_from = record.total_samples() as f64 / RATE / WORKERS as f64 / 2.0;
     let rate =
         |number: usize, seconds: f64| if number < STRAGGLERS && seconds >= slow_from { RATE / 20.0 } else { RATE };
@@ -259,7 +261,8 @@ async fn claim(farm: &Farm, worker: WorkerId, upload_linger_ms: i64, now_ms: i64
     farm.store.claim(move || terms).await.unwrap()
 }
 
-/// Brings nodes that were rendered at some samples a second with both cores, and answers the samples that were not needed.
+/// Brings nodes that were rendered at some samples a second with both cores, and answers the samples that were not
+/// needed.
 async fn bring(farm: &Farm, grant: &Grant, nodes: &[NodeAddress], job: &JobRecord, rate: f64, now_ms: i64) -> u64 {
     let samples: u64 = nodes.iter().map(|node| job.node_samples(node)).sum();
     let core_ms = (samples as f64 / rate * 2000.0) as i64;

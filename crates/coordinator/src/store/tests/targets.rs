@@ -6,11 +6,12 @@ use clerestory_api::{ConvergencePoint, JobId, JobState, StopReason};
 use clerestory_film::Targets;
 
 use crate::model::{BlobRange, Ending, Grant, NewJob, RecordedRound, Removed};
-use crate::store::leases::table::LeaseError;
+use crate::store::errors::LeaseError;
 use crate::store::tests::Farm;
 
 impl Farm {
-    /// A job of 3 passes that a measured error of 1e-3 ends, all of which is delivered but for the last tile of the last pass.
+    /// A job of 3 passes that a measured error of 1e-3 ends, all of which is delivered but for the last tile of the
+    /// last pass.
     async fn job_with_target(&self) -> (JobId, Grant) {
         let targets = Targets { mse: Some(1e-3), estimated_mse: None };
         let job = self.job_like(|job| NewJob { passes: 3, targets, ..job }).await;

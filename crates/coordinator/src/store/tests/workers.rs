@@ -54,7 +54,7 @@ pub(super) async fn a_silent_worker_is_listed_for_a_day_or_until_its_machine_is_
     assert!(!farm.store.end_lost_workers(500, 1000).await.unwrap());
     assert_eq!(farm.listed().await.len(), 2);
     assert_eq!(farm.store.workers(i64::MAX, 500).await.unwrap()[0].state, WorkerState::Silent);
-    // The first process of the machine was last heard of before the second has registered.
+    // The first process of the machine was last heard of before the second registered.
     let back = WorkerId::from(uuid::Uuid::now_v7());
     let registration = clerestory_api::WorkerRegistration {
         name: "lost".to_owned(),

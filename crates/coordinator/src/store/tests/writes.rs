@@ -1,4 +1,4 @@
-//! Writes that come together: what one does to the others, and in which order they are carried out.
+//! Writes that share a transaction: their effects on each other, and their order.
 
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -10,7 +10,9 @@ use tokio::task::JoinHandle;
 use uuid::Uuid;
 
 use crate::model::FilmLease;
+use crate::store::Store;
 use crate::store::engine::error::StoreError;
+use crate::store::engine::source::Source;
 use crate::store::engine::sql::query;
 use crate::store::engine::writer::Turn;
 use crate::store::tests::Farm;
@@ -35,8 +37,8 @@ pub(super) async fn a_failed_write_takes_nothing_else_with_it(farm: Farm) {
     assert_eq!(names, ["a", "c"]);
 }
 
-/// What a write has seen in a transaction that comes to nothing may be what nobody has ever written.
-pub(super) async fn an_error_in_a_transaction_that_fails_is_not_told(farm: Farm) {
+/// A write may have read what is rolled back with its transaction.
+pub(super) async fn the_error_of_a_write_is_not_reported_when_its_transaction_fails(farm: Farm) {
     let write = farm.store.write::<(), StoreError, _>(|connection| {
         Box::pin(async {
             connection.batch("rollback").await?;
@@ -50,7 +52,7 @@ pub(super) async fn an_error_in_a_transaction_that_fails_is_not_told(farm: Farm)
     later.await.unwrap().unwrap();
 }
 
-/// However many patient writes wait, others wait for one of them in each transaction, and they for one transaction each.
+/// Each transaction runs one patient write, however many wait, and patient writes wait for one transaction each.
 pub(super) async fn a_transaction_ends_with_one_patient_write(farm: Farm) {
     let held = Held::hold(&farm).await;
     let order = Arc::default();
@@ -69,7 +71,8 @@ pub(super) async fn a_transaction_ends_with_one_patient_write(farm: Farm) {
     assert!(!mixed.windows(2).any(|pair| pair == ["patient"; 2]), "others wait for several: {order:?}");
 }
 
-/// A claim that comes last waits for no more than one other write for each claim before it, and they for as many claims.
+/// A claim that comes last waits for no more than one other write for each claim before it, and they for as many
+/// claims.
 pub(super) async fn claims_take_turns_with_other_writes(farm: Farm) {
     for (before, after) in [("other", "claim"), ("claim", "other")] {
         let held = Held::hold(&farm).await;
@@ -87,7 +90,7 @@ pub(super) async fn claims_take_turns_with_other_writes(farm: Farm) {
     }
 }
 
-pub(super) async fn what_keeps_workers_and_films_is_written_before_all_that_waits(farm: Farm) {
+pub(super) async fn heartbeats_renewals_and_film_leases_are_written_before_waiting_writes(farm: Farm) {
     let job = farm.job(1).await;
     let worker = farm.worker().await;
     tokio::time::sleep(LONG).await;
@@ -128,8 +131,8 @@ pub(super) async fn a_lease_lasts_from_when_it_is_granted(farm: Farm) {
     assert_eq!(claim.await.unwrap().unwrap().unwrap().lease.deadline_ms, 50_000 + TTL_MS);
 }
 
-/// What is written of a claim whose caller has hung up would be a lease that nobody works off.
-pub(super) async fn a_claim_of_a_worker_that_has_gone_away_takes_nothing(farm: Farm) {
+/// The lease of a claim whose caller has disconnected would not be worked off.
+pub(super) async fn the_claim_of_a_disconnected_worker_takes_nothing(farm: Farm) {
     farm.job(1).await;
     let [gone, here] = [farm.worker().await, farm.worker().await];
     let held = Held::hold(&farm).await;
@@ -143,7 +146,7 @@ pub(super) async fn a_claim_of_a_worker_that_has_gone_away_takes_nothing(farm: F
 }
 
 /// The same where it has been taken from the queue, and waits for the transaction to come to it.
-pub(super) async fn a_claim_of_a_worker_that_goes_away_during_another_write_takes_nothing(farm: Farm) {
+pub(super) async fn the_claim_of_a_worker_that_disconnects_during_another_write_takes_nothing(farm: Farm) {
     farm.job(1).await;
     let [gone, here] = [farm.worker().await, farm.worker().await];
     let held = Held::hold(&farm).await;
@@ -163,7 +166,7 @@ pub(super) async fn a_claim_of_a_worker_that_goes_away_during_another_write_take
     assert_eq!(farm.claim(here, 100, 0).await.unwrap().nodes.len(), 15);
 }
 
-pub(super) async fn what_else_was_asked_is_written_though_whoever_asked_has_gone_away(farm: Farm) {
+pub(super) async fn other_writes_are_carried_out_after_their_caller_has_disconnected(farm: Farm) {
     let held = Held::hold(&farm).await;
     let order = Arc::default();
     let [gone] = notes(&farm, ["other"], &order).await;
@@ -174,7 +177,7 @@ pub(super) async fn what_else_was_asked_is_written_though_whoever_asked_has_gone
     assert_eq!(*order.lock().unwrap(), ["other", "later"]);
 }
 
-pub(super) async fn what_waits_is_written_before_the_store_is_closed(farm: Farm) {
+pub(super) async fn waiting_writes_are_carried_out_before_the_store_closes(farm: Farm) {
     let held = Held::hold(&farm).await;
     let order = Arc::default();
     let writes = notes(&farm, ["patient", "other", "patient", "claim", "patient", "first"], &order).await;
@@ -196,10 +199,10 @@ pub(super) async fn what_waits_is_written_before_the_store_is_closed(farm: Farm)
 /// After this time, a write that was asked for waits for its turn.
 const SETTLED: Duration = Duration::from_millis(100);
 
-/// Longer than such writes wait while others do.
+/// Longer than such writes wait behind others.
 const LONG: Duration = Duration::from_millis(150);
 
-/// A write that goes on until it is let go.
+/// A write that runs until it is released.
 struct Held {
     go_on: oneshot::Sender<()>,
     write: JoinHandle<Result<(), StoreError>>,
@@ -260,4 +263,15 @@ async fn notes<const N: usize>(
     });
     tokio::time::sleep(SETTLED).await;
     writes
+}
+
+#[tokio::test]
+async fn a_database_that_is_closed_is_one_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let store = Store::open(Source::file(&folder.path().join("farm.sqlite"))).await.unwrap();
+    store.try_to_write().await.unwrap();
+    store.open_jobs().await.unwrap();
+    store.close().await;
+    let names = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+    assert_eq!(names.collect::<Vec<_>>(), ["farm.sqlite"]);
 }

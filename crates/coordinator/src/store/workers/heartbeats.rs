@@ -4,21 +4,14 @@ use std::collections::BTreeSet;
 
 use clerestory_api::{Quarantine, WorkerActivity, WorkerId};
 
+use crate::model::Heartbeat;
 use crate::store::database::Store;
 use crate::store::engine::batch::Outcomes;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::{Kind, looked_up, to_json};
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
-use crate::store::workers::table::WorkerError;
-
-/// A heartbeat: the worker, the time, and what the worker does.
-#[derive(Clone, Debug)]
-pub(in crate::store) struct Heartbeat {
-    worker: WorkerId,
-    now_ms: i64,
-    activity: WorkerActivity,
-}
+use crate::store::errors::WorkerError;
 
 impl Store {
     /// Stores a heartbeat.

@@ -1,4 +1,4 @@
-//! TODO
+//! Workers: registered, and last heard of.
 
 pub(in crate::store) mod heartbeats;
 pub(in crate::store) mod table;

@@ -13,31 +13,13 @@ use crate::store::engine::lists::{Kind, looked_up, to_json};
 use crate::store::engine::row::Row;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
+use crate::store::errors::WorkerError;
 
 /// Longest backoff after failures in a row.
 const LONGEST_BACKOFF_MS: i64 = 60_000;
 
 /// How long a silent worker is listed. One that no row refers to is forgotten after the same time.
 const SILENT_KEPT_MS: i64 = 24 * 3600 * 1000;
-
-/// A call of a worker failed.
-#[derive(Clone, Debug, thiserror::Error)]
-pub(crate) enum WorkerError {
-    /// It never registered here, or has ended.
-    #[error("there is no worker {0}")]
-    Unknown(WorkerId),
-    /// What it renders is wrong.
-    #[error("the worker {worker} is quarantined: {reason}")]
-    Quarantined {
-        /// The worker.
-        worker: WorkerId,
-        /// Why.
-        reason: String,
-    },
-    /// The database failed.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-}
 
 const VIEW: &str = "select w.*, \
     (select count(*) from pending p join leases l on p.lease = l.id \
@@ -187,7 +169,8 @@ impl Store {
     /// whose name has registered again since. Answers whether there were any.
     pub(crate) async fn end_lost_workers(&self, silent_before_ms: i64, now_ms: i64) -> Result<bool, StoreError> {
         let lost = "ended_ms is null and quarantine is null and (seen_ms < $2 or seen_ms < $1 and exists \
-             (select 1 from workers as successors where successors.name = workers.name and successors.registered_ms > workers.seen_ms))";
+             (select 1 from workers as successors where successors.name = workers.name and successors.registered_ms \
+             > workers.seen_ms))";
         let found = query(format!("select 1 from workers where {lost} limit 1"));
         let found = found.bind(silent_before_ms).bind(now_ms - SILENT_KEPT_MS);
         if found.fetch_optional(&self.readers).await?.is_none() {
@@ -262,7 +245,8 @@ impl Store {
     /// Jobs that are pinned to a build fingerprint, each with it.
     async fn pinned_jobs(&self) -> Result<Vec<(JobId, String)>, StoreError> {
         let rows = query(
-            "select id, probe_digest from jobs where state in ('queued', 'running') and probe_digest is not null order by id",
+            "select id, probe_digest from jobs where state in ('queued', 'running') and probe_digest is not null \
+             order by id",
         )
         .fetch_all(&self.readers)
         .await?;

@@ -15,17 +15,16 @@ use crate::store::tests::model::{Farm, Held, LEASE_MS, Model, Pending, passes, r
 /// Free nodes that there are when a claim has cut some; also the largest lease.
 const MOST_NODES: usize = 256;
 
-/// Nodes by which there may be more: those of a wave in a tile, pass by pass, and what is left of one that is split.
+/// Most nodes beyond a full queue: those of one round in a tile, pass by pass, and the rest of one that is split.
 const MOST_BEYOND: usize = 20;
 
-/// How long nobody takes a lease over.
+/// Time for which no lease is taken over.
 const GATHERING_MS: i64 = 1000;
 
-/// How long a lease may at least go on without an accepted node before others are given its work: for three times as
-/// long as one should take.
+/// Shortest time until a lease is overdue: three times the target.
 const LEAST_PATIENCE_MS: i64 = 3000;
 
-/// How often a node is given out while another has it, if nobody is overdue.
+/// Most leases of a node while another lease holds it, unless that is overdue.
 const MOST_REPEATS: u32 = 2;
 
 /// Where what a worker is given should come from.
@@ -176,7 +175,7 @@ impl Model {
         } else {
             let first = free[0];
             assert_eq!((node.tile, round_of(first_pass)), (first.tile, round_of(first.passes().first)));
-            assert_eq!(Some(first_pass), self.boundaries().passes(round_of(first_pass)).map(|complete| complete.first));
+            assert_eq!(Some(first_pass), self.boundaries().passes(round_of(first_pass)).map(|passes| passes.first));
         }
     }
 
@@ -200,8 +199,8 @@ impl Model {
         assert!(held.len() > 1 || last.level == 0 || node.level < last.level, "all of {last:?}");
     }
 
-    /// Notes what a claim has cut, to nodes of whatever size, and holds it to the rules: only work of the job, all that
-    /// a tile has of a wave, nothing twice, and as much as claims choose from but not more than that.
+    /// Records the nodes that a claim has cut, and checks the rules: only work of the job, all of a tile's passes in a
+    /// round, nothing twice, and a full queue but not more.
     fn see_what_is_cut(
         &mut self,
         stored: &BTreeMap<NodeAddress, Pending>,
@@ -224,9 +223,9 @@ impl Model {
             self.pending.insert(*node, Pending::new(*round));
         }
         for ((round, tile), level) in levels {
-            let complete = self.boundaries().passes(round).unwrap();
-            let mut wave_passes = complete.first..complete.first + complete.count;
-            assert!(wave_passes.all(|pass| self.cut.contains(&(tile, pass))), "wave {round} of tile {tile} has gaps");
+            let passes = self.boundaries().passes(round).unwrap();
+            let mut round_passes = passes.first..passes.first + passes.count;
+            assert!(round_passes.all(|pass| self.cut.contains(&(tile, pass))), "wave {round} of tile {tile} has gaps");
             // Where a node may have been split, its size is not what it was cut to.
             if single.is_some_and(|node| node.tile == tile && round_of(node.passes().first) == round) {
                 continue;

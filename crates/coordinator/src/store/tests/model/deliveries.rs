@@ -8,14 +8,14 @@ use clerestory_film::counters::Counters;
 use uuid::Uuid;
 
 use crate::model::{DeliveredNode, Delivery, LeaseState, WorkFailure};
+use crate::store::errors::LeaseError;
 use crate::store::films::acceptance::Acceptance;
-use crate::store::leases::table::LeaseError;
 use crate::store::tests::model::seen::Event;
 use crate::store::tests::model::steps::{Others, Whose, chosen_of};
 use crate::store::tests::model::{Farm, LEASE_MS, Model, REASON, blob_range, passes, round_of};
 
-/// A node as it is brought; it is checked if it has a digest. Its rays are as many as its passes, so that none can be
-/// counted twice unseen.
+/// A node as it is uploaded; it is checked if it has a digest. It has as many rays as passes, so that a pass that
+/// counts twice is seen.
 pub(super) fn rendered(address: &NodeAddress, digest: Option<&str>) -> DeliveredNode {
     DeliveredNode {
         address: *address,
@@ -27,7 +27,7 @@ pub(super) fn rendered(address: &NodeAddress, digest: Option<&str>) -> Delivered
 }
 
 impl Model {
-    /// The chosen nodes of a lease, with those of others.
+    /// The chosen nodes of a lease, together with those of other leases.
     pub(super) fn brought(&self, lease: usize, chosen: u64, others: Option<Others>) -> Vec<NodeAddress> {
         let leased = &self.leases[lease].grant.nodes;
         let own = chosen_of(leased, chosen);
@@ -77,7 +77,7 @@ impl Model {
             samples_before += own_samples;
         }
         let mut completes_round = false;
-        for round in rounds.into_iter().filter(|round| self.is_wave_complete(*round)).collect::<Vec<_>>() {
+        for round in rounds.into_iter().filter(|round| self.is_round_complete(*round)).collect::<Vec<_>>() {
             completes_round = true;
             self.work.entry(round).or_default().completed_ms = self.now_ms;
         }
@@ -129,7 +129,8 @@ impl Model {
         self.pending.keys().filter(is_part).copied().collect()
     }
 
-    /// Frees what a lease still has of one of its nodes, if others have brought a part of that: it will not bring more.
+    /// Frees the rest of a node that a lease holds when others have brought a part of it: its worker will not bring
+    /// more.
     fn free_rest(&mut self, lease: usize, node: &NodeAddress) {
         let (id, _) = self.key(lease);
         if !self.leases[lease].grant.nodes.contains(node) {

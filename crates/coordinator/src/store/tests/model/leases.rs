@@ -12,7 +12,7 @@ use crate::store::tests::model::seen::Event;
 use crate::store::tests::model::steps::Wanted;
 use crate::store::tests::model::{Farm, Held, LEASE_MS, Model, Pending, REASON, passes, round_of};
 
-/// A node on which so many workers have failed fails its job, and where no other is there, one that has failed so often.
+/// Machines that fail on a node before its job fails, and attempts when there is no other machine.
 const ENOUGH_WORKERS: usize = 3;
 const ENOUGH_FAILURES: u32 = 5;
 
@@ -35,7 +35,7 @@ impl Model {
         let (id, token) = self.key(lease);
         let answer = farm.store.return_lease(id, token, self.now_ms).await;
         if self.leases[lease].state == LeaseState::Returned {
-            // Whoever gives it back twice has not heard the first answer.
+            // A worker that returns it twice has not received the first answer.
             return answer.unwrap();
         }
         if self.answered(lease, answer).is_some() && self.leases[lease].state == LeaseState::Active {
@@ -54,7 +54,7 @@ impl Model {
         }
     }
 
-    /// Lets a worker fail, while others are there or it is alone.
+    /// A worker fails, alone or while others are alive.
     pub(super) async fn fail(&mut self, farm: &Farm, lease: usize, alone: bool) {
         let (id, token) = self.key(lease);
         let alive_ms = if alone { i64::MAX } else { i64::MIN };
@@ -84,7 +84,7 @@ impl Model {
         }
     }
 
-    /// Lets a worker fail so often, each time as soon as it is given work again.
+    /// A worker fails several times, each time as soon as it gets work again.
     pub(super) async fn fail_again(&mut self, farm: &Farm, worker: usize, times: u32, alone: bool) {
         for _ in 0..times {
             let lease = match self.usable(worker) {
@@ -99,8 +99,7 @@ impl Model {
         }
     }
 
-    /// Lets a worker bring a node with wrong bits, as two others find, if it has anything to bring. It is let in again
-    /// at once.
+    /// A worker brings a wrong node, as two others find. It is released at once.
     pub(super) async fn find_wrong(&mut self, farm: &Farm, worker: usize) {
         let Some(lease) = self.usable(worker) else { return };
         let mut leased = self.leases[lease].grant.nodes.iter();

@@ -10,7 +10,7 @@ const FEWEST_LEVELS: usize = 3;
 pub(super) enum Event {
     /// More work was cut after the first claim.
     Refilled,
-    /// Tiles of one wave were cut to nodes of different sizes, as the workers' pace became known.
+    /// Tiles of one round were cut to nodes of different sizes, as rates became known.
     CutByPace,
     /// A lease of several nodes was as large as the worker's pace allowed.
     LeasedByPace,
@@ -26,7 +26,7 @@ pub(super) enum Event {
     Accepted,
     /// A node was accepted that was pending as smaller ones.
     AcceptedInParts,
-    /// What others had not brought of a node became free, since the worker that had the rest brought the whole.
+    /// The rest of a node became free, because the worker that held it brought the whole node.
     FreedRest,
     /// A node was brought that was there.
     Duplicate,

@@ -72,10 +72,10 @@ pub(super) struct Others {
     pub(super) come_first: bool,
 }
 
-/// Something that happens. Leases are counted from the newest; nodes are chosen by the bits of a number.
+/// A step of a history. Leases are counted from the newest, and the bits of a number choose nodes.
 ///
-/// A wrong token is another than that of the lease, by so much. Who fails again fails whatever it is given. Who is
-/// found to be wrong renders other bits than two others, and goes on as one does whose machine has been mended.
+/// A wrong token differs from the lease's by some number. A worker that fails again fails on everything it gets. A
+/// worker that turns out to be wrong renders other bits than two others, and then continues with a repaired machine.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Step {
     Claim { worker: usize, wanted: Wanted },
@@ -136,7 +136,8 @@ fn step() -> impl Strategy<Value = Step> {
         4 => lease().prop_map(|lease| Step::Renew { lease }),
         4 => lease().prop_map(|lease| Step::Return { lease }),
         4 => (lease(), any::<bool>()).prop_map(|(lease, alone)| Step::Fail { lease, alone }),
-        1 => (worker(), 2..10_u32, any::<bool>()).prop_map(|(worker, times, alone)| Step::FailAgain { worker, times, alone }),
+        1 => (worker(), 2..10_u32, any::<bool>())
+            .prop_map(|(worker, times, alone)| Step::FailAgain { worker, times, alone }),
         4 => worker().prop_map(|worker| Step::FindWrong { worker }),
         8 => (1..3000_i64).prop_map(|ms| Step::Wait { ms }),
         4 => Just(Step::Expire),
@@ -170,9 +171,9 @@ fn row_of(tiles: u32) -> TileGrid {
     TileGrid { width: 16 * tiles - 5, height: 9, tile_size: 16 }
 }
 
-/// A worker that has rendered the first two passes of all tiles is found to be wrong once another has brought the next
-/// two, each two as one node, and all that a tile has is one node: its passes are pending one by one when the other
-/// brings its nodes again, and some of them somebody has.
+/// A worker that has rendered the first two passes of all tiles turns out to be wrong, after another has brought the
+/// next two, each two as one node. Each tile is one merged node, so its passes are pending one by one when the other
+/// brings its nodes again, and some of them are leased.
 fn redone_in_parts() -> impl Strategy<Value = History> {
     (4..25_u32, 2..7_u32, 1..17_u32, steps()).prop_map(|(passes, tiles, taken, later)| {
         let deliver = |lease, chosen| Step::Deliver { lease, chosen, core_ms: 100, others: None };
@@ -192,7 +193,7 @@ fn redone_in_parts() -> impl Strategy<Value = History> {
     })
 }
 
-/// A worker is found to be wrong when nobody else has brought anything.
+/// A worker turns out to be wrong when no other has brought anything.
 fn begun_again() -> impl Strategy<Value = History> {
     (small(), 1..20_u32, 1..20_u32, steps()).prop_map(|(shape, own, others, later)| {
         let mut steps = vec![
@@ -206,8 +207,8 @@ fn begun_again() -> impl Strategy<Value = History> {
     })
 }
 
-/// A worker has all of a job for longer than others would need, but not for too long. Another takes over a pass of the
-/// last node, and brings that before the first brings all that it has.
+/// A worker holds all of a job for longer than others would need, but not for too long. Another takes over a pass of
+/// the last node, and brings it before the first brings all of its nodes.
 fn taken_over() -> impl Strategy<Value = History> {
     let passes = prop_oneof![Just(4_u32), Just(8_u32), Just(16_u32), Just(32_u32)];
     (passes, 2..7_u32, 2000..3000_i64, steps()).prop_map(|(passes, tiles, ms, later)| {
