@@ -19,6 +19,9 @@ use tokio::time::Instant;
 use crate::http::problem::ApiError;
 use crate::http::strict_object::StrictObject;
 
+/// Largest body that is not an asset or a partial: a scene with inline meshes.
+pub(super) const MAX_SMALL_BODY: u32 = 16 << 20;
+
 /// Longest time of a body that fits into memory.
 const BODY_TIMEOUT: Duration = Duration::from_secs(120);
 
@@ -50,7 +53,7 @@ impl JsonBody {
     /// When it is of another type, is too large or does not come.
     pub(crate) async fn receive(request: Request) -> Result<Self, ApiError> {
         require_media_type(request.headers(), "application/json")?;
-        read_body(request, super::MAX_SMALL_BODY.into()).await.map(Self)
+        read_body(request, MAX_SMALL_BODY.into()).await.map(Self)
     }
 
     /// Its bytes.

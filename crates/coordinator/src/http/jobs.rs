@@ -7,7 +7,7 @@ use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use clerestory_api::{ConvergenceSeries, JobId, JobScene, JobSubmission, JobView, LiveMeasurement};
 
-use super::extract::{JsonBody, PathParameter, announced_bytes};
+use super::extract::{JsonBody, MAX_SMALL_BODY, PathParameter, announced_bytes};
 use super::problem::ApiError;
 use crate::films::live::LiveErrors;
 use crate::jobs::lifecycle::{JobError, Jobs};
@@ -24,7 +24,7 @@ pub(super) async fn submit(
     State(jobs): State<Arc<Jobs>>,
     request: Request,
 ) -> Result<(StatusCode, Json<JobView>), ApiError> {
-    let most = super::MAX_SMALL_BODY.into();
+    let most = MAX_SMALL_BODY.into();
     let announced = announced_bytes(request.headers()).map_or(most, |bytes| bytes.min(most));
     let arriving = submissions.reserve_body(announced).await?;
     let body = JsonBody::receive(request).await?;

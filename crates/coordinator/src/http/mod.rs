@@ -46,9 +46,6 @@ use crate::watch::readiness::Readiness;
 pub(crate) use connections::serve;
 pub(crate) use problem::ApiError;
 
-/// Largest body that is not an asset or a partial: a scene with inline meshes.
-const MAX_SMALL_BODY: u32 = 16 << 20;
-
 /// What the dashboard's page may load: its own files, and images that it has fetched.
 const PAGE_POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; style-src 'self' 'unsafe-inline'; \
      frame-ancestors 'none'; base-uri 'none'; form-action 'self'";
@@ -58,7 +55,7 @@ pub(crate) fn router(state: ApiState) -> Router {
     let max_partial = usize::try_from(state.limits.partial).unwrap_or(usize::MAX);
     let api = Router::from(openapi::small())
         .route("/openapi.json", get(async || Json(openapi::description())))
-        .layer(DefaultBodyLimit::max(MAX_SMALL_BODY as usize))
+        .layer(DefaultBodyLimit::max(extract::MAX_SMALL_BODY as usize))
         .merge(Router::from(openapi::partials()).layer(DefaultBodyLimit::max(max_partial)))
         // Assets are counted as they are written.
         .merge(Router::from(openapi::streams()).layer(DefaultBodyLimit::disable()))

@@ -7,7 +7,7 @@ use clerestory_film::counters::Counters;
 use clerestory_film::{Targets, TileGrid};
 
 use crate::model::{Ending, JobRecord, NewJob, StoredKind};
-use crate::store::checks::table as checks;
+use crate::store::checks;
 use crate::store::database::Store;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::{big, to_json};

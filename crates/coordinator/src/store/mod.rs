@@ -6,9 +6,9 @@
 //! milliseconds, `returning`, times bound by the caller. One suite of tests holds both engines to the same behaviour.
 //! Bytes live in the [blob store](crate::blobs); a row here makes a blob part of the farm.
 //!
-//! What each folder keeps: `engine` the connections and the writer, `queue` pending work and claims, `leases` what
-//! workers hold, `films` accepted nodes and rounds, `checks` nodes that two workers render, `workers` who renders.
-//! `jobs`, `assets` and `events` are one file each.
+//! What each folder keeps: `engine` the connections and the writer, `workers` who renders, `films` nodes and rounds,
+//! `leases` what workers hold, `queue` pending work and claims, `results` what follows from the nodes that workers
+//! bring. `jobs`, `checks`, `assets` and `events` are one file each.
 
 mod assets;
 mod checks;
@@ -21,6 +21,7 @@ mod identity;
 mod jobs;
 mod leases;
 mod queue;
+mod results;
 #[cfg(test)]
 pub(crate) mod tests;
 mod workers;

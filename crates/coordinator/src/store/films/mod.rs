@@ -1,8 +1,6 @@
-//! What the database keeps of films: accepted nodes, rounds, shares of passes, and which coordinator works on a film.
+//! What the database keeps of films: nodes, rounds, shares of passes, and which coordinator works on a film.
 
-pub(in crate::store) mod acceptance;
 pub(in crate::store) mod film_leases;
-pub(in crate::store) mod lost_nodes;
 pub(in crate::store) mod nodes;
 pub(in crate::store) mod rounds;
 pub(in crate::store) mod shares;

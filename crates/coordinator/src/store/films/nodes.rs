@@ -1,4 +1,5 @@
-//! Accepted nodes: the rows of the film. [Acceptance](super::acceptance) inserts them, and merging replaces them.
+//! Accepted nodes: the rows of the film. [Acceptance](crate::store::results::acceptance) inserts them, and merging
+//! replaces them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;

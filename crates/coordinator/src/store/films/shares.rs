@@ -40,7 +40,7 @@ impl Store {
     }
 
     /// Deletes the pilot of some tiles of a frame, when its job has shares or has ended. The pilot of a job that was
-    /// [restarted](crate::store::checks::redo) meanwhile stays.
+    /// [restarted](crate::store::results::redo) meanwhile stays.
     pub(crate) async fn discard_pilot(&self, job: JobId, frame: u32, tiles: Range<u32>) -> Result<Removed, StoreError> {
         self.write(move |connection| Box::pin(async move { discard_pilot(connection, job, frame, tiles).await })).await
     }

@@ -16,7 +16,7 @@ use clerestory_api::{JobHold, JobId, LeaseId, WorkerId};
 use clerestory_film::NodeAddress;
 
 use crate::model::{StoredKind, wire_address};
-use crate::store::checks::table as checks;
+use crate::store::checks;
 use crate::store::database::Store;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::{Kind, address, rows_of, to_json};

@@ -1,8 +1,8 @@
-//! Grants: the nodes that a [claim](super::claim) has chosen become a lease.
+//! Grants: the nodes that a [claim](crate::store::queue::claim) has chosen become a lease.
 //!
 //! A lease gets a fencing token beyond all that there are, and its nodes are marked as leased where they lie: in the
-//! queue, or among the [checks](super::checks). The first grant of a job starts it, and notes which bits its workers
-//! have to compute.
+//! queue, or among the [checks](crate::store::checks). The first grant of a job starts it, and notes which bits its
+//! workers have to compute.
 
 use clerestory_film::NodeAddress;
 

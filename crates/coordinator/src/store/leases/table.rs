@@ -9,7 +9,7 @@ use clerestory_api::{JobId, LeaseId};
 use clerestory_film::NodeAddress;
 
 use crate::model::{JobRecord, LeaseRecord, LeaseState};
-use crate::store::checks::table as checks;
+use crate::store::checks;
 use crate::store::database::Store;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::{Kind, looked_up, to_json};

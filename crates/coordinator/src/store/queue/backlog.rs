@@ -2,7 +2,7 @@
 //!
 //! Pending rows exist for the near future only. A [claim](super::claim) that finds too few free rows cuts more at the
 //! job's cursor: a round, a frame and a tile. It cuts nodes as large as the rates allow, enough for many leases. A
-//! round is opened when its first tile is cut. Nodes that must be rendered [again](crate::store::checks::redo) enter
+//! round is opened when its first tile is cut. Nodes that must be rendered [again](crate::store::results::redo) enter
 //! the queue as well.
 
 use clerestory_film::{NodeAddress, PassRange};

@@ -10,15 +10,15 @@
 //! of that round are leased. A worker stays with jobs whose scenes it has built ([`prefer_built`]). Chosen nodes are
 //! [granted](crate::store::leases::grant) as a lease.
 //!
-//! Nodes that need a [check](crate::store::checks::table) come first, because a round waits for them. A job that is
+//! Nodes that need a [check](crate::store::checks) come first, because a round waits for them. A job that is
 //! [held](crate::store::leases::expiry) gets no leases. A node with which workers died is leased alone. When nothing
 //! is free, a worker [takes over](super::stragglers) what another has held for too long.
 
 use clerestory_film::NodeAddress;
 
 use crate::model::{ClaimTerms, Grant, JobRecord, MeasuredRate};
-use crate::store::checks::table as checks;
-use crate::store::checks::table::HeldSince;
+use crate::store::checks;
+use crate::store::checks::HeldSince;
 use crate::store::database::Store;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::address;

@@ -6,7 +6,7 @@ use clerestory_api::{JobId, WorkerId};
 use clerestory_film::NodeAddress;
 
 use crate::model::{ClaimTerms, JobRecord, MeasuredRate};
-use crate::store::checks::table as checks;
+use crate::store::checks;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::{Kind, rows_of, to_json};
 use crate::store::engine::row::Row;

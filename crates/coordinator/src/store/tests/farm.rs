@@ -13,8 +13,8 @@ use crate::model::{BlobRange, ClaimTerms, CompleteRound, DeliveredNode, Delivery
 use crate::store::database::Store;
 use crate::store::engine::source::Source;
 use crate::store::errors::{LeaseError, WorkerError};
-use crate::store::films::acceptance::Acceptance;
 use crate::store::leases::expiry::Observation;
+use crate::store::results::acceptance::Acceptance;
 
 pub(super) const TTL_MS: i64 = 1000;
 

@@ -1,7 +1,7 @@
 //! Workers: registered, and last heard of.
 //!
 //! A process that restarts registers again under the same name. Where it matters what a *machine* computes, in
-//! [checks](crate::store::checks::table) and their consequences, all workers of a name are one.
+//! [checks](crate::store::checks) and their consequences, all workers of a name are one.
 
 use std::collections::BTreeSet;
 

@@ -9,7 +9,7 @@ use uuid::Uuid;
 
 use crate::model::{DeliveredNode, Delivery, LeaseState, WorkFailure};
 use crate::store::errors::LeaseError;
-use crate::store::films::acceptance::Acceptance;
+use crate::store::results::acceptance::Acceptance;
 use crate::store::tests::model::seen::Event;
 use crate::store::tests::model::steps::{Others, Whose, chosen_of};
 use crate::store::tests::model::{Farm, LEASE_MS, Model, REASON, blob_range, passes, round_of};

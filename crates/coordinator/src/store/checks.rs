@@ -1,11 +1,11 @@
 //! Checks: a small fraction of all nodes is rendered by a second worker too, and both results must be equal bit for
 //! bit.
 //!
-//! The address of a node and a [key](crate::model::CheckKey) of the farm select it. So a node that is rendered again
-//! is checked again, and no worker can predict its checks. When two workers disagree, a third decides. The odd one is
-//! quarantined, and [its nodes](super::redo) are rendered again. A round is complete when its checks are done. A check
-//! is given up when no worker is left for it: none with the job's build fingerprint that does not fail again and
-//! again.
+//! The address of a node and a [key](crate::model::CheckKey) of the farm select it. So a node that is rendered again is
+//! checked again, and no worker can predict its checks. When two workers disagree, a third decides. The odd one is
+//! quarantined, and [its nodes](crate::store::results::redo) are rendered again. A round is complete when its checks
+//! are done. A check is given up when no worker is left for it: none with the job's build fingerprint that does not
+//! fail again and again.
 //!
 //! A machine does not check itself, and is quarantined as a whole. So workers of one name count as one.
 

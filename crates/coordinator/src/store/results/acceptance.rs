@@ -15,8 +15,8 @@ use clerestory_film::NodeAddress;
 use clerestory_film::counters::Counters;
 
 use crate::model::{CheckOutcome, DeliveredNode, Delivery, LeaseRecord, NodeRow, Work};
-use crate::store::checks::table::Brought;
-use crate::store::checks::{answers, table as checks};
+use crate::store::checks;
+use crate::store::checks::Brought;
 use crate::store::database::Store;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::{Kind, address, big, is_of_nodes, nodes_json, rows_of, to_json};
@@ -26,6 +26,7 @@ use crate::store::errors::LeaseError;
 use crate::store::films::nodes;
 use crate::store::jobs;
 use crate::store::leases::table as leases;
+use crate::store::results::answers;
 use crate::store::workers::table as workers;
 
 /// Earlier work that counts in the mean rate of a worker, in microseconds of each of its cores. Scenes change from

@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use clerestory_api::{Quarantine, WorkerId};
 
 use crate::model::{CheckOutcome, LeaseRecord};
-use crate::store::checks::redo;
-use crate::store::checks::table::{Brought, cast_vote, end, is_new_to, votes};
+use crate::store::checks::{Brought, cast_vote, end, is_new_to, votes};
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::{address, is_of_nodes, nodes_json, to_json};
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::leases::table as leases;
+use crate::store::results::redo;
 use crate::store::workers::table::OF_THE_SAME_NAME;
 
 /// Votes with which a check ends in any case.

@@ -10,13 +10,13 @@ use clerestory_api::{JobId, JobState};
 use clerestory_film::NodeAddress;
 
 use crate::model::{JobRecord, Removed, StoredKind, StoredNode};
-use crate::store::checks::redo::{count_taken, requeue, restart};
-use crate::store::checks::table as checks;
+use crate::store::checks;
 use crate::store::database::Store;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::films::nodes;
+use crate::store::results::redo::{count_taken, requeue, restart};
 use crate::store::{events, jobs};
 
 /// Level of the nodes in which lost ones are queued: some seconds of work each, and not too many rows.

@@ -16,7 +16,7 @@ use clerestory_api::{JobId, WorkerId};
 use clerestory_film::{NodeAddress, PILOT_ROUND, PassRange};
 
 use crate::model::{JobRecord, Removed, StoredKind, TilePasses, cut};
-use crate::store::checks::table as checks;
+use crate::store::checks;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::big;
 use crate::store::engine::source::Connection;
