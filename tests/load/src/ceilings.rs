@@ -44,15 +44,16 @@ const POSTGRES_INSERT: &str = "
     insert into clerestory_bench_nodes
         (job, frame, tile, level, idx, first_pass, end_pass, blob, blob_offset, blob_length, counters, builds)
     select $1, (value ->> 0)::bigint, (value ->> 1)::bigint, (value ->> 2)::bigint, (value ->> 3)::bigint,
-        (value ->> 4)::bigint, (value ->> 5)::bigint, value ->> 6, (value ->> 7)::bigint, (value ->> 8)::bigint, value ->> 9, value ->> 10
+        (value ->> 4)::bigint, (value ->> 5)::bigint, value ->> 6, (value ->> 7)::bigint, (value ->> 8)::bigint,
+        value ->> 9, value ->> 10
     from jsonb_array_elements($2::jsonb) as listed (value)";
 
 /// A job's identity.
 const JOB: &str = "01999999-9999-7999-8999-999999999999";
 
 /// The counters of a node's row.
-const COUNTERS: &str = "{\"height_evaluations\":0,\"solver_calls\":0,\"converged\":0,\"unique_solutions\":0,\"trials\":0,\
-    \"truncated\":0,\"rays\":4096,\"samples\":4096}";
+const COUNTERS: &str = "{\"height_evaluations\":0,\"solver_calls\":0,\"converged\":0,\"unique_solutions\":0,\
+    \"trials\":0,\"truncated\":0,\"rays\":4096,\"samples\":4096}";
 
 /// Bytes of a stored node.
 const NODE_BYTES: u32 = 12_000;

@@ -49,8 +49,8 @@ pub(crate) struct RenderArguments {
     tile: u32,
     /// Make this image again, bit for bit: with its seed, integrator, size, sampling, tiles and passes.
     #[arg(long, value_name = "FILE", conflicts_with_all =
-        ["spp", "time", "target_mse", "target_estimated_mse", "adaptive", "integrator", "solver", "selection", "max_trials", "walks", "constraint", "steps", "chains", "casters",
-        "receivers", "search", "missed", "reflected", "seed", "size", "samples_per_pass", "samples_per_block", "tile"])]
+        ["spp", "time", "target_mse", "target_estimated_mse", "adaptive", "integrator", "set", "seed", "size",
+        "samples_per_pass", "samples_per_block", "tile"])]
     like: Option<PathBuf>,
     /// OpenEXR image to measure the error against at each round.
     #[arg(long, value_name = "FILE")]

@@ -210,7 +210,8 @@ fn who_speaks_tls_to_a_farm_without_is_told_its_address() {
     let folder = Folder::new();
     let farm = folder.coordinator("127.0.0.1:0", None);
     let secure = farm.address().replacen("http", "https", 1);
-    folder.fails(&["jobs", "--coordinator", &secure], 1, &["does not speak TLS", &format!("is it {}?", farm.address())]);
+    let advice = format!("does not speak TLS: is it {}?", farm.address());
+    folder.fails(&["jobs", "--coordinator", &secure], 1, &[&advice]);
 }
 
 #[test]
