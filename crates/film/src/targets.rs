@@ -6,7 +6,7 @@
 //! The error that a target is compared with is a random number like the image itself. An error against a reference is the
 //! error of this very image, so it may end a render at its first round. An error that is estimated from the image's own block
 //! means knows nothing of light that no sample has met. With few blocks it is often too low, so it does not count before
-//! there are [`FEWEST_BLOCKS`].
+//! there are `FEWEST_BLOCKS`.
 
 use crate::adaptive::Adaptation;
 use crate::sampling::Sampling;

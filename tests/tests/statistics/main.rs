@@ -7,6 +7,7 @@ mod laws_energy;
 mod laws_index;
 mod laws_invariance;
 mod manifold;
+mod many_lights;
 mod partition;
 mod partition_of_a_room;
 mod pixels;

@@ -14,7 +14,7 @@ use crate::{
         fresnel::{absorption, reflect, refract},
     },
     geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface},
-    light::{LightHit, Source},
+    light::{AskedLight, LightHit, Source},
     scene::{Scene, visibility::SAME_PLACE},
     specular::{
         Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, scope::MOST_SPECULAR_VERTICES,
@@ -194,14 +194,19 @@ impl<'a> PathTracer<'a> {
     /// which it shines.
     fn nearest_light(&self, walk: &Walk, distance: f64) -> Option<(u32, LightHit)> {
         let mut nearest: Option<(u32, LightHit)> = None;
-        for (index, light) in (0u32..).zip(self.scene.lights()) {
-            let Some(hit) = light.intersect(&walk.ray) else { continue };
+        self.scene.light_sampler().on_ray(&walk.ray, distance * (1.0 + SAME_PLACE), &mut |index| {
+            let Some(hit) = self.scene.lights()[index as usize].intersect(&walk.ray) else { return false };
             let covered = if hit.radiance == DVec3::ZERO { -SAME_PLACE } else { SAME_PLACE };
             let end = distance * (1.0 + covered);
-            if hit.distance < nearest.as_ref().map_or(end, |(_, hit)| hit.distance) {
+            // Of lights in the same place, the first in the scene.
+            let is_nearer = nearest
+                .as_ref()
+                .map_or(hit.distance < end, |(other, other_hit)| (hit.distance, index) < (other_hit.distance, *other));
+            if is_nearer {
                 nearest = Some((index, hit));
             }
-        }
+            false
+        });
         nearest
     }
 
@@ -209,8 +214,8 @@ impl<'a> PathTracer<'a> {
     /// more than they cast shadows.
     fn emission_of_suns(&self, walk: &Walk, counters: &mut Counters) -> DVec3 {
         let mut sum = DVec3::ZERO;
-        for (index, light) in (0u32..).zip(self.scene.lights()) {
-            if let Some(hit) = light.intersect(&walk.ray).filter(|hit| hit.distance == f64::INFINITY) {
+        for index in self.scene.light_sampler().suns() {
+            if let Some(hit) = self.scene.lights()[index as usize].intersect(&walk.ray) {
                 sum += self.emission(walk, index, &hit, counters);
             }
         }
@@ -225,7 +230,8 @@ impl<'a> PathTracer<'a> {
         let carried = walk.throughput * hit.radiance;
         let Some((point, density)) = walk.stretch.from else { return carried };
         if walk.stretch.links.is_empty() {
-            let light_density = self.scene.lights()[light as usize].pdf_li(&walk.ray, hit);
+            let asked = self.scene.light_sampler().probability(light, point.position, Some(point.normal));
+            let light_density = self.scene.lights()[light as usize].pdf_li(&walk.ray, hit) * asked;
             return carried * (density / (density + light_density));
         }
         let Some(method) = self.method else { return carried };
@@ -324,7 +330,9 @@ impl<'a> PathTracer<'a> {
         counters: &mut Counters,
     ) -> DVec3 {
         let mut sum = DVec3::ZERO;
-        for (index, light) in (0u32..).zip(self.scene.lights()) {
+        let asked = self.scene.light_sampler().ask(point.position, Some(point.normal), stream);
+        for AskedLight { light: index, probability } in asked {
+            let light = &self.scene.lights()[index as usize];
             let Some(sample) = light.sample_li(point.position, stream.next_2d()) else { continue };
             let value = lobe.eval(sample.direction);
             if value == DVec3::ZERO {
@@ -334,8 +342,11 @@ impl<'a> PathTracer<'a> {
             if self.scene.blocked(&ray, sample.distance, point.leaving, None, Some(index), counters) {
                 continue;
             }
-            let balance = sample.pdf.map_or(1.0, |pdf| pdf / (pdf + lobe.pdf(sample.direction)));
-            sum += sample.weight * (value * balance);
+            let balance = sample.pdf.map_or(1.0, |pdf| {
+                let pdf = pdf * probability;
+                pdf / (pdf + lobe.pdf(sample.direction))
+            });
+            sum += sample.weight * (value * balance) / probability;
         }
         sum
     }
@@ -351,9 +362,9 @@ impl<'a> PathTracer<'a> {
     ) -> DVec3 {
         let mut sum = DVec3::ZERO;
         let Some(method) = self.method else { return sum };
-        for light in (0u32..).take(self.scene.lights().len()) {
+        for AskedLight { light, probability } in self.scene.light_sampler().ask(point.position, None, stream) {
             method.gather(self.scene, point, light, events, stream, counters, &mut |arrival| {
-                sum += arrival.weight * lobe.eval(arrival.direction);
+                sum += arrival.weight * lobe.eval(arrival.direction) / probability;
             });
         }
         sum

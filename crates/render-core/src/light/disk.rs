@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, flat};
+use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, flat};
 use crate::geometry::{Frame, Ray};
 use crate::settings::check::{check_above, check_direction, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
@@ -79,6 +79,14 @@ impl Disk {
 impl Emitter for Disk {
     fn emission(&self) -> DVec3 {
         self.radiance
+    }
+
+    fn power(&self) -> f64 {
+        PI * self.area() * (self.radiance.element_sum() / 3.0)
+    }
+
+    fn emission_cone(&self) -> EmissionCone {
+        EmissionCone::from_plane(self.frame.axes.z_axis)
     }
 
     fn bounds(&self) -> LightBounds {

@@ -4,6 +4,7 @@ use std::fmt;
 
 use glam::{DVec2, DVec3};
 
+use super::EmissionCone;
 use crate::geometry::Ray;
 
 /// Where light comes from: a point, or a direction for a light at infinity.
@@ -86,6 +87,12 @@ pub enum Body {
 pub trait Emitter: fmt::Debug + Send + Sync {
     /// The largest radiance, W/(m2 sr); the intensity of a point light, W/sr.
     fn emission(&self) -> DVec3;
+
+    /// Radiated power, W, as the mean over the channels; that of the sun is for each square metre that faces it.
+    fn power(&self) -> f64;
+
+    /// The directions in which light leaves.
+    fn emission_cone(&self) -> EmissionCone;
 
     /// Whether the light is a point, which no ray can meet.
     fn is_delta(&self) -> bool {

@@ -3,25 +3,30 @@
 //! [`registry`] lists the kinds. Everything else sees a light through [`Emitter`] and never asks for its kind.
 
 mod cap;
+mod cone;
 mod disk;
 mod emitter;
 mod flat;
 mod point;
 mod rectangle;
 mod registry;
+mod sampler;
 mod sphere;
 mod sun;
 #[cfg(test)]
 mod tests;
+mod tree;
 
 use std::ops::Deref;
 use std::sync::Arc;
 
+pub use cone::EmissionCone;
 pub use disk::DiskLight;
 pub use emitter::{Body, Emitter, LiSample, LightBounds, LightHit, Source, SourceSample};
 pub use point::PointLight;
 pub use rectangle::RectangleLight;
 pub use registry::LightDescription;
+pub use sampler::{AskedLight, LightSampler, MOST_ASKED};
 pub use sphere::SphereLight;
 pub use sun::SunLight;
 

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample};
+use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample};
 use crate::geometry::Ray;
 use crate::settings::check::check_triple;
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
@@ -56,6 +56,14 @@ struct Point {
 impl Emitter for Point {
     fn emission(&self) -> DVec3 {
         self.intensity
+    }
+
+    fn power(&self) -> f64 {
+        4.0 * std::f64::consts::PI * (self.intensity.element_sum() / 3.0)
+    }
+
+    fn emission_cone(&self) -> EmissionCone {
+        EmissionCone::EVERYWHERE
     }
 
     fn is_delta(&self) -> bool {

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, flat};
+use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, flat};
 use crate::geometry::{Frame, Ray};
 use crate::settings::check::{MIN_SINE, Numbers, check_direction, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
@@ -89,6 +89,14 @@ impl Rectangle {
 impl Emitter for Rectangle {
     fn emission(&self) -> DVec3 {
         self.radiance
+    }
+
+    fn power(&self) -> f64 {
+        std::f64::consts::PI * self.area() * (self.radiance.element_sum() / 3.0)
+    }
+
+    fn emission_cone(&self) -> EmissionCone {
+        EmissionCone::from_plane(self.frame.axes.z_axis)
     }
 
     fn bounds(&self) -> LightBounds {

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, cap};
+use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, cap};
 use crate::geometry::{Frame, Ray};
 use crate::settings::check::{check_above, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
@@ -86,6 +86,14 @@ impl Sphere {
 impl Emitter for Sphere {
     fn emission(&self) -> DVec3 {
         self.radiance
+    }
+
+    fn power(&self) -> f64 {
+        4.0 * PI * PI * self.radius * self.radius * (self.radiance.element_sum() / 3.0)
+    }
+
+    fn emission_cone(&self) -> EmissionCone {
+        EmissionCone::EVERYWHERE
     }
 
     fn bounds(&self) -> LightBounds {

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, cap};
+use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, cap};
 use crate::geometry::Ray;
 use crate::settings::check::{check_direction, check_range, check_triple};
 use crate::settings::limits::MAX_EMISSION;
@@ -71,6 +71,14 @@ struct Sun {
 impl Emitter for Sun {
     fn emission(&self) -> DVec3 {
         self.radiance
+    }
+
+    fn power(&self) -> f64 {
+        cap::solid_angle(self.cos_radius, self.sin_radius) * (self.radiance.element_sum() / 3.0)
+    }
+
+    fn emission_cone(&self) -> EmissionCone {
+        EmissionCone::EVERYWHERE
     }
 
     fn bounds(&self) -> LightBounds {

@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use clerestory_film::{SampleStream, SamplerSettings};
 use glam::{DVec2, DVec3};
 
 use super::*;
@@ -208,4 +209,113 @@ fn a_sun_keeps_its_angular_radius_and_points_at_it() {
     let LightBounds::Cap { direction, sin_radius } = light.bounds() else { panic!("{light:?} is somewhere") };
     assert!((direction - DVec3::new(0.0, 0.6, 0.8)).length() < 1e-15);
     assert!((sin_radius - 0.5).abs() < 1e-15);
+}
+
+/// Lamps of all kinds in a room, and two suns.
+fn many_lights() -> Vec<Light> {
+    let mut random = pseudo_random();
+    let mut triple = |low: f64, high: f64| [(); 3].map(|()| low + (high - low) * random());
+    let name = || "lamp".to_owned();
+    let mut lights = Vec::new();
+    for _ in 0..60 {
+        let (centre, radiance) = (triple(-4.0, 4.0), triple(0.1, 9.0));
+        let normal = triple(-1.0, 1.0);
+        let radius = triple(0.01, 0.3)[0];
+        lights.push(LightDescription::Point(PointLight { name: name(), position: centre, intensity: radiance }));
+        let centre = triple(-4.0, 4.0);
+        lights.push(LightDescription::Sphere(SphereLight { name: name(), centre, radius, radiance }));
+        let centre = triple(-4.0, 4.0);
+        lights.push(LightDescription::Disk(DiskLight { name: name(), centre, normal, radius, radiance }));
+    }
+    for direction in [[0.0, 0.3, 1.0], [1.0, 0.2, 0.4]] {
+        let (angular_radius, radiance) = (2.0, triple(10.0, 90.0));
+        lights.push(LightDescription::Sun(SunLight { name: name(), direction, angular_radius, radiance }));
+    }
+    lights.into_iter().map(light).collect()
+}
+
+/// Numbers in [0, 1), the same every time.
+fn pseudo_random() -> impl FnMut() -> f64 {
+    let settings = SamplerSettings { seed: 5, samples_per_block: 1 };
+    let mut trials = SampleStream::new(&settings, 0, [0, 0], 0).trials();
+    move || trials.next_f64()
+}
+
+#[test]
+fn one_of_many_lights_is_asked_with_the_stated_probability_and_brings_the_light_of_all() {
+    let lights = many_lights();
+    let sampler = LightSampler::new(&lights);
+    for (position, normal) in [
+        (DVec3::new(0.3, -0.2, 0.1), Some(DVec3::Z)),
+        (DVec3::new(-3.0, 3.9, 1.0), Some(DVec3::new(0.6, 0.0, -0.8))),
+        (DVec3::new(9.0, 0.0, 0.0), None),
+    ] {
+        let probability = |light: u32| sampler.probability(light, position, normal);
+        assert!(((0..180).map(probability).sum::<f64>() - 1.0).abs() < 1e-9);
+        assert!(((180..182).map(probability).sum::<f64>() - 1.0).abs() < 1e-12);
+        // What each light brings, from one point of it.
+        let facing = normal.unwrap_or(DVec3::Z);
+        let brought = |light: u32| {
+            let sample = lights[light as usize].sample_li(position, DVec2::splat(0.4));
+            sample.map_or(0.0, |sample| sample.weight.x * sample.direction.dot(facing).max(0.0))
+        };
+        let expected: f64 = (0..182).map(brought).sum();
+        let estimates: Vec<f64> = (0..20_000)
+            .map(|sample| {
+                let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
+                let mut stream = SampleStream::new(&settings, 0, [3, 4], sample);
+                let asked = sampler.ask(position, normal, &mut stream);
+                for asked in &asked {
+                    assert!((asked.probability / probability(asked.light) - 1.0).abs() < 1e-9, "{asked:?}");
+                }
+                asked.iter().map(|asked| brought(asked.light) / asked.probability).sum()
+            })
+            .collect();
+        let count = estimates.len() as f64;
+        let mean = estimates.iter().sum::<f64>() / count;
+        let variance = estimates.iter().map(|estimate| (estimate - mean) * (estimate - mean)).sum::<f64>() / count;
+        let error = (variance / count).sqrt();
+        assert!(error < 0.03 * expected, "{error} {expected}");
+        assert!((mean - expected).abs() < 4.0 * error, "{mean} {expected} {error}");
+    }
+}
+
+#[test]
+fn the_tree_finds_the_lights_on_a_ray() {
+    let lights = many_lights();
+    let sampler = LightSampler::new(&lights);
+    let mut random = pseudo_random();
+    let mut met = 0;
+    for _ in 0..2000 {
+        let mut triple = || DVec3::new(random(), random(), random()) * 2.0 - 1.0;
+        let ray = Ray::new(triple() * 5.0, triple().normalize());
+        let end = if met % 2 == 0 { f64::INFINITY } else { 3.0 };
+        let is_met = |light: u32| {
+            let hit = lights[light as usize].intersect(&ray);
+            hit.is_some_and(|hit| hit.distance.is_finite() && hit.distance < end)
+        };
+        let mut found = Vec::new();
+        sampler.on_ray(&ray, end, &mut |light| {
+            found.push(light);
+            false
+        });
+        for light in (0..182).filter(|light| is_met(*light)) {
+            assert!(found.contains(&light), "{light} is not in {found:?}");
+            met += 1;
+        }
+    }
+    assert!(met > 100, "{met}");
+}
+
+#[test]
+fn few_lights_are_all_asked_without_a_random_number() {
+    let lights = lights();
+    let sampler = LightSampler::new(&lights);
+    let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
+    let mut stream = SampleStream::new(&settings, 0, [3, 4], 0);
+    let first = stream.clone().next_1d();
+    let asked = sampler.ask(DVec3::ZERO, Some(DVec3::Z), &mut stream);
+    let asked: Vec<(u32, f64)> = asked.iter().map(|asked| (asked.light, asked.probability)).collect();
+    assert_eq!(asked, [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0)]);
+    assert_eq!(stream.next_1d(), first);
 }

@@ -18,7 +18,7 @@ use super::validate_faces::check_faces;
 use super::validate_places::{Obstacles, check_panes};
 use crate::geometry::{Accelerator, Pane};
 use crate::integrator::PathFilter;
-use crate::light::Light;
+use crate::light::{Light, LightSampler};
 use crate::settings::JsonPath;
 use crate::settings::{AssetProblem, SceneError};
 use crate::specular::{conic::FacetTree, conic::Neighbours, pane_tree::PaneTree};
@@ -50,6 +50,7 @@ pub struct Scene {
     pub(super) facet_trees: Vec<OnceLock<Option<FacetTree>>>,
     pub(super) neighbours: Vec<OnceLock<Neighbours>>,
     lights: Vec<Light>,
+    light_sampler: LightSampler,
     meshes: Vec<MeshSurface>,
     normals: Vec<DVec3>,
 }
@@ -82,10 +83,12 @@ impl Scene {
         check_panes(description, accelerator.panes(), corners, &surfaces)?;
         check_faces(corners, &surfaces)?;
         Obstacles::new(accelerator.shared_panes()).check(description)?;
+        let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
         let scene = Self {
             hash: bundle.scene_hash(),
             camera: Camera::new(&description.camera, description.film),
-            lights: description.lights.iter().map(Light::new).collect(),
+            light_sampler: LightSampler::new(&lights),
+            lights,
             normals: triangles.iter().map(|&triangle| normal(&positions, triangle)).collect(),
             specular_ball: specular_ball(&accelerator, &surfaces, &mesh_bounds),
             pane_tree: PaneTree::new(accelerator.panes()),
@@ -146,10 +149,12 @@ impl Scene {
         if kept != self.description || asset_hashes(bundle) != self.assets {
             return Self::build(bundle);
         }
+        let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
         let scene = Self {
             hash: bundle.scene_hash(),
             camera: Camera::new(&description.camera, description.film),
-            lights: description.lights.iter().map(Light::new).collect(),
+            light_sampler: LightSampler::new(&lights),
+            lights,
             sampling: sampling(description)?,
             description: description.clone(),
             ..self
@@ -221,6 +226,11 @@ impl Scene {
     /// The lights, in the order of the scene file.
     pub fn lights(&self) -> &[Light] {
         &self.lights
+    }
+
+    /// The choice among the lights.
+    pub fn light_sampler(&self) -> &LightSampler {
+        &self.light_sampler
     }
 
     /// The meshes, in the order of the scene file and of their triangles.

@@ -32,9 +32,10 @@ impl Scene {
 
     /// Whether a light stands on the ray before `max_distance`, apart from the one that is named.
     pub fn blocked_by_light(&self, ray: &Ray, max_distance: f64, target_light: Option<u32>) -> bool {
-        (0u32..).zip(self.lights()).any(|(index, light)| {
+        self.light_sampler().on_ray(ray, max_distance, &mut |index| {
+            let hit = || self.lights()[index as usize].intersect(ray);
             Some(index) != target_light
-                && light.intersect(ray).is_some_and(|hit| hit.distance < max_distance && hit.distance.is_finite())
+                && hit().is_some_and(|hit| hit.distance < max_distance && hit.distance.is_finite())
         })
     }
 

@@ -1,0 +1,77 @@
+//! Cones of directions into which lights emit (Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with
+//! Adaptive Tree Splitting"; the same bounds as in pbrt-v4).
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+/// Emission goes to within `emission` of a normal that is within `normals` of the axis. Angles are given by their cosines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EmissionCone {
+    /// Unit vector.
+    pub axis: DVec3,
+    /// Cosine of the largest angle between the axis and a normal.
+    pub cos_normals: f64,
+    /// Cosine of the largest angle between a normal and light that leaves.
+    pub cos_emission: f64,
+}
+
+impl EmissionCone {
+    /// Emission everywhere.
+    pub const EVERYWHERE: Self = Self { axis: DVec3::Z, cos_normals: -1.0, cos_emission: 0.0 };
+
+    /// Emission to one side of a plane.
+    pub fn from_plane(normal: DVec3) -> Self {
+        Self { axis: normal, cos_normals: 1.0, cos_emission: 0.0 }
+    }
+
+    /// A cone around both.
+    pub(super) fn union(self, other: Self) -> Self {
+        let cos_emission = self.cos_emission.min(other.cos_emission);
+        let angle = |cosine: f64| libm::acos(cosine.clamp(-1.0, 1.0));
+        let (wide, narrow) = if self.cos_normals <= other.cos_normals { (self, other) } else { (other, self) };
+        let (theta_a, theta_b) = (angle(wide.cos_normals), angle(narrow.cos_normals));
+        let between = angle(wide.axis.dot(narrow.axis));
+        if (between + theta_b).min(PI) <= theta_a {
+            return Self { cos_emission, ..wide };
+        }
+        let theta = 0.5 * (theta_a + between + theta_b);
+        if theta >= PI {
+            return Self { cos_emission, ..Self::EVERYWHERE };
+        }
+        let turned = theta - theta_a;
+        let across = narrow.axis - wide.axis * wide.axis.dot(narrow.axis);
+        let Some(across) = across.try_normalize() else { return Self { cos_emission, ..Self::EVERYWHERE } };
+        let axis = wide.axis * libm::cos(turned) + across * libm::sin(turned);
+        Self { axis, cos_normals: libm::cos(theta), cos_emission }
+    }
+
+    /// The measure of orientation in the cost of a split (equation 1 of the paper).
+    pub(super) fn measure(&self) -> f64 {
+        let theta_o = libm::acos(self.cos_normals.clamp(-1.0, 1.0));
+        let theta_e = libm::acos(self.cos_emission.clamp(-1.0, 1.0));
+        let theta_w = (theta_o + theta_e).min(PI);
+        let (sin_o, cos_o) = libm::sincos(theta_o);
+        2.0 * PI * (1.0 - cos_o)
+            + 0.5 * PI * (2.0 * theta_w * sin_o - libm::cos(theta_o - 2.0 * theta_w) - 2.0 * theta_o * sin_o + cos_o)
+    }
+
+    /// Upper bound of the cosine between a normal in the cone and the direction to a point, at an angle of `cos_axis` to
+    /// the axis, from a region that is seen under `cos_region`. Zero where no light leaves towards the point.
+    pub(super) fn largest_cosine(&self, cos_axis: f64, cos_region: f64) -> f64 {
+        let sine = |cosine: f64| (1.0 - cosine * cosine).max(0.0).sqrt();
+        // cos(max(0, a - b)), from cosines.
+        let cos_difference = |[sin_a, cos_a]: [f64; 2], [sin_b, cos_b]: [f64; 2]| {
+            if cos_a > cos_b { 1.0 } else { cos_a * cos_b + sin_a * sin_b }
+        };
+        let sin_difference = |[sin_a, cos_a]: [f64; 2], [sin_b, cos_b]: [f64; 2]| {
+            if cos_a > cos_b { 0.0 } else { sin_a * cos_b - cos_a * sin_b }
+        };
+        let axis = [sine(cos_axis), cos_axis];
+        let normals = [sine(self.cos_normals), self.cos_normals];
+        let region = [sine(cos_region), cos_region];
+        let off_normals = [sin_difference(axis, normals), cos_difference(axis, normals)];
+        let cosine = cos_difference(off_normals, region);
+        if cosine <= self.cos_emission { 0.0 } else { cosine }
+    }
+}

@@ -1,0 +1,254 @@
+//! A tree over the lights: it chooses one for a point of a surface, and finds those on a ray.
+//!
+//! The probability of a light is the product of the choices on its way down (Conty Estevez and Kulla 2018; pbrt-v4, section
+//! 12.6.3). Each choice is by a bound of what the lights below may bring: power, distance, and the cosines at both ends.
+
+use glam::DVec3;
+
+use super::cone::EmissionCone;
+use super::{Light, LightBounds};
+use crate::geometry::Ray;
+
+/// Buckets along an axis in which splits are sought.
+const BUCKETS: usize = 12;
+
+/// No point is taken for nearer to a light than this, metres.
+const NEAREST: f64 = 1e-6;
+
+/// The lights in a part of the tree.
+#[derive(Clone, Copy, Debug)]
+struct Cluster {
+    min: DVec3,
+    max: DVec3,
+    /// Power, W.
+    power: f64,
+    cone: EmissionCone,
+}
+
+/// A node; its first child follows it.
+#[derive(Clone, Copy, Debug)]
+struct Node {
+    cluster: Cluster,
+    /// The parent; the root's is itself.
+    parent: u32,
+    below: Below,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Below {
+    /// A light, by its index in the scene.
+    Light(u32),
+    /// The second of two children.
+    Second(u32),
+}
+
+/// A tree over the lights that are somewhere.
+#[derive(Clone, Debug, Default)]
+pub(super) struct LightTree {
+    nodes: Vec<Node>,
+    /// The leaf of each light in the scene; `None` for those that are nowhere.
+    leaves: Vec<Option<u32>>,
+}
+
+/// A point that asks for light.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Asking {
+    pub(super) position: DVec3,
+    /// The surface's normal, for light that comes straight; `None` for light that is bent on its way, which may leave the
+    /// light in any direction and arrive from any.
+    pub(super) normal: Option<DVec3>,
+}
+
+impl Cluster {
+    fn of(light: &Light) -> Option<Self> {
+        let LightBounds::Ball { centre, radius } = light.bounds() else { return None };
+        let (min, max) = (centre - radius, centre + radius);
+        Some(Self { min, max, power: light.power(), cone: light.emission_cone() })
+    }
+
+    fn union(self, other: Self) -> Self {
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+            power: self.power + other.power,
+            cone: self.cone.union(other.cone),
+        }
+    }
+
+    fn centre(&self) -> DVec3 {
+        (self.min + self.max) * 0.5
+    }
+
+    /// The cost of a part of a split, with the longest edge of the whole over that along the axis.
+    fn cost(&self, elongation: f64) -> f64 {
+        let [x, y, z] = (self.max - self.min).to_array();
+        // Points have no area.
+        let area = 2.0 * (x * y + y * z + z * x) + 1e-12;
+        self.power * self.cone.measure() * elongation * area
+    }
+
+    /// A bound of what its lights may bring to a point, up to a factor.
+    fn importance(&self, asking: &Asking) -> f64 {
+        let radius = 0.5 * (self.max - self.min).length();
+        let offset = asking.position - self.centre();
+        let distance_squared = offset.length_squared();
+        let spread = self.power / distance_squared.max(radius * radius).max(NEAREST * NEAREST);
+        let (Some(normal), Some(away)) = (asking.normal, offset.try_normalize()) else { return spread };
+        let sine_squared = radius * radius / distance_squared;
+        let cos_region = if sine_squared < 1.0 { (1.0 - sine_squared).sqrt() } else { -1.0 };
+        let leaving = self.cone.largest_cosine(self.cone.axis.dot(away), cos_region);
+        // On either side of the surface.
+        let plane = EmissionCone { axis: normal, cos_normals: 1.0, cos_emission: -1.0 };
+        let arriving = plane.largest_cosine(normal.dot(away).abs(), cos_region).max(0.0);
+        spread * leaving * arriving
+    }
+
+    /// Whether a ray meets its box before `end`.
+    fn is_met(&self, ray: &Ray, inverse: DVec3, end: f64) -> bool {
+        let (first, second) = ((self.min - ray.origin) * inverse, (self.max - ray.origin) * inverse);
+        let (near, far) = (first.min(second), first.max(second));
+        // A light that is thinner than the rounding of its box is still met.
+        near.max_element().max(0.0) <= far.min_element().min(end) * (1.0 + 1e-12) + f64::MIN_POSITIVE
+    }
+}
+
+impl LightTree {
+    /// The tree over lights.
+    pub(super) fn new(lights: &[Light]) -> Self {
+        let mut leaves: Vec<(u32, Cluster)> =
+            (0u32..).zip(lights).filter_map(|(index, light)| Some((index, Cluster::of(light)?))).collect();
+        let mut tree = Self { nodes: Vec::new(), leaves: vec![None; lights.len()] };
+        if !leaves.is_empty() {
+            tree.add(&mut leaves, 0);
+        }
+        tree
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// Adds a tree over some lights, and answers its root.
+    fn add(&mut self, lights: &mut [(u32, Cluster)], parent: u32) -> u32 {
+        let root = self.nodes.len() as u32;
+        let cluster = lights.iter().map(|(_, cluster)| *cluster).reduce(Cluster::union);
+        let cluster = cluster.expect("no tree is over no light");
+        if let [(light, _)] = lights {
+            self.nodes.push(Node { cluster, parent, below: Below::Light(*light) });
+            self.leaves[*light as usize] = Some(root);
+            return root;
+        }
+        let middle = split(lights, &cluster);
+        self.nodes.push(Node { cluster, parent, below: Below::Second(0) });
+        let (first, second) = lights.split_at_mut(middle);
+        self.add(first, root);
+        let second = self.add(second, root);
+        self.nodes[root as usize].below = Below::Second(second);
+        root
+    }
+
+    /// The importances of the children of a node.
+    fn children(&self, node: u32, second: u32, asking: &Asking) -> [f64; 2] {
+        [node + 1, second].map(|child| self.nodes[child as usize].cluster.importance(asking))
+    }
+
+    /// Chooses a light by a random number, and answers its probability; `None` where no light can bring anything.
+    pub(super) fn choose(&self, asking: &Asking, mut random: f64) -> Option<(u32, f64)> {
+        let (mut node, mut probability) = (0, 1.0);
+        loop {
+            match self.nodes.get(node as usize)?.below {
+                Below::Light(light) => return Some((light, probability)),
+                Below::Second(second) => {
+                    let [first_importance, second_importance] = self.children(node, second, asking);
+                    let sum = first_importance + second_importance;
+                    if sum <= 0.0 {
+                        return None;
+                    }
+                    let share = first_importance / sum;
+                    if random < share {
+                        random = (random / share).min(1.0 - f64::EPSILON);
+                        (node, probability) = (node + 1, probability * share);
+                    } else {
+                        random = ((random - share) / (1.0 - share)).clamp(0.0, 1.0 - f64::EPSILON);
+                        (node, probability) = (second, probability * (1.0 - share));
+                    }
+                }
+            }
+        }
+    }
+
+    /// The probability with which [`Self::choose`] chooses a light; zero for those that are nowhere.
+    pub(super) fn probability(&self, light: u32, asking: &Asking) -> f64 {
+        let Some(mut node) = self.leaves[light as usize] else { return 0.0 };
+        let mut probability = 1.0;
+        while node != 0 {
+            let parent = self.nodes[node as usize].parent;
+            let Below::Second(second) = self.nodes[parent as usize].below else { return 0.0 };
+            let [first_importance, second_importance] = self.children(parent, second, asking);
+            let sum = first_importance + second_importance;
+            if sum <= 0.0 {
+                return 0.0;
+            }
+            let share = first_importance / sum;
+            probability *= if node == second { 1.0 - share } else { share };
+            node = parent;
+        }
+        probability
+    }
+
+    /// Visits the lights whose boxes a ray meets before `end`, in no particular order, until one says that it is enough.
+    pub(super) fn on_ray(&self, ray: &Ray, end: f64, visit: &mut dyn FnMut(u32) -> bool) -> bool {
+        let inverse = ray.direction.recip();
+        let mut open = smallvec::SmallVec::<[u32; 64]>::new();
+        open.extend((!self.nodes.is_empty()).then_some(0));
+        while let Some(node) = open.pop() {
+            let Node { cluster, below, .. } = &self.nodes[node as usize];
+            if !cluster.is_met(ray, inverse, end) {
+                continue;
+            }
+            match *below {
+                Below::Light(light) => {
+                    if visit(light) {
+                        return true;
+                    }
+                }
+                Below::Second(second) => open.extend([second, node + 1]),
+            }
+        }
+        false
+    }
+}
+
+/// Sorts lights into two parts of the least cost, and answers where the second begins.
+fn split(lights: &mut [(u32, Cluster)], whole: &Cluster) -> usize {
+    let extent = whole.max - whole.min;
+    let longest = extent.max_element();
+    let mut best: Option<(f64, usize, usize)> = None;
+    let [low, high] = lights.iter().fold([DVec3::INFINITY, DVec3::NEG_INFINITY], |[low, high], (_, cluster)| {
+        [low.min(cluster.centre()), high.max(cluster.centre())]
+    });
+    let bucket = |cluster: &Cluster, axis: usize| {
+        let place = (cluster.centre()[axis] - low[axis]) / (high[axis] - low[axis]);
+        ((place * BUCKETS as f64) as usize).min(BUCKETS - 1)
+    };
+    for axis in (0..3).filter(|axis| high[*axis] > low[*axis]) {
+        let mut buckets = [None::<Cluster>; BUCKETS];
+        for (_, cluster) in lights.iter() {
+            let place = &mut buckets[bucket(cluster, axis)];
+            *place = Some(place.map_or(*cluster, |before| before.union(*cluster)));
+        }
+        let elongation = longest / extent[axis];
+        for end in 1..BUCKETS {
+            let part = |buckets: &[Option<Cluster>]| buckets.iter().flatten().copied().reduce(Cluster::union);
+            let (Some(first), Some(second)) = (part(&buckets[..end]), part(&buckets[end..])) else { continue };
+            let cost = first.cost(elongation) + second.cost(elongation);
+            if best.is_none_or(|(least, ..)| cost < least) {
+                best = Some((cost, axis, end));
+            }
+        }
+    }
+    let Some((_, axis, end)) = best else { return lights.len() / 2 };
+    // Stable, so that equal lights stay in the order of the scene.
+    lights.sort_by_key(|(_, cluster)| bucket(cluster, axis) >= end);
+    lights.partition_point(|(_, cluster)| bucket(cluster, axis) < end)
+}

@@ -1,0 +1,52 @@
+//! Many lights: a vertex that asks one of them brings the light that all of them would.
+
+use std::path::Path;
+
+use clerestory_render_core::light::{LightDescription, MOST_ASKED, PointLight, SunLight};
+use clerestory_render_core::scene::{Scene, load};
+use clerestory_tests::estimate::{Estimate, check_agreement};
+use clerestory_tests::rendering::block_means;
+
+/// Parts of the picture along an edge.
+const BLOCKS: usize = 4;
+
+/// The room with its four panes, under other lights.
+fn lit_by(lights: &[LightDescription]) -> Scene {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
+    let bundle = load(&folder.join("room.json")).expect("the room ships");
+    let description = bundle.description().clone().with_integrator_named("fnee").expect("an integrator");
+    let mut description = description.with_size(16, 16).expect("a size");
+    description.lights = lights.to_vec();
+    Scene::build(&bundle.with_description(description).expect("valid lights")).expect("the room can be built")
+}
+
+/// Points in the room and outside of its windows, and suns: none of them stands in another's light.
+fn lights() -> Vec<LightDescription> {
+    let point = |number: usize| {
+        let (column, row) = (number % 4, number / 4);
+        LightDescription::Point(PointLight {
+            name: format!("candle {number}"),
+            position: [0.5 + 0.8 * column as f64, 1.2 + 1.5 * row as f64, 0.9 + 0.2 * column as f64],
+            intensity: [0.3 + 0.4 * row as f64, 0.6, 0.2],
+        })
+    };
+    let sun = |number: usize| {
+        LightDescription::Sun(SunLight {
+            name: format!("sun {number}"),
+            direction: [-0.34 + 0.1 * number as f64, -0.77, 0.54 - 0.05 * number as f64],
+            angular_radius: 1.0,
+            radiance: [300.0 + 200.0 * number as f64, 300.0, 100.0],
+        })
+    };
+    (0..8).map(point).chain((0..4).map(sun)).collect()
+}
+
+#[test]
+fn a_room_with_many_lights_is_the_sum_of_rooms_in_which_all_lights_are_asked() {
+    let lights = lights();
+    assert!(lights.len() > 2 * MOST_ASKED);
+    let many = block_means(&lit_by(&lights), 240, BLOCKS);
+    let sum = lights.chunks(MOST_ASKED).map(|few| block_means(&lit_by(few), 48, BLOCKS));
+    let sum = sum.reduce(|a, b| a.iter().zip(&b).map(|(a, b)| a.plus(b)).collect::<Vec<Estimate>>());
+    check_agreement("many lights", &many, &sum.expect("lights"), 0.03);
+}
