@@ -251,7 +251,9 @@ fn one_of_many_lights_is_asked_with_the_stated_probability_and_brings_the_light_
         (DVec3::new(9.0, 0.0, 0.0), None),
     ] {
         let probability = |light: u32| sampler.probability(light, position, normal);
-        assert!(((0..180).map(probability).sum::<f64>() - 1.0).abs() < 1e-9);
+        // Where parts of the tree turn out to bring nothing, no lamp is asked.
+        let asked_lamp = (0..180).map(probability).sum::<f64>();
+        assert!(asked_lamp < 1.0 + 1e-9 && (normal.is_some() || asked_lamp > 1.0 - 1e-9), "{asked_lamp}");
         assert!(((180..182).map(probability).sum::<f64>() - 1.0).abs() < 1e-12);
         // What each light brings, from one point of it.
         let facing = normal.unwrap_or(DVec3::Z);
@@ -286,7 +288,7 @@ fn the_tree_finds_the_lights_on_a_ray() {
     let sampler = LightSampler::new(&lights);
     let mut random = pseudo_random();
     let mut met = 0;
-    for _ in 0..2000 {
+    for _ in 0..20_000 {
         let mut triple = || DVec3::new(random(), random(), random()) * 2.0 - 1.0;
         let ray = Ray::new(triple() * 5.0, triple().normalize());
         let end = if met % 2 == 0 { f64::INFINITY } else { 3.0 };
@@ -304,7 +306,7 @@ fn the_tree_finds_the_lights_on_a_ray() {
             met += 1;
         }
     }
-    assert!(met > 100, "{met}");
+    assert!(met > 300, "{met}");
 }
 
 #[test]
