@@ -1,6 +1,6 @@
 //! Materials: one file for each kind, with its settings in the scene file, their checks, and how it scatters light.
 //!
-//! [`registry`] lists the kinds. Everything else sees a material through [`Bsdf`] and never asks for its kind.
+//! `registry` lists the kinds. Everything else sees a material through [`Bsdf`] and never asks for its kind.
 //!
 //! A mesh has two normals: that of the triangle, which says on which side a ray is, and the interpolated one, which says
 //! where the ray goes.

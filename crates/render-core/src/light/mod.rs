@@ -1,6 +1,6 @@
 //! Lights: one file for each kind, with its settings in the scene file, their checks, and how it emits.
 //!
-//! [`registry`] lists the kinds. Everything else sees a light through [`Emitter`] and never asks for its kind.
+//! `registry` lists the kinds. Everything else sees a light through [`Emitter`] and never asks for its kind.
 
 mod cap;
 mod cone;
