@@ -70,9 +70,9 @@ async fn merged_children_are_removed() {
     farm.finished(job.id).await;
     // The merge of the last round may still run: a stopped coordinator has finished it.
     let farm = farm.restarted().await;
-    // 21 passes are the nodes 16 + 4 + 1 in each tile. The first were merged, and stored together; the last two came
-    // one by one.
-    assert_eq!(farm.node_blobs(), 1 + 2 * grid().len() as usize);
+    // 21 passes are the nodes 16 + 4 + 1 in each tile. Nodes that were merged together share a blob.
+    let blobs = farm.node_blobs();
+    assert!(blobs <= 3 * grid().len() as usize, "{blobs} blobs of nodes");
     assert!(bits(&farm.image(job.id).await) == expected_bits(21));
 }
 
