@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use clerestory_render_core::document::{Override, OverrideError};
+use clerestory_render_core::document::{self, Override, OverrideError};
 use clerestory_render_core::scene::description::{
     FilmDescription, IntegratorDescription, SamplingDescription, SceneDescription,
 };
@@ -84,9 +84,8 @@ impl SceneOverrides {
         if let Some(name) = &self.integrator {
             description = description.with_integrator_named(name).expect("every name is that of an integrator");
         }
-        for change in &self.set {
-            description = change.apply(&description).map_err(|error| Failure::Usage(format!("--set {error}")))?;
-        }
+        description =
+            document::apply(&self.set, &description).map_err(|error| Failure::Usage(format!("--set {error}")))?;
         if let Some(seed) = self.seed {
             description.seed = seed;
         }

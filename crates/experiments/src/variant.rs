@@ -188,14 +188,7 @@ impl Variant {
         {
             chains.clone_from(named);
         }
-        match &mut integrator {
-            IntegratorDescription::Path(PathSettings { max_depth })
-            | IntegratorDescription::Cone(ConeSettings { max_depth })
-            | IntegratorDescription::Fnee(FneeSettings { max_depth, .. })
-            | IntegratorDescription::Sms(SmsSettings { max_depth, .. })
-            | IntegratorDescription::Mnee(MneeSettings { max_depth, .. })
-            | IntegratorDescription::Conic(ConicSettings { max_depth, .. }) => *max_depth = scenes.max_depth(),
-        }
+        integrator.set_max_depth(scenes.max_depth());
         integrator
     }
 }

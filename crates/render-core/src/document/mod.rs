@@ -3,4 +3,4 @@
 mod overrides;
 mod path;
 
-pub use overrides::{Override, OverrideError};
+pub use overrides::{Override, OverrideError, apply};

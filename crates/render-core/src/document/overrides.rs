@@ -41,11 +41,11 @@ pub enum OverrideError {
         /// What would be right.
         expected: String,
     },
-    /// The value makes no sense there.
-    #[error("`{text}`: {source}")]
+    /// The scene makes no sense with the changes.
+    #[error("{changes}: {source}")]
     Value {
-        /// The change.
-        text: String,
+        /// The changes.
+        changes: String,
         /// Why.
         source: SceneError,
     },
@@ -63,21 +63,30 @@ impl FromStr for Override {
     }
 }
 
-impl Override {
-    /// A scene with the change made.
-    ///
-    /// # Errors
-    ///
-    /// [`OverrideError`] when the path leads nowhere in this scene, or the value makes no sense there.
-    pub fn apply(&self, description: &SceneDescription) -> Result<SceneDescription, OverrideError> {
-        let failed = |source| OverrideError::Value { text: self.text.clone(), source };
-        self.check_integrator(description)?;
-        let mut document = serde_json::to_value(description).expect("every member of a scene has a form in JSON");
-        let schema = scene_schema().to_value();
-        self.set(&mut document, Place { schema: &schema, root: &schema, path: String::new() }, &self.steps)?;
-        SceneDescription::parse(document.to_string().as_bytes()).map_err(failed)
+/// A scene with changes made, one after the other. The scene is judged when all are made, since some make sense together
+/// only.
+///
+/// # Errors
+///
+/// [`OverrideError`] when a path leads nowhere in this scene, or the scene makes no sense with the changes.
+pub fn apply(changes: &[Override], description: &SceneDescription) -> Result<SceneDescription, OverrideError> {
+    if changes.is_empty() {
+        return Ok(description.clone());
     }
+    let mut document = serde_json::to_value(description).expect("every member of a scene has a form in JSON");
+    let schema = scene_schema().to_value();
+    for change in changes {
+        change.check_integrator(description)?;
+        let root = Place { schema: &schema, root: &schema, path: String::new() };
+        change.set(&mut document, root, &change.steps)?;
+    }
+    SceneDescription::parse(document.to_string().as_bytes()).map_err(|source| {
+        let texts: Vec<String> = changes.iter().map(|change| format!("`{}`", change.text)).collect();
+        OverrideError::Value { changes: texts.join(", "), source }
+    })
+}
 
+impl Override {
     /// Another integrator is chosen by its name, not by one of its settings: that keeps what describes the scene.
     fn check_integrator(&self, description: &SceneDescription) -> Result<(), OverrideError> {
         let kind = description.integrator.kind();
@@ -282,7 +291,7 @@ mod tests {
 
     fn changed(change: &str) -> Result<Value, OverrideError> {
         let scene = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
-        Ok(serde_json::to_value(change.parse::<Override>()?.apply(&scene)?).unwrap())
+        Ok(serde_json::to_value(apply(&[change.parse()?], &scene)?).unwrap())
     }
 
     #[track_caller]
@@ -310,6 +319,20 @@ mod tests {
         check("panes[1].front=flat", &["/panes/1/front"], &"flat".into());
         // What is left out of the file because it is as usual.
         check("path_filter=D TT L", &["/path_filter"], &"D TT L".into());
+    }
+
+    #[test]
+    fn changes_that_make_sense_together_only_are_made_together() {
+        let scene = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
+        let [fewer, smaller] = ["sampling.samples_per_block=64", "sampling.samples_per_pass=64"];
+        let [first, second] = [fewer, smaller].map(|text| text.parse::<Override>().unwrap());
+        let changed = apply(&[second.clone(), first.clone()], &scene).unwrap();
+        assert_eq!((changed.sampling.samples_per_pass, changed.sampling.samples_per_block), (64, 64));
+        let third = "sampling.samples_per_pass=48".parse().unwrap();
+        let message = apply(&[first, third], &scene).unwrap_err().to_string();
+        for fragment in ["`sampling.samples_per_block=64`, `sampling.samples_per_pass=48`", "sampling", "48"] {
+            assert!(message.contains(fragment), "no {fragment:?} in: {message}");
+        }
     }
 
     #[test]

@@ -7,8 +7,9 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, LightSettings, Source, SourceSample, flat};
-use crate::geometry::{Frame, Ray};
+use super::flat::{FlatLight, FlatShape};
+use super::{Emitter, LightSettings};
+use crate::geometry::Frame;
 use crate::settings::check::{check_above, check_direction, check_triple};
 use crate::settings::limits::{MAX_EMISSION, MAX_LIGHT_COORDINATE};
 use crate::settings::{Check, JsonPath, Triple};
@@ -53,89 +54,43 @@ impl LightSettings for DiskLight {
     }
 
     fn build(&self) -> Arc<dyn Emitter> {
-        Arc::new(Disk {
+        Arc::new(FlatLight {
             frame: Frame { origin: self.centre.into(), ..Frame::around(DVec3::from(self.normal).normalize()) },
-            radius: self.radius,
+            shape: Disk { radius: self.radius },
             radiance: self.radiance.into(),
         })
     }
 }
 
-/// A disk that shines along its frame's z axis.
+/// A disk of a radius in metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Disk {
-    /// Origin at the centre, z along the normal.
-    frame: Frame,
     radius: f64,
-    radiance: DVec3,
 }
 
-impl Disk {
+impl FlatShape for Disk {
     fn area(&self) -> f64 {
         PI * self.radius * self.radius
     }
-}
 
-impl Emitter for Disk {
-    fn emission(&self) -> DVec3 {
-        self.radiance
+    fn extent(&self) -> f64 {
+        self.radius
     }
 
-    fn power(&self) -> f64 {
-        PI * self.area() * (self.radiance.element_sum() / 3.0)
+    fn sample(&self, random: DVec2) -> DVec2 {
+        let (sin, cos) = libm::sincos(2.0 * PI * random.y);
+        DVec2::new(cos, sin) * (self.radius * random.x.sqrt())
     }
 
-    fn emission_cone(&self) -> EmissionCone {
-        EmissionCone::from_plane(self.frame.axes.z_axis)
+    fn holds(&self, point: DVec2) -> bool {
+        point.length_squared() <= self.radius * self.radius
     }
 
-    fn bounds(&self) -> LightBounds {
-        LightBounds::Ball { centre: self.frame.origin, radius: self.radius }
-    }
-
-    fn body(&self) -> Option<Body> {
+    fn corners(&self) -> Vec<DVec2> {
         let corner = |step: u32| {
             let (sin, cos) = libm::sincos(2.0 * PI * f64::from(step) / f64::from(CORNERS));
-            self.frame.point_to_world(DVec3::new(self.radius * cos, self.radius * sin, 0.0))
+            DVec2::new(self.radius * cos, self.radius * sin)
         };
-        Some(Body::Polygon((0..CORNERS).map(corner).collect()))
-    }
-
-    fn largest_solid_angle(&self, bounds: [DVec3; 2]) -> Option<f64> {
-        Some(flat::largest_solid_angle(self.area(), self.frame.origin, self.radius, bounds))
-    }
-
-    fn sample_source(&self, _: DVec3, _: f64, random: DVec2) -> SourceSample {
-        let (sin, cos) = libm::sincos(2.0 * PI * random.y);
-        let local = DVec2::new(cos, sin) * (self.radius * random.x.sqrt());
-        SourceSample {
-            source: Source::Point(self.frame.point_to_world(local.extend(0.0))),
-            normal: Some(self.frame.axes.z_axis),
-            weight: self.radiance * self.area(),
-        }
-    }
-
-    fn source_density(&self, _: DVec3, _: f64, _: Source) -> f64 {
-        1.0 / self.area()
-    }
-
-    fn source_at(&self, ray: &Ray, hit: &LightHit) -> (Source, f64) {
-        (Source::Point(ray.at(hit.distance)), -self.frame.axes.z_axis.dot(ray.direction))
-    }
-
-    fn normal_at(&self, _: Source) -> Option<DVec3> {
-        Some(self.frame.axes.z_axis)
-    }
-
-    fn sample_li(&self, point: DVec3, random: DVec2) -> Option<LiSample> {
-        flat::sample_li(self, &self.frame, self.area(), point, random)
-    }
-
-    fn pdf_li(&self, ray: &Ray, hit: &LightHit) -> f64 {
-        flat::pdf_li(&self.frame, self.area(), ray, hit)
-    }
-
-    fn intersect(&self, ray: &Ray) -> Option<LightHit> {
-        flat::intersect(&self.frame, self.radiance, ray, |point| point.length_squared() <= self.radius * self.radius)
+        (0..CORNERS).map(corner).collect()
     }
 }

@@ -1,54 +1,118 @@
-//! Flat lights of uniform radiance, which shine along the z axis of their frame.
+//! Flat lights of uniform radiance, which shine along the z axis of their frame. They differ in their shape alone.
+
+use std::f64::consts::PI;
+use std::fmt::Debug;
 
 use glam::{DVec2, DVec3};
 
-use super::{Emitter, LiSample, LightHit, Source};
+use super::{Body, EmissionCone, Emitter, LiSample, LightBounds, LightHit, Source, SourceSample};
 use crate::geometry::{Frame, Ray};
 
-/// Draws a direction from `point` to a flat light of the given area, by a point that is uniform over it.
-pub(super) fn sample_li(
-    light: &impl Emitter,
-    frame: &Frame,
-    area: f64,
-    point: DVec3,
-    random: DVec2,
-) -> Option<LiSample> {
-    let sample = light.sample_source(point, 0.0, random);
-    let Source::Point(position) = sample.source else { return None };
-    let offset = position - point;
-    let distance_squared = offset.length_squared();
-    let distance = distance_squared.sqrt();
-    let direction = offset / distance;
-    let cosine = -direction.dot(frame.axes.z_axis);
-    (cosine > 0.0).then(|| {
-        let solid_angle = area * cosine / distance_squared;
-        LiSample { direction, distance, weight: light.emission() * solid_angle, pdf: Some(1.0 / solid_angle) }
-    })
+/// A shape in the plane of x and y, around the origin.
+pub(super) trait FlatShape: Debug + Send + Sync {
+    /// Its area, square metres.
+    fn area(&self) -> f64;
+
+    /// The largest distance of a point of it from the origin, metres.
+    fn extent(&self) -> f64;
+
+    /// A point of it that is uniform over its area.
+    fn sample(&self, random: DVec2) -> DVec2;
+
+    /// Whether a point of the plane is in it.
+    fn holds(&self, point: DVec2) -> bool;
+
+    /// The corners of a convex polygon that stands for it.
+    fn corners(&self) -> Vec<DVec2>;
 }
 
-/// Density per solid angle of points that are uniform over a flat light of the given area.
-pub(super) fn pdf_li(frame: &Frame, area: f64, ray: &Ray, hit: &LightHit) -> f64 {
-    let cosine = -ray.direction.dot(frame.axes.z_axis);
-    if cosine > 0.0 { hit.distance * hit.distance / (area * cosine) } else { 0.0 }
+/// A shape that shines to one side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct FlatLight<S> {
+    /// Origin at the centre, z along the normal.
+    pub(super) frame: Frame,
+    pub(super) shape: S,
+    /// Emitted radiance, W/(m2 sr).
+    pub(super) radiance: DVec3,
 }
 
-/// Where the ray meets the flat light that `holds` the points of the plane through `frame`.
-pub(super) fn intersect(frame: &Frame, radiance: DVec3, ray: &Ray, holds: impl Fn(DVec2) -> bool) -> Option<LightHit> {
-    let origin = frame.point_to_local(ray.origin);
-    let direction = frame.vector_to_local(ray.direction);
-    let distance = -origin.z / direction.z;
-    if !(distance > 0.0 && distance.is_finite()) {
-        return None;
+impl<S: FlatShape> Emitter for FlatLight<S> {
+    fn emission(&self) -> DVec3 {
+        self.radiance
     }
-    let point = origin + direction * distance;
-    let radiance = if direction.z < 0.0 { radiance } else { DVec3::ZERO };
-    holds(point.truncate()).then_some(LightHit { distance, radiance })
-}
 
-/// The largest solid angle, up to 2 pi, of a light with this area whose points are within `extent` of `centre`.
-pub(super) fn largest_solid_angle(area: f64, centre: DVec3, extent: f64, [min, max]: [DVec3; 2]) -> f64 {
-    let whole = 2.0 * std::f64::consts::PI;
-    let nearest = centre.distance(centre.clamp(min, max)) - extent;
-    // From no nearer than this, the area can be seen at no larger angle than if it were all there, seen head on.
-    if nearest > 0.0 { (area / (nearest * nearest)).min(whole) } else { whole }
+    fn power(&self) -> f64 {
+        PI * self.shape.area() * (self.radiance.element_sum() / 3.0)
+    }
+
+    fn emission_cone(&self) -> EmissionCone {
+        EmissionCone::from_plane(self.frame.axes.z_axis)
+    }
+
+    fn bounds(&self) -> LightBounds {
+        LightBounds::Ball { centre: self.frame.origin, radius: self.shape.extent() }
+    }
+
+    fn body(&self) -> Option<Body> {
+        let corners = self.shape.corners().into_iter();
+        Some(Body::Polygon(corners.map(|corner| self.frame.point_to_world(corner.extend(0.0))).collect()))
+    }
+
+    fn largest_solid_angle(&self, [min, max]: [DVec3; 2]) -> Option<f64> {
+        let whole = 2.0 * PI;
+        let centre = self.frame.origin;
+        let nearest = centre.distance(centre.clamp(min, max)) - self.shape.extent();
+        // From no nearer than this, the area can be seen at no larger angle than if it were all there, seen head on.
+        Some(if nearest > 0.0 { (self.shape.area() / (nearest * nearest)).min(whole) } else { whole })
+    }
+
+    fn sample_source(&self, _: DVec3, _: f64, random: DVec2) -> SourceSample {
+        SourceSample {
+            source: Source::Point(self.frame.point_to_world(self.shape.sample(random).extend(0.0))),
+            normal: Some(self.frame.axes.z_axis),
+            weight: self.radiance * self.shape.area(),
+        }
+    }
+
+    fn source_density(&self, _: DVec3, _: f64, _: Source) -> f64 {
+        1.0 / self.shape.area()
+    }
+
+    fn source_at(&self, ray: &Ray, hit: &LightHit) -> (Source, f64) {
+        (Source::Point(ray.at(hit.distance)), -self.frame.axes.z_axis.dot(ray.direction))
+    }
+
+    fn normal_at(&self, _: Source) -> Option<DVec3> {
+        Some(self.frame.axes.z_axis)
+    }
+
+    fn sample_li(&self, point: DVec3, random: DVec2) -> Option<LiSample> {
+        let position = self.frame.point_to_world(self.shape.sample(random).extend(0.0));
+        let offset = position - point;
+        let distance_squared = offset.length_squared();
+        let distance = distance_squared.sqrt();
+        let direction = offset / distance;
+        let cosine = -direction.dot(self.frame.axes.z_axis);
+        (cosine > 0.0).then(|| {
+            let solid_angle = self.shape.area() * cosine / distance_squared;
+            LiSample { direction, distance, weight: self.radiance * solid_angle, pdf: Some(1.0 / solid_angle) }
+        })
+    }
+
+    fn pdf_li(&self, ray: &Ray, hit: &LightHit) -> f64 {
+        let cosine = -ray.direction.dot(self.frame.axes.z_axis);
+        if cosine > 0.0 { hit.distance * hit.distance / (self.shape.area() * cosine) } else { 0.0 }
+    }
+
+    fn intersect(&self, ray: &Ray) -> Option<LightHit> {
+        let origin = self.frame.point_to_local(ray.origin);
+        let direction = self.frame.vector_to_local(ray.direction);
+        let distance = -origin.z / direction.z;
+        if !(distance > 0.0 && distance.is_finite()) {
+            return None;
+        }
+        let point = origin + direction * distance;
+        let radiance = if direction.z < 0.0 { self.radiance } else { DVec3::ZERO };
+        self.shape.holds(point.truncate()).then_some(LightHit { distance, radiance })
+    }
 }

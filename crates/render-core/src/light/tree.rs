@@ -3,6 +3,8 @@
 //! The probability of a light is the product of the choices on its way down (Conty Estevez and Kulla 2018; pbrt-v4, section
 //! 12.6.3). Each choice is by a bound of what the lights below may bring: power, distance, and the cosines at both ends.
 
+use std::cmp::Ordering;
+
 use glam::DVec3;
 
 use super::cone::EmissionCone;
@@ -11,6 +13,9 @@ use crate::geometry::Ray;
 
 /// Buckets along an axis in which splits are sought.
 const BUCKETS: usize = 12;
+
+/// Relative error of a distance to the side of a box.
+const ROUNDING: f64 = 1e-12;
 
 /// No point is taken for nearer to a light than this, metres.
 const NEAREST: f64 = 1e-6;
@@ -107,8 +112,11 @@ impl Cluster {
     fn is_met(&self, ray: &Ray, inverse: DVec3, end: f64) -> bool {
         let (first, second) = ((self.min - ray.origin) * inverse, (self.max - ray.origin) * inverse);
         let (near, far) = (first.min(second), first.max(second));
-        // A light that is thinner than the rounding of its box is still met.
-        near.max_element().max(0.0) <= far.min_element().min(end) * (1.0 + 1e-12) + f64::MIN_POSITIVE
+        let (enters, leaves) = (near.max_element().max(0.0), far.min_element().min(end));
+        // What cannot be told, since the ray runs in a side of the box, is told by the light itself; so is a light that is
+        // thinner than the rounding of its box.
+        enters.partial_cmp(&(leaves * (1.0 + ROUNDING) + f64::MIN_POSITIVE)) != Some(Ordering::Greater)
+            || [enters, leaves].iter().any(|distance| distance.is_nan())
     }
 }
 

@@ -24,6 +24,20 @@ macro_rules! methods {
             pub const PROBES: &'static [(&'static str, &'static [&'static str])] =
                 &[$(($tag, <$settings as Method>::PROBES)),+];
 
+            /// Largest number of vertices between camera and light.
+            pub fn max_depth(&self) -> u32 {
+                match self {
+                    $(Self::$kind(settings) => settings.max_depth,)+
+                }
+            }
+
+            /// Sets the largest number of vertices between camera and light.
+            pub fn set_max_depth(&mut self, max_depth: u32) {
+                match self {
+                    $(Self::$kind(settings) => settings.max_depth = max_depth,)+
+                }
+            }
+
             /// The integrator of this name: this one, or another with its usual settings and what describes the scene
             /// rather than the method. `None` when no integrator has that name.
             #[must_use]

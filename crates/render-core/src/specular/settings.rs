@@ -9,12 +9,6 @@ use crate::settings::{Check, JsonPath};
 
 /// The settings of an integrator in the scene file, which is path tracing with a specular method.
 pub trait MethodSettings {
-    /// Largest number of vertices between camera and light.
-    fn max_depth(&self) -> u32;
-
-    /// Sets the largest number of vertices between camera and light.
-    fn set_max_depth(&mut self, max_depth: u32);
-
     /// The chains that it looks for, where they can be chosen.
     fn scope(&self) -> Option<ScopeSettings<'_>> {
         None

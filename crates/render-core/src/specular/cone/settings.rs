@@ -24,14 +24,6 @@ pub struct ConeSettings {
 }
 
 impl MethodSettings for ConeSettings {
-    fn max_depth(&self) -> u32 {
-        self.max_depth
-    }
-
-    fn set_max_depth(&mut self, max_depth: u32) {
-        self.max_depth = max_depth;
-    }
-
     fn check(&self, _: &JsonPath<'_>) -> Check {
         Ok(())
     }

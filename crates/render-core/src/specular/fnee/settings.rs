@@ -53,14 +53,6 @@ pub enum FneeSolver {
 }
 
 impl MethodSettings for FneeSettings {
-    fn max_depth(&self) -> u32 {
-        self.max_depth
-    }
-
-    fn set_max_depth(&mut self, max_depth: u32) {
-        self.max_depth = max_depth;
-    }
-
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_range(self.max_trials, 1, 1_000_000, &path.member("max_trials"))
     }

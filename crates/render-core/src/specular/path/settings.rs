@@ -22,14 +22,6 @@ pub struct PathSettings {
 }
 
 impl MethodSettings for PathSettings {
-    fn max_depth(&self) -> u32 {
-        self.max_depth
-    }
-
-    fn set_max_depth(&mut self, max_depth: u32) {
-        self.max_depth = max_depth;
-    }
-
     fn check(&self, _: &JsonPath<'_>) -> Check {
         Ok(())
     }

@@ -83,14 +83,6 @@ fn default_manifold_trials() -> u32 {
 }
 
 impl MethodSettings for SmsSettings {
-    fn max_depth(&self) -> u32 {
-        self.max_depth
-    }
-
-    fn set_max_depth(&mut self, max_depth: u32) {
-        self.max_depth = max_depth;
-    }
-
     fn scope(&self) -> Option<ScopeSettings<'_>> {
         let (casters, receivers) = (self.casters.as_deref(), self.receivers.as_deref());
         Some(ScopeSettings { chains: &self.chains, casters, receivers, only_meshes: false })
