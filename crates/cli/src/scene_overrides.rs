@@ -4,7 +4,7 @@ use std::path::Path;
 use std::str::FromStr;
 
 use clap::Args;
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clerestory_render_core::document::{self, Override, OverrideError};
 use clerestory_render_core::scene::description::{
     FilmDescription, IntegratorDescription, SamplingDescription, SceneDescription,
@@ -24,7 +24,7 @@ const MOST_SAMPLES: u32 = 65536;
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct SceneOverrides {
     /// Integrator to use instead of the scene's.
-    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(IntegratorDescription::NAMES))]
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(integrators()))]
     pub(crate) integrator: Option<String>,
     /// Another value for a member of the scene, by its path: `integrator.fnee.max_trials=50`, `lights[sun].direction=[0,1,1]`,
     /// `panes[*].thickness=0.004`. Values are JSON; text that is none is a string. Can be given several times.
@@ -94,6 +94,12 @@ impl SceneOverrides {
         }
         Ok(description)
     }
+}
+
+/// The integrators, with a line on each.
+fn integrators() -> Vec<PossibleValue> {
+    let summaries = IntegratorDescription::SUMMARIES.iter();
+    summaries.map(|(name, summary)| PossibleValue::new(*name).help(*summary)).collect()
 }
 
 /// Reads a change of the scene.

@@ -70,6 +70,9 @@ pub enum ExperimentError {
 impl ExperimentError {
     /// A scene cannot be used.
     pub(crate) fn scene(scene: &Path, source: SceneError) -> Self {
-        Self::Scene { scene: scene.to_owned(), source }
+        match source {
+            SceneError::Unreadable { file, source } => Self::Read { file, source },
+            source => Self::Scene { scene: scene.to_owned(), source },
+        }
     }
 }

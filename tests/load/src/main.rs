@@ -70,7 +70,7 @@ struct Arguments {
 async fn main() -> ExitCode {
     let measured = tokio::select! {
         measured = measure(Arguments::parse()) => measured,
-        _ = tokio::signal::ctrl_c() => Err(LoadError::Ended("interrupted".to_owned())),
+        () = interrupted() => Err(LoadError::Ended("interrupted".to_owned())),
     };
     match measured {
         Ok(()) => ExitCode::SUCCESS,
@@ -81,7 +81,24 @@ async fn main() -> ExitCode {
     }
 }
 
+/// Completes when somebody asks the program to end, so that its coordinator ends with it.
+async fn interrupted() {
+    use tokio::signal::unix::{SignalKind, signal};
+
+    let Ok(mut terminate) = signal(SignalKind::terminate()) else { return std::future::pending().await };
+    tokio::select! {
+        _ = tokio::signal::ctrl_c() => {}
+        _ = terminate.recv() => {}
+    }
+}
+
 async fn measure(arguments: Arguments) -> Result<(), LoadError> {
+    if let Some(file) = &arguments.output
+        && let Some(folder) = file.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
+    {
+        let problem = format!("--output {}: the folder {} does not exist", file.display(), folder.display());
+        return Err(LoadError::Usage(problem));
+    }
     let settings = Settings {
         clerestory: clerestory(),
         workers: arguments.workers,

@@ -5,7 +5,7 @@ use std::io;
 use std::os::unix::fs::chown;
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output, Stdio};
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
@@ -41,8 +41,10 @@ pub struct Postgres {
 ///
 /// When there is no PostgreSQL on this machine (`tests/run` installs it), or it does not start.
 pub fn postgres() -> &'static Postgres {
-    static SERVER: OnceLock<Postgres> = OnceLock::new();
-    SERVER.get_or_init(|| Postgres::start().expect("PostgreSQL starts"))
+    // With the process that removes its folder, because what is static is never dropped.
+    static SERVER: OnceLock<(Postgres, Child)> = OnceLock::new();
+    let start = || Postgres::start().and_then(Postgres::removed_afterwards);
+    &SERVER.get_or_init(|| start().expect("PostgreSQL starts")).0
 }
 
 impl Postgres {
@@ -81,6 +83,12 @@ impl Postgres {
         let mut server = Self { programs, port, databases: AtomicU32::new(0), owner, faults, process, folder };
         server.wait()?;
         Ok(server)
+    }
+
+    fn removed_afterwards(self) -> io::Result<(Self, Child)> {
+        let mut remover = self.process.removed_afterwards(self.folder.path());
+        let remover = owned(&mut remover, self.owner.as_ref(), self.folder.path()).spawn()?;
+        Ok((self, remover))
     }
 
     /// The faults of its disk, where it can have some.

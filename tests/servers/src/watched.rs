@@ -12,6 +12,9 @@ use nix::unistd::Pid;
 /// number of the server's process first.
 const WATCH: &str = r#"exec 3<&0; "$0" "$@" 3<&- >/dev/null & server=$!; echo $server; { read -r _ <&3; kill -INT $server; } >/dev/null 2>&1 & reader=$!; wait $server; kill $reader 2>/dev/null"#;
 
+/// Removes a folder when standard input and the server with this number have ended.
+const REMOVE: &str = r#"read -r _; while kill -0 "$1" 2>/dev/null; do sleep 0.1; done; rm -rf "$0""#;
+
 /// A server in a shell that ends it.
 #[derive(Debug)]
 pub(crate) struct Watched {
@@ -36,6 +39,16 @@ impl Watched {
         }
         let number = line.trim().parse().map_err(|_| io::Error::other("a shell did not start a server"))?;
         Ok(Self { shell, server: Pid::from_raw(number) })
+    }
+
+    /// Starts the command that removes a folder after this process and the server have ended, for what nobody drops.
+    ///
+    /// The folder goes when standard input of the command does: keep it.
+    pub(crate) fn removed_afterwards(&self, folder: &Path) -> Command {
+        let mut command = Command::new("sh");
+        command.args(["-c", REMOVE]).arg(folder).arg(self.server.to_string());
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::null());
+        command
     }
 
     /// Kills the server and all its processes, as a power cut would. One that has ended by itself stays dead.

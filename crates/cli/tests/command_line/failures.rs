@@ -55,7 +55,18 @@ fn what_is_wrong_is_named_with_its_causes_and_the_exit_code_tells_whose_fault_it
     let solver = ["render", "scene.json", "--set", "integrator.fnee.solver=published"];
     folder.fails(&solver, 2, &["--set", "integrator is path", "the integrator fnee beside it"]);
     let chains = ["render", "scene.json", "--integrator", "sms", "--set", "integrator.sms.chains=[\"X\"]"];
-    folder.fails(&chains, 2, &["--set", "integrator.sms.chains[0]", "\"X\"", "letters R and T"]);
+    folder.fails(
+        &chains,
+        2,
+        &["cannot use these options with the scene scene.json", "integrator.sms.chains[0]", "\"X\"", "letters R and T"],
+    );
+    folder.succeeds(&[
+        "render",
+        "scene.json",
+        "--set=sampling.samples_per_pass=512",
+        "--samples-per-block=512",
+        "--spp=1",
+    ]);
     folder.fails(&["render", "scene.json", "--set", "film.width"], 2, &["--set", "film.width", "PATH=VALUE"]);
     folder.fails(&["render", "scene.json", "--integrator", "cones"], 2, &["cones", "cone", "fnee"]);
     folder.fails(&["render", "scene.json", "--png", "--exposure", "bright"], 2, &["--exposure", "auto"]);

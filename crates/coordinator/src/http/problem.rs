@@ -19,6 +19,7 @@ use tracing::Instrument;
 use uuid::Uuid;
 
 use crate::blobs::BlobError;
+use crate::error_chain::in_one_line;
 use crate::films::FilmError;
 use crate::films::acceptance::AcceptanceError;
 use crate::films::assets::AssetError;
@@ -347,7 +348,8 @@ fn document(mut response: Response, method: &Method, path: &str, request_id: &st
     };
     let mut problem = error.problem;
     match &error.cause {
-        Some(cause) => tracing::error!(cause = &**cause as &dyn Error, "request failed"),
+        // As text: the JSON form of the log shows no sources of an error.
+        Some(cause) => tracing::error!(cause = in_one_line(&**cause), "request failed"),
         None => tracing::debug!(code = ?problem.code, detail = problem.detail, "request refused"),
     }
     problem.request_id = Some(request_id.to_owned());

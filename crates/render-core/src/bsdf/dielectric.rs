@@ -89,6 +89,10 @@ impl Bsdf for Dielectric {
         Some(self)
     }
 
+    fn transmits(&self) -> bool {
+        true
+    }
+
     fn albedo(&self, _: &SurfacePoint) -> DVec3 {
         DVec3::ONE
     }

@@ -47,6 +47,10 @@ struct Diffuse {
 }
 
 impl Bsdf for Diffuse {
+    fn transmits(&self) -> bool {
+        false
+    }
+
     fn albedo(&self, at: &SurfacePoint) -> DVec3 {
         self.reflectance.at(at.texture)
     }

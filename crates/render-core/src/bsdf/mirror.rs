@@ -67,6 +67,10 @@ impl Bsdf for Mirror {
         Some(self)
     }
 
+    fn transmits(&self) -> bool {
+        false
+    }
+
     fn albedo(&self, _: &SurfacePoint) -> DVec3 {
         self.reflectance
     }

@@ -121,6 +121,9 @@ pub trait Bsdf: fmt::Debug + Send + Sync {
         self.as_delta().is_some()
     }
 
+    /// Whether light goes through the surface, so that lights behind it count.
+    fn transmits(&self) -> bool;
+
     /// The fraction of light that is scattered, for the image's albedo layer.
     fn albedo(&self, at: &SurfacePoint) -> DVec3;
 

@@ -56,19 +56,36 @@ impl FromStr for Override {
 
     fn from_str(text: &str) -> Result<Self, OverrideError> {
         let error = |expected: &str| OverrideError::Text { text: text.to_owned(), expected: expected.to_owned() };
-        let (path, value) = text.split_once('=').ok_or_else(|| error("an equals sign"))?;
+        let (path, value) = divided(text).ok_or_else(|| error("an equals sign"))?;
         let steps = parse(path.trim()).map_err(|expected| error(&expected))?;
-        let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
+        let value = match serde_json::from_str(value) {
+            Ok(value) => value,
+            Err(problem) if value.trim_start().starts_with(['[', '{', '"']) => {
+                return Err(error(&format!("a value that is JSON ({problem})")));
+            }
+            Err(_) => Value::String(value.to_owned()),
+        };
         Ok(Self { text: text.to_owned(), steps, value })
     }
 }
 
-/// A scene with changes made, one after the other. The scene is judged when all are made, since some make sense together
-/// only.
+/// Path and value: what stands before and behind the first equals sign that is in no brackets.
+fn divided(text: &str) -> Option<(&str, &str)> {
+    let mut is_inside = false;
+    let is_sign = |character: char| {
+        is_inside = character == '[' || is_inside && character != ']';
+        character == '=' && !is_inside
+    };
+    let at = text.find(is_sign)?;
+    Some((&text[..at], &text[at + 1..]))
+}
+
+/// A scene with changes made, one after the other. It still has to be [validated](SceneDescription::validate): some changes
+/// make sense together only, and with others.
 ///
 /// # Errors
 ///
-/// [`OverrideError`] when a path leads nowhere in this scene, or the scene makes no sense with the changes.
+/// [`OverrideError`] when a path leads nowhere in this scene, or a value has the wrong type.
 pub fn apply(changes: &[Override], description: &SceneDescription) -> Result<SceneDescription, OverrideError> {
     if changes.is_empty() {
         return Ok(description.clone());
@@ -76,11 +93,11 @@ pub fn apply(changes: &[Override], description: &SceneDescription) -> Result<Sce
     let mut document = serde_json::to_value(description).expect("every member of a scene has a form in JSON");
     let schema = scene_schema().to_value();
     for change in changes {
-        change.check_integrator(description)?;
+        change.check_integrator(&document)?;
         let root = Place { schema: &schema, root: &schema, path: String::new() };
         change.set(&mut document, root, &change.steps)?;
     }
-    SceneDescription::parse(document.to_string().as_bytes()).map_err(|source| {
+    SceneDescription::read(document.to_string().as_bytes()).map_err(|source| {
         let texts: Vec<String> = changes.iter().map(|change| format!("`{}`", change.text)).collect();
         OverrideError::Value { changes: texts.join(", "), source }
     })
@@ -88,8 +105,9 @@ pub fn apply(changes: &[Override], description: &SceneDescription) -> Result<Sce
 
 impl Override {
     /// Another integrator is chosen by its name, not by one of its settings: that keeps what describes the scene.
-    fn check_integrator(&self, description: &SceneDescription) -> Result<(), OverrideError> {
-        let kind = description.integrator.kind();
+    fn check_integrator(&self, document: &Value) -> Result<(), OverrideError> {
+        let integrator = document.get("integrator").and_then(Value::as_object);
+        let kind = integrator.and_then(|integrator| integrator.keys().next()).map_or("", String::as_str);
         match self.steps.as_slice() {
             [Step::Member(first), Step::Member(name), ..]
                 if first == "integrator" && name != kind && IntegratorDescription::NAMES.contains(&name.as_str()) =>
@@ -142,6 +160,16 @@ impl Override {
                         "a path that ends there",
                     ));
                 };
+                if !members.contains_key(name) {
+                    if place.has_any_members() && !rest.is_empty() {
+                        let known: Vec<&str> = members.keys().map(String::as_str).collect();
+                        return Err(self.misplaced(&place.path, &format!("has no member {name}"), &known.join(", ")));
+                    }
+                    if let Some(Step::Element(element)) = rest.first() {
+                        let found = format!("is not there, and has no element {element}");
+                        return Err(self.misplaced(&place.member(name).path, &found, "the whole list as the value"));
+                    }
+                }
                 let below = place.member(name);
                 let member = members.entry(name.clone()).or_insert_with(|| Value::Object(Map::new()));
                 self.set(member, below, rest)
@@ -172,6 +200,7 @@ impl Override {
             _ if pattern == "*" => (0..count).collect(),
             _ => (0..count).filter(|index| is_named(&elements[*index])).collect(),
         };
+        let chosen = place.of_choice(pattern, rest, chosen, |index| place.element(*index), |index| &elements[*index]);
         if chosen.is_empty() {
             let expected = format!("an index below {count}, or a name ({known}), in which * stands for any text");
             return Err(self.misplaced(&place.path, &format!("has no element {pattern}"), &expected));
@@ -191,6 +220,7 @@ impl Override {
     ) -> Result<(), OverrideError> {
         let known: Vec<String> = members.keys().cloned().collect();
         let chosen: Vec<&String> = known.iter().filter(|name| matches(pattern, name)).collect();
+        let chosen = place.of_choice(pattern, rest, chosen, |name| place.member(name), |name| &members[*name]);
         if chosen.is_empty() {
             return Err(self.misplaced(&place.path, &format!("has no member {pattern}"), &known.join(", ")));
         }
@@ -259,6 +289,26 @@ impl<'a> Place<'a> {
         self.schemas().into_iter().filter_map(choices).flatten().any(is_one)
     }
 
+    /// Whether members of any name may stand here.
+    fn has_any_members(&self) -> bool {
+        self.schemas().into_iter().any(|schema| schema.get("additionalProperties").is_some_and(Value::is_object))
+    }
+
+    /// Those things that a pattern has chosen in which the next step of the path stands already, where that names a choice:
+    /// a pattern changes settings of many things, and never what they are.
+    fn of_choice<'v, T>(
+        &self,
+        pattern: &str,
+        rest: &[Step],
+        chosen: Vec<T>,
+        place: impl Fn(&T) -> Self,
+        value: impl Fn(&T) -> &'v Value,
+    ) -> Vec<T> {
+        let Some(Step::Member(name)) = rest.first().filter(|_| pattern.contains('*')) else { return chosen };
+        let stays = |thing: &T| !place(thing).is_choice_of(name) || value(thing).get(name).is_some();
+        chosen.into_iter().filter(stays).collect()
+    }
+
     /// Where one of several choices stands here, its name and its settings.
     fn chosen<'v>(&self, value: &'v mut Value) -> Option<(String, &'v mut Value)> {
         let members = value.as_object_mut().filter(|members| members.len() == 1)?;
@@ -267,13 +317,10 @@ impl<'a> Place<'a> {
     }
 
     fn member(&self, name: &str) -> Self {
-        let of = |schema: &'a Value| {
-            schema
-                .get("properties")
-                .and_then(|members| members.get(name))
-                .or_else(|| schema.get("additionalProperties"))
-        };
-        let schema = self.schemas().into_iter().find_map(of).unwrap_or(&Value::Null);
+        let schemas = self.schemas();
+        let named = |schema: &&'a Value| schema.get("properties").and_then(|members| members.get(name));
+        let any = |schema: &&'a Value| schema.get("additionalProperties").filter(|schema| schema.is_object());
+        let schema = schemas.iter().find_map(named).or_else(|| schemas.iter().find_map(any)).unwrap_or(&Value::Null);
         let path = if self.path.is_empty() { name.to_owned() } else { format!("{}.{name}", self.path) };
         Self { schema, path, root: self.root }
     }
@@ -291,7 +338,9 @@ mod tests {
 
     fn changed(change: &str) -> Result<Value, OverrideError> {
         let scene = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
-        Ok(serde_json::to_value(apply(&[change.parse()?], &scene)?).unwrap())
+        let changed = apply(&[change.parse()?], &scene)?;
+        changed.validate().map_err(|source| OverrideError::Value { changes: format!("`{change}`"), source })?;
+        Ok(serde_json::to_value(changed).unwrap())
     }
 
     #[track_caller]
@@ -328,11 +377,44 @@ mod tests {
         let [first, second] = [fewer, smaller].map(|text| text.parse::<Override>().unwrap());
         let changed = apply(&[second.clone(), first.clone()], &scene).unwrap();
         assert_eq!((changed.sampling.samples_per_pass, changed.sampling.samples_per_block), (64, 64));
-        let third = "sampling.samples_per_pass=48".parse().unwrap();
+        assert!(changed.validate().is_ok());
+        let third = "sampling.samples_per_pass=few".parse().unwrap();
         let message = apply(&[first, third], &scene).unwrap_err().to_string();
-        for fragment in ["`sampling.samples_per_block=64`, `sampling.samples_per_pass=48`", "sampling", "48"] {
+        for fragment in ["`sampling.samples_per_block=64`, `sampling.samples_per_pass=few`", "samples_per_pass", "u32"]
+        {
             assert!(message.contains(fragment), "no {fragment:?} in: {message}");
         }
+    }
+
+    #[test]
+    fn a_pattern_changes_settings_and_never_what_things_are() {
+        let painted = changed("materials[*].diffuse.reflectance.colour=[0.1,0.2,0.3]").unwrap();
+        assert_eq!(painted["materials"]["stone"]["diffuse"]["reflectance"]["colour"][2], 0.3);
+        check("lights[*].sun.angular_radius=1.5", &["/lights/3/sun/angular_radius"], &1.5.into());
+        let message = changed("materials[*].mirror.reflectance=[1,1,1]").unwrap_err().to_string();
+        assert!(message.contains("has no member *"), "{message}");
+    }
+
+    #[test]
+    fn a_choice_below_any_kind_can_be_changed() {
+        let mut scene = valid_scene();
+        scene["integrator"] = serde_json::json!({"sms": {}});
+        let scene = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+        let set = |changes: &[&str]| {
+            let changes: Vec<Override> = changes.iter().map(|text| text.parse().unwrap()).collect();
+            serde_json::to_value(apply(&changes, &scene).unwrap()).unwrap()
+        };
+        let changed = set(&["integrator.sms.estimator.biased.trials=4"]);
+        assert_eq!(changed["integrator"]["sms"]["estimator"], serde_json::json!({"biased": {"trials": 4}}));
+        let changed = set(&["integrator.estimator.max_trials=40", "integrator.chains=[\"T\"]"]);
+        assert_eq!(changed["integrator"]["sms"]["estimator"], serde_json::json!({"unbiased": {"max_trials": 40}}));
+        assert_eq!(changed["integrator"]["sms"]["chains"], serde_json::json!(["T"]));
+        let changed = set(&["integrator={\"mnee\":{}}", "integrator.mnee.missed=dropped"]);
+        assert_eq!(changed["integrator"]["mnee"]["missed"], "dropped");
+        let texture = "materials.stone.diffuse.reflectance.texture.file=stone.png";
+        let changed = set(&[texture]);
+        let reflectance = &changed["materials"]["stone"]["diffuse"]["reflectance"];
+        assert_eq!(*reflectance, serde_json::json!({"texture": {"file": "stone.png"}}));
     }
 
     #[test]
@@ -346,6 +428,9 @@ mod tests {
     fn what_cannot_be_set_is_refused_with_path_value_and_what_would_be_right() {
         for (change, fragments) in [
             ("film.width", &["`film.width`", "PATH=VALUE", "equals sign"][..]),
+            ("lights[sun].direction=[0,1", &["a value that is JSON", "EOF"]),
+            ("lights[a=b].radius=1", &["lights has no element a=b"]),
+            ("materials.stoen.diffuse.reflectance.colour=[1,0,0]", &["materials has no member stoen", "stone"]),
             ("film..width=1", &["`film..width=1`", "a name before and behind each dot"]),
             ("film.depth=1", &["film has no member depth", "height, width"]),
             ("film.width=wide", &["film.width", "wide", "u32"]),

@@ -14,7 +14,7 @@ use crate::{
         fresnel::{absorption, reflect, refract},
     },
     geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface},
-    light::{AskedLight, LightHit, Source},
+    light::{AskedLight, LightHit, Receiver, Side, Source},
     scene::{Scene, visibility::SAME_PLACE},
     specular::{
         Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, scope::MOST_SPECULAR_VERTICES,
@@ -61,9 +61,8 @@ struct Chain {
 /// The stretch of a path since its last diffuse vertex.
 #[derive(Clone, Debug)]
 struct Stretch {
-    /// The diffuse vertex, and the BSDF's density per solid angle with which the stretch's first direction was drawn;
-    /// `None` before the first diffuse vertex.
-    from: Option<(ShadingPoint, f64)>,
+    /// The diffuse vertex; `None` before the first.
+    from: Option<Origin>,
     /// The specular vertices since then.
     links: ArrayVec<Link, MOST_SPECULAR_VERTICES>,
     /// Whether there were more of them than any method owns.
@@ -71,13 +70,23 @@ struct Stretch {
 }
 
 impl Stretch {
-    fn new(from: Option<(ShadingPoint, f64)>) -> Self {
+    fn new(from: Option<Origin>) -> Self {
         Self { from, links: ArrayVec::new(), too_long: false }
     }
 
     fn push(&mut self, link: Link) {
         self.too_long |= self.links.try_push(link).is_err();
     }
+}
+
+/// The diffuse vertex at which a stretch begins.
+#[derive(Clone, Copy, Debug)]
+struct Origin {
+    point: ShadingPoint,
+    /// How it has asked for light.
+    receiver: Receiver,
+    /// The BSDF's density per solid angle with which the stretch's first direction was drawn.
+    pdf: f64,
 }
 
 /// A path on its way.
@@ -98,6 +107,8 @@ struct Lobe<'a> {
     bsdf: &'a dyn Bsdf,
     at: &'a SurfacePoint,
     incident: DVec3,
+    /// How it asks for light.
+    receiver: Receiver,
 }
 
 impl Lobe<'_> {
@@ -202,7 +213,7 @@ impl<'a> PathTracer<'a> {
             let is_nearer = nearest
                 .as_ref()
                 .map_or(hit.distance < end, |(other, other_hit)| (hit.distance, index) < (other_hit.distance, *other));
-            if is_nearer {
+            if is_nearer && hit.distance < end {
                 nearest = Some((index, hit));
             }
             false
@@ -228,9 +239,9 @@ impl<'a> PathTracer<'a> {
             return DVec3::ZERO;
         }
         let carried = walk.throughput * hit.radiance;
-        let Some((point, density)) = walk.stretch.from else { return carried };
+        let Some(Origin { point, receiver, pdf: density }) = walk.stretch.from else { return carried };
         if walk.stretch.links.is_empty() {
-            let asked = self.scene.light_sampler().probability(light, point.position, Some(point.normal));
+            let asked = self.scene.light_sampler().probability(light, &receiver);
             let light_density = self.scene.lights()[light as usize].pdf_li(&walk.ray, hit) * asked;
             return carried * (density / (density + light_density));
         }
@@ -275,11 +286,13 @@ impl<'a> PathTracer<'a> {
                 return false;
             }
             let carried = walk.throughput * scale;
-            let bounces = walk.stretch.from.map_or(0, |(before, _)| before.bounces + 1);
+            let bounces = walk.stretch.from.map_or(0, |from| from.point.bounces + 1);
             let here = ShadingPoint { position, normal: at.normals.facing(incident), leaving, bounces };
-            let lobe = Lobe { bsdf, at: &at, incident };
+            let side = if bsdf.transmits() { Side::Both(here.normal) } else { Side::Front(here.normal) };
+            let receiver = Receiver { position, side };
+            let lobe = Lobe { bsdf, at: &at, incident, receiver };
             self.add_scattered(walk, &here, &lobe, carried, &mut sample.radiance, stream, counters);
-            point = Some(here);
+            point = Some((here, receiver));
         }
         let Some(next) = bsdf.sample(&at, incident, stream) else { return false };
         walk.throughput *= next.weight;
@@ -287,7 +300,7 @@ impl<'a> PathTracer<'a> {
         walk.ray = Ray::new(position, next.direction);
         match next.kind {
             SampleKind::Density(pdf) => {
-                walk.stretch = Stretch::new(point.map(|point| (point, pdf)));
+                walk.stretch = Stretch::new(point.map(|(point, receiver)| Origin { point, receiver, pdf }));
                 true
             }
             SampleKind::Delta(event) => {
@@ -330,7 +343,7 @@ impl<'a> PathTracer<'a> {
         counters: &mut Counters,
     ) -> DVec3 {
         let mut sum = DVec3::ZERO;
-        let asked = self.scene.light_sampler().ask(point.position, Some(point.normal), stream);
+        let asked = self.scene.light_sampler().ask(&lobe.receiver, stream);
         for AskedLight { light: index, probability } in asked {
             let light = &self.scene.lights()[index as usize];
             let Some(sample) = light.sample_li(point.position, stream.next_2d()) else { continue };
@@ -362,7 +375,8 @@ impl<'a> PathTracer<'a> {
     ) -> DVec3 {
         let mut sum = DVec3::ZERO;
         let Some(method) = self.method else { return sum };
-        for AskedLight { light, probability } in self.scene.light_sampler().ask(point.position, None, stream) {
+        let receiver = Receiver { position: point.position, side: Side::Anywhere };
+        for AskedLight { light, probability } in self.scene.light_sampler().ask(&receiver, stream) {
             method.gather(self.scene, point, light, events, stream, counters, &mut |arrival| {
                 sum += arrival.weight * lobe.eval(arrival.direction) / probability;
             });

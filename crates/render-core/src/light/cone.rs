@@ -5,6 +5,9 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+/// Axes are taken for opposite within this angle.
+const NEARLY_OPPOSITE: f64 = 1e-4;
+
 /// Emission goes to within `emission` of a normal that is within `normals` of the axis. Angles are given by their cosines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmissionCone {
@@ -32,6 +35,10 @@ impl EmissionCone {
         let (wide, narrow) = if self.cos_normals <= other.cos_normals { (self, other) } else { (other, self) };
         let (theta_a, theta_b) = (angle(wide.cos_normals), angle(narrow.cos_normals));
         let between = angle(wide.axis.dot(narrow.axis));
+        // Nearly opposite axes have no plane in which to turn that rounding does not decide.
+        if between > PI - NEARLY_OPPOSITE {
+            return Self { cos_emission, ..Self::EVERYWHERE };
+        }
         if (between + theta_b).min(PI) <= theta_a {
             return Self { cos_emission, ..wide };
         }
@@ -39,10 +46,11 @@ impl EmissionCone {
         if theta >= PI {
             return Self { cos_emission, ..Self::EVERYWHERE };
         }
+        let Some(across) = wide.axis.cross(narrow.axis).try_normalize().map(|turn| turn.cross(wide.axis)) else {
+            return Self { cos_emission, ..Self::EVERYWHERE };
+        };
         let turned = theta - theta_a;
-        let across = narrow.axis - wide.axis * wide.axis.dot(narrow.axis);
-        let Some(across) = across.try_normalize() else { return Self { cos_emission, ..Self::EVERYWHERE } };
-        let axis = wide.axis * libm::cos(turned) + across * libm::sin(turned);
+        let axis = (wide.axis * libm::cos(turned) + across * libm::sin(turned)).normalize();
         Self { axis, cos_normals: libm::cos(theta), cos_emission }
     }
 

@@ -77,6 +77,11 @@ impl FlatShape for Disk {
         self.radius
     }
 
+    fn half_extents(&self, frame: &Frame) -> DVec3 {
+        let normal = frame.axes.z_axis;
+        (DVec3::ONE - normal * normal).max(DVec3::ZERO).map(f64::sqrt) * self.radius
+    }
+
     fn sample(&self, random: DVec2) -> DVec2 {
         let (sin, cos) = libm::sincos(2.0 * PI * random.y);
         DVec2::new(cos, sin) * (self.radius * random.x.sqrt())

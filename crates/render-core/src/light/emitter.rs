@@ -102,6 +102,14 @@ pub trait Emitter: fmt::Debug + Send + Sync {
     /// A region that holds the whole light.
     fn bounds(&self) -> LightBounds;
 
+    /// The smallest and the largest corner of a box that holds the whole light; `None` for a light that is nowhere.
+    fn bounding_box(&self) -> Option<[DVec3; 2]> {
+        match self.bounds() {
+            LightBounds::Ball { centre, radius } => Some([centre - radius, centre + radius]),
+            LightBounds::Cap { .. } => None,
+        }
+    }
+
     /// Its shape; `None` for a light that is nowhere.
     fn body(&self) -> Option<Body>;
 

@@ -16,6 +16,9 @@ pub(super) trait FlatShape: Debug + Send + Sync {
     /// The largest distance of a point of it from the origin, metres.
     fn extent(&self) -> f64;
 
+    /// Half the extent along each axis of the world when it lies in a frame.
+    fn half_extents(&self, frame: &Frame) -> DVec3;
+
     /// A point of it that is uniform over its area.
     fn sample(&self, random: DVec2) -> DVec2;
 
@@ -51,6 +54,11 @@ impl<S: FlatShape> Emitter for FlatLight<S> {
 
     fn bounds(&self) -> LightBounds {
         LightBounds::Ball { centre: self.frame.origin, radius: self.shape.extent() }
+    }
+
+    fn bounding_box(&self) -> Option<[DVec3; 2]> {
+        let half = self.shape.half_extents(&self.frame);
+        Some([self.frame.origin - half, self.frame.origin + half])
     }
 
     fn body(&self) -> Option<Body> {

@@ -82,6 +82,10 @@ impl FlatShape for Rectangle {
         (x * x + y * y).sqrt()
     }
 
+    fn half_extents(&self, frame: &Frame) -> DVec3 {
+        frame.axes.x_axis.abs() * self.half_size[0] + frame.axes.y_axis.abs() * self.half_size[1]
+    }
+
     fn sample(&self, random: DVec2) -> DVec2 {
         let [x, y] = self.half_size;
         DVec2::new((2.0 * random.x - 1.0) * x, (2.0 * random.y - 1.0) * y)

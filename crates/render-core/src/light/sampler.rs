@@ -1,13 +1,14 @@
 //! Which lights a point of a surface asks for light.
 //!
-//! Up to [`MOST_ASKED`] lights are all asked. Of more, a tree chooses one, and one of the suns is chosen by its power.
+//! Up to [`MOST_ASKED`] lights are all asked. Of more, a tree chooses one, and one of the suns is chosen by what it may
+//! bring.
 
 use arrayvec::ArrayVec;
 use clerestory_film::SampleStream;
 use glam::DVec3;
 
-use super::tree::{Asking, LightTree};
-use super::{Light, LightBounds};
+use super::tree::LightTree;
+use super::{Light, LightBounds, Receiver};
 use crate::geometry::Ray;
 
 /// So many lights are all asked.
@@ -27,75 +28,111 @@ pub struct AskedLight {
 pub struct LightSampler {
     count: u32,
     tree: LightTree,
-    /// The lights at infinity, each with the sum of powers up to it.
-    suns: Vec<(u32, f64)>,
+    /// The lights at infinity.
+    suns: Vec<Sun>,
+}
+
+/// A light at infinity.
+#[derive(Clone, Copy, Debug)]
+struct Sun {
+    light: u32,
+    direction: DVec3,
+    sin_radius: f64,
+    power: f64,
+}
+
+impl Sun {
+    /// A bound of what it may bring to a point, up to a factor.
+    fn importance(&self, receiver: &Receiver) -> f64 {
+        let Some(cosine) = receiver.side.cosine(self.direction) else { return self.power };
+        // The nearest direction of the disc is its radius nearer to the normal.
+        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        let cos_radius = (1.0 - self.sin_radius * self.sin_radius).max(0.0).sqrt();
+        let nearest = if cosine >= cos_radius { 1.0 } else { cosine * cos_radius + sine * self.sin_radius };
+        self.power * nearest.max(0.0)
+    }
 }
 
 impl LightSampler {
     /// A choice among lights.
     pub fn new(lights: &[Light]) -> Self {
-        let is_sun = |light: &Light| matches!(light.bounds(), LightBounds::Cap { .. });
-        let suns = (0u32..).zip(lights).filter(|(_, light)| is_sun(light)).scan(0.0, |sum, (index, light)| {
-            *sum += light.power();
-            Some((index, *sum))
-        });
-        Self { count: lights.len() as u32, suns: suns.collect(), tree: LightTree::new(lights) }
+        let sun = |(light, emitter): (u32, &Light)| match emitter.bounds() {
+            LightBounds::Cap { direction, sin_radius } => {
+                Some(Sun { light, direction, sin_radius, power: emitter.power() })
+            }
+            LightBounds::Ball { .. } => None,
+        };
+        let suns = (0u32..).zip(lights).filter_map(sun).collect();
+        Self { count: lights.len() as u32, suns, tree: LightTree::new(lights) }
     }
 
     fn asks_all(&self) -> bool {
         self.count as usize <= MOST_ASKED
     }
 
-    /// The lights that a point asks for light. `normal` is that of the surface for light that comes straight, and `None`
-    /// for light that is bent on its way. Where all lights are asked no random number is drawn.
-    pub fn ask(
-        &self,
-        position: DVec3,
-        normal: Option<DVec3>,
-        stream: &mut SampleStream,
-    ) -> ArrayVec<AskedLight, MOST_ASKED> {
+    /// The lights that a point asks for light. Where all lights are asked no random number is drawn.
+    pub fn ask(&self, receiver: &Receiver, stream: &mut SampleStream) -> ArrayVec<AskedLight, MOST_ASKED> {
         if self.asks_all() {
             return (0..self.count).map(|light| AskedLight { light, probability: 1.0 }).collect();
         }
         let mut asked = ArrayVec::new();
         if !self.tree.is_empty() {
-            let chosen = self.tree.choose(&Asking { position, normal }, stream.next_1d());
+            let chosen = self.tree.choose(receiver, finely(stream));
             asked.extend(chosen.map(|(light, probability)| AskedLight { light, probability }));
         }
-        if let Some((_, total)) = self.suns.last() {
-            let target = stream.next_1d() * total;
-            let index = self.suns.partition_point(|(_, sum)| *sum <= target);
-            if let Some((light, _)) = self.suns.get(index) {
-                asked.push(AskedLight { light: *light, probability: self.share_of_sun(index) });
+        match self.suns.as_slice() {
+            [] => {}
+            [sun] => asked.push(AskedLight { light: sun.light, probability: 1.0 }),
+            suns => {
+                let total: f64 = suns.iter().map(|sun| sun.importance(receiver)).sum();
+                let mut target = finely(stream) * total;
+                let chosen = suns.iter().find(|sun| {
+                    let importance = sun.importance(receiver);
+                    target -= importance;
+                    target < 0.0 && importance > 0.0
+                });
+                // Rounding of the sum leaves the last one.
+                let last = || suns.iter().rev().find(|sun| sun.importance(receiver) > 0.0);
+                asked.extend(
+                    chosen
+                        .or_else(last)
+                        .map(|sun| AskedLight { light: sun.light, probability: sun.importance(receiver) / total }),
+                );
             }
         }
         asked
     }
 
     /// The probability with which [`Self::ask`] asks a light.
-    pub fn probability(&self, light: u32, position: DVec3, normal: Option<DVec3>) -> f64 {
+    pub fn probability(&self, light: u32, receiver: &Receiver) -> f64 {
         if self.asks_all() {
             return 1.0;
         }
-        match self.suns.binary_search_by_key(&light, |(sun, _)| *sun) {
-            Ok(index) => self.share_of_sun(index),
-            Err(_) => self.tree.probability(light, &Asking { position, normal }),
+        let Ok(index) = self.suns.binary_search_by_key(&light, |sun| sun.light) else {
+            return self.tree.probability(light, receiver);
+        };
+        if self.suns.len() == 1 {
+            return 1.0;
         }
-    }
-
-    fn share_of_sun(&self, index: usize) -> f64 {
-        let before = index.checked_sub(1).map_or(0.0, |before| self.suns[before].1);
-        let total = self.suns.last().map_or(0.0, |(_, total)| *total);
-        if total > 0.0 { (self.suns[index].1 - before) / total } else { 0.0 }
+        let total: f64 = self.suns.iter().map(|sun| sun.importance(receiver)).sum();
+        if total > 0.0 { self.suns[index].importance(receiver) / total } else { 0.0 }
     }
 
     /// The lights at infinity, in the order of the scene.
     pub fn suns(&self) -> impl Iterator<Item = u32> {
-        self.suns.iter().map(|(sun, _)| *sun)
+        self.suns.iter().map(|sun| sun.light)
     }
 
     /// Visits the lights that a ray may meet before `end`, until one says that it is enough. Answers whether one did.
     pub fn on_ray(&self, ray: &Ray, end: f64, visit: &mut dyn FnMut(u32) -> bool) -> bool {
         if self.asks_all() { (0..self.count).any(visit) } else { self.tree.on_ray(ray, end, visit) }
     }
+}
+
+/// A number in [0, 1) with the places of a Sobol number, and random bits below: one number chooses at all levels of a tree.
+fn finely(stream: &mut SampleStream) -> f64 {
+    /// Places of a Sobol number.
+    const SOBOL_STEP: f64 = 1.0 / (1u64 << 24) as f64;
+    let coarse = stream.next_1d();
+    (coarse + stream.trials().next_f64() * SOBOL_STEP).min(1.0 - f64::EPSILON)
 }

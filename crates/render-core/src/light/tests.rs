@@ -245,28 +245,29 @@ fn pseudo_random() -> impl FnMut() -> f64 {
 fn one_of_many_lights_is_asked_with_the_stated_probability_and_brings_the_light_of_all() {
     let lights = many_lights();
     let sampler = LightSampler::new(&lights);
-    for (position, normal) in [
-        (DVec3::new(0.3, -0.2, 0.1), Some(DVec3::Z)),
-        (DVec3::new(-3.0, 3.9, 1.0), Some(DVec3::new(0.6, 0.0, -0.8))),
-        (DVec3::new(9.0, 0.0, 0.0), None),
+    for (position, side) in [
+        (DVec3::new(0.3, -0.2, 0.1), Side::Front(DVec3::Z)),
+        (DVec3::new(-3.0, 3.9, 1.0), Side::Front(DVec3::new(0.6, 0.0, -0.8))),
+        (DVec3::new(0.3, -0.2, 0.1), Side::Both(DVec3::Z)),
+        (DVec3::new(9.0, 0.0, 0.0), Side::Anywhere),
     ] {
-        let probability = |light: u32| sampler.probability(light, position, normal);
+        let receiver = Receiver { position, side };
+        let probability = |light: u32| sampler.probability(light, &receiver);
         // Where parts of the tree turn out to bring nothing, no lamp is asked.
         let asked_lamp = (0..180).map(probability).sum::<f64>();
-        assert!(asked_lamp < 1.0 + 1e-9 && (normal.is_some() || asked_lamp > 1.0 - 1e-9), "{asked_lamp}");
+        assert!(asked_lamp < 1.0 + 1e-9 && (side != Side::Anywhere || asked_lamp > 1.0 - 1e-9), "{asked_lamp}");
         assert!(((180..182).map(probability).sum::<f64>() - 1.0).abs() < 1e-12);
         // What each light brings, from one point of it.
-        let facing = normal.unwrap_or(DVec3::Z);
         let brought = |light: u32| {
             let sample = lights[light as usize].sample_li(position, DVec2::splat(0.4));
-            sample.map_or(0.0, |sample| sample.weight.x * sample.direction.dot(facing).max(0.0))
+            sample.map_or(0.0, |sample| sample.weight.x * side.cosine(sample.direction).unwrap_or(1.0).max(0.0))
         };
         let expected: f64 = (0..182).map(brought).sum();
         let estimates: Vec<f64> = (0..20_000)
             .map(|sample| {
                 let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
                 let mut stream = SampleStream::new(&settings, 0, [3, 4], sample);
-                let asked = sampler.ask(position, normal, &mut stream);
+                let asked = sampler.ask(&receiver, &mut stream);
                 for asked in &asked {
                     assert!((asked.probability / probability(asked.light) - 1.0).abs() < 1e-9, "{asked:?}");
                 }
@@ -316,8 +317,70 @@ fn few_lights_are_all_asked_without_a_random_number() {
     let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
     let mut stream = SampleStream::new(&settings, 0, [3, 4], 0);
     let first = stream.clone().next_1d();
-    let asked = sampler.ask(DVec3::ZERO, Some(DVec3::Z), &mut stream);
+    let asked = sampler.ask(&Receiver { position: DVec3::ZERO, side: Side::Front(DVec3::Z) }, &mut stream);
     let asked: Vec<(u32, f64)> = asked.iter().map(|asked| (asked.light, asked.probability)).collect();
     assert_eq!(asked, [(0, 1.0), (1, 1.0), (2, 1.0), (3, 1.0)]);
     assert_eq!(stream.next_1d(), first);
+}
+
+#[test]
+fn a_cone_around_two_cones_holds_both() {
+    let mut random = pseudo_random();
+    for case in 0..4000 {
+        let mut unit = || (DVec3::new(random(), random(), random()) - 0.5).normalize();
+        let first = unit();
+        let second = match case % 4 {
+            0 => -first,
+            1 => (-first + unit() * 1e-6).normalize(),
+            2 => first,
+            _ => unit(),
+        };
+        let third = unit();
+        let cone = EmissionCone::from_plane(first).union(EmissionCone::from_plane(second));
+        let cone = cone.union(EmissionCone::from_plane(third));
+        for normal in [first, second, third] {
+            let cosine = cone.axis.dot(normal);
+            assert!(cosine >= cone.cos_normals - 1e-9, "{cone:?} lacks {normal}");
+            // Light straight along the normal leaves within the bound.
+            assert!(cone.largest_cosine(cosine, 1.0) > 1.0 - 1e-4, "{cone:?} {normal}");
+        }
+    }
+}
+
+#[test]
+fn lights_behind_a_surface_are_not_asked() {
+    let lamp = |number: u32, height: f64| {
+        light(LightDescription::Point(PointLight {
+            name: number.to_string(),
+            position: [f64::from(number), 0.0, height],
+            intensity: [1.0; 3],
+        }))
+    };
+    let lights: Vec<Light> = (0..6).map(|k| lamp(k, if k < 3 { 3.0 } else { -0.3 })).collect();
+    let sampler = LightSampler::new(&lights);
+    let probability = |side| {
+        let receiver = Receiver { position: DVec3::new(2.5, 0.0, 0.0), side };
+        (0..6).map(|light| sampler.probability(light, &receiver)).collect::<Vec<f64>>()
+    };
+    let front = probability(Side::Front(DVec3::Z));
+    assert!(front[3..].iter().all(|probability| *probability == 0.0), "{front:?}");
+    assert!(probability(Side::Both(DVec3::Z))[3] > 0.1);
+    assert!(probability(Side::Anywhere)[0] > 1e-6);
+}
+
+#[test]
+fn a_weak_light_beside_a_very_strong_one_is_still_asked() {
+    let lamp = |number: u32, intensity: f64| {
+        light(LightDescription::Point(PointLight {
+            name: number.to_string(),
+            position: [f64::from(number), 0.0, 2.0],
+            intensity: [intensity; 3],
+        }))
+    };
+    let lights: Vec<Light> = (0..8).map(|k| lamp(k, if k == 7 { 1e30 } else { 1.0 })).collect();
+    let sampler = LightSampler::new(&lights);
+    let receiver = Receiver { position: DVec3::ZERO, side: Side::Front(DVec3::Z) };
+    for light in 0..8 {
+        assert!(sampler.probability(light, &receiver) > 1e-8, "{light}");
+    }
 }

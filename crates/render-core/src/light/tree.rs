@@ -8,14 +8,23 @@ use std::cmp::Ordering;
 use glam::DVec3;
 
 use super::cone::EmissionCone;
-use super::{Light, LightBounds};
+use super::{Light, LightBounds, Receiver};
 use crate::geometry::Ray;
 
 /// Buckets along an axis in which splits are sought.
 const BUCKETS: usize = 12;
 
+/// The largest number below 1.
+const BELOW_ONE: f64 = 1.0 - f64::EPSILON / 2.0;
+
 /// Relative error of a distance to the side of a box.
 const ROUNDING: f64 = 1e-12;
+
+/// Weight of the lengths of a box beside its area in the cost of a split.
+const FLATNESS: f64 = 1e-3;
+
+/// Least share of a child whose lights may bring anything: a bound may be far off, and no light may be left out.
+const LEAST_SHARE: f64 = 1e-3;
 
 /// No point is taken for nearer to a light than this, metres.
 const NEAREST: f64 = 1e-6;
@@ -28,6 +37,10 @@ struct Cluster {
     /// Power, W.
     power: f64,
     cone: EmissionCone,
+    /// Of a ball around the middle of the box that holds all lights.
+    radius: f64,
+    /// Whether a ray can meet any of them.
+    can_be_met: bool,
 }
 
 /// A node; its first child follows it.
@@ -55,28 +68,27 @@ pub(super) struct LightTree {
     leaves: Vec<Option<u32>>,
 }
 
-/// A point that asks for light.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Asking {
-    pub(super) position: DVec3,
-    /// The surface's normal, for light that comes straight; `None` for light that is bent on its way, which may leave the
-    /// light in any direction and arrive from any.
-    pub(super) normal: Option<DVec3>,
-}
-
 impl Cluster {
     fn of(light: &Light) -> Option<Self> {
-        let LightBounds::Ball { centre, radius } = light.bounds() else { return None };
-        let (min, max) = (centre - radius, centre + radius);
-        Some(Self { min, max, power: light.power(), cone: light.emission_cone() })
+        let [min, max] = light.bounding_box()?;
+        let half_diagonal = 0.5 * (max - min).length();
+        let radius = match light.bounds() {
+            LightBounds::Ball { centre, radius } if centre == (min + max) * 0.5 => radius.min(half_diagonal),
+            _ => half_diagonal,
+        };
+        let (power, cone, can_be_met) = (light.power(), light.emission_cone(), !light.is_delta());
+        Some(Self { min, max, power, cone, radius, can_be_met })
     }
 
     fn union(self, other: Self) -> Self {
+        let (min, max) = (self.min.min(other.min), self.max.max(other.max));
         Self {
-            min: self.min.min(other.min),
-            max: self.max.max(other.max),
+            min,
+            max,
             power: self.power + other.power,
             cone: self.cone.union(other.cone),
+            radius: 0.5 * (max - min).length(),
+            can_be_met: self.can_be_met || other.can_be_met,
         }
     }
 
@@ -84,28 +96,25 @@ impl Cluster {
         (self.min + self.max) * 0.5
     }
 
-    /// The cost of a part of a split, with the longest edge of the whole over that along the axis.
-    fn cost(&self, elongation: f64) -> f64 {
+    /// The cost of a part of a split, with the longest edge of the whole, and that over the edge along the axis.
+    fn cost(&self, longest: f64, elongation: f64) -> f64 {
         let [x, y, z] = (self.max - self.min).to_array();
-        // Points have no area.
-        let area = 2.0 * (x * y + y * z + z * x) + 1e-12;
+        // Lights on a line span no area; their lengths count then.
+        let area = x * y + y * z + z * x + FLATNESS * longest * (x + y + z);
         self.power * self.cone.measure() * elongation * area
     }
 
     /// A bound of what its lights may bring to a point, up to a factor.
-    fn importance(&self, asking: &Asking) -> f64 {
-        let radius = 0.5 * (self.max - self.min).length();
-        let offset = asking.position - self.centre();
+    fn importance(&self, receiver: &Receiver) -> f64 {
+        let offset = self.centre() - receiver.position;
         let distance_squared = offset.length_squared();
-        let spread = self.power / distance_squared.max(radius * radius).max(NEAREST * NEAREST);
-        let (Some(normal), Some(away)) = (asking.normal, offset.try_normalize()) else { return spread };
-        let sine_squared = radius * radius / distance_squared;
+        let spread = self.power / distance_squared.max(self.radius * self.radius).max(NEAREST * NEAREST);
+        let Some(towards) = offset.try_normalize() else { return spread };
+        let Some(arriving) = receiver.side.cosine(towards) else { return spread };
+        let sine_squared = self.radius * self.radius / distance_squared;
         let cos_region = if sine_squared < 1.0 { (1.0 - sine_squared).sqrt() } else { -1.0 };
-        let leaving = self.cone.largest_cosine(self.cone.axis.dot(away), cos_region);
-        // On either side of the surface.
-        let plane = EmissionCone { axis: normal, cos_normals: 1.0, cos_emission: -1.0 };
-        let arriving = plane.largest_cosine(normal.dot(away).abs(), cos_region).max(0.0);
-        spread * leaving * arriving
+        let leaving = self.cone.largest_cosine(-self.cone.axis.dot(towards), cos_region);
+        spread * leaving * largest_cosine(arriving, cos_region)
     }
 
     /// Whether a ray meets its box before `end`.
@@ -155,30 +164,34 @@ impl LightTree {
         root
     }
 
-    /// The importances of the children of a node.
-    fn children(&self, node: u32, second: u32, asking: &Asking) -> [f64; 2] {
-        [node + 1, second].map(|child| self.nodes[child as usize].cluster.importance(asking))
+    /// The shares of the children of a node; `None` where no light below can bring anything.
+    fn shares(&self, node: u32, second: u32, receiver: &Receiver) -> Option<[f64; 2]> {
+        let [a, b] = [node + 1, second].map(|child| self.nodes[child as usize].cluster.importance(receiver));
+        let sum = a + b;
+        if sum <= 0.0 {
+            return None;
+        }
+        if a == 0.0 || b == 0.0 {
+            return Some([a / sum, b / sum]);
+        }
+        let first = (a / sum).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
+        Some([first, 1.0 - first])
     }
 
     /// Chooses a light by a random number, and answers its probability; `None` where no light can bring anything.
-    pub(super) fn choose(&self, asking: &Asking, mut random: f64) -> Option<(u32, f64)> {
+    pub(super) fn choose(&self, receiver: &Receiver, mut random: f64) -> Option<(u32, f64)> {
         let (mut node, mut probability) = (0, 1.0);
         loop {
             match self.nodes.get(node as usize)?.below {
                 Below::Light(light) => return Some((light, probability)),
                 Below::Second(second) => {
-                    let [first_importance, second_importance] = self.children(node, second, asking);
-                    let sum = first_importance + second_importance;
-                    if sum <= 0.0 {
-                        return None;
-                    }
-                    let share = first_importance / sum;
-                    if random < share {
-                        random = (random / share).min(1.0 - f64::EPSILON);
-                        (node, probability) = (node + 1, probability * share);
+                    let [first, other] = self.shares(node, second, receiver)?;
+                    if random < first {
+                        random = (random / first).min(BELOW_ONE);
+                        (node, probability) = (node + 1, probability * first);
                     } else {
-                        random = ((random - share) / (1.0 - share)).clamp(0.0, 1.0 - f64::EPSILON);
-                        (node, probability) = (second, probability * (1.0 - share));
+                        random = ((random - first) / other).clamp(0.0, BELOW_ONE);
+                        (node, probability) = (second, probability * other);
                     }
                 }
             }
@@ -186,19 +199,14 @@ impl LightTree {
     }
 
     /// The probability with which [`Self::choose`] chooses a light; zero for those that are nowhere.
-    pub(super) fn probability(&self, light: u32, asking: &Asking) -> f64 {
+    pub(super) fn probability(&self, light: u32, receiver: &Receiver) -> f64 {
         let Some(mut node) = self.leaves[light as usize] else { return 0.0 };
         let mut probability = 1.0;
         while node != 0 {
             let parent = self.nodes[node as usize].parent;
             let Below::Second(second) = self.nodes[parent as usize].below else { return 0.0 };
-            let [first_importance, second_importance] = self.children(parent, second, asking);
-            let sum = first_importance + second_importance;
-            if sum <= 0.0 {
-                return 0.0;
-            }
-            let share = first_importance / sum;
-            probability *= if node == second { 1.0 - share } else { share };
+            let Some([first, other]) = self.shares(parent, second, receiver) else { return 0.0 };
+            probability *= if node == second { other } else { first };
             node = parent;
         }
         probability
@@ -211,7 +219,7 @@ impl LightTree {
         open.extend((!self.nodes.is_empty()).then_some(0));
         while let Some(node) = open.pop() {
             let Node { cluster, below, .. } = &self.nodes[node as usize];
-            if !cluster.is_met(ray, inverse, end) {
+            if !cluster.can_be_met || !cluster.is_met(ray, inverse, end) {
                 continue;
             }
             match *below {
@@ -225,6 +233,16 @@ impl LightTree {
         }
         false
     }
+}
+
+/// Upper bound of the cosine at which light arrives from a region that is seen under `cos_region`, whose middle is seen at
+/// `cosine`.
+fn largest_cosine(cosine: f64, cos_region: f64) -> f64 {
+    if cosine >= cos_region {
+        return 1.0;
+    }
+    let sine = |cosine: f64| (1.0 - cosine * cosine).max(0.0).sqrt();
+    (cosine * cos_region + sine(cosine) * sine(cos_region)).max(0.0)
 }
 
 /// Sorts lights into two parts of the least cost, and answers where the second begins.
@@ -246,10 +264,20 @@ fn split(lights: &mut [(u32, Cluster)], whole: &Cluster) -> usize {
             *place = Some(place.map_or(*cluster, |before| before.union(*cluster)));
         }
         let elongation = longest / extent[axis];
+        let joined = |part: Option<Cluster>, other: Option<Cluster>| match (part, other) {
+            (Some(part), Some(other)) => Some(part.union(other)),
+            (part, other) => part.or(other),
+        };
+        // What begins at each bucket, and what ends before it.
+        let mut behind = buckets;
+        for place in (0..BUCKETS - 1).rev() {
+            behind[place] = joined(buckets[place], behind[place + 1]);
+        }
+        let mut before = None;
         for end in 1..BUCKETS {
-            let part = |buckets: &[Option<Cluster>]| buckets.iter().flatten().copied().reduce(Cluster::union);
-            let (Some(first), Some(second)) = (part(&buckets[..end]), part(&buckets[end..])) else { continue };
-            let cost = first.cost(elongation) + second.cost(elongation);
+            before = joined(before, buckets[end - 1]);
+            let (Some(first), Some(second)) = (before, behind[end]) else { continue };
+            let cost = first.cost(longest, elongation) + second.cost(longest, elongation);
             if best.is_none_or(|(least, ..)| cost < least) {
                 best = Some((cost, axis, end));
             }

@@ -149,11 +149,17 @@ impl Scene {
         if kept != self.description || asset_hashes(bundle) != self.assets {
             return Self::build(bundle);
         }
-        let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
+        let (lights, light_sampler) = if description.lights == self.description.lights {
+            (self.lights, self.light_sampler)
+        } else {
+            let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
+            let light_sampler = LightSampler::new(&lights);
+            (lights, light_sampler)
+        };
         let scene = Self {
             hash: bundle.scene_hash(),
             camera: Camera::new(&description.camera, description.film),
-            light_sampler: LightSampler::new(&lights),
+            light_sampler,
             lights,
             sampling: sampling(description)?,
             description: description.clone(),

@@ -18,6 +18,13 @@ impl SceneDescription {
     ///
     /// The first thing that is wrong, with its place, what stands there and what would be right.
     pub fn parse(json: &[u8]) -> Result<Self, SceneError> {
+        let description = Self::read(json)?;
+        description.validate()?;
+        Ok(description)
+    }
+
+    /// Reads a scene file that is validated later.
+    pub(crate) fn read(json: &[u8]) -> Result<Self, SceneError> {
         let json = without_byte_order_mark(json);
         if json.len() > MAX_SCENE_BYTES {
             refuse_other_formats(json)?;
@@ -29,7 +36,6 @@ impl SceneDescription {
         let description: Self = serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_slice(json))
             .map_err(SceneError::from_json)?;
         check_shape(json, &description)?;
-        description.validate()?;
         Ok(description)
     }
 

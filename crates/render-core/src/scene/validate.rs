@@ -60,8 +60,10 @@ impl SceneDescription {
         for (index, light) in self.lights.iter().enumerate() {
             let lights = root.member("lights");
             let light_path = lights.element(index);
-            light.check(&light_path.member(light.kind()))?;
-            names.add(light.name(), &light_path.member(light.kind()))?;
+            let settings = light_path.member(light.kind());
+            check_name(light.name(), &settings.member("name"))?;
+            light.check(&settings)?;
+            names.add(light.name(), &settings)?;
         }
         self.check_integrator_names(&root.member("integrator"))
     }

@@ -20,6 +20,10 @@ macro_rules! methods {
         }
 
         impl IntegratorDescription {
+            /// A line on each method, by its name.
+            pub const SUMMARIES: &'static [(&'static str, &'static str)] =
+                &[$(($tag, <$settings as Method>::SUMMARY)),+];
+
             /// Settings under which each method is probed, by its name.
             pub const PROBES: &'static [(&'static str, &'static [&'static str])] =
                 &[$(($tag, <$settings as Method>::PROBES)),+];

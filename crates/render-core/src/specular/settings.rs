@@ -36,6 +36,9 @@ pub trait MethodSettings {
 
 /// What the registry needs of a method.
 pub trait Method: MethodSettings + Sized {
+    /// A line for people who choose a method.
+    const SUMMARY: &'static str;
+
     /// Settings under which the method is probed: one for each of its forms that has code of its own.
     const PROBES: &'static [&'static str];
 

@@ -46,6 +46,8 @@ impl MethodSettings for ConeSettings {
 }
 
 impl Method for ConeSettings {
+    const SUMMARY: &'static str = "Light through glass by sampling the cone from which it can come.";
+
     const PROBES: &'static [&'static str] = &[r#"{"cone": {}}"#];
 
     fn adopting(other: &IntegratorDescription) -> Self {

@@ -100,6 +100,8 @@ impl MethodSettings for ConicSettings {
 }
 
 impl Method for ConicSettings {
+    const SUMMARY: &'static str = "All light over one smooth mesh, such as the surface of water.";
+
     const PROBES: &'static [&'static str] = &[
         r#"{"conic": {"casters": ["water"], "chains": ["T", "R"]}}"#,
         r#"{"conic": {"casters": ["water"], "search": "published"}}"#,

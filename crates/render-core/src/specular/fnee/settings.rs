@@ -93,6 +93,8 @@ impl MethodSettings for FneeSettings {
 }
 
 impl Method for FneeSettings {
+    const SUMMARY: &'static str = "Light through glass by Fermat next event estimation.";
+
     const PROBES: &'static [&'static str] =
         &[r#"{"fnee": {"reflected": true}}"#, r#"{"fnee": {"solver": "published", "max_trials": 20}}"#];
 

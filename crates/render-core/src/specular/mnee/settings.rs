@@ -90,6 +90,8 @@ impl MethodSettings for MneeSettings {
 }
 
 impl Method for MneeSettings {
+    const SUMMARY: &'static str = "Light through glass by one manifold walk from the straight line to the light.";
+
     const PROBES: &'static [&'static str] =
         &[r#"{"mnee": {}}"#, r#"{"mnee": {"chains": ["T"], "casters": ["water"]}}"#];
 

@@ -40,6 +40,8 @@ impl MethodSettings for PathSettings {
 }
 
 impl Method for PathSettings {
+    const SUMMARY: &'static str = "Path tracing alone.";
+
     const PROBES: &'static [&'static str] = &[r#"{"path": {}}"#];
 
     fn adopting(other: &IntegratorDescription) -> Self {

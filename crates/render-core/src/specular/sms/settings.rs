@@ -132,6 +132,8 @@ impl MethodSettings for SmsSettings {
 }
 
 impl Method for SmsSettings {
+    const SUMMARY: &'static str = "Light through glass by specular manifold sampling.";
+
     const PROBES: &'static [&'static str] = &[
         r#"{"sms": {"estimator": {"unbiased": {"max_trials": 20}}}}"#,
         r#"{"sms": {"constraint": "half_vector", "estimator": {"biased": {"trials": 4}}}}"#,
