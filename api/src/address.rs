@@ -1,7 +1,8 @@
 //! The address of a coordinator, and the proxy on the way to it.
 //!
-//! The environment may name a proxy (`http_proxy`, `https_proxy`, `all_proxy`, in either case) and exceptions (`no_proxy`). A proxy on another
-//! machine cannot reach the loopback interface of this one, so calls to a loopback address never go through a proxy.
+//! The environment may name a proxy (`http_proxy`, `https_proxy`, `all_proxy`, in either case) and exceptions
+//! (`no_proxy`). A proxy on another machine cannot reach the loopback interface of this one, so calls to a loopback
+//! address never go through a proxy.
 
 use std::net::IpAddr;
 

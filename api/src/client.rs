@@ -24,11 +24,12 @@ use crate::{
 /// Longest wait for a connection.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// Longest wait for an answer, and longest silence in the middle of it. Long polls stay below it, event streams send comments
-/// more often.
+/// Longest wait for an answer, and longest silence in the middle of it. Long polls stay below it, event streams send
+/// comments more often.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// The slowest line on which an upload gets through, bytes a second: the longer the body, the longer the wait for the answer.
+/// The slowest line on which an upload gets through, bytes a second: the longer the body, the longer the wait for the
+/// answer.
 const SLOWEST_LINE: usize = 64 << 10;
 
 /// Media type of an asset.
@@ -69,12 +70,13 @@ impl ImageDownload {
 }
 
 impl Client {
-    /// A client for the coordinator at `address`, for instance `http://127.0.0.1:7171`. The address may have a path, and a
-    /// name and a password for a proxy that asks for them. Nothing is sent yet.
+    /// A client for the coordinator at `address`, for instance `http://127.0.0.1:7171`. The address may have a path,
+    /// and a name and a password for a proxy that asks for them. Nothing is sent yet.
     ///
     /// # Errors
     ///
-    /// When the address, the token or the proxy of the environment cannot be used, or the client's TLS cannot be set up.
+    /// When the address, the token or the proxy of the environment cannot be used, or the client's TLS cannot be set
+    /// up.
     pub fn new(address: &str, token: Option<&str>) -> Result<Self, ClientError> {
         Self::with(address, token, PATIENCE, &Matcher::from_env())
     }
@@ -124,8 +126,8 @@ impl Client {
         answer.is_ok_and(|response| response.status() == StatusCode::NO_CONTENT)
     }
 
-    /// Uploads an asset under its content hash, and tells `sent`, as pieces are handed to the connection, how many bytes each
-    /// has. Uploading it again changes nothing.
+    /// Uploads an asset under its content hash, and tells `sent`, as pieces are handed to the connection, how many
+    /// bytes each has. Uploading it again changes nothing.
     pub async fn upload_asset(
         &self,
         hash: &ContentHash,
@@ -229,7 +231,8 @@ impl Client {
         self.send_json(Method::POST, "/workers", registration).await
     }
 
-    /// Says that a worker is alive, and what it does. A problem with code `unknown_worker` means that it has to register again.
+    /// Says that a worker is alive, and what it does. A problem with code `unknown_worker` means that it has to
+    /// register again.
     pub async fn heartbeat(&self, worker: WorkerId, activity: &WorkerActivity) -> Result<(), ClientError> {
         let request = self.request(Method::POST, &format!("/workers/{worker}/heartbeat"));
         self.send_for_nothing(request.json(activity)).await
@@ -291,8 +294,8 @@ impl Client {
         self.send_for_nothing(request).await
     }
 
-    /// Uploads complete nodes of a lease whose partial has been uploaded in pieces. A problem with code `missing_pieces` lists those
-    /// that have to be uploaded again.
+    /// Uploads complete nodes of a lease whose partial has been uploaded in pieces. A problem with code
+    /// `missing_pieces` lists those that have to be uploaded again.
     pub async fn assemble_partial(&self, lease: LeaseId, pieces: &PartialPieces) -> Result<PartialAnswer, ClientError> {
         self.send_json(Method::POST, &format!("/leases/{lease}/pieces"), pieces).await
     }

@@ -95,7 +95,8 @@ impl ClientError {
         }
     }
 
-    /// Whether something that is no coordinator has answered for good: on the first call, the address is probably wrong.
+    /// Whether something that is no coordinator has answered for good: on the first call, the address is probably
+    /// wrong.
     pub fn is_misdirected(&self) -> bool {
         matches!(self, Self::UnexpectedAnswer { status, .. } if !is_transient(*status))
     }

@@ -16,8 +16,8 @@ pub struct ConvergenceSeries {
     pub points: Vec<ConvergencePoint>,
 }
 
-/// The error of a job's first frame as it is now, between its rounds: over the pixels that have samples, of which one may have more than another.
-/// It is measured when it is asked for, never stored, and nothing is stopped by it.
+/// The error of a job's first frame as it is now, between its rounds: over the pixels that have samples, of which one
+/// may have more than another. It is measured when it is asked for, never stored, and nothing is stopped by it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct LiveMeasurement {
     /// The job.
@@ -58,7 +58,8 @@ pub struct ConvergencePoint {
     /// `mse` less the mean squared standard error of the reference.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub corrected_mse: Option<f64>,
-    /// Relative mean squared error. It weighs dark pixels most, so it can rise from one round to the next when a bright sample arrives.
+    /// Relative mean squared error. It weighs dark pixels most, so it can rise from one round to the next when a bright
+    /// sample arrives.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rel_mse: Option<f64>,
     /// Peak signal-to-noise ratio, dB.

@@ -9,8 +9,8 @@ use std::task::{Context, Poll};
 use crate::client_error::ClientError;
 use crate::{Event, EventBody};
 
-/// Events as they arrive. It ends when the coordinator closes the connection; to go on, open a new stream after the last
-/// event that has an `id`.
+/// Events as they arrive. It ends when the coordinator closes the connection; to go on, open a new stream after the
+/// last event that has an `id`.
 pub struct EventStream {
     bytes: BoxStream<'static, reqwest::Result<Bytes>>,
     parser: Parser,

@@ -132,7 +132,8 @@ pub struct JobView {
     pub scene_hash: String,
     /// What light the chosen integrator cannot bring, in words; empty when nothing is missing.
     pub missing_light: Vec<String>,
-    /// What light of small lights the chosen integrator leaves to chance, in words: it comes rarely, as single bright samples.
+    /// What light of small lights the chosen integrator leaves to chance, in words: it comes rarely, as single bright
+    /// samples.
     #[serde(default)]
     pub left_to_chance: Vec<String>,
     /// Number of frames.
@@ -157,13 +158,14 @@ pub struct JobView {
     #[serde(default)]
     pub building_workers: u32,
     /// How far it is, 0 to 1: the fraction of its samples that is accepted, or of its time limit that has passed where
-    /// that is more, but no more than the fraction of the first pass while that is not complete; 1 when it is done. With a
-    /// target, its samples are those at which the error of the last round, falling as their inverse, would be there.
+    /// that is more, but no more than the fraction of the first pass while that is not complete; 1 when it is done.
+    /// With a target, its samples are those at which the error of the last round, falling as their inverse, would be
+    /// there.
     pub progress: f64,
     /// Camera samples accepted so far, over all pixels; those of an adaptive job's pilot are among them.
     pub samples: u64,
-    /// Camera samples after which all of it is rendered, over all pixels, counted like `samples`. Of an adaptive job these are the most that it can
-    /// have, until its passes are shared out.
+    /// Camera samples after which all of it is rendered, over all pixels, counted like `samples`. Of an adaptive job
+    /// these are the most that it can have, until its passes are shared out.
     #[serde(default)]
     pub total_samples: u64,
     /// Camera samples accepted each second, lately; absent while unknown or idle.
@@ -174,8 +176,8 @@ pub struct JobView {
     pub remaining_ms: Option<i64>,
     /// Time spent rendering what was accepted, summed over cores.
     pub core_ms: i64,
-    /// Accepted nodes that were rendered again, because a worker that may have rendered them was found to be wrong, or because their stored bytes
-    /// were lost or damaged.
+    /// Accepted nodes that were rendered again, because a worker that may have rendered them was found to be wrong, or
+    /// because their stored bytes were lost or damaged.
     #[serde(default)]
     pub redone_nodes: u64,
     /// What was counted while rendering what was accepted.

@@ -41,7 +41,8 @@ pub struct LeaseRequest {
     /// How long the coordinator may wait for work to appear before it answers that there is none; at most 20 000.
     #[serde(default)]
     pub wait_ms: u32,
-    /// Jobs whose scenes it has built or is building: it is given work of these before work of others that are as urgent and have workers; at most 64.
+    /// Jobs whose scenes it has built or is building: it is given work of these before work of others that are as
+    /// urgent and have workers; at most 64.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub built: Vec<JobId>,
 }
@@ -63,7 +64,8 @@ pub struct Lease {
     pub deadline_ms: i64,
     /// The same from the moment of the answer, for clocks that disagree.
     pub expires_in_ms: i64,
-    /// How long a complete node is to wait for others that travel with it, at most: the longer, the more leases there are, but no longer than the lease should take.
+    /// How long a complete node is to wait for others that travel with it, at most: the longer, the more leases there
+    /// are, but no longer than the lease should take.
     #[serde(default = "default_gather_ms")]
     pub gather_ms: u32,
 }

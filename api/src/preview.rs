@@ -12,7 +12,8 @@ pub const ACCEPTED_NODES_HEADER: &str = "clerestory-accepted-nodes";
 pub struct Preview {
     /// The image as PNG.
     pub png: Bytes,
-    /// How many nodes of the job had been accepted when it was begun: all of these are in it, but for nodes with a gap before them.
+    /// How many nodes of the job had been accepted when it was begun: all of these are in it, but for nodes with a gap
+    /// before them.
     pub accepted_nodes: u64,
 }
 

@@ -1,7 +1,7 @@
 //! Characters that are not shown but change how others are.
 
-/// Whether a character is harmless in a line of text. Those that are not move the cursor of a terminal or start a command
-/// to it (control characters), begin another line (separators), or turn the direction of the text around.
+/// Whether a character is harmless in a line of text. Those that are not move the cursor of a terminal or start a
+/// command to it (control characters), begin another line (separators), or turn the direction of the text around.
 pub fn is_printable(character: char) -> bool {
     let is_separator = matches!(character, '\u{2028}' | '\u{2029}');
     let is_directional = matches!(character, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');

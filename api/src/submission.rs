@@ -33,22 +33,23 @@ pub struct JobSubmission {
     /// noise is then taken out of the error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<ContentHash>,
-    /// Milliseconds after the first lease at which no more work is given out, at most ten years; what is complete then is
-    /// kept. The first pass is rendered in any case.
+    /// Milliseconds after the first lease at which no more work is given out, at most ten years; what is complete then
+    /// is kept. The first pass is rendered in any case.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_limit_ms: Option<i64>,
-    /// Mean squared error against the reference, in squared units of radiance, at which the job ends: at the first complete
-    /// round at which that of every frame is no more. Where the reference has a standard-error layer, the error is
-    /// `corrected_mse`, and the target must be above the mean square of that layer. Needs a reference.
+    /// Mean squared error against the reference, in squared units of radiance, at which the job ends: at the first
+    /// complete round at which that of every frame is no more. Where the reference has a standard-error layer, the
+    /// error is `corrected_mse`, and the target must be above the mean square of that layer. Needs a reference.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_mse: Option<f64>,
-    /// Mean squared standard error of the image, `estimated_mse`, in squared units of radiance, at which the job ends: at the
-    /// first complete round at which that of every frame is no more, from four blocks of samples in each pixel on.
+    /// Mean squared standard error of the image, `estimated_mse`, in squared units of radiance, at which the job ends:
+    /// at the first complete round at which that of every frame is no more, from four blocks of samples in each pixel
+    /// on.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub target_estimated_mse: Option<f64>,
-    /// Whether the passes of a round are shared out among the tiles by their noise, which a few more passes tell that are in no
-    /// image. Only the noisiest tile then has `samples_per_pixel` samples, and no tile less than two blocks of them, or four with
-    /// `target_estimated_mse`; so it must be more than that.
+    /// Whether the passes of a round are shared out among the tiles by their noise, which a few more passes tell that
+    /// are in no image. Only the noisiest tile then has `samples_per_pixel` samples, and no tile less than two blocks
+    /// of them, or four with `target_estimated_mse`; so it must be more than that.
     #[serde(default)]
     pub adaptive: bool,
 }

@@ -80,7 +80,8 @@ pub struct WorkerView {
     /// Digest of the probe image that it has rendered; absent if it sent none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe_digest: Option<String>,
-    /// Jobs that it is given no nodes of, since a worker with another digest began them: their images would have the bits of two builds.
+    /// Jobs that it is given no nodes of, since a worker with another digest began them: their images would have the
+    /// bits of two builds.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub passed_over: Vec<JobId>,
     /// Where it stands.

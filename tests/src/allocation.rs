@@ -1,9 +1,9 @@
 //! How many samples each tile of a picture takes, so that its mean becomes known with the least work.
 //!
-//! Where caustics fold, the variance of a pixel can be a thousand times that of others. A picture whose tiles take samples
-//! in proportion to the standard deviation of one of them (Neyman's allocation) then knows its mean with a fraction of the
-//! samples that it would take with the same number everywhere. The numbers come from pictures with other seeds, so that the
-//! estimates remain without bias.
+//! Where caustics fold, the variance of a pixel can be a thousand times that of others. A picture whose tiles take
+//! samples in proportion to the standard deviation of one of them (Neyman's allocation) then knows its mean with a
+//! fraction of the samples that it would take with the same number everywhere. The numbers come from pictures with
+//! other seeds, so that the estimates remain without bias.
 
 use glam::DVec3;
 
@@ -12,8 +12,8 @@ use crate::reference::Image;
 /// Edge of a tile, pixels.
 pub const TILE: usize = 4;
 
-/// Tiles on each side that share a variance. Near folds a few samples make most of it, and which tile has them is chance: a tile
-/// without must not take fewer samples for it.
+/// Tiles on each side that share a variance. Near folds a few samples make most of it, and which tile has them is
+/// chance: a tile without must not take fewer samples for it.
 const NEIGHBOURS: usize = 2;
 
 /// What a tile's variance is never taken to be less than, relative to the mean of all: what is rare may not have
@@ -23,8 +23,8 @@ const LEAST_VARIANCE: f64 = 0.1;
 /// How many more samples are taken than a pilot asks for, since it is itself uncertain.
 pub const MARGIN: f64 = 1.2;
 
-/// The passes for each tile, row by row, after which the mean over `pilot.len()` pictures has the relative standard error
-/// `mean_error` in each channel, going by the pilot pictures of one pass. `least` to `most` passes for each.
+/// The passes for each tile, row by row, after which the mean over `pilot.len()` pictures has the relative standard
+/// error `mean_error` in each channel, going by the pilot pictures of one pass. `least` to `most` passes for each.
 pub fn passes(pilot: &[Image], mean_error: f64, least: u32, most: u32) -> Vec<u32> {
     let columns = pilot.first().map_or(1, |picture| picture.width.div_ceil(TILE));
     let variances = shared(&relative_variances(pilot), columns);
@@ -77,13 +77,14 @@ fn tile_sums(picture: &Image) -> Vec<DVec3> {
 mod tests {
     use super::*;
 
-    /// Two parts side by side, each wider than what shares a variance, of which the first varies by `first` of its value
-    /// around 1, the other by `second`, each tile for itself.
+    /// Two parts side by side, each wider than what shares a variance, of which the first varies by `first` of its
+    /// value around 1, the other by `second`, each tile for itself.
     fn pilot(first: f64, second: f64) -> Vec<Image> {
         let columns = 4 * NEIGHBOURS + 2;
         let pixels = |picture: usize| {
             let value = |column: usize| {
-                // Orthogonal patterns of signs: products of one bit pattern with another sum to nothing over the pictures.
+                // Orthogonal patterns of signs: products of one bit pattern with another sum to nothing over the
+                // pictures.
                 let sign = if ((picture + 1) & (column + 1)).count_ones().is_multiple_of(2) { 1.0 } else { -1.0 };
                 DVec3::splat(1.0 + sign * if column < columns / 2 { first } else { second })
             };

@@ -8,11 +8,12 @@
 //! - **The reference's error** comes from the difference of its two independent halves, as a multiple of its standard
 //!   error layer that is shared by the cells of a neighbourhood: its pixels are anticorrelated.
 //! - **Heavy tails.** When a rare bright sample is missing, mean and spread are both too small, and an ordinary t
-//!   statistic exceeds its quantiles many times too often. So the variance of a cell is the larger one of its own and of
-//!   that of its neighbourhood (relative to the reference). The own one protects where the cell has the rare sample, the
-//!   neighbourhood's where it has not. For normal errors this costs 5 percent of the standard error.
-//! - **Folds.** Cells that a fold of the caustic crosses, of a point light or of any point of a light of which the method
-//!   draws one, have infinite variance; they are pooled to one flux for each region of 32 x 32 pixels. Unlit blocks are pooled to one cell.
+//!   statistic exceeds its quantiles many times too often. So the variance of a cell is the larger one of its own and
+//!   of that of its neighbourhood (relative to the reference). The own one protects where the cell has the rare sample,
+//!   the neighbourhood's where it has not. For normal errors this costs 5 percent of the standard error.
+//! - **Folds.** Cells that a fold of the caustic crosses, of a point light or of any point of a light of which the
+//!   method draws one, have infinite variance; they are pooled to one flux for each region of 32 x 32 pixels. Unlit
+//!   blocks are pooled to one cell.
 //! - **Many tests at once** (image mean in each channel, every cell, and the sum of squares over all cells) share one
 //!   probability of a false alarm, [`SIGNIFICANCE`], by Bonferroni.
 //! - **Power** is part of the verdict: a test that could not have noticed a fault proves nothing.
@@ -157,8 +158,8 @@ impl fmt::Display for BiasReport {
 
 /// Tests whether independently seeded `replicates` have the expectation that `reference` estimates.
 ///
-/// `folds` says for each pixel whether a fold passes through or beside it; empty when there are none. `block` is the edge of
-/// the blocks that are tested one by one, in pixels: [`BLOCK`] or a multiple that divides [`REGION`].
+/// `folds` says for each pixel whether a fold passes through or beside it; empty when there are none. `block` is the
+/// edge of the blocks that are tested one by one, in pixels: [`BLOCK`] or a multiple that divides [`REGION`].
 ///
 /// # Panics
 ///

@@ -1,5 +1,5 @@
-//! A browser under test: chromedriver on a free port, headless Chromium with a profile of its own, and waiting for what a
-//! user would see.
+//! A browser under test: chromedriver on a free port, headless Chromium with a profile of its own, and waiting for what
+//! a user would see.
 
 use std::fmt::Debug;
 use std::io::{BufRead, BufReader, Write};
@@ -144,8 +144,8 @@ impl Browser {
         self.shows(selector, "").await.text().await.expect("the element is on the page")
     }
 
-    /// What the browser complained about since it was last asked: errors of scripts, of loading, of the content security
-    /// policy.
+    /// What the browser complained about since it was last asked: errors of scripts, of loading, of the content
+    /// security policy.
     ///
     /// # Panics
     ///

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 /// Where control groups are.
 const ROOT: &str = "/sys/fs/cgroup";
 
-/// A control group below that of this process, or below one above it, with a limit on its memory. It goes with the value, when its processes have ended.
+/// A control group below that of this process, or below one above it, with a limit on its memory. It goes with the
+/// value, when its processes have ended.
 #[derive(Debug)]
 pub struct MemoryGroup {
     folder: PathBuf,
@@ -15,8 +16,9 @@ pub struct MemoryGroup {
 }
 
 impl MemoryGroup {
-    /// A group of this name whose processes have at most so many bytes together, pages of files that they read or wrote included. The system
-    /// takes such pages back when it needs them; for other memory beyond the limit, it ends a process, and moves nothing to swap.
+    /// A group of this name whose processes have at most so many bytes together, pages of files that they read or wrote
+    /// included. The system takes such pages back when it needs them; for other memory beyond the limit, it ends a
+    /// process, and moves nothing to swap.
     ///
     /// # Errors
     ///
@@ -69,7 +71,8 @@ impl Drop for MemoryGroup {
     }
 }
 
-/// The folder of the group that a process is in: that of a controller in version 1, where it is mounted, or of all in version 2.
+/// The folder of the group that a process is in: that of a controller in version 1, where it is mounted, or of all in
+/// version 2.
 fn own_group(groups: &str, controller: &str, mount: &str) -> io::Result<PathBuf> {
     let group = groups.lines().find_map(|line| {
         let mut fields = line.splitn(3, ':').skip(1);
@@ -81,8 +84,8 @@ fn own_group(groups: &str, controller: &str, mount: &str) -> io::Result<PathBuf>
     Ok(Path::new(ROOT).join(mount).join(group.trim_start_matches('/')))
 }
 
-/// The nearest group of version 2, this one or one above it, whose own groups can have limits on their memory: where there are processes in a group,
-/// that cannot be switched on.
+/// The nearest group of version 2, this one or one above it, whose own groups can have limits on their memory: where
+/// there are processes in a group, that cannot be switched on.
 fn giving_memory(group: &Path) -> io::Result<&Path> {
     let gives_memory = |group: &&Path| {
         let given = fs::read_to_string(group.join("cgroup.subtree_control"));

@@ -1,7 +1,7 @@
 //! A closed room: light walls, a bright light and two panes, one of them between the camera and half of what it sees.
 //!
-//! The room is a cube of two metres around the origin. The camera looks along -z; the left half of its picture shows the room
-//! through the first pane, the right half shows it past that. The second pane hangs below the light.
+//! The room is a cube of two metres around the origin. The camera looks along -z; the left half of its picture shows
+//! the room through the first pane, the right half shows it past that. The second pane hangs below the light.
 
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
 //! What is held against which reference: every method on every reference scene that it can render.
 //!
 //! The reference scenes have small and far lights, which path tracing alone does not find. For it, each pane gets a
-//! large light near by and a receiver close behind, in a picture of fewer pixels; the forward tracer makes the reference
-//! when it is needed.
+//! large light near by and a receiver close behind, in a picture of fewer pixels; the forward tracer makes the
+//! reference when it is needed.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -46,9 +46,10 @@ pub fn reference_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/references")
 }
 
-/// The comparison of `integrator` (a name of [`methods::settings`]) with the reference of a case (`crown`, `bump`, `flat`, `cathedral`,
-/// `room`) and a light (`point`, `sphere`, `sun`, `distant-METRES` for a sphere so far away that is compared with the sun, or
-/// `near` for a large light near by; in the room, `sun` or, for a sun of another angular radius, `sun-DEGREES`).
+/// The comparison of `integrator` (a name of [`methods::settings`]) with the reference of a case (`crown`, `bump`,
+/// `flat`, `cathedral`, `room`) and a light (`point`, `sphere`, `sun`, `distant-METRES` for a sphere so far away that
+/// is compared with the sun, or `near` for a large light near by; in the room, `sun` or, for a sun of another angular
+/// radius, `sun-DEGREES`).
 ///
 /// # Panics
 ///
@@ -104,8 +105,8 @@ fn through_one_pane(case: &str, light: &str) -> Setting {
     Setting { bundle, folder, has_saddles: stored.is_some() && case != "flat", stored }
 }
 
-/// The sun's light that falls through one pane onto stone. The lamp, whose light leaves the room through glass and does not come back, is
-/// taken out.
+/// The sun's light that falls through one pane onto stone. The lamp, whose light leaves the room through glass and does
+/// not come back, is taken out.
 fn in_the_room(light: &str) -> Setting {
     const SUN: f64 = 0.27;
     let folder = reference_folder().join("..");
@@ -196,7 +197,8 @@ impl Comparison {
         fold_pixels(&self.traced, self.folds)
     }
 
-    /// Renders [`REPLICATES`] pictures with `samples` samples for each pixel, with different seeds from `first_seed` on.
+    /// Renders [`REPLICATES`] pictures with `samples` samples for each pixel, with different seeds from `first_seed`
+    /// on.
     ///
     /// # Panics
     ///
@@ -214,8 +216,8 @@ impl Comparison {
         seeded_picture(&self.bundle, samples, seed, &|_| 1).0
     }
 
-    /// Renders [`REPLICATES`] pictures with `passes` passes of `samples` samples for each pixel of a tile with that number
-    /// (tiles of [`TILE`], row by row), with different seeds from `first_seed` on.
+    /// Renders [`REPLICATES`] pictures with `passes` passes of `samples` samples for each pixel of a tile with that
+    /// number (tiles of [`TILE`], row by row), with different seeds from `first_seed` on.
     ///
     /// # Panics
     ///
@@ -230,8 +232,8 @@ impl Comparison {
     }
 }
 
-/// [`REPLICATES`] pictures of a scene with `passes` passes of `samples` samples for each pixel of a tile with that number, with
-/// different seeds from `first_seed` on.
+/// [`REPLICATES`] pictures of a scene with `passes` passes of `samples` samples for each pixel of a tile with that
+/// number, with different seeds from `first_seed` on.
 ///
 /// # Panics
 ///

@@ -1,7 +1,9 @@
-//! Fixed connection problems: which paths a method finds from points of the receivers through old glass to a point light.
+//! Fixed connection problems: which paths a method finds from points of the receivers through old glass to a point
+//! light.
 //!
-//! The points are those of the solution lists, and the random numbers are the same every time. So the paths are a property
-//! of a method, and how long it takes to find them can be compared between any two states of the code that find the same.
+//! The points are those of the solution lists, and the random numbers are the same every time. So the paths are a
+//! property of a method, and how long it takes to find them can be compared between any two states of the code that
+//! find the same.
 
 use std::time::{Duration, Instant};
 
@@ -29,8 +31,8 @@ pub const METHODS: [&str; 3] = ["fnee-complete", "fnee-published", "sms"];
 /// A path that was found: the index of its point, and where it crosses the plane through the pane's centre, nanometres.
 pub type FoundPath = (usize, [i64; 2]);
 
-/// Paths from one point that differ by less than this, nanometres, are one and the same: solvers stop a third of a nanometre
-/// from a path, and tell paths apart that are 30 nanometres apart.
+/// Paths from one point that differ by less than this, nanometres, are one and the same: solvers stop a third of a
+/// nanometre from a path, and tell paths apart that are 30 nanometres apart.
 const SAME_PATH: i64 = 3;
 
 /// The problems of one kind of glass.

@@ -94,7 +94,8 @@ impl Farm {
         farm
     }
 
-    /// As [`Self::start`], with the [system calls](crate::system_calls) of the coordinator written to a file by `strace`.
+    /// As [`Self::start`], with the [system calls](crate::system_calls) of the coordinator written to a file by
+    /// `strace`.
     ///
     /// # Panics
     ///
@@ -106,7 +107,8 @@ impl Farm {
         farm
     }
 
-    /// So many coordinators whose disks and clocks can have faults. Until [`Self::call_through`] says otherwise, everybody calls the first.
+    /// So many coordinators whose disks and clocks can have faults. Until [`Self::call_through`] says otherwise,
+    /// everybody calls the first.
     ///
     /// # Panics
     ///
@@ -118,7 +120,8 @@ impl Farm {
         farm
     }
 
-    /// So many coordinators behind a load balancer, whose disks and clocks can have faults. Their options name the database and the object store that they share.
+    /// So many coordinators behind a load balancer, whose disks and clocks can have faults. Their options name the
+    /// database and the object store that they share.
     ///
     /// # Panics
     ///
@@ -476,7 +479,8 @@ pub struct PeakMemory {
     pub address_space: u64,
 }
 
-/// The most memory that a process has had so far; `None` when it has ended, or the system does not describe processes as Linux does.
+/// The most memory that a process has had so far; `None` when it has ended, or the system does not describe processes
+/// as Linux does.
 pub fn peak_memory(process: u32) -> Option<PeakMemory> {
     let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let bytes = |name: &str| {

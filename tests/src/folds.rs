@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use crate::forward_tracer::{Fault, photon};
 use crate::traced_scene::{TracedLight, TracedScene};
 
-/// Cells of the face along each axis under a point light. The profiles have at most 256 coefficients along an axis, so that a
-/// cell is a quarter of the finest detail.
+/// Cells of the face along each axis under a point light. The profiles have at most 256 coefficients along an axis, so
+/// that a cell is a quarter of the finest detail.
 const CELLS: usize = 1024;
 
 /// Cells of the face along each axis under each place of a light with an extent, whose folds lie side by side.
@@ -31,7 +31,8 @@ const LAMPS: [usize; 2] = [4, 12];
 pub enum Folds {
     /// Those of point lights. No pixel is marked by lights with an extent.
     OfPoints,
-    /// Those of points of lights with an extent, too: where methods that draw one point of the light have infinite variance.
+    /// Those of points of lights with an extent, too: where methods that draw one point of the light have infinite
+    /// variance.
     OfAllLights,
 }
 

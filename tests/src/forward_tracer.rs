@@ -65,7 +65,8 @@ fn trace_batch(scene: &TracedScene, tracing: &Tracing, random: &mut Random) -> I
     image
 }
 
-/// Photons of one light through one pane, jittered over strata of the face and, for lights with an extent, of the light.
+/// Photons of one light through one pane, jittered over strata of the face and, for lights with an extent, of the
+/// light.
 fn trace_pair(
     scene: &TracedScene,
     light: &TracedLight,

@@ -1,4 +1,5 @@
-//! Paths of light over panes, found without a specular method or by the complete search, as the path tracer describes them.
+//! Paths of light over panes, found without a specular method or by the complete search, as the path tracer describes
+//! them.
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::bsdf::fresnel::{reflect, refract};
@@ -26,7 +27,8 @@ pub struct FoundPath {
     pub last_direction: DVec3,
 }
 
-/// Directions that lead to places of a vertex as near to each other, relative to the shortest part of the path, are the same.
+/// Directions that lead to places of a vertex as near to each other, relative to the shortest part of the path, are the
+/// same.
 const SAME_PATH: f64 = 1e-6;
 
 impl FoundPath {
@@ -44,8 +46,8 @@ impl FoundPath {
         first.dot(direction) > 0.0 && first.cross(direction).length() <= SAME_PATH * shortest
     }
 
-    /// The path of a root of a search through a pane, and its irradiance of the red channel over the density of its point on the
-    /// light; `None` when it is no path of light or is blocked.
+    /// The path of a root of a search through a pane, and its irradiance of the red channel over the density of its
+    /// point on the light; `None` when it is no path of light or is blocked.
     pub fn of_root(
         scene: &Scene,
         point: &ShadingPoint,
@@ -79,8 +81,9 @@ impl FoundPath {
         Some((Self { links, light, source: sample.source, last_direction: last }, irradiance))
     }
 
-    /// The path that light takes from a shading point in a direction, where at panes these things happen to it one after the
-    /// other and no more, and it then meets a light: any, or the named one at a place that is known to be there.
+    /// The path that light takes from a shading point in a direction, where at panes these things happen to it one
+    /// after the other and no more, and it then meets a light: any, or the named one at a place that is known to be
+    /// there.
     pub fn followed(
         scene: &Scene,
         point: &ShadingPoint,
@@ -136,8 +139,8 @@ impl FoundPath {
     }
 }
 
-/// The paths through one pane from a point to a point of a light, as far as the complete search lists them, with their irradiance as
-/// in [`FoundPath::of_root`]; dark ones are left out.
+/// The paths through one pane from a point to a point of a light, as far as the complete search lists them, with their
+/// irradiance as in [`FoundPath::of_root`]; dark ones are left out.
 pub fn listed_paths(
     scene: &Scene,
     point: &ShadingPoint,

@@ -1,5 +1,6 @@
-//! What is known of the paths between a shading point and a point of a light through all panes of a scene: those that the complete
-//! search of `fnee` lists, an estimate of what it may have missed, and how often searches from uniform seeds find them.
+//! What is known of the paths between a shading point and a point of a light through all panes of a scene: those that
+//! the complete search of `fnee` lists, an estimate of what it may have missed, and how often searches from uniform
+//! seeds find them.
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::light::SourceSample;
@@ -198,8 +199,8 @@ impl<'a> ThroughPane<'a> {
         light * f64::from(trials.expect("a path that was found once is found again"))
     }
 
-    /// Irradiance of the red channel by a path, over the density of its point on the light; zero when it is no path of light, is
-    /// blocked, or the method does not look for it.
+    /// Irradiance of the red channel by a path, over the density of its point on the light; zero when it is no path of
+    /// light, is blocked, or the method does not look for it.
     fn light_of(&self, root: &Root, counters: &mut Counters) -> f64 {
         let Self { scene, point, light, sample, pane, .. } = *self;
         let found = FoundPath::of_root(scene, point, [light, pane], sample, &self.search, root, counters);

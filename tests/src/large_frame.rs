@@ -1,4 +1,5 @@
-//! Frames that are far larger than what a coordinator may have in memory: a scene for them, and whether what comes out is right.
+//! Frames that are far larger than what a coordinator may have in memory: a scene for them, and whether what comes out
+//! is right.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -44,8 +45,8 @@ pub fn scene(folder: &Path, edge: u32) -> PathBuf {
     file
 }
 
-/// Compares an image of such a scene, rendered in tiles of this edge, with what this process renders: its size and passes, and in some
-/// tiles all layers, bit for bit.
+/// Compares an image of such a scene, rendered in tiles of this edge, with what this process renders: its size and
+/// passes, and in some tiles all layers, bit for bit.
 ///
 /// # Errors
 ///

@@ -8,17 +8,21 @@
 //! - [`bias`]: whether a renderer's replicates agree with a reference, and with what power;
 //! - [`methods`]: the integrators and settings that are tested;
 //! - [`comparisons`]: which method is held against which reference, and [`allocation`]: with how many samples where;
-//! - [`farm`]: a farm of real processes, [`made_images`]: what it makes, [`small_blocks`]: a scene for it, and [`browser`]: what a user sees of it;
-//! - [`siege`]: such a farm while its processes, disks, clocks and connections fail, these in a [`proxy`] that knows where `requests` end;
+//! - [`farm`]: a farm of real processes, [`made_images`]: what it makes, [`small_blocks`]: a scene for it, and
+//!   [`browser`]: what a user sees of it;
+//! - [`siege`]: such a farm while its processes, disks, clocks and connections fail, these in a [`proxy`] that knows
+//!   where `requests` end;
 //! - [`system_calls`]: what such a process did, call by call, and whether what it acknowledged was on disk;
 //! - [`large_frame`]: frames that are larger than a coordinator's memory, and [`cgroup`]: limits on that;
 //! - [`malformed_scenes`], [`malformed_calls`] and [`malformed_partials`]: what a farm must refuse and how, as tables;
 //!   [`calls`] sends them, [`exr_files`] makes the images, [`hand_worker`] brings the partials;
 //! - [`connections`]: fixed problems, to compare the paths that methods find and the time that they take;
-//! - [`single_connections`]: the light that a method finds between two points, against what is there, which `known_paths` knows;
+//! - [`single_connections`]: the light that a method finds between two points, against what is there, which
+//!   `known_paths` knows;
 //! - [`sheet_connections`]: the same through waves of water, which `conic` knows;
 //! - [`rendering`]: scenes rendered in this process, and [`estimate`]: whether two ways to render one agree;
-//! - [`pixel_digests`]: pixels in short, and tables of what they were; [`stored_farm`]: what older builds left of farms;
+//! - [`pixel_digests`]: pixels in short, and tables of what they were; [`stored_farm`]: what older builds left of
+//!   farms;
 //! - [`pane_scene`]: small scenes for tests of laws, [`closed_room`]: a room for tests of all light;
 //! - [`found_paths`]: paths of light as methods are asked about them;
 //! - [`solution_lists`]: all paths to points of a receiver, found by brute force;

@@ -1,9 +1,10 @@
-//! Light traced forward from a lamp through one sheet of triangles with interpolated normals, or off it, onto a flat floor: `D T L` and
-//! `D R L`.
+//! Light traced forward from a lamp through one sheet of triangles with interpolated normals, or off it, onto a flat
+//! floor: `D T L` and `D R L`.
 //!
-//! A photon starts at a place of a triangle, drawn uniformly, and, of a lamp with an extent, in a direction drawn uniformly from those in
-//! which the lamp is seen there. It is refracted or reflected by the interpolated normal, and lands on the floor, which the sheet
-//! does not shade. As in `forward_tracer`, no path is sought between two given ends, and no density has to be known but that of the start.
+//! A photon starts at a place of a triangle, drawn uniformly, and, of a lamp with an extent, in a direction drawn
+//! uniformly from those in which the lamp is seen there. It is refracted or reflected by the interpolated normal, and
+//! lands on the floor, which the sheet does not shade. As in `forward_tracer`, no path is sought between two given
+//! ends, and no density has to be known but that of the start.
 
 use std::f64::consts::PI;
 
@@ -194,7 +195,8 @@ impl LitSheet<'_> {
         }
     }
 
-    /// A point of the lamp, chosen by two numbers in [0, 1), and the watts per square metre that arrive at a place across the way there.
+    /// A point of the lamp, chosen by two numbers in [0, 1), and the watts per square metre that arrive at a place
+    /// across the way there.
     fn emission(&self, place: DVec3, numbers: DVec2) -> (Source, f64) {
         let SheetScene { lamp, intensity, .. } = *self.scene;
         let offset = lamp - place;
@@ -308,9 +310,9 @@ impl LitSheet<'_> {
         }
     }
 
-    /// For each pixel, whether the caustic of a point of light folds in it or in one beside it: where light on one side of a place of
-    /// the sheet lands the other way round than light on the other side. None where the lamp has an extent, over which folds are
-    /// blurred.
+    /// For each pixel, whether the caustic of a point of light folds in it or in one beside it: where light on one side
+    /// of a place of the sheet lands the other way round than light on the other side. None where the lamp has an
+    /// extent, over which folds are blurred.
     pub fn folds(&self) -> Vec<bool> {
         /// Places of the sheet along an edge.
         const PLACES: usize = 2048;
@@ -355,8 +357,8 @@ fn blend([a, b, c]: [DVec3; 3], weights: DVec2) -> DVec3 {
     a * (1.0 - weights.x - weights.y) + b * weights.x + c * weights.y
 }
 
-/// The cosine behind an interface at which the index of refraction grows by `ratio`, and the fraction of unpolarised light that is
-/// reflected (Snell and Fresnel); `None` where all is.
+/// The cosine behind an interface at which the index of refraction grows by `ratio`, and the fraction of unpolarised
+/// light that is reflected (Snell and Fresnel); `None` where all is.
 fn fresnel(cosine: f64, ratio: f64) -> Option<(f64, f64)> {
     let squared = 1.0 - (1.0 - cosine * cosine) / (ratio * ratio);
     if squared <= 0.0 {

@@ -3,12 +3,13 @@
 use clerestory_render_core::scene::description::IntegratorDescription;
 use serde_json::{Value, json};
 
-/// The integrators that find all light that comes through panes without bias; of `fnee, published`, all that its seeds lead to.
+/// The integrators that find all light that comes through panes without bias; of `fnee, published`, all that its seeds
+/// lead to.
 pub const UNBIASED: [&str; 7] = ["path", "cone", "fnee", "fnee, published", "sms", "sms, half vector", "mnee"];
 
-/// The settings of an integrator, as in a scene file. Beside [`UNBIASED`] there are `fnee` and `sms` with a selection of panes
-/// (`fnee, sharp`), and those that lack light: `fnee, M trials` and `sms, M trials` (the published search and walks as published, with
-/// estimates cut off at M), `sms, M walks` for any number M, and `mnee, dropped`.
+/// The settings of an integrator, as in a scene file. Beside [`UNBIASED`] there are `fnee` and `sms` with a selection
+/// of panes (`fnee, sharp`), and those that lack light: `fnee, M trials` and `sms, M trials` (the published search and
+/// walks as published, with estimates cut off at M), `sms, M walks` for any number M, and `mnee, dropped`.
 ///
 /// # Panics
 ///

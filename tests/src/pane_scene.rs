@@ -1,8 +1,8 @@
 //! Small scenes for tests of laws: panes between a light and a flat white receiver, and the light that a method finds
 //! there.
 //!
-//! The receiver lies at `z = -distance` and looks along +z; panes hang at `z >= 0`. Only the light that comes through panes
-//! is rendered.
+//! The receiver lies at `z = -distance` and looks along +z; panes hang at `z >= 0`. Only the light that comes through
+//! panes is rendered.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -109,8 +109,8 @@ impl PaneScene {
         SceneBundle::from_parts(description, self.assets.clone()).expect("a complete scene")
     }
 
-    /// Irradiance in W/m2 of the red channel, from `passes` independent passes: for `cells` by `cells` equal squares of the
-    /// picture, row by row.
+    /// Irradiance in W/m2 of the red channel, from `passes` independent passes: for `cells` by `cells` equal squares of
+    /// the picture, row by row.
     ///
     /// # Panics
     ///
@@ -137,8 +137,8 @@ impl PaneScene {
     }
 }
 
-/// One estimate, by the scene's specular method, of the light that arrives at a point over all chains that the method looks
-/// for: directions, and radiance times solid angle in W/m2 of the red channel. Other streams are independent.
+/// One estimate, by the scene's specular method, of the light that arrives at a point over all chains that the method
+/// looks for: directions, and radiance times solid angle in W/m2 of the red channel. Other streams are independent.
 ///
 /// # Panics
 ///
@@ -170,7 +170,8 @@ pub fn pane(name: &str, centre: [f64; 3], size: [f64; 2], thickness: f64, faces:
 /// Index of refraction of all panes here.
 pub const INDEX: f64 = 1.5;
 
-/// A height map of `size` metres with `columns` by `rows` coefficients, as a file: `height` at the coefficients' places.
+/// A height map of `size` metres with `columns` by `rows` coefficients, as a file: `height` at the coefficients'
+/// places.
 ///
 /// # Panics
 ///

@@ -54,7 +54,8 @@ impl PixelDigest {
     }
 }
 
-/// Digests by what was rendered: the scene, and how. A text file with a line for each, and comments in lines that begin with `#`.
+/// Digests by what was rendered: the scene, and how. A text file with a line for each, and comments in lines that begin
+/// with `#`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DigestTable {
     cases: BTreeMap<(String, String), PixelDigest>,
@@ -107,7 +108,8 @@ impl DigestTable {
         self.cases.iter().map(|((scene, settings), digest)| (scene.as_str(), settings.as_str(), digest))
     }
 
-    /// What is different in another table, in a line for each case: recorded here and other there, or in one table alone.
+    /// What is different in another table, in a line for each case: recorded here and other there, or in one table
+    /// alone.
     pub fn differences(&self, now: &Self) -> Vec<String> {
         let mut all: Vec<_> = self.cases.keys().chain(now.cases.keys()).collect();
         all.sort();

@@ -1,5 +1,5 @@
-//! The water in `scenes/pool.json`: plane waves of 30 to 70 cm in all directions, as a mesh with normals, and where the light
-//! of a point goes that they refract.
+//! The water in `scenes/pool.json`: plane waves of 30 to 70 cm in all directions, as a mesh with normals, and where the
+//! light of a point goes that they refract.
 
 use std::f64::consts::TAU;
 
@@ -40,8 +40,8 @@ pub struct Water {
 pub struct Landing {
     /// Where it meets the floor, metres.
     pub place: DVec2,
-    /// The part of its light that is refracted, times the cosine of its angle with the normal, times the area of a small
-    /// piece of the surface over that of the piece as seen from above.
+    /// The part of its light that is refracted, times the cosine of its angle with the normal, times the area of a
+    /// small piece of the surface over that of the piece as seen from above.
     pub weight: f64,
 }
 

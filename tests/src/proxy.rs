@@ -1,8 +1,9 @@
-//! A network that loses connections: a small proxy in front of servers, which delays, cuts and drops what it carries, and sends
-//! requests twice.
+//! A network that loses connections: a small proxy in front of servers, which delays, cuts and drops what it carries,
+//! and sends requests twice.
 //!
-//! What happens is drawn from a seed and the number of the connection. A proxy for HTTP knows where a request ends, so that each request
-//! on a connection has a fate of its own; what other protocols say is carried as it comes, and each piece has a fate.
+//! What happens is drawn from a seed and the number of the connection. A proxy for HTTP knows where a request ends, so
+//! that each request on a connection has a fate of its own; what other protocols say is carried as it comes, and each
+//! piece has a fate.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -87,8 +88,8 @@ struct Network {
 }
 
 impl Proxy {
-    /// Starts a proxy in front of some servers: connections go to each in turn, and past those that do not answer. All fates are `roughness`
-    /// times as probable as usual.
+    /// Starts a proxy in front of some servers: connections go to each in turn, and past those that do not answer. All
+    /// fates are `roughness` times as probable as usual.
     ///
     /// # Errors
     ///

@@ -72,7 +72,8 @@ impl<'a> Rendering<'a> {
     }
 }
 
-/// Means of the red channel over `blocks` by `blocks` equal parts of the picture, row by row, from `passes` independent passes.
+/// Means of the red channel over `blocks` by `blocks` equal parts of the picture, row by row, from `passes` independent
+/// passes.
 ///
 /// # Panics
 ///

@@ -7,7 +7,8 @@ use tokio::io::{AsyncRead, AsyncReadExt};
 /// What ends the head of a request, and each of its lines.
 const LINE: &[u8] = b"\r\n";
 
-/// Reads the next request, head and body, as it was sent; `None` at the end of the connection. `waiting` holds what was read beyond it.
+/// Reads the next request, head and body, as it was sent; `None` at the end of the connection. `waiting` holds what was
+/// read beyond it.
 ///
 /// # Errors
 ///

@@ -1,9 +1,10 @@
-//! The light of single connections between a point of the floor and a lamp through waves of water, which are one mesh, relative to what
-//! `conic` finds there.
+//! The light of single connections between a point of the floor and a lamp through waves of water, which are one mesh,
+//! relative to what `conic` finds there.
 //!
-//! Why not pictures: as in [`crate::single_connections`]. What is tested is which paths are found, and how often: method and truth have
-//! the same light of a path. That rests on the pictures of `conic`, which have the light that is traced forward through these meshes
-//! (`tests/tests/water_caustics.rs`); that no path is missing, on interval arithmetic over others.
+//! Why not pictures: as in [`crate::single_connections`]. What is tested is which paths are found, and how often:
+//! method and truth have the same light of a path. That rests on the pictures of `conic`, which have the light that is
+//! traced forward through these meshes (`tests/tests/water_caustics.rs`); that no path is missing, on interval
+//! arithmetic over others.
 
 use std::collections::BTreeMap;
 

@@ -1,8 +1,8 @@
-//! A farm under attack: real processes that are killed, suspended, cut off from one another and let down by their disks and clocks,
-//! one blow after the other as a seed draws them, while jobs of all kinds are rendered.
+//! A farm under attack: real processes that are killed, suspended, cut off from one another and let down by their disks
+//! and clocks, one blow after the other as a seed draws them, while jobs of all kinds are rendered.
 //!
-//! Whoever is hit recovers after a while, as an operator or a supervisor of services would have it: who was killed is started again.
-//! Whatever happens, every job has to end, and every image to have the bits that one process makes.
+//! Whoever is hit recovers after a while, as an operator or a supervisor of services would have it: who was killed is
+//! started again. Whatever happens, every job has to end, and every image to have the bits that one process makes.
 
 mod attack;
 mod blows;
@@ -43,8 +43,9 @@ const RESTART: Duration = Duration::from_millis(500);
 /// How far a clock is off that has been stepped, seconds.
 const STEP: i64 = 60;
 
-/// Streams of the seed: of what is ordered, of the leases of coordinators that are started again, and of the order of blows; each blow
-/// has one of its own after that. They are far from those of the network, which are the numbers of connections.
+/// Streams of the seed: of what is ordered, of the leases of coordinators that are started again, and of the order of
+/// blows; each blow has one of its own after that. They are far from those of the network, which are the numbers of
+/// connections.
 const ORDERS: u64 = 1 << 32;
 const LEASES: u64 = 2 << 32;
 const BLOWS: u64 = 3 << 32;
@@ -57,14 +58,15 @@ const LEASE_SIZES: [&str; 2] = ["as each worker's pace asks for", "of a fixed nu
 pub struct Plan {
     /// Seed of the blows, the network, the leases and the jobs.
     pub seed: u64,
-    /// Whether there are two coordinators on PostgreSQL and S3, all of which are hit too, instead of one with its own files.
+    /// Whether there are two coordinators on PostgreSQL and S3, all of which are hit too, instead of one with its own
+    /// files.
     pub servers: bool,
     /// Workers at the same time.
     pub workers: usize,
     /// How long sleepers sleep and faults last.
     pub durations: Durations,
-    /// Whether blows go on when each kind has come, some jobs share out their passes or end at a target, and messages to servers have to
-    /// meet with every fate.
+    /// Whether blows go on when each kind has come, some jobs share out their passes or end at a target, and messages
+    /// to servers have to meet with every fate.
     pub is_long: bool,
     /// How much rougher than usual the network in front of coordinators is.
     pub roughness: f64,
@@ -264,14 +266,16 @@ impl Siege {
         missing
     }
 
-    /// Rules that no job has had yet, where jobs are to have some. Each has had one after as many jobs as there are rules.
+    /// Rules that no job has had yet, where jobs are to have some. Each has had one after as many jobs as there are
+    /// rules.
     pub fn missing_rules(&self) -> Vec<String> {
         let has_come = |rule| !self.plan.is_long || self.orders.iter().any(|order| order.rule == rule);
         let missing = RULES.into_iter().filter(|&rule| !has_come(rule));
         missing.map(|rule| format!("a job with the options {rule:?}")).collect()
     }
 
-    /// Kinds of blows that have not come yet, or have not been felt; and sizes of leases, which change when coordinators are killed.
+    /// Kinds of blows that have not come yet, or have not been felt; and sizes of leases, which change when
+    /// coordinators are killed.
     fn missing_blows(&self) -> Vec<String> {
         let kinds = self.rounds.kinds().iter().filter(|kind| !self.blows.contains_key(kind));
         let mut missing: Vec<String> = kinds.map(|(victim, blow)| format!("{victim} {blow}")).collect();

@@ -1,22 +1,25 @@
-//! The light of single connections between a point of a receiver and a point of a light, relative to what a complete search
-//! finds there.
+//! The light of single connections between a point of a receiver and a point of a light, relative to what a complete
+//! search finds there.
 //!
-//! Near a fold, the light of a path has no finite mean square over a picture. A method that also weights it by an estimate of
-//! 1/p cannot be told from one that is a thousandth too dark by any number of samples that can be rendered. Divided by the
-//! light of its own connection, a path has such a tail no more: what is left is the noise of the estimate. So methods are held
-//! here, connection by connection, to the complete search of `fnee`, which the bias test holds to light traced forward.
+//! Near a fold, the light of a path has no finite mean square over a picture. A method that also weights it by an
+//! estimate of 1/p cannot be told from one that is a thousandth too dark by any number of samples that can be rendered.
+//! Divided by the light of its own connection, a path has such a tail no more: what is left is the noise of the
+//! estimate. So methods are held here, connection by connection, to the complete search of `fnee`, which the bias test
+//! holds to light traced forward.
 //!
-//! Where paths are found so rarely that their estimates of 1/p have tails again, walks of their own, the scouts, have to find
-//! each listed path of a connection twice; otherwise it is left out. N scouts keep a path of a small probability p with (N p)^2 / 2,
-//! while its estimate has a mean square of about 2/p and a third moment of 6/p^2, so that both are bounded in what is kept. Of what is
-//! left out some is searched with patience, so that light which walks never find would show. Of `fnee` in the room, connections are
-//! left out whose enumeration is not complete: what chance adds there has the tails of 1/p again. In what is left, method and truth
-//! list paths by the same search, so that this tests the choice of panes and nothing else.
+//! Where paths are found so rarely that their estimates of 1/p have tails again, walks of their own, the scouts, have
+//! to find each listed path of a connection twice; otherwise it is left out. N scouts keep a path of a small
+//! probability p with (N p)^2 / 2, while its estimate has a mean square of about 2/p and a third moment of 6/p^2, so
+//! that both are bounded in what is kept. Of what is left out some is searched with patience, so that light which walks
+//! never find would show. Of `fnee` in the room, connections are left out whose enumeration is not complete: what
+//! chance adds there has the tails of 1/p again. In what is left, method and truth list paths by the same search, so
+//! that this tests the choice of panes and nothing else.
 //!
-//! `fnee` as published finds some paths behind strong relief once in thousands of searches, and so does `sms` with walks as published.
-//! Their estimates are cut off at M trials, and a path of probability p then has the part `1 - (1 - p)^M` of its light on average: just
-//! as often one of M searches finds it. So the light of those listed paths that M searches of their own find is what they are held to
-//! there, and no connection with listed light is left out.
+//! `fnee` as published finds some paths behind strong relief once in thousands of searches, and so does `sms` with
+//! walks as published. Their estimates are cut off at M trials, and a path of probability p then has the part
+//! `1 - (1 - p)^M` of its light on average: just as often one of M searches finds it. So the light of those listed
+//! paths that M searches of their own find is what they are held to there, and no connection with listed light is left
+//! out.
 
 use std::fmt;
 
@@ -51,7 +54,8 @@ pub(crate) const REPLICATES: u32 = 32;
 pub struct RelativeLight {
     /// What the method finds.
     pub ours: Estimate,
-    /// What it has to find: the known paths and an estimate of the others, or what searches of their own find of the known paths.
+    /// What it has to find: the known paths and an estimate of the others, or what searches of their own find of the
+    /// known paths.
     pub theirs: Estimate,
     /// The same but for the saddles of the optical length.
     pub without_saddles: Estimate,
@@ -81,8 +85,9 @@ impl RelativeLight {
         (ratio, error)
     }
 
-    /// A bound of the light of all connections that no search finds, with a confidence of 95 percent (Clopper and Pearson 1934; shares
-    /// between 0 and 1 vary less than hits and misses). Zero where nothing has to be searched with patience.
+    /// A bound of the light of all connections that no search finds, with a confidence of 95 percent (Clopper and
+    /// Pearson 1934; shares between 0 and 1 vary less than hits and misses). Zero where nothing has to be searched with
+    /// patience.
     pub fn most_unreached(&self) -> f64 {
         let hits = self.unreached * self.searched;
         let misses = self.searched - hits;
@@ -90,8 +95,8 @@ impl RelativeLight {
         if self.uncertain > 0.0 { self.uncertain * bound } else { 0.0 }
     }
 
-    /// Whether light that is `1 + fault` times as bright or as dark would be rejected, and light without saddles where they
-    /// carry more than that.
+    /// Whether light that is `1 + fault` times as bright or as dark would be rejected, and light without saddles where
+    /// they carry more than that.
     pub fn would_notice(&self, fault: f64) -> bool {
         let rejected = |ours: Estimate, theirs: Estimate| !Agreement::of(&[ours], &[theirs]).holds();
         let scaled = [1.0 + fault, 1.0 / (1.0 + fault)].map(|factor| rejected(self.ours.scaled(factor), self.theirs));
@@ -149,7 +154,8 @@ enum HeldTo {
 /// Scouts through each pane, some of which have paths that a walk finds once in 60 times and less.
 const SCOUTS: u32 = 32;
 
-/// One of so many connections that are left out, or of which only the light is asked for that searches find, is searched with patience.
+/// One of so many connections that are left out, or of which only the light is asked for that searches find, is
+/// searched with patience.
 const PATIENTLY: f64 = 1024.0;
 
 /// Searches through each pane that find what there is to be found.
@@ -181,9 +187,9 @@ pub fn connections_name(case: &str, light: &str, method: &str) -> String {
 }
 
 impl Connections {
-    /// Those of a case under a light, as in [`crate::comparisons::comparison`], for a method (a name of [`methods::settings`])
-    /// that draws a point of the light first. In the room, connections that are too hard are left out. Of estimates of at most 1000
-    /// trials, what as many searches find is asked for.
+    /// Those of a case under a light, as in [`crate::comparisons::comparison`], for a method (a name of
+    /// [`methods::settings`]) that draws a point of the light first. In the room, connections that are too hard are
+    /// left out. Of estimates of at most 1000 trials, what as many searches find is asked for.
     ///
     /// # Panics
     ///
@@ -219,8 +225,8 @@ impl Connections {
         Self { name: connections_name(case, light, method), light: sun.unwrap_or(0) as u32, held_to, scene }
     }
 
-    /// Whether searches with patience have to reach all light: where connections are left out, and where walks are held to what walks
-    /// find. Line searches miss some.
+    /// Whether searches with patience have to reach all light: where connections are left out, and where walks are held
+    /// to what walks find. Line searches miss some.
     pub fn must_reach_all(&self) -> bool {
         matches!(self.held_to, HeldTo::Scouted(_) | HeldTo::FoundBy(_, Search::Walk { .. }))
     }

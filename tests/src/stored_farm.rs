@@ -1,4 +1,5 @@
-//! What builds of `clerestory` have left of farms, in `tests/data/farms`: the command `farm-fixture` writes it, tests start today's build on it.
+//! What builds of `clerestory` have left of farms, in `tests/data/farms`: the command `farm-fixture` writes it, tests
+//! start today's build on it.
 
 use std::fs;
 use std::path::Path;

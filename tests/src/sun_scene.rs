@@ -79,7 +79,8 @@ pub fn reference_file(folder: &Path, angular_radius: f64) -> PathBuf {
     folder.join(format!("reference-{angular_radius}.exr"))
 }
 
-/// A reference of at least `samples` samples in each pixel, in batches of whole blocks, whose scrambles are independent.
+/// A reference of at least `samples` samples in each pixel, in batches of whole blocks, whose scrambles are
+/// independent.
 ///
 /// # Errors
 ///

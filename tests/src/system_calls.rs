@@ -1,8 +1,10 @@
-//! What a server did with its files and its connections, call by call as `strace` saw it, and whether what it acknowledged was on disk.
+//! What a server did with its files and its connections, call by call as `strace` saw it, and whether what it
+//! acknowledged was on disk.
 //!
-//! A file is on disk when a sync of it has succeeded that began after the last write to it had ended; a name when the same is so of its
-//! folder since the name was made. At the moment when an answer to a call that changes something begins to be sent, everything in the
-//! server's folder should be; and when a blob begins to be removed, everything that makes it superfluous.
+//! A file is on disk when a sync of it has succeeded that began after the last write to it had ended; a name when the
+//! same is so of its folder since the name was made. At the moment when an answer to a call that changes something
+//! begins to be sent, everything in the server's folder should be; and when a blob begins to be removed, everything
+//! that makes it superfluous.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -13,7 +15,8 @@ const TRACED: &str = "openat,open,creat,mkdir,mkdirat,rename,renameat,renameat2,
      write,writev,pwrite64,pwritev,pwritev2,ftruncate,fallocate,copy_file_range,sendfile,\
      fsync,fdatasync,read,readv,recvfrom,recvmsg,sendto,sendmsg";
 
-/// The command under `strace`, which writes what it and its threads do to a file. Arguments can be added as to the command itself.
+/// The command under `strace`, which writes what it and its threads do to a file. Arguments can be added as to the
+/// command itself.
 pub fn traced(command: &Command, trace: &Path) -> Command {
     let mut traced = Command::new("strace");
     traced.args(["-f", "-qq", "-y", "-s", "96", "-e", "signal=none", "-e"]).arg(format!("trace={TRACED}"));

@@ -1,12 +1,12 @@
 //! All ways through two interfaces by curves, as a check of the methods that search for them otherwise.
 //!
-//! A way is given by the place where it meets the first interface: from there light can be followed. How far it then leaves
-//! from the direction to the light has two components, both zero on a path. Coplanarity at one interface puts the place on a
-//! curve (Granizo-Hidalgo and Holzschuch 2024); at two it does not, since the second vertex moves as well. What takes its
-//! place: the component of the miss that is perpendicular to the way from the straight line's place. It is zero on
-//! curves, which in the limit of thin glass are those of the published method. They are found cell by cell of a grid from its
-//! signs at the corners. Along a curve the miss points to the straight line's place or away from it, and turns round only
-//! at a path.
+//! A way is given by the place where it meets the first interface: from there light can be followed. How far it then
+//! leaves from the direction to the light has two components, both zero on a path. Coplanarity at one interface puts
+//! the place on a curve (Granizo-Hidalgo and Holzschuch 2024); at two it does not, since the second vertex moves as
+//! well. What takes its place: the component of the miss that is perpendicular to the way from the straight line's
+//! place. It is zero on curves, which in the limit of thin glass are those of the published method. They are found cell
+//! by cell of a grid from its signs at the corners. Along a curve the miss points to the straight line's place or away
+//! from it, and turns round only at a path.
 //!
 //! What is found is complete to the resolution of the grid: of two paths on one curve within a cell, neither is seen.
 
@@ -86,8 +86,8 @@ impl<'a> TwoInterfaces<'a> {
         }
     }
 
-    /// The first two smooth meshes, or two sides of one, that a ray from `point` meets. Places are those of the plane z = 0 of
-    /// `frame`, through which rays start.
+    /// The first two smooth meshes, or two sides of one, that a ray from `point` meets. Places are those of the plane
+    /// z = 0 of `frame`, through which rays start.
     pub fn of_meshes(
         scene: &'a Scene,
         point: &'a ShadingPoint,
@@ -158,8 +158,8 @@ impl<'a> TwoInterfaces<'a> {
             .iter()
             .filter_map(|edge| self.crossing(edge.map(|corner| (corners[corner], cell.misses[corner]))))
             .collect();
-        // Of four, the first, on the lower edge, is joined to the last, or to the next if the corner between them differs from
-        // the middle.
+        // Of four, the first, on the lower edge, is joined to the last, or to the next if the corner between them
+        // differs from the middle.
         let shift = if crossings.len() == 4 {
             let middle = 0.5 * (cell.low + cell.high);
             let Some(miss) = self.miss(middle) else { return };

@@ -1,5 +1,5 @@
-//! Searches take no memory: they run by the million, and on every core an allocation waits for the others. Scenes take no more than is counted
-//! before they are built.
+//! Searches take no memory: they run by the million, and on every core an allocation waits for the others. Scenes take
+//! no more than is counted before they are built.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
@@ -217,7 +217,8 @@ fn a_scene_takes_no_more_memory_than_is_counted_before_it_is_decoded_and_not_far
         "positions": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "triangles": [[0, 1, 2]],
         "texture_coordinates": [[0, 0], [1, 0], [0, 1]]
     }});
-    // Water through which a rough bed reaches everywhere, so that all its triangles are compared with those of the water.
+    // Water through which a rough bed reaches everywhere, so that all its triangles are compared with those of the
+    // water.
     let mut bed = waves.clone();
     bed["waves"]["seed"] = json!(2);
     let pool = json!([

@@ -26,8 +26,9 @@ pub(crate) struct SceneOverrides {
     /// Integrator to use instead of the scene's.
     #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(integrators()))]
     pub(crate) integrator: Option<String>,
-    /// Another value for a member of the scene, by its path: `integrator.fnee.max_trials=50`, `lights[sun].direction=[0,1,1]`,
-    /// `panes[*].thickness=0.004`. Values are JSON; text that is none is a string. Can be given several times.
+    /// Another value for a member of the scene, by its path: `integrator.fnee.max_trials=50`,
+    /// `lights[sun].direction=[0,1,1]`, `panes[*].thickness=0.004`. Values are JSON; text that is none is a string. Can
+    /// be given several times.
     #[arg(long, value_name = "PATH=VALUE", value_parser = change)]
     pub(crate) set: Vec<Override>,
     /// Seed of the random numbers.
@@ -41,12 +42,13 @@ pub(crate) struct SceneOverrides {
 /// Options that group the samples in another way than the scene.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub(crate) struct SamplingOverrides {
-    /// Samples per pixel in a pass, the smallest piece of work: another `sampling.samples_per_pass` than the scene's, which is 16
-    /// unless it says otherwise.
+    /// Samples per pixel in a pass, the smallest piece of work: another `sampling.samples_per_pass` than the scene's,
+    /// which is 16 unless it says otherwise.
     #[arg(long, value_name = "N", value_parser = whole(1..=MOST_SAMPLES))]
     samples_per_pass: Option<u32>,
-    /// Samples per pixel in a block, a power of two times those in a pass: another `sampling.samples_per_block` than the scene's,
-    /// which is 256 unless it says otherwise. The standard error comes from the means of blocks, so it takes two of them.
+    /// Samples per pixel in a block, a power of two times those in a pass: another `sampling.samples_per_block` than
+    /// the scene's, which is 256 unless it says otherwise. The standard error comes from the means of blocks, so it
+    /// takes two of them.
     #[arg(long, value_name = "N", value_parser = whole(1..=MOST_SAMPLES))]
     samples_per_block: Option<u32>,
 }

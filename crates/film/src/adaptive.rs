@@ -1,14 +1,15 @@
 //! Adaptive sampling: which part of the passes each tile of an image gets, decided by passes that no image contains.
 //!
-//! The noise of a tile is measured in a pilot: a few passes far beyond those of any image. A sample is a pure function of
-//! its place, and blocks are independent, so what the pilot says is independent of every sample that is kept: whatever is
-//! decided, the mean of each pixel is that of a fixed number of samples, and no bias comes of it. Deciding by samples that are
-//! kept would be biased: a tile whose first samples have missed the light looks quiet, gets no more, and stays dark.
+//! The noise of a tile is measured in a pilot: a few passes far beyond those of any image. A sample is a pure function
+//! of its place, and blocks are independent, so what the pilot says is independent of every sample that is kept:
+//! whatever is decided, the mean of each pixel is that of a fixed number of samples, and no bias comes of it. Deciding
+//! by samples that are kept would be biased: a tile whose first samples have missed the light looks quiet, gets no
+//! more, and stays dark.
 //!
-//! The squared error of an image whose tile t has N passes of variance V is the sum of V/N over its pixels. For a given sum of N it is
-//! least when N is proportional to sqrt(V) (Neyman 1934). So a tile gets the share sqrt(V / V of the noisiest tile) of the passes
-//! that a round has. The pilot is itself noisy, and where light is rare it may miss it: the share of a tile is at least
-//! 1/`MOST_SAVED`, and a tile counts as no quieter than its neighbourhood.
+//! The squared error of an image whose tile t has N passes of variance V is the sum of V/N over its pixels. For a given
+//! sum of N it is least when N is proportional to sqrt(V) (Neyman 1934). So a tile gets the share sqrt(V / V of the
+//! noisiest tile) of the passes that a round has. The pilot is itself noisy, and where light is rare it may miss it:
+//! the share of a tile is at least 1/`MOST_SAVED`, and a tile counts as no quieter than its neighbourhood.
 
 use std::borrow::Borrow;
 
@@ -59,8 +60,8 @@ pub struct Adaptation {
 }
 
 impl Adaptation {
-    /// For images of at most `passes` passes, in which each pixel has at least `fewest_blocks` blocks. `None` where that is all of
-    /// them, so that there is nothing to share out.
+    /// For images of at most `passes` passes, in which each pixel has at least `fewest_blocks` blocks. `None` where
+    /// that is all of them, so that there is nothing to share out.
     pub fn new(sampling: Sampling, passes: u32, fewest_blocks: u32) -> Option<Self> {
         let fewest_passes = sampling.passes_per_block().saturating_mul(fewest_blocks);
         let pilot_passes = (passes / PASSES_TO_PILOT_PASS).clamp(2, MOST_PILOT_PASSES);
@@ -77,15 +78,15 @@ impl Adaptation {
         self.pilot_passes
     }
 
-    /// The passes of the pilot: each the first of a block, and no two in neighbouring blocks, so that they are independent and never
-    /// merge.
+    /// The passes of the pilot: each the first of a block, and no two in neighbouring blocks, so that they are
+    /// independent and never merge.
     pub fn pilot(&self) -> impl Iterator<Item = u32> + use<> {
         let (first, passes_per_block) = (first_pilot_pass(&self.sampling), self.sampling.passes_per_block());
         (0..self.pilot_passes).map(move |number| first + 2 * number * passes_per_block)
     }
 
-    /// Passes of a tile at the round of so many passes: its share in whole blocks, so that every sample counts in the standard error,
-    /// but all of them while they are few.
+    /// Passes of a tile at the round of so many passes: its share in whole blocks, so that every sample counts in the
+    /// standard error, but all of them while they are few.
     pub fn passes(&self, share: Share, round_passes: u32) -> u32 {
         let per_block = u64::from(self.sampling.passes_per_block());
         let own = (u64::from(round_passes) * u64::from(share.0)).div_ceil(u64::from(Share::ALL));
@@ -99,7 +100,8 @@ pub fn first_pilot_pass(sampling: &Sampling) -> u32 {
     FIRST_PILOT_SAMPLE.div_ceil(sampling.samples_per_block()) * sampling.passes_per_block()
 }
 
-/// The noise of a tile: the variance of the sums of a pass, of which there are at least two, mean over its pixels and channels.
+/// The noise of a tile: the variance of the sums of a pass, of which there are at least two, mean over its pixels and
+/// channels.
 pub fn noise(pilot: &[impl Borrow<Node>]) -> f64 {
     let passes: Vec<&[f32]> = pilot.iter().map(|node| node.borrow().layers().beauty.as_flattened()).collect();
     let numbers = passes.first().map_or(0, |pass| pass.len());
@@ -113,8 +115,8 @@ pub fn noise(pilot: &[impl Borrow<Node>]) -> f64 {
     squares / ((count - 1.0).max(1.0) * numbers.max(1) as f64)
 }
 
-/// The share of each tile of a frame, in the order of the tiles, from the noise of each. All of them get all passes where no noise
-/// has been seen: a pilot that has met no light does not know where it falls.
+/// The share of each tile of a frame, in the order of the tiles, from the noise of each. All of them get all passes
+/// where no noise has been seen: a pilot that has met no light does not know where it falls.
 pub fn shares(grid: &TileGrid, noise: &[f64]) -> Vec<Share> {
     let noise: Vec<f64> = (0..grid.len()).map(|tile| cautious(grid, noise, tile)).collect();
     let most = noise.iter().copied().fold(0.0, f64::max);

@@ -24,8 +24,8 @@ pub struct Decomposition {
     pub mean_standard_error: Option<f64>,
 }
 
-/// Takes apart the error of renders with independent random numbers. `noise` is the mean over the reference's numbers of
-/// their squared standard error. `None` without renders, without numbers, or where the lengths differ.
+/// Takes apart the error of renders with independent random numbers. `noise` is the mean over the reference's numbers
+/// of their squared standard error. `None` without renders, without numbers, or where the lengths differ.
 pub fn decompose(renders: &[&[f64]], reference: &[f64], noise: f64) -> Option<Decomposition> {
     let count = renders.len();
     if count == 0 || reference.is_empty() || renders.iter().any(|render| render.len() != reference.len()) {

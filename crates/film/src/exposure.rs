@@ -1,13 +1,13 @@
-//! How bright an image is: the automatic exposure of previews and of comparisons by eye, measured in two readings of it, so that it need not fit into
-//! memory:
+//! How bright an image is: the automatic exposure of previews and of comparisons by eye, measured in two readings of
+//! it, so that it need not fit into memory:
 //!
 //! ```text
 //! MeanLuminance --finish--> LogLuminance --finish--> stops
 //! ```
 //!
-//! The log-average luminance becomes a middle grey (Reinhard et al. 2002, "Photographic Tone Reproduction for Digital Images", equation 1). Pixels
-//! darker than a thousandth of the mean luminance are left out of it, so that black surroundings do not count. In whatever pieces an image comes, the bits
-//! are the same.
+//! The log-average luminance becomes a middle grey (Reinhard et al. 2002, "Photographic Tone Reproduction for Digital
+//! Images", equation 1). Pixels darker than a thousandth of the mean luminance are left out of it, so that black
+//! surroundings do not count. In whatever pieces an image comes, the bits are the same.
 
 /// What the log-average luminance becomes.
 const MIDDLE_GREY: f64 = 0.18;
@@ -15,8 +15,8 @@ const MIDDLE_GREY: f64 = 0.18;
 /// The darkest luminance that counts, relative to the mean.
 const DARKEST: f64 = 1e-3;
 
-/// Relative luminances whose product is a finite number: each is [`DARKEST`] or more, and at most the number of pixels. One logarithm of it stands for
-/// theirs, which would take longer than all else that is done for a preview.
+/// Relative luminances whose product is a finite number: each is [`DARKEST`] or more, and at most the number of pixels.
+/// One logarithm of it stands for theirs, which would take longer than all else that is done for a preview.
 const FACTORS: u32 = 16;
 
 /// The first reading.

@@ -1,8 +1,8 @@
 //! The OpenEXR file of an image.
 //!
 //! It has one part. The picture is in the channels `R`, `G` and `B`, which every viewer shows; the other layers are
-//! channels with a prefix (`stderr.R`, `samples`, `albedo.R`, `normal.X`, `depth.Z`, ...), which viewers list as layers.
-//! What made it is JSON in the attribute `clerestory`.
+//! channels with a prefix (`stderr.R`, `samples`, `albedo.R`, `normal.X`, `depth.Z`, ...), which viewers list as
+//! layers. What made it is JSON in the attribute `clerestory`.
 //!
 //! Any OpenEXR file with channels `R`, `G` and `B` can be read, whoever wrote it. References may have a standard error
 //! (`stderr.*`) and two halves of independent samples, of which the picture is the mean (`half_a.*`, `half_b.*`).
@@ -30,13 +30,14 @@ impl FrameImage {
         Ok(bytes)
     }
 
-    /// Reads the first part that has the channels `R`, `G` and `B`, of a file that may come from anyone. Layers other than the picture, its standard error and its halves are read from
-    /// images of this program only, since others mean other things by the same names.
+    /// Reads the first part that has the channels `R`, `G` and `B`, of a file that may come from anyone. Layers other
+    /// than the picture, its standard error and its halves are read from images of this program only, since others mean
+    /// other things by the same names.
     ///
     /// # Errors
     ///
-    /// [`ImageError`] when there is no such part, it is not the whole picture, its colours are not Rec. 709, it exceeds the
-    /// budget, or its data are damaged or not finite.
+    /// [`ImageError`] when there is no such part, it is not the whole picture, its colours are not Rec. 709, it exceeds
+    /// the budget, or its data are damaged or not finite.
     pub fn decode(bytes: &[u8], budget: DecodeBudget) -> Result<Self, ImageError> {
         let file = OpenExr::open(bytes)?;
         let picture = find_picture(file.parts())?;
@@ -76,7 +77,8 @@ pub(super) fn size(part: &InputPart) -> Result<[u32; 2], ImageError> {
     }
 }
 
-/// The channels of those layers that a part has: of `ours` only if this program wrote it. Of a layer that is there in part, all.
+/// The channels of those layers that a part has: of `ours` only if this program wrote it. Of a layer that is there in
+/// part, all.
 pub(super) fn channels(part: &InputPart, anybodys: &[&[&'static str]], ours: &[&[&'static str]]) -> Vec<&'static str> {
     let is_ours = part.json.is_some();
     let read = anybodys.iter().chain(ours.iter().filter(|_| is_ours));

@@ -1,7 +1,8 @@
 //! The OpenEXR file of an image, written a strip of rows at a time, so that no more of it has to be in memory.
 //!
-//! A file begins with its header and with where each block of pixels lies, and both are known only when the last block has been
-//! compressed. So the blocks go to a place of their own, and what precedes them in the file, its head, comes last.
+//! A file begins with its header and with where each block of pixels lies, and both are known only when the last block
+//! has been compressed. So the blocks go to a place of their own, and what precedes them in the file, its head, comes
+//! last.
 
 use std::collections::BTreeMap;
 use std::io::{Cursor, Write};
@@ -41,9 +42,9 @@ impl<W: Write> ImageWriter<W> {
         Self { size: [width, height], header: None, blocks, offsets: Vec::new(), bytes: 0, next_row: 0 }
     }
 
-    /// Writes the next rows: all pixels of the image's width, in as many rows as the layers have, a multiple of [`ROWS_PER_BLOCK`]
-    /// but for the last. Every strip has the same layers. Blocks are compressed by the current rayon pool, one for each thread at
-    /// a time; the bytes do not depend on it.
+    /// Writes the next rows: all pixels of the image's width, in as many rows as the layers have, a multiple of
+    /// [`ROWS_PER_BLOCK`] but for the last. Every strip has the same layers. Blocks are compressed by the current rayon
+    /// pool, one for each thread at a time; the bytes do not depend on it.
     ///
     /// # Errors
     ///
@@ -103,7 +104,8 @@ impl<W: Write> ImageWriter<W> {
     }
 }
 
-/// The first bytes of the file of an image of this size with such layers, as far as they do not depend on its pixels or metadata.
+/// The first bytes of the file of an image of this size with such layers, as far as they do not depend on its pixels or
+/// metadata.
 ///
 /// # Errors
 ///

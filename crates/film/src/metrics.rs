@@ -1,8 +1,8 @@
 //! How far an image is from a reference. Formulas and constants are also in `docs/film.md`.
 //!
-//! All sums are over the three channels of all pixels, in double precision and in one fixed order: within a tile in rows from the top,
-//! pixels from the left, red, green, blue; then the sums of the tiles, in their order. So the same images give the same numbers everywhere,
-//! whether they are measured whole or a few rows at a time.
+//! All sums are over the three channels of all pixels, in double precision and in one fixed order: within a tile in
+//! rows from the top, pixels from the left, red, green, blue; then the sums of the tiles, in their order. So the same
+//! images give the same numbers everywhere, whether they are measured whole or a few rows at a time.
 
 pub mod flip;
 
@@ -77,8 +77,8 @@ pub fn compare(image: &FrameImage, reference: &FrameImage) -> Result<Metrics, Co
     Ok(comparison.finish())
 }
 
-/// `1/N sum e^2` with the standard error `e` of an image: what its mean squared error is expected to be, as far as the image
-/// itself knows. `None` when it has no standard error.
+/// `1/N sum e^2` with the standard error `e` of an image: what its mean squared error is expected to be, as far as the
+/// image itself knows. `None` when it has no standard error.
 pub fn mean_squared_standard_error(image: &FrameImage) -> Option<f64> {
     image.layers().standard_error.as_ref()?;
     let mut measure = NoiseMeasure::new(grid(image));
@@ -294,7 +294,8 @@ impl Comparison {
 pub struct RelativeNoise {
     /// Its expectation, by the standard error `e`: `1/N sum e^2 / (r^2 + 0.01 m^2)`.
     pub mean: f64,
-    /// Its standard deviation. Errors are taken to be normal, independent between pixels, and the same in all channels of one.
+    /// Its standard deviation. Errors are taken to be normal, independent between pixels, and the same in all channels
+    /// of one.
     pub deviation: f64,
 }
 

@@ -195,7 +195,8 @@ pub(super) fn write(
     Ok(bytes.into_inner())
 }
 
-/// Compresses a block of the pixels of a part, whose values begin `skipped_rows` below the top of the part's window in the header.
+/// Compresses a block of the pixels of a part, whose values begin `skipped_rows` below the top of the part's window in
+/// the header.
 pub(super) fn output_block(
     part: &OutputPart<'_>,
     skipped_rows: usize,
@@ -348,8 +349,8 @@ impl<R: Read + Seek> OpenExr<R> {
         windows.into_iter().zip(&self.parts).map(|(window, part)| window.planes(part)).collect()
     }
 
-    /// Decodes rows of one part: the channels that `is_wanted` names, by name. No other blocks are read than those with pixels of these
-    /// rows.
+    /// Decodes rows of one part: the channels that `is_wanted` names, by name. No other blocks are read than those with
+    /// pixels of these rows.
     ///
     /// # Errors
     ///

@@ -2,8 +2,9 @@
 //!
 //! Each node is a part. Its data window is its tile's place in the image; its channels are the sums of the node, as
 //! they are in memory, so that the bits survive the journey; its attribute `clerestory` says which node of which job it
-//! is and what work it took, and holds the hash of all that, since OpenEXR files have none. What arrives is not trusted:
-//! the headers of all parts are compared with what was leased before a pixel is decoded, and then every value is checked.
+//! is and what work it took, and holds the hash of all that, since OpenEXR files have none. What arrives is not
+//! trusted: the headers of all parts are compared with what was leased before a pixel is decoded, and then every value
+//! is checked.
 
 use std::collections::BTreeMap;
 

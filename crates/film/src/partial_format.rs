@@ -16,8 +16,8 @@ pub(super) const FORMAT_VERSION: u32 = 2;
 /// Bytes of a pixel in a node with all its layers: beauty, moment, albedo, normal (three floats each) and depth (one).
 const NODE_BYTES_PER_PIXEL: u64 = 13 * 4;
 
-/// How parts are compressed: run lengths take out black pixels and zero moments at several times the speed of ZIP, which
-/// makes noise no smaller than that. Measured in `docs/film.md`.
+/// How parts are compressed: run lengths take out black pixels and zero moments at several times the speed of ZIP,
+/// which makes noise no smaller than that. Measured in `docs/film.md`.
 pub(super) const COMPRESSION: Compression = Compression::RLE;
 
 /// A rendered node, and the work that it took.
@@ -56,8 +56,8 @@ pub struct Expectation {
 }
 
 impl Expectation {
-    /// What decoding the nodes that may be in it can need at most: all layers of each, and its largest block, which is a
-    /// row of the tile.
+    /// What decoding the nodes that may be in it can need at most: all layers of each, and its largest block, which is
+    /// a row of the tile.
     pub fn budget(&self) -> DecodeBudget {
         let tiles = self.allowed.iter().filter_map(|node| self.grid.tile(node.tile));
         let pixels: u64 = tiles.map(|tile| u64::from(tile.width) * (u64::from(tile.height) + 1)).sum();

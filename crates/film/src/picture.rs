@@ -1,7 +1,7 @@
 //! Rows of the picture in an OpenEXR file: its means and their standard error, as much at a time as fits into memory.
 //!
-//! A reference may be as large as the image that is measured against it. It is read wherever it lies, in strips, and each time only the
-//! blocks of the file are decoded that have pixels of the strip.
+//! A reference may be as large as the image that is measured against it. It is read wherever it lies, in strips, and
+//! each time only the blocks of the file are decoded that have pixels of the strip.
 
 use std::io::{Read, Seek};
 use std::ops::Range;

@@ -97,13 +97,14 @@ fn automatic_scale(pixels: &[[f32; 3]]) -> f64 {
     log.scale()
 }
 
-/// Bits of a radiance that do not tell its cell: there are 256 cells from each power of two to the next, so that two thresholds, unless the
-/// radiance is next to nothing, never lie in one.
+/// Bits of a radiance that do not tell its cell: there are 256 cells from each power of two to the next, so that two
+/// thresholds, unless the radiance is next to nothing, never lie in one.
 const BITS_IN_A_CELL: u32 = 15;
 
 /// What each radiance is shown as: looked up, that is many times as fast as computed.
 struct Codes {
-    /// The bits of the radiances from which on each code but 0 is shown, and a number that none has. Radiances are ordered as their bits are.
+    /// The bits of the radiances from which on each code but 0 is shown, and a number that none has. Radiances are
+    /// ordered as their bits are.
     thresholds: [u32; 256],
     /// The code at the beginning of each cell.
     first: Vec<u8>,

@@ -1,7 +1,7 @@
 //! A picture of a frame that is small enough to be looked at, kept up to date tile by tile.
 //!
-//! A pixel of it is the mean of a square of pixels of the frame, as far as they are of the tile in which the square's middle lies: each is
-//! made from one tile, so a tile that grows changes no other's pixels.
+//! A pixel of it is the mean of a square of pixels of the frame, as far as they are of the tile in which the square's
+//! middle lies: each is made from one tile, so a tile that grows changes no other's pixels.
 
 use super::address::TileGrid;
 use super::image_error::ImageError;
@@ -67,7 +67,8 @@ impl ReducedImage {
         self.each_pixel(tile, |_| [0.0; 3]);
     }
 
-    /// The PNG of the picture. That of a frame that is not reduced is the [PNG of its image](super::preview::encode_png).
+    /// The PNG of the picture. That of a frame that is not reduced is the [PNG of its
+    /// image](super::preview::encode_png).
     ///
     /// # Errors
     ///

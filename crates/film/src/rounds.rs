@@ -1,7 +1,7 @@
 //! Rounds: the moments at which every tile of a frame has the same passes, so that its error can be measured.
 //!
-//! Boundaries lie at 1, 2, 4, 8 and 16 passes and then at every 16th. Early rounds come fast, and later ones come at a steady
-//! price.
+//! Boundaries lie at 1, 2, 4, 8 and 16 passes and then at every 16th. Early rounds come fast, and later ones come at a
+//! steady price.
 
 use crate::address::PassRange;
 

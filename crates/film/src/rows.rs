@@ -1,7 +1,7 @@
 //! Some rows of an image, made from the sums of tiles.
 //!
-//! An image can be far larger than what a process should hold. So it is made, measured and written in strips: rows over its
-//! whole width, few enough to fit into memory, one strip after the other.
+//! An image can be far larger than what a process should hold. So it is made, measured and written in strips: rows over
+//! its whole width, few enough to fit into memory, one strip after the other.
 
 use std::ops::Range;
 

@@ -1,18 +1,19 @@
 //! Targets: the errors at which a render ends.
 //!
-//! A target is compared with the error at complete rounds only, where every tile has the same passes. So the image that a
-//! target ends does not depend on the speed of any worker.
+//! A target is compared with the error at complete rounds only, where every tile has the same passes. So the image that
+//! a target ends does not depend on the speed of any worker.
 //!
-//! The error that a target is compared with is a random number like the image itself. An error against a reference is the
-//! error of this very image, so it may end a render at its first round. An error that is estimated from the image's own block
-//! means knows nothing of light that no sample has met. With few blocks it is often too low, so it does not count before
-//! there are `FEWEST_BLOCKS`.
+//! The error that a target is compared with is a random number like the image itself. An error against a reference is
+//! the error of this very image, so it may end a render at its first round. An error that is estimated from the image's
+//! own block means knows nothing of light that no sample has met. With few blocks it is often too low, so it does not
+//! count before there are `FEWEST_BLOCKS`.
 
 use crate::adaptive::Adaptation;
 use crate::sampling::Sampling;
 
-/// Blocks of samples in each pixel before an estimated error counts. The variance of a pixel that n blocks tell has a relative
-/// standard deviation of `sqrt(2 / (n - 1))` even where block means are normal: 1.4 with two blocks, 0.8 with four.
+/// Blocks of samples in each pixel before an estimated error counts. The variance of a pixel that n blocks tell has a
+/// relative standard deviation of `sqrt(2 / (n - 1))` even where block means are normal: 1.4 with two blocks, 0.8 with
+/// four.
 const FEWEST_BLOCKS: u32 = 4;
 
 /// Blocks in each pixel before passes are shared out by noise: one block has no standard error.
@@ -64,13 +65,14 @@ pub struct InvalidTarget {
 const TARGETS: [Target; 2] = [Target::Mse, Target::EstimatedMse];
 
 impl Targets {
-    /// Checks them for a job that has a reference or not, with the mean square of its standard-error layer where that is known.
+    /// Checks them for a job that has a reference or not, with the mean square of its standard-error layer where that
+    /// is known.
     ///
     /// # Errors
     ///
-    /// [`InvalidTarget`] for one that is no positive number, or that no error can be compared with: for want of a reference, or
-    /// because the noise of the reference is not below it. What is left of an error when so much noise is taken off says
-    /// more about the reference than about the image.
+    /// [`InvalidTarget`] for one that is no positive number, or that no error can be compared with: for want of a
+    /// reference, or because the noise of the reference is not below it. What is left of an error when so much noise is
+    /// taken off says more about the reference than about the image.
     pub fn check(&self, has_reference: bool, reference_noise: Option<f64>) -> Result<(), InvalidTarget> {
         for (field, target) in [("target_mse", self.mse), ("target_estimated_mse", self.estimated_mse)] {
             if let Some(value) = target.filter(|target| !(target.is_finite() && *target > 0.0)) {
@@ -115,8 +117,8 @@ impl Targets {
         targets.find(|target| frames.iter().all(|point| has_reached(*target, point)))
     }
 
-    /// Samples in a pixel at which the first target will be reached, as far as the last round of a frame tells: the error of
-    /// an image falls as the inverse of their number. `None` where nothing can be told.
+    /// Samples in a pixel at which the first target will be reached, as far as the last round of a frame tells: the
+    /// error of an image falls as the inverse of their number. `None` where nothing can be told.
     pub fn expected_samples(&self, samples_per_block: u32, point: &RoundError) -> Option<f64> {
         let targets = TARGETS.into_iter().filter_map(|target| self.error_and_target(target, samples_per_block, point));
         let excess = targets.map(|[error, target]| error / target).reduce(f64::min)?;

@@ -75,8 +75,8 @@ impl PlanError {
     }
 }
 
-/// Plans of the last few jobs, and those that are being made. A plan that takes longer than a lease is made to its end, and serves the next
-/// lease of its job.
+/// Plans of the last few jobs, and those that are being made. A plan that takes longer than a lease is made to its end,
+/// and serves the next lease of its job.
 pub(crate) struct JobCache {
     maker: Arc<Maker>,
     plans: Arc<Plans>,
@@ -144,7 +144,8 @@ impl JobCache {
         Self { maker: Arc::new(maker), plans }
     }
 
-    /// The plan of a job, fetched and built unless it is at hand. Dropping the future loses nothing: the plan is made all the same.
+    /// The plan of a job, fetched and built unless it is at hand. Dropping the future loses nothing: the plan is made
+    /// all the same.
     pub(crate) async fn plan(&mut self, job: JobId) -> Outcome {
         let mut outcome = self.entry(job);
         let made = outcome.wait_for(Option::is_some).await;

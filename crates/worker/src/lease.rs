@@ -47,7 +47,8 @@ pub(crate) struct LeaseWork {
     build: String,
     /// Cancelled when the worker is told to end, or `over` is.
     stop: CancellationToken,
-    /// Cancelled when the lease does not count any more, or nothing of it is wanted: all is accepted, or others have it.
+    /// Cancelled when the lease does not count any more, or nothing of it is wanted: all is accepted, or others have
+    /// it.
     over: CancellationToken,
     renewal: AbortOnDropHandle<()>,
     receipts: Vec<oneshot::Receiver<Receipt>>,
@@ -74,8 +75,8 @@ impl LeaseWork {
         Self { lease, client, outbox, build, stop, over, renewal, receipts: Vec::new() }
     }
 
-    /// Renders the lease's nodes and hands them in. Returns as soon as nothing is left to render, with the rest: waiting
-    /// for the answers and, where nodes are left over, giving them back.
+    /// Renders the lease's nodes and hands them in. Returns as soon as nothing is left to render, with the rest:
+    /// waiting for the answers and, where nodes are left over, giving them back.
     pub(crate) async fn render(
         mut self,
         jobs: &mut JobCache,

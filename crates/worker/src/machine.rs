@@ -6,8 +6,8 @@ use std::path::Path;
 /// Where control groups are.
 const GROUPS: &str = "/sys/fs/cgroup";
 
-/// Bytes of memory that this process can have: the machine's, or what its control group allows where that is less. `None` where the system
-/// does not say.
+/// Bytes of memory that this process can have: the machine's, or what its control group allows where that is less.
+/// `None` where the system does not say.
 pub fn machine_memory() -> Option<u64> {
     let machine = installed(&fs::read_to_string("/proc/meminfo").ok()?)?;
     let groups = fs::read_to_string("/proc/self/cgroup").unwrap_or_default();

@@ -22,8 +22,8 @@ pub(crate) struct Registration {
 }
 
 impl Registration {
-    /// Registers, waiting for the coordinator as long as it takes. A server that is no coordinator is not waited for: the
-    /// address is probably wrong.
+    /// Registers, waiting for the coordinator as long as it takes. A server that is no coordinator is not waited for:
+    /// the address is probably wrong.
     pub(crate) async fn new(client: Client, introduction: WorkerRegistration) -> Result<Self, ClientError> {
         let may_pass = |error: &ClientError| error.is_transient() && !error.is_misdirected();
         let view = repeat_while("register", may_pass, || client.register_worker(&introduction)).await?;

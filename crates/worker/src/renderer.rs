@@ -17,8 +17,8 @@ use tracing::info;
 
 use crate::job_cache::JobPlan;
 
-/// Nodes that are rendered at a time: one, and the next for threads that have nothing left to do in the first. With more, more
-/// would be lost when the worker dies.
+/// Nodes that are rendered at a time: one, and the next for threads that have nothing left to do in the first. With
+/// more, more would be lost when the worker dies.
 const NODES_IN_FLIGHT: usize = 2;
 
 /// A node, and how long it took.
@@ -76,7 +76,8 @@ impl Renderer {
                 let Some(node) = nodes_left.next() else { return false };
                 let ends = ends.clone();
                 scope.spawn(move |_| {
-                    // Its result may lie here for long, while the coordinator is away: that is no time of this node, nor of the next.
+                    // Its result may lie here for long, while the coordinator is away: that is no time of this node,
+                    // nor of the next.
                     let begun = Instant::now();
                     let rendered = self.render_node(plan, node, cancelled);
                     // The receiver is gone after a failure, when no node counts any more.

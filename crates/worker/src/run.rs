@@ -30,8 +30,8 @@ const IDLE_PAUSE: Duration = Duration::from_millis(100);
 /// How long after the shutdown signal the worker goes on trying to hand over what it has.
 const SHUTDOWN_GRACE: Duration = Duration::from_secs(5);
 
-/// Works for a coordinator until `shutdown` completes; then uploads the complete nodes that it has, gives the rest of its
-/// lease back, says that it ends, and returns within a few seconds.
+/// Works for a coordinator until `shutdown` completes; then uploads the complete nodes that it has, gives the rest of
+/// its lease back, says that it ends, and returns within a few seconds.
 ///
 /// A coordinator that is away is waited for, without end.
 ///

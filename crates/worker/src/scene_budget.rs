@@ -40,8 +40,9 @@ impl SceneBudget {
         self.limit.map_or(u64::MAX, |limit| limit.bytes.saturating_sub(*self.taken.borrow()))
     }
 
-    /// Takes memory for a scene. Where there is too little, `drop_scene` lets go of one at a time, as long as it returns true; scenes that
-    /// are still being rendered keep their memory until they are done, and that is waited for. To be called by one at a time.
+    /// Takes memory for a scene. Where there is too little, `drop_scene` lets go of one at a time, as long as it
+    /// returns true; scenes that are still being rendered keep their memory until they are done, and that is waited
+    /// for. To be called by one at a time.
     pub(crate) async fn reserve(&self, bytes: u64, mut drop_scene: impl FnMut() -> bool) -> Reservation {
         while !self.fits(bytes) && drop_scene() {}
         let mut changes = self.taken.subscribe();

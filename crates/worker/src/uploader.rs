@@ -1,7 +1,8 @@
 //! Partials on their way to the coordinator. Each is kept and sent again until it is answered.
 //!
-//! A proxy may refuse a body that the coordinator would take. Then nodes travel in smaller partials, and a node that is too large by itself
-//! travels in pieces, which the coordinator puts together. The size that gets through is remembered.
+//! A proxy may refuse a body that the coordinator would take. Then nodes travel in smaller partials, and a node that is
+//! too large by itself travels in pieces, which the coordinator puts together. The size that gets through is
+//! remembered.
 
 use std::collections::VecDeque;
 use std::ops::Range;

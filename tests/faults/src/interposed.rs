@@ -1,7 +1,7 @@
 //! The functions that take the place of those of the C library, and what they look at first.
 //!
-//! Without a control in the environment, each does what it replaces. Nothing here allocates once the control is mapped, or calls
-//! a function that is replaced here, and `errno` is left as the system call sets it.
+//! Without a control in the environment, each does what it replaces. Nothing here allocates once the control is mapped,
+//! or calls a function that is replaced here, and `errno` is left as the system call sets it.
 
 #![expect(unsafe_code, reason = "functions of the C library can be replaced by functions of the same form only")]
 
@@ -61,15 +61,16 @@ fn mapped(file: &File) -> Option<&'static Control> {
     if file.metadata().ok()?.len() < size as u64 {
         return None;
     }
-    // SAFETY: a new mapping at an address of the system's choice touches no memory that is in use; the descriptor is open.
+    // SAFETY: a new mapping at an address of the system's choice touches no memory that is in use; the descriptor is
+    // open.
     let address = unsafe {
         libc::mmap(ptr::null_mut(), size, libc::PROT_READ | libc::PROT_WRITE, libc::MAP_SHARED, file.as_raw_fd(), 0)
     };
     if address == libc::MAP_FAILED {
         return None;
     }
-    // SAFETY: the mapping is never removed, starts at a page, and is as long as a `Control` in a file that is never cut short. All bits are
-    // sound in its atomic integers, which both sides change as wholes.
+    // SAFETY: the mapping is never removed, starts at a page, and is as long as a `Control` in a file that is never cut
+    // short. All bits are sound in its atomic integers, which both sides change as wholes.
     Some(unsafe { &*address.cast::<Control>() })
 }
 
@@ -178,7 +179,8 @@ unsafe extern "C" fn pwritev(file: c_int, pieces: *const iovec, count: c_int, of
     if write_fails(file) {
         return failed(libc::ENOSPC) as ssize_t;
     }
-    // SAFETY: the caller keeps the promises of the call. The system takes the offset in two halves, of which the lower is whole here.
+    // SAFETY: the caller keeps the promises of the call. The system takes the offset in two halves, of which the lower
+    // is whole here.
     unsafe { libc::syscall(libc::SYS_pwritev, file, pieces, count, offset, 0_i64) as ssize_t }
 }
 

@@ -1,5 +1,5 @@
-//! Faults of the disk and of the clock of one process: the side that switches them on and off. The other side is the library
-//! `clerestory-test-faults`, which the process loads before its own.
+//! Faults of the disk and of the clock of one process: the side that switches them on and off. The other side is the
+//! library `clerestory-test-faults`, which the process loads before its own.
 
 use std::fs::{self, File, Permissions};
 use std::io;

@@ -1,4 +1,5 @@
-//! Real servers for tests, each as a process of its own that ends with the test's process, and the faults that befall them.
+//! Real servers for tests, each as a process of its own that ends with the test's process, and the faults that befall
+//! them.
 
 use std::io;
 use std::net::TcpListener;

@@ -61,7 +61,8 @@ impl Postgres {
     ///
     /// # Errors
     ///
-    /// When there is no PostgreSQL on this machine, it does not start, or the library with the faults has not been built.
+    /// When there is no PostgreSQL on this machine, it does not start, or the library with the faults has not been
+    /// built.
     pub fn start_with_faults() -> io::Result<Self> {
         let (folder, owner) = (tempfile::tempdir()?, owner()?);
         let faults = Faults::below(folder.path(), owner.as_ref())?;
@@ -192,8 +193,8 @@ impl Postgres {
         database
     }
 
-    /// Lets the server write its log where it has written before, as one that has run for some minutes does, for the next gigabyte: a new segment is
-    /// filled with zeros and synced while all commits wait.
+    /// Lets the server write its log where it has written before, as one that has run for some minutes does, for the
+    /// next gigabyte: a new segment is filled with zeros and synced while all commits wait.
     ///
     /// # Errors
     ///
@@ -209,8 +210,8 @@ impl Postgres {
             .args(statements.iter().flat_map(|statement| ["-c", statement])))
     }
 
-    /// Waits until it takes connections. One that ends meanwhile is started again: what was left of one that was killed may have been
-    /// in its way.
+    /// Waits until it takes connections. One that ends meanwhile is started again: what was left of one that was killed
+    /// may have been in its way.
     fn wait(&mut self) -> io::Result<()> {
         let start = Instant::now();
         while let Err(error) = run(&mut self.client("pg_isready")) {

@@ -29,7 +29,8 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A server on a free port of the loopback interface. It checks signatures, as S3 does.
 ///
-/// It is a small program of this package, unless the environment variable `CLERESTORY_TEST_GARAGE` has the path of Garage's.
+/// It is a small program of this package, unless the environment variable `CLERESTORY_TEST_GARAGE` has the path of
+/// Garage's.
 #[derive(Debug)]
 pub struct S3Server {
     port: u16,

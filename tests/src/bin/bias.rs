@@ -23,12 +23,12 @@ struct Arguments {
     /// At most so many samples for each pixel in each of the 32 replicates.
     #[arg(long, default_value_t = 65536)]
     max_samples: u32,
-    /// Standard error of the image mean that is aimed at, relative; a verdict asks for a mean within 2.5 of them. What has
-    /// more than 0.001 has no power.
+    /// Standard error of the image mean that is aimed at, relative; a verdict asks for a mean within 2.5 of them. What
+    /// has more than 0.001 has no power.
     #[arg(long, default_value_t = 0.0002)]
     mean_error: f64,
-    /// Edge of the blocks that are compared one by one, pixels: 4, 8, 16 or 32. What needs 1 percent of each block needs a
-    /// quarter of the samples with twice the edge.
+    /// Edge of the blocks that are compared one by one, pixels: 4, 8, 16 or 32. What needs 1 percent of each block
+    /// needs a quarter of the samples with twice the edge.
     #[arg(long, default_value_t = BLOCK, value_parser = edge)]
     block: usize,
     /// Photons of references that are traced for the purpose.
@@ -58,14 +58,14 @@ const UNBIASED: [(&str, &str); 18] = [
     ("mnee", "near"),
 ];
 
-/// Methods without bias, and the suns under which they find the light in the room: what is left to chance, by `path` all of
-/// it, takes a large one. The choice `bleed` is that of `random` there, bit for bit (`tests/tests/statistics/bias.rs`), and that is held to
-/// single connections.
+/// Methods without bias, and the suns under which they find the light in the room: what is left to chance, by `path`
+/// all of it, takes a large one. The choice `bleed` is that of `random` there, bit for bit
+/// (`tests/tests/statistics/bias.rs`), and that is held to single connections.
 const UNBIASED_IN_THE_ROOM: [(&str, &str); 5] =
     [("fnee", "sun"), ("cone", "sun"), ("fnee, sharp", "sun-40"), ("mnee", "sun-40"), ("path", "sun-40")];
 
-/// Methods whose weights by random estimates have tails beside those of folds, which are held to what is there connection by
-/// connection: behind single panes.
+/// Methods whose weights by random estimates have tails beside those of folds, which are held to what is there
+/// connection by connection: behind single panes.
 const OF_SINGLE_CONNECTIONS: [&str; 4] = ["sms", "sms, half vector", "sms, published", "fnee, published"];
 
 /// And in the room, where folds of points of the sun are everywhere in a picture.
@@ -192,8 +192,8 @@ fn main() -> ExitCode {
 /// The light of about so many single connections, drawn with a seed.
 type RelativeLightOf<'a> = Box<dyn Fn(u32, u64) -> RelativeLight + 'a>;
 
-/// Whether a method finds the light of single connections, with power, and next to none along other paths; where it must, patience has to
-/// reach all of it.
+/// Whether a method finds the light of single connections, with power, and next to none along other paths; where it
+/// must, patience has to reach all of it.
 fn examine_connections(
     name: &str,
     relative_light: &RelativeLightOf<'_>,
@@ -214,7 +214,8 @@ fn examine_connections(
         );
     });
     let start = Instant::now();
-    // Other connections than in the pilot and in a run of another length: what chose their number must not be part of the result.
+    // Other connections than in the pilot and in a run of another length: what chose their number must not be part of
+    // the result.
     let light = relative_light(count, u64::from(count));
     let (ratio, error) = light.ratio();
     let near = (ratio - 1.0).abs() <= MEAN_LIMIT * arguments.mean_error;

@@ -1,5 +1,5 @@
-//! The long version of the farm's tests: jobs of all kinds on a farm under attack; every image has to have the bits that one process
-//! makes.
+//! The long version of the farm's tests: jobs of all kinds on a farm under attack; every image has to have the bits
+//! that one process makes.
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -7,12 +7,13 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use clerestory_tests::siege::{Durations, Plan, Siege};
 
-/// Renders jobs on a farm whose processes are killed, stopped and suspended at random, whose disks fill up and fail, whose clocks are
-/// stepped and whose connections are cut, and compares every image, bit for bit, with that of one process.
+/// Renders jobs on a farm whose processes are killed, stopped and suspended at random, whose disks fill up and fail,
+/// whose clocks are stepped and whose connections are cut, and compares every image, bit for bit, with that of one
+/// process.
 #[derive(Parser)]
 struct Arguments {
-    /// How long, minutes, and at least until 200 processes have been killed or suspended and some job has shared out its passes and
-    /// another had a target; the jobs that then run are waited for.
+    /// How long, minutes, and at least until 200 processes have been killed or suspended and some job has shared out
+    /// its passes and another had a target; the jobs that then run are waited for.
     #[arg(long, default_value_t = 10.0)]
     minutes: f64,
     /// Seed of the jobs, and of the blows and the pauses between them.
@@ -32,7 +33,8 @@ struct Arguments {
 /// Some sleeps are longer than a coordinator's claim of a film lasts, and than PostgreSQL lets a transaction wait.
 const DURATIONS: Durations = Durations { pauses: [0.1, 1.2], away: 2.0, fault: 2.0, sleep: 12.0, long_sleeps: 8 };
 
-/// Shortest and longest time between two blows where there are servers, seconds: when any of them is down, nothing goes on.
+/// Shortest and longest time between two blows where there are servers, seconds: when any of them is down, nothing goes
+/// on.
 const PAUSES_ON_SERVERS: [f64; 2] = [0.1, 4.0];
 
 /// Fewest kills and suspensions.

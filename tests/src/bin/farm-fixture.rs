@@ -1,5 +1,6 @@
-//! Writes the data of a farm as a build of `clerestory` leaves them when it is killed: jobs that are done, cancelled, failed, queued and in the middle, and
-//! leases that workers hold. Tests hold later builds to such data; `tests/data/farms` has those that were written so far.
+//! Writes the data of a farm as a build of `clerestory` leaves them when it is killed: jobs that are done, cancelled,
+//! failed, queued and in the middle, and leases that workers hold. Tests hold later builds to such data;
+//! `tests/data/farms` has those that were written so far.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -141,7 +142,8 @@ impl<'a> Writing<'a> {
         self.render_alone(&TARGET, &["--reference", reference]);
     }
 
-    /// Stops the farm and starts it again, and kills it while two workers hold leases. Answers it with what its jobs are then.
+    /// Stops the farm and starts it again, and kills it while two workers hold leases. Answers it with what its jobs
+    /// are then.
     fn killed(mut self) -> (Farm, DigestTable) {
         self.farm.stop_coordinator(0);
         self.farm.restart_coordinator(0);

@@ -1,8 +1,8 @@
-//! A frame that is many times as large as the memory of its coordinator, on a farm of real processes: rendered, looked at meanwhile,
-//! downloaded, and compared with what one process renders.
+//! A frame that is many times as large as the memory of its coordinator, on a farm of real processes: rendered, looked
+//! at meanwhile, downloaded, and compared with what one process renders.
 //!
-//! The coordinator runs under a limit on its memory that the system keeps: this command has to be allowed to set one. What it keeps of the film and
-//! the image take some dozens of gigabytes of disk, below `TMPDIR`.
+//! The coordinator runs under a limit on its memory that the system keeps: this command has to be allowed to set one.
+//! What it keeps of the film and the image take some dozens of gigabytes of disk, below `TMPDIR`.
 
 use std::process::{Child, ExitCode, Stdio};
 use std::time::{Duration, Instant};
@@ -108,7 +108,8 @@ struct Seen {
 }
 
 impl Seen {
-    /// Looks at a farm, and at the preview of its job as a user does, until a command ends that submits the job and downloads its image.
+    /// Looks at a farm, and at the preview of its job as a user does, until a command ends that submits the job and
+    /// downloads its image.
     fn until_downloaded(farm: &mut Farm, submit: &mut Child) -> Result<Self, String> {
         let (start, mut seen) = (Instant::now(), Self::default());
         loop {

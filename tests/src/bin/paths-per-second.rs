@@ -1,8 +1,8 @@
 //! How many distinct paths of light each method finds in a second, over fixed problems.
 //!
-//! Prints a line for each method and glass: paths, seconds (the shortest of some repetitions), paths for each second, height
-//! evaluations and starts of a solver, and a hash of the light. Two states of the code can be compared where paths and hash
-//! agree.
+//! Prints a line for each method and glass: paths, seconds (the shortest of some repetitions), paths for each second,
+//! height evaluations and starts of a solver, and a hash of the light. Two states of the code can be compared where
+//! paths and hash agree.
 //!
 //! ```text
 //! cargo run --release -p clerestory-tests --bin paths-per-second -- --method fnee-complete --glass crown

@@ -186,8 +186,9 @@ impl Siege {
         }
     }
 
-    /// Whether a disk has faults of which nobody has noticed anything so far. Databases write and sync all the time, but not while all of
-    /// their coordinators are gone; and a server that is ending of what was before notices nothing any more.
+    /// Whether a disk has faults of which nobody has noticed anything so far. Databases write and sync all the time,
+    /// but not while all of their coordinators are gone; and a server that is ending of what was before notices nothing
+    /// any more.
     fn is_yet_to_be_felt(&mut self, relief: Relief) -> bool {
         let (faults, failures, has_ended) = match (relief, &mut self.servers) {
             (Relief::MendCoordinator(index, failures), _) => (self.farm.faults(index), failures, false),
@@ -274,8 +275,8 @@ impl Siege {
         coordinator.again = Instant::now() + RESTART;
     }
 
-    /// Starts what has ended by itself, as a supervisor of services does. A coordinator that starts without its database or on a full
-    /// disk may give up; one that has answered may not, nor may a worker.
+    /// Starts what has ended by itself, as a supervisor of services does. A coordinator that starts without its
+    /// database or on a full disk may give up; one that has answered may not, nor may a worker.
     fn start_what_has_ended(&mut self) {
         for place in 0..self.workers.len() {
             let (worker, _) = self.workers[place];

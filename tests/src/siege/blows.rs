@@ -69,7 +69,8 @@ pub(super) const ON_SERVERS: [Kind; 13] = [
 ];
 
 impl Blow {
-    /// Whether it is one of those that take a process away from one moment to the next; they come twice as often as others.
+    /// Whether it is one of those that take a process away from one moment to the next; they come twice as often as
+    /// others.
     pub(super) fn is_sudden(self) -> bool {
         matches!(self, Self::Killed | Self::Suspended)
     }

@@ -1,5 +1,5 @@
-//! The arrows of the architecture: `cli -> {coordinator, worker, experiments} -> {api, render-core} -> film`, what each crate never
-//! names, and the order of the modules in each.
+//! The arrows of the architecture: `cli -> {coordinator, worker, experiments} -> {api, render-core} -> film`, what each
+//! crate never names, and the order of the modules in each.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot read its own workspace has failed")]
 

@@ -1,8 +1,8 @@
 //! The modules of a crate and what they import of each other, read from the sources.
 //!
-//! Each file is a module. A path that begins with `crate`, `super`, `self` or the name of a submodule is an import of the
-//! innermost module that it names. An item that a module re-exports counts as an import of the submodule that defines it. Unit
-//! tests do not count.
+//! Each file is a module. A path that begins with `crate`, `super`, `self` or the name of a submodule is an import of
+//! the innermost module that it names. An item that a module re-exports counts as an import of the submodule that
+//! defines it. Unit tests do not count.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -1,8 +1,8 @@
 //! Every method agrees with the ground truth, and would not if it had one of the planted faults.
 //!
 //! Where few samples give the power that a verdict needs, all of it is asked for here. The others notice the planted
-//! faults, but their standard errors are larger: the binary `bias` of this crate is the long version that has the power.
-//! `docs/validation.md` explains both.
+//! faults, but their standard errors are larger: the binary `bias` of this crate is the long version that has the
+//! power. `docs/validation.md` explains both.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -24,8 +24,8 @@ const PHOTONS: u64 = 10_000_000;
 /// Photons of faulty references: enough for what the test has to notice.
 const FAULTY_PHOTONS: u64 = 200_000;
 
-/// The reference of a scene, with a fault or none. It has nothing to do with the method, and is read or traced once for all that are compared
-/// with it.
+/// The reference of a scene, with a fault or none. It has nothing to do with the method, and is read or traced once for
+/// all that are compared with it.
 fn reference(case: &str, light: &str, fault: Fault) -> Arc<Reference> {
     type Made = BTreeMap<String, Arc<OnceLock<Arc<Reference>>>>;
     static MADE: Mutex<Made> = Mutex::new(BTreeMap::new());
@@ -178,8 +178,8 @@ fn what_a_selection_of_panes_leaves_out_is_left_to_chance() {
     check_without_power("room", "sun-5", "fnee, sharp", 24);
 }
 
-/// The window is closed: every straight line to the sun meets glass, lead or stone, where `bleed` draws a pane. So what is known of
-/// `random` there holds for `bleed`.
+/// The window is closed: every straight line to the sun meets glass, lead or stone, where `bleed` draws a pane. So what
+/// is known of `random` there holds for `bleed`.
 fn check_bleed_in_the_closed_room(seeds: RangeInclusive<u64>) {
     for (method, light) in [("fnee", "sun"), ("fnee", "sun-40"), ("sms", "sun")] {
         let [bleed, random, sharp] = ["bleed", "random", "sharp"].map(|selection| {

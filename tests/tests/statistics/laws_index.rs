@@ -1,9 +1,9 @@
-//! The index theorem (T8): of all paths through an unclipped pane, minima and maxima of the optical length outnumber saddles
-//! by one.
+//! The index theorem (T8): of all paths through an unclipped pane, minima and maxima of the optical length outnumber
+//! saddles by one.
 //!
-//! Connections are drawn so that the whole deflection window lies on the pane. Whoever finds all paths then finds the sum of
-//! their indices to be one; a sum of another value says that some are missing. The converse does not hold: pairs born at
-//! a fold have the sum zero.
+//! Connections are drawn so that the whole deflection window lies on the pane. Whoever finds all paths then finds the
+//! sum of their indices to be one; a sum of another value says that some are missing. The converse does not hold: pairs
+//! born at a fold have the sum zero.
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Leaving, Pane};
@@ -23,8 +23,8 @@ const EDGE: f64 = 0.4;
 /// Further than this from the outline, metres, neither the border of the height fields nor the slab's shift matters.
 const BORDER: f64 = 0.01;
 
-/// Queries of which every path is enumerated, and those of them on which random searches are tried: a quarter of these as
-/// they come, the others with several paths.
+/// Queries of which every path is enumerated, and those of them on which random searches are tried: a quarter of these
+/// as they come, the others with several paths.
 const QUERIES: usize = 400;
 const SEARCHED: usize = 40;
 
@@ -140,12 +140,12 @@ fn walked(scene: &PaneScene, query: &Query, roots: &[Root]) -> Kinds {
     }))
 }
 
-/// Part of the queries of which walks find all paths, at the least: [`SEEDS`] walks miss a path to which one walk in a hundred
-/// leads less than once in a hundred times, and few paths are as rare.
+/// Part of the queries of which walks find all paths, at the least: [`SEEDS`] walks miss a path to which one walk in a
+/// hundred leads less than once in a hundred times, and few paths are as rare.
 const LEAST_WALKED: f64 = 0.95;
 
-/// Checks the index sum of all queries through a pane both faces of which have this profile. The published search has to find
-/// all paths of the part `least_found` of them: it misses most maxima.
+/// Checks the index sum of all queries through a pane both faces of which have this profile. The published search has
+/// to find all paths of the part `least_found` of them: it misses most maxima.
 #[track_caller]
 fn check(name: &str, [front, back]: [Value; 2], least_paths: f64, least_found: f64) {
     let light = json!({"point": {"name": "lamp", "position": [0, 0, 1], "intensity": [1, 1, 1]}});

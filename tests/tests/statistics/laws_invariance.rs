@@ -1,4 +1,5 @@
-//! Light does not depend on the unit of length (T9), and light through many panes is the sum of the light through each (T10).
+//! Light does not depend on the unit of length (T9), and light through many panes is the sum of the light through each
+//! (T10).
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::scene::Scene;
@@ -51,8 +52,8 @@ struct Scaled {
     integrators: Vec<(&'static str, Value)>,
 }
 
-/// A point light, a sphere and the sun, in a scene of this size, that are equally bright in all sizes: somewhere in units of the
-/// scene, and in a direction.
+/// A point light, a sphere and the sun, in a scene of this size, that are equally bright in all sizes: somewhere in
+/// units of the scene, and in a direction.
 fn scaled_lights(unit: f64, place: [f64; 3], direction: [f64; 3]) -> [(&'static str, Value); 3] {
     let place = place.map(|coordinate| coordinate * unit);
     [
@@ -164,8 +165,8 @@ fn a_scene_that_is_1000_times_as_large_has_the_same_picture_to_rounding() {
             let (sum, larger_sum) = (sum(image), sum(larger));
             let differs = |(a, b): &(&DVec3, &DVec3)| (**a - **b).length() > 1e-5 * a.length();
             let differing = image.pixels.iter().zip(&larger.pixels).filter(differs).count();
-            // Iterates of the published search that run away come back elsewhere after another rounding, and now and then a walk
-            // that looks for a reflection finds another end.
+            // Iterates of the published search that run away come back elsewhere after another rounding, and now and
+            // then a walk that looks for a reflection finds another end.
             let most = match name {
                 _ if name.contains("published") => 15,
                 _ if name.starts_with("sms") && name.contains("D R L") => 4,

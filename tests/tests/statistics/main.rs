@@ -1,4 +1,5 @@
-//! Light against independent ground truth, closed forms and laws of physics: the tests that draw random numbers and weigh them.
+//! Light against independent ground truth, closed forms and laws of physics: the tests that draw random numbers and
+//! weigh them.
 
 mod bias;
 mod connections;

@@ -82,7 +82,8 @@ impl Partition {
         self.method.owns(&self.scene, point, &path.described(), &mut Counters::default())
     }
 
-    /// Checks that, of the given paths to a point, those are gathered that the method owns, and of all paths none that it does not.
+    /// Checks that, of the given paths to a point, those are gathered that the method owns, and of all paths none that
+    /// it does not.
     #[track_caller]
     fn check(&mut self, point: &ShadingPoint, index: u32, paths: &[FoundPath]) {
         let Self { name, scene, .. } = &*self;
@@ -253,8 +254,9 @@ fn lights() -> [(&'static str, Value); 3] {
     ]
 }
 
-/// Where light from a source that goes straight through a random pane falls on the receiver: through any place of the pane,
-/// or mostly, where methods part that go by the straight line, through one so near to its border that glass bends light by more.
+/// Where light from a source that goes straight through a random pane falls on the receiver: through any place of the
+/// pane, or mostly, where methods part that go by the straight line, through one so near to its border that glass bends
+/// light by more.
 fn point_in_shadow(bench: &PaneScene, scene: &Scene, source: Source, index: u32) -> ShadingPoint {
     let mut random = Random::new(31, u64::from(index));
     let pane = &scene.panes()[(random.uniform() * scene.panes().len() as f64) as usize];

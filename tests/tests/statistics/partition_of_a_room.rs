@@ -18,8 +18,8 @@ const FAULT: f64 = 0.04;
 /// Independent passes of each picture of the room.
 const PASSES: u32 = 64;
 
-/// Compares methods with the path tracer in a room, cell by cell and on the whole. Both take the samples that are given for a
-/// pass, those of the methods by their names.
+/// Compares methods with the path tracer in a room, cell by cell and on the whole. Both take the samples that are given
+/// for a pass, those of the methods by their names.
 #[track_caller]
 fn check_room(
     light: (&str, Value),

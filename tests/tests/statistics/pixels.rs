@@ -153,7 +153,8 @@ fn probe() -> SceneBundle {
     SceneBundle::from_parts(description, [].into()).expect("no files")
 }
 
-/// A scene with an integrator, in a small picture with few samples. What takes time to build is taken over from the scene before, where it is the same.
+/// A scene with an integrator, in a small picture with few samples. What takes time to build is taken over from the
+/// scene before, where it is the same.
 fn prepared(before: Option<Scene>, bundle: &SceneBundle, effort: &Effort, integrator: &IntegratorDescription) -> Scene {
     let FilmDescription { width, height } = bundle.description().film;
     let description = SceneDescription {
@@ -206,7 +207,8 @@ fn looked_at(effort: &Effort) -> DigestTable {
     table
 }
 
-/// A digest of nothing but black guards little: every scene and every method has light in it, though not both in every picture.
+/// A digest of nothing but black guards little: every scene and every method has light in it, though not both in every
+/// picture.
 fn check_light(table: &DigestTable) {
     let with_light = |key: for<'a> fn((&'a str, &'a str)) -> &'a str| -> BTreeSet<&str> {
         table

@@ -1,5 +1,5 @@
-//! The light that the outside of a pane reflects: `fnee` in two unknowns, `sms` over one vertex, and the path tracer, which finds
-//! it by chance.
+//! The light that the outside of a pane reflects: `fnee` in two unknowns, `sms` over one vertex, and the path tracer,
+//! which finds it by chance.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,8 @@ use serde_json::{Value, json};
 /// Parts of the picture along each edge.
 const BLOCKS: usize = 4;
 
-/// A floor seen from above, 0.4 m wide, in a picture of 8 x 8 pixels, below a pane that a lamp on the floor's side lights.
+/// A floor seen from above, 0.4 m wide, in a picture of 8 x 8 pixels, below a pane that a lamp on the floor's side
+/// lights.
 fn scene(light: &Value, integrator: Value) -> Scene {
     let description = json!({
         "version": 1, "name": "reflected caustic", "seed": 3,

@@ -228,7 +228,8 @@ mod pool {
         assert!(same * 100 > points * 95, "{same} of {points}");
     }
 
-    /// The picture's red, in parts, by light that is traced from places all over the lamp through places all over the waves.
+    /// The picture's red, in parts, by light that is traced from places all over the lamp through places all over the
+    /// waves.
     fn traced_forward(bundle: &SceneBundle) -> Vec<Estimate> {
         /// Rays along an edge of the surface.
         const RAYS: u32 = 700;

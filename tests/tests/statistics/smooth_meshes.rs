@@ -1,5 +1,5 @@
-//! Caustics of triangle meshes with interpolated normals: manifold methods against the path tracer, which finds the light by
-//! chance, against closed forms, and against the same glass as a height field.
+//! Caustics of triangle meshes with interpolated normals: manifold methods against the path tracer, which finds the
+//! light by chance, against closed forms, and against the same glass as a height field.
 
 use std::collections::BTreeMap;
 
@@ -27,8 +27,8 @@ use serde_json::{Value, json};
 /// Parts of the picture along each edge.
 const BLOCKS: usize = 4;
 
-/// A grid of quads over a square around the origin, cut into triangles that are seen counterclockwise from +z, with heights
-/// and normals.
+/// A grid of quads over a square around the origin, cut into triangles that are seen counterclockwise from +z, with
+/// heights and normals.
 fn sheet(half: f64, cells: u32, height: impl Fn(DVec2) -> (f64, DVec2)) -> Value {
     let (mut positions, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
     for row in 0..=cells {
@@ -298,10 +298,10 @@ impl<'a> Glass<'a> {
 
     /// Whether meshes of so many squares along each edge have the paths of the height field and no others.
     ///
-    /// Wrong slopes move the place at which light lands. If there are as many paths to all places as far around the point
-    /// as the error of interpolated slopes can move it, then no fold of the caustic and no shadow of the border is so near.
-    /// The mesh's curvatures are differences of slopes over a square: if the determinant of the optical length's Hessian
-    /// keeps its sign wherever the path is moved by a square, then none splits in the mesh.
+    /// Wrong slopes move the place at which light lands. If there are as many paths to all places as far around the
+    /// point as the error of interpolated slopes can move it, then no fold of the caustic and no shadow of the border
+    /// is so near. The mesh's curvatures are differences of slopes over a square: if the determinant of the optical
+    /// length's Hessian keeps its sign wherever the path is moved by a square, then none splits in the mesh.
     fn is_regular(&self, origin: DVec3, roots: &[Root], cells: u32) -> bool {
         let index = self.pane.index_of_refraction;
         let connection = Connection::new(&self.side(origin), origin, self.source);
@@ -398,9 +398,10 @@ fn check_order(name: &str, orders: &[f64], expected: f64) {
 }
 
 /// Checks that finer and finer meshes of a pane have its paths, and that these converge as they should: normals are
-/// interpolated linearly, so directions are off by the square of a square's edge and the light, on which the derivatives of
-/// normals decide, by the edge. How far it is off depends on where in a triangle the path goes; so the orders are means
-/// over paths, each compared with itself in the finest mesh, and the light has to be right on average there.
+/// interpolated linearly, so directions are off by the square of a square's edge and the light, on which the
+/// derivatives of normals decide, by the edge. How far it is off depends on where in a triangle the path goes; so the
+/// orders are means over paths, each compared with itself in the finest mesh, and the light has to be right on average
+/// there.
 #[track_caller]
 fn check_finer_meshes(case: &str, several: usize) {
     let original = load_case(case);

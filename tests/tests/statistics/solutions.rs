@@ -11,8 +11,8 @@ use clerestory_render_core::{
 use clerestory_tests::random::Random;
 use clerestory_tests::solution_lists::{ListedPoint, load_case, load_list};
 
-/// A vertex this near the outline, in units of the pane's size, lies on it but for rounding: some points of the lists are
-/// images of border vertices.
+/// A vertex this near the outline, in units of the pane's size, lies on it but for rounding: some points of the lists
+/// are images of border vertices.
 const ON_THE_BORDER: f64 = 1e-12;
 
 struct FoundSolution {

@@ -1,5 +1,5 @@
-//! The paths through both faces of old glass that curves lead to, against lists found by brute force, and against those that
-//! random walks find through the same glass as a mesh.
+//! The paths through both faces of old glass that curves lead to, against lists found by brute force, and against those
+//! that random walks find through the same glass as a mesh.
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
@@ -41,8 +41,8 @@ struct Tally {
 }
 
 impl Tally {
-    /// Checks that all paths that were found are known, and that all that are known are found, but for those that the grid
-    /// need not tell apart.
+    /// Checks that all paths that were found are known, and that all that are known are found, but for those that the
+    /// grid need not tell apart.
     #[track_caller]
     fn check(&mut self, found: &[DVec2], known: &[DVec2], size: DVec2) {
         for path in found {

@@ -1,4 +1,5 @@
-//! Light through water given as a mesh, against the same light traced forward through the same mesh, and connection by connection.
+//! Light through water given as a mesh, against the same light traced forward through the same mesh, and connection by
+//! connection.
 
 use std::collections::BTreeMap;
 
@@ -177,8 +178,8 @@ fn the_published_walk_along_the_conic_has_all_light_where_nothing_folds_and_lack
 /// Replicates of the light on points of a floor.
 const REPLICATES: u32 = 32;
 
-/// The light of a method with rays on average, without them, and by rays alone, at so many points of a floor in each replicate. The points of
-/// the light are the same with and without.
+/// The light of a method with rays on average, without them, and by rays alone, at so many points of a floor in each
+/// replicate. The points of the light are the same with and without.
 fn light_by_rays(scene: &Scene, reach: f64, height: f64, points: u32) -> Vec<[f64; 3]> {
     let method = specular_method(scene).expect("a specular method");
     let replicate = |replicate: u32| {

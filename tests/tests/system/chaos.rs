@@ -1,4 +1,5 @@
-//! The short version of `chaos`: a farm whose processes, disks, clocks and connections fail loses no job and changes no bit.
+//! The short version of `chaos`: a farm whose processes, disks, clocks and connections fail loses no job and changes no
+//! bit.
 
 use std::time::{Duration, Instant};
 
@@ -7,7 +8,8 @@ use clerestory_tests::siege::{Durations, Plan, Siege};
 /// Long enough for leases to run out, and short enough for each kind of blow to come within seconds.
 const DURATIONS: Durations = Durations { pauses: [0.2, 0.8], away: 0.5, fault: 1.0, sleep: 3.0, long_sleeps: 6 };
 
-/// Shortest and longest time between two blows where there are servers, seconds: when any of them is down, nothing goes on.
+/// Shortest and longest time between two blows where there are servers, seconds: when any of them is down, nothing goes
+/// on.
 const PAUSES_ON_SERVERS: [f64; 2] = [0.3, 1.5];
 
 /// Longest time for a job, and for everything to happen.

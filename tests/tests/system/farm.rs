@@ -10,8 +10,8 @@ use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::made_images::{assert_made_alike, assert_same_bits, rendered_alone, rendered_by};
 use tempfile::TempDir;
 
-/// What is asked for: a scene and options. No number of passes (16 samples each) is a power of two, and neither tile size
-/// divides the images.
+/// What is asked for: a scene and options. No number of passes (16 samples each) is a power of two, and neither tile
+/// size divides the images.
 struct Order {
     scene: &'static str,
     options: &'static [&'static str],

@@ -1,4 +1,5 @@
-//! Frames that are larger than the memory of their coordinator: memory does not grow with them, and the bits are those of one process.
+//! Frames that are larger than the memory of their coordinator: memory does not grow with them, and the bits are those
+//! of one process.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 

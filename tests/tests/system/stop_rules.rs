@@ -1,4 +1,5 @@
-//! Jobs that a target ends: at the first round that reaches it, with the image that so many samples make, whatever dies meanwhile.
+//! Jobs that a target ends: at the first round that reaches it, with the image that so many samples make, whatever dies
+//! meanwhile.
 
 #![expect(clippy::unwrap_used, reason = "a test that cannot set itself up has failed")]
 
@@ -17,8 +18,8 @@ use tempfile::TempDir;
 /// Pixels across and down; tiles do not divide them.
 const SIZE: [&str; 2] = ["--size", "24x24"];
 
-/// Samples in a pixel at which the targets are reached: whole blocks, more than the four before which no estimate counts, and a
-/// round of 48 passes.
+/// Samples in a pixel at which the targets are reached: whole blocks, more than the four before which no estimate
+/// counts, and a round of 48 passes.
 const END: u32 = 192;
 
 /// A scene with small passes and blocks, and a reference with noise of its own.

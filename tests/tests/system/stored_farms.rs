@@ -1,4 +1,5 @@
-//! Data that older builds have left: today's build opens them, shows what is there, and finishes what was begun with the same bits.
+//! Data that older builds have left: today's build opens them, shows what is there, and finishes what was begun with
+//! the same bits.
 
 use std::path::{Path, PathBuf};
 

@@ -1,16 +1,17 @@
 //! FLIP: how different an image and its reference look to someone who alternates between them.
 //!
-//! Andersson, Nilsson, Akenine-Moller, Oskarsson, Astrom and Fairchild, "FLIP: A Difference Evaluator for Alternating Images", Proceedings
-//! of the ACM on Computer Graphics and Interactive Techniques 3 (2), article 15, 2020 (LDR-FLIP). Radiance becomes what a preview shows,
-//! the eye's filters find colors, edges and points in both images, and a pixel's difference is
+//! Andersson, Nilsson, Akenine-Moller, Oskarsson, Astrom and Fairchild, "FLIP: A Difference Evaluator for Alternating
+//! Images", Proceedings of the ACM on Computer Graphics and Interactive Techniques 3 (2), article 15, 2020 (LDR-FLIP).
+//! Radiance becomes what a preview shows, the eye's filters find colors, edges and points in both images, and a pixel's
+//! difference is
 //!
 //! ```text
 //! color ^ (1 - feature)            0: none; 1: the largest
 //! ```
 //!
-//! Images come in rows, from the top to the bottom, of which only those are kept that the filters still need. All numbers are in double
-//! precision and in one order, whatever the height of the strips and the number of threads: the same images give the same bits.
-//! Formulas and constants are also in `docs/film.md`.
+//! Images come in rows, from the top to the bottom, of which only those are kept that the filters still need. All
+//! numbers are in double precision and in one order, whatever the height of the strips and the number of threads: the
+//! same images give the same bits. Formulas and constants are also in `docs/film.md`.
 
 mod perception;
 #[cfg(test)]
@@ -66,10 +67,11 @@ pub struct FlipComparison {
 }
 
 impl FlipComparison {
-    /// A comparison of images `width` pixels wide (at least 1), both shown at an exposure of `stops` and with a tone curve.
+    /// A comparison of images `width` pixels wide (at least 1), both shown at an exposure of `stops` and with a tone
+    /// curve.
     ///
-    /// The stops should be those of the reference alone ([`MeanLuminance`](crate::MeanLuminance), [`automatic_stops`]): images of one scene can
-    /// then be compared.
+    /// The stops should be those of the reference alone ([`MeanLuminance`](crate::MeanLuminance), [`automatic_stops`]):
+    /// images of one scene can then be compared.
     pub fn new(width: u32, stops: f64, curve: ToneCurve) -> Self {
         Self {
             width: width.max(1) as usize,
@@ -88,8 +90,8 @@ impl FlipComparison {
         2 * (BATCH_ROWS + 2 * RADIUS) as u64 * row_bytes
     }
 
-    /// Adds the next rows of both images, as many of one as of the other: radiance, W/(m2 sr), in rows from the top left. What is not a
-    /// number or negative is black, and what is infinite as bright as can be.
+    /// Adds the next rows of both images, as many of one as of the other: radiance, W/(m2 sr), in rows from the top
+    /// left. What is not a number or negative is black, and what is infinite as bright as can be.
     ///
     /// # Errors
     ///

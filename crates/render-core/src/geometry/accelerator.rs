@@ -1,7 +1,8 @@
 //! What a ray meets first among the triangles and panes of a scene.
 //!
-//! A hierarchy in single precision (the module `hierarchy`) decides which primitives are tested. The tests are in double
-//! precision, triangles in world coordinates, panes in their own. What a ray has just left is skipped by identity.
+//! A hierarchy in single precision (the module `hierarchy`) decides which primitives are tested. The tests are in
+//! double precision, triangles in world coordinates, panes in their own. What a ray has just left is skipped by
+//! identity.
 //!
 //! A sheet, such as the surface of water, has a hierarchy of its own, so that steep rays that leave it or end on it
 //! need not look at it.
@@ -133,8 +134,9 @@ impl Sorted {
 }
 
 impl Accelerator {
-    /// The hierarchy over triangles, given by the indices of their corners, and panes. `surfaces` are triangles that light may pass
-    /// through, by their numbers, each behind those before it: those that are sheets get hierarchies of their own.
+    /// The hierarchy over triangles, given by the indices of their corners, and panes. `surfaces` are triangles that
+    /// light may pass through, by their numbers, each behind those before it: those that are sheets get hierarchies of
+    /// their own.
     ///
     /// # Errors
     /// [`AcceleratorError`] when an index or a coordinate is out of range.
@@ -208,8 +210,8 @@ impl Accelerator {
         })
     }
 
-    /// What [`Self::closest_hit`] finds, when that is the given pane. Asking for one pane alone is quicker, above all where the
-    /// ray misses it: then nothing else is looked at.
+    /// What [`Self::closest_hit`] finds, when that is the given pane. Asking for one pane alone is quicker, above all
+    /// where the ray misses it: then nothing else is looked at.
     pub fn closest_hit_on_pane(
         &self,
         pane: u32,
@@ -282,8 +284,8 @@ impl Accelerator {
         self.any(ray, end, leaving, Leaving::Triangle(triangle), None, counters, |hit| hit.distance <= end)
     }
 
-    /// Whether `test` says yes to a hit on a triangle, or on a pane other than `ignored_pane`. Some beyond `max_distance` are
-    /// tested as well. `reaching` is what the ray ends on.
+    /// Whether `test` says yes to a hit on a triangle, or on a pane other than `ignored_pane`. Some beyond
+    /// `max_distance` are tested as well. `reaching` is what the ray ends on.
     #[expect(clippy::too_many_arguments, reason = "a ray, where it begins and ends, and what counts as a hit")]
     fn any(
         &self,
@@ -400,8 +402,8 @@ impl Accelerator {
     }
 }
 
-/// The part of the way to a place on which something may stand in the way. The place itself, and the triangle beside an edge on which it
-/// lies, are behind.
+/// The part of the way to a place on which something may stand in the way. The place itself, and the triangle beside an
+/// edge on which it lies, are behind.
 const BEFORE: f64 = 1.0 - 1e-9;
 
 /// Whether `a` is the one to report of two hits.

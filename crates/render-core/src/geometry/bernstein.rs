@@ -1,7 +1,7 @@
 //! Polynomials in Bernstein form on `[0, 1]`: where the sign first changes, and all roots.
 //!
-//! The number of sign changes among the coefficients bounds the number of roots and has the same parity (Descartes' rule
-//! in its Bernstein form): no change proves that there is no root, one change that there is exactly one. Halving
+//! The number of sign changes among the coefficients bounds the number of roots and has the same parity (Descartes'
+//! rule in its Bernstein form): no change proves that there is no root, one change that there is exactly one. Halving
 //! (de Casteljau) separates the other cases. See Farouki, *The Bernstein polynomial basis: a centennial retrospective*,
 //! 2012, section 5.
 
@@ -14,8 +14,8 @@ pub(crate) fn first_descent<const N: usize>(coefficients: &[f64; N]) -> Option<f
     descent_within(coefficients, 0.0, 1.0, DEEPEST)
 }
 
-/// All roots in `[0, 1]` of a polynomial, ascending, each handed to `found`. Roots that are closer than rounding tells apart,
-/// a double root among them, are handed over once. Nothing is found where all coefficients are zero.
+/// All roots in `[0, 1]` of a polynomial, ascending, each handed to `found`. Roots that are closer than rounding tells
+/// apart, a double root among them, are handed over once. Nothing is found where all coefficients are zero.
 pub(crate) fn roots<const N: usize>(coefficients: &[f64; N], found: &mut impl FnMut(f64)) {
     if coefficients.iter().any(|&value| value != 0.0) {
         roots_within(coefficients, 0.0, 1.0, DEEPEST, found);

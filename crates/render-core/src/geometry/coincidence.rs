@@ -1,10 +1,10 @@
 //! Triangles that lie in one place: in one plane, to rounding, with an area in common.
 //!
-//! A ray that leaves a triangle sees nothing of what lies in the same plane at the same place, and one that arrives meets whichever
-//! rounding puts first.
+//! A ray that leaves a triangle sees nothing of what lies in the same plane at the same place, and one that arrives
+//! meets whichever rounding puts first.
 //!
-//! Faces are sorted by cells of the space of planes, and those of one cell are swept along an axis. Whatever is found is true; what lies
-//! beside another by less than [`RIM`] is not found, nor what is left when the budget is spent.
+//! Faces are sorted by cells of the space of planes, and those of one cell are swept along an axis. Whatever is found
+//! is true; what lies beside another by less than [`RIM`] is not found, nor what is left when the budget is spent.
 
 use std::ops::RangeInclusive;
 
@@ -31,7 +31,8 @@ pub(crate) struct Faces<'a, C> {
     pub(crate) corners: C,
 }
 
-/// A cell of the space of planes: the axis that they are steepest to, slopes along the two others, and where they cross the axis.
+/// A cell of the space of planes: the axis that they are steepest to, slopes along the two others, and where they cross
+/// the axis.
 type Cell = (u8, [i32; 3]);
 
 /// The normal of a triangle, on the side from which its corners are seen counterclockwise, twice as long as its area.
@@ -40,7 +41,8 @@ pub(crate) fn area_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
 }
 
 impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
-    /// Two triangles that conflict and lie in one place, and a point that they share. Those of which none is smooth never conflict.
+    /// Two triangles that conflict and lie in one place, and a point that they share. Those of which none is smooth
+    /// never conflict.
     pub(crate) fn coincidence(
         &self,
         is_smooth: impl Fn(u32) -> bool,
@@ -64,8 +66,8 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
         None
     }
 
-    /// The cells of all triangles. They are counted first, so that they take no more memory than they must; what is beyond [`most_entries`] is left
-    /// out.
+    /// The cells of all triangles. They are counted first, so that they take no more memory than they must; what is
+    /// beyond [`most_entries`] is left out.
     fn entries(&self, largest: f64) -> Vec<(Cell, u32)> {
         let mut count = 0;
         for &triangle in self.triangles {
@@ -147,7 +149,8 @@ fn each_cell(corners: &[DVec3; 3], largest: f64, mut each: impl FnMut(Cell)) {
     }
 }
 
-/// The cells of a number that may be larger or smaller by the slack. Round numbers, as slopes and offsets often are, lie in the middle of a cell.
+/// The cells of a number that may be larger or smaller by the slack. Round numbers, as slopes and offsets often are,
+/// lie in the middle of a cell.
 fn cells(value: f64, (edge, slack): (f64, f64)) -> RangeInclusive<i32> {
     ((value - slack) / edge).round() as i32..=((value + slack) / edge).round() as i32
 }

@@ -1,11 +1,11 @@
 //! Where the glass of a pane meets something else.
 //!
-//! A ray knows what it is in by what it has crossed, and sees no other pane while it is in glass. What lies in the glass of
-//! a pane, or exactly on one of its faces, is met or missed by rounding.
+//! A ray knows what it is in by what it has crossed, and sees no other pane while it is in glass. What lies in the
+//! glass of a pane, or exactly on one of its faces, is met or missed by rounding.
 //!
-//! The search halves the pane's outline. Bounds on both faces show that most parts hold nothing; in the others it looks for one
-//! point that both share. So whatever is found is true. What is smaller than [`RIM`] is not found, nor what hides in relief that
-//! runs parallel at a fraction of its own height, once the budget is spent.
+//! The search halves the pane's outline. Bounds on both faces show that most parts hold nothing; in the others it looks
+//! for one point that both share. So whatever is found is true. What is smaller than [`RIM`] is not found, nor what
+//! hides in relief that runs parallel at a fraction of its own height, once the budget is spent.
 
 use std::collections::VecDeque;
 
@@ -13,8 +13,9 @@ use glam::{DMat3, DVec2, DVec3};
 
 use super::{HeightField, Interval, Pane, Rect};
 
-/// Panes and shapes may overlap by this much at their borders, metres: decimal numbers round, and a strip this narrow carries no
-/// light that anybody sees. A shape that only stands on a face, with a corner or an edge, shares less than this with it.
+/// Panes and shapes may overlap by this much at their borders, metres: decimal numbers round, and a strip this narrow
+/// carries no light that anybody sees. A shape that only stands on a face, with a corner or an edge, shares less than
+/// this with it.
 pub(crate) const RIM: f64 = 2e-6;
 
 /// A face counts as thick as this, relative to the largest coordinate: positions along rays are not more exact.
@@ -86,8 +87,9 @@ pub(crate) fn contact(pane: &Pane, shape: &Shape<'_>, budget: &mut u32) -> Optio
     found.map(|point| pane.frame.point_to_world(point))
 }
 
-/// A way along an axis of the pane, or of the shape if that is a pane too, that takes the shape out of the box around the pane: a unit vector,
-/// and how far, metres. It is the shortest; for panes, the shortest for their extent, so that neighbours in one plane stay there.
+/// A way along an axis of the pane, or of the shape if that is a pane too, that takes the shape out of the box around
+/// the pane: a unit vector, and how far, metres. It is the shortest; for panes, the shortest for their extent, so that
+/// neighbours in one plane stay there.
 pub(crate) fn way_out(pane: &Pane, shape: &Shape<'_>) -> (DVec3, f64) {
     let axes = |pane: &Pane| [pane.frame.axes.z_axis, pane.frame.axes.x_axis, pane.frame.axes.y_axis];
     let others = if let Shape::Pane(other) = shape { axes(other).to_vec() } else { Vec::new() };
@@ -152,7 +154,8 @@ impl<'a> Glass<'a> {
     }
 }
 
-/// Bounds of the heights over a part of a face. Those of whole cells do not get narrower than a cell; Taylor's theorem does.
+/// Bounds of the heights over a part of a face. Those of whole cells do not get narrower than a cell; Taylor's theorem
+/// does.
 fn heights(face: &HeightField, part: &Rect) -> Interval {
     let bounds = face.bounds(part);
     let middle = face.jet(part.centre());
@@ -331,8 +334,8 @@ impl Cuboid {
     }
 }
 
-/// Whether a plane separates two boxes: one along the axes of the frame, the other along `axes`, with its centre at `offset` from that of
-/// the first (Gottschalk, Lin, Manocha 1996).
+/// Whether a plane separates two boxes: one along the axes of the frame, the other along `axes`, with its centre at
+/// `offset` from that of the first (Gottschalk, Lin, Manocha 1996).
 fn are_apart(offset: DVec3, half: DVec3, other_half: DVec3, axes: &DMat3) -> bool {
     let own = [DVec3::X, DVec3::Y, DVec3::Z];
     let others = [axes.x_axis, axes.y_axis, axes.z_axis];
@@ -400,8 +403,8 @@ impl Polygon {
     }
 }
 
-/// Whether a convex polygon with this unit normal has no room for a circle of this radius r: with room, its area is at least r/2 times its
-/// circumference.
+/// Whether a convex polygon with this unit normal has no room for a circle of this radius r: with room, its area is at
+/// least r/2 times its circumference.
 pub(super) fn is_narrow(corners: &[DVec3], normal: DVec3, radius: f64) -> bool {
     let next = corners.iter().cycle().skip(1);
     let circumference: f64 = corners.iter().zip(next).map(|(a, b)| a.distance(*b)).sum();

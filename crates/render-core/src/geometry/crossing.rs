@@ -1,13 +1,13 @@
 //! The first crossing of a ray with a height field.
 //!
-//! Along the ray, `g(t)` is the height above the surface, counted positive on the side on which the ray starts. That side
-//! is known beforehand (the caller knows whether it is in the glass), so nothing is decided by a distance, and a ray that
-//! starts on the surface needs no epsilon: its root at 0 is divided out.
+//! Along the ray, `g(t)` is the height above the surface, counted positive on the side on which the ray starts. That
+//! side is known beforehand (the caller knows whether it is in the glass), so nothing is decided by a distance, and a
+//! ray that starts on the surface needs no epsilon: its root at 0 is divided out.
 //!
 //! A stretch of the ray is settled by, in this order:
 //! 1. bounds of the height over its footprint: the part of it outside these bounds is cut off;
-//! 2. bounds of the slope over its footprint, which may prove that `g` rises (no crossing) or falls all the way (at most
-//!    one, found by Halley's method in a bracket);
+//! 2. bounds of the slope over its footprint, which may prove that `g` rises (no crossing) or falls all the way (at
+//!    most one, found by Halley's method in a bracket);
 //! 3. within one cell, `g` is a polynomial of degree 6, whose Bernstein form yields its first change of sign;
 //! 4. otherwise it is cut at the border of a cell nearest to its middle, and the front part goes first.
 //!
@@ -61,8 +61,8 @@ pub(crate) struct Crossing {
 }
 
 impl HeightField {
-    /// The first point within `range` at which `ray`, on the given side of the surface `z = base + h(x, y)` to begin with,
-    /// changes to the other side. With [`Start::OnSurface`] the range must start at 0.
+    /// The first point within `range` at which `ray`, on the given side of the surface `z = base + h(x, y)` to begin
+    /// with, changes to the other side. With [`Start::OnSurface`] the range must start at 0.
     pub(crate) fn first_crossing(
         &self,
         base: f64,
@@ -88,7 +88,8 @@ impl HeightField {
         }
         let whole = Stretch { from: range.min, to: range.max, on_surface, crossed: false };
         let stretch = path.clipped(&whole, self.all_bounds().height)?;
-        // Measured from where it may first meet the surface, the ray keeps all its digits for the short way that is left.
+        // Measured from where it may first meet the surface, the ray keeps all its digits for the short way that is
+        // left.
         let shift = stretch.from;
         path.origin += path.direction * shift;
         let stretch = Stretch { from: 0.0, to: stretch.to - shift, ..stretch };

@@ -1,5 +1,5 @@
-//! A point of a smooth surface, and how the surface goes on around it: what walks over specular manifolds need to know of
-//! faces of panes and of triangles alike. All in world coordinates.
+//! A point of a smooth surface, and how the surface goes on around it: what walks over specular manifolds need to know
+//! of faces of panes and of triangles alike. All in world coordinates.
 
 use glam::{DMat2, DVec3};
 
@@ -19,8 +19,8 @@ pub struct SurfaceDifferential {
 }
 
 impl SurfaceDifferential {
-    /// A point of a face of a pane that hangs at `frame`, whose derivatives are `jet`; the coordinates are the pane's x and
-    /// y.
+    /// A point of a face of a pane that hangs at `frame`, whose derivatives are `jet`; the coordinates are the pane's x
+    /// and y.
     pub fn of_face(frame: &Frame, position: DVec3, jet: &SurfaceJet) -> Self {
         let [x, y] = jet.gradient.to_array();
         let raw = DVec3::new(-x, -y, 1.0);
@@ -36,8 +36,8 @@ impl SurfaceDifferential {
         }
     }
 
-    /// A point of a triangle with these corners and normals at them, which are interpolated linearly and then normalised;
-    /// the coordinates are along the first edge and across it.
+    /// A point of a triangle with these corners and normals at them, which are interpolated linearly and then
+    /// normalised; the coordinates are along the first edge and across it.
     pub fn of_triangle(corners: &[DVec3; 3], normals: &[DVec3; 3], position: DVec3, barycentric: [f64; 2]) -> Self {
         let [a, b, c] = *corners;
         let first = (b - a).normalize();

@@ -115,8 +115,8 @@ impl Pane {
     /// The pane with the given parts.
     ///
     /// # Errors
-    /// [`PaneError`] when a number is out of range, a face has another size than the pane, or the thickness of the glass
-    /// cannot be proven to be positive everywhere.
+    /// [`PaneError`] when a number is out of range, a face has another size than the pane, or the thickness of the
+    /// glass cannot be proven to be positive everywhere.
     #[expect(clippy::too_many_arguments, reason = "a pane has that many parts, and all of them are needed")]
     pub fn new(
         name: String,

@@ -2,7 +2,8 @@
 
 use super::Interval;
 
-/// Bounds of a height and of its first and second derivatives by the cell coordinates, in the order h; x, y; xx, xy, yy.
+/// Bounds of a height and of its first and second derivatives by the cell coordinates, in the order h; x, y; xx, xy,
+/// yy.
 pub(crate) type Bounds = [Interval; 6];
 
 /// The largest blocks of entries that one query reads are 3 x 3.

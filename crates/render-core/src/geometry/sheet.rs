@@ -1,10 +1,11 @@
-//! Triangles that cover a convex region of a plane once, like the surface of water, and which rays therefore meet them once at
-//! the most.
+//! Triangles that cover a convex region of a plane once, like the surface of water, and which rays therefore meet them
+//! once at the most.
 //!
-//! Seen along an axis, triangles that all turn the same way cover each place as often as their border winds around it: edges
-//! that two triangles share in opposite directions cancel, and what remains bounds what is covered. Where that is one convex
-//! polygon, gone around once, the triangles are the graph of a function over it, and a straight line that is steeper than the
-//! steepest of them meets them once (mean value theorem, along the line's shadow, all of which is in the polygon).
+//! Seen along an axis, triangles that all turn the same way cover each place as often as their border winds around it:
+//! edges that two triangles share in opposite directions cancel, and what remains bounds what is covered. Where that is
+//! one convex polygon, gone around once, the triangles are the graph of a function over it, and a straight line that is
+//! steeper than the steepest of them meets them once (mean value theorem, along the line's shadow, all of which is in
+//! the polygon).
 
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -25,8 +26,8 @@ pub(super) struct Sheet {
 /// Fewer triangles are not worth a hierarchy of their own.
 const FEWEST: usize = 64;
 
-/// Slack of slopes, relative, and for how far the border may bend inwards in all, radians: what rounding makes of one that is straight. A
-/// way around such bends is longer by the square of them, which the slack of slopes covers.
+/// Slack of slopes, relative, and for how far the border may bend inwards in all, radians: what rounding makes of one
+/// that is straight. A way around such bends is longer by the square of them, which the slack of slopes covers.
 const SLACK: f64 = 1e-6;
 
 impl Sheet {
@@ -76,8 +77,8 @@ impl Sheet {
 fn border(triangles: &[[u32; 3]]) -> Option<Vec<u32>> {
     let first = triangles.iter().flatten().copied().min()?;
     let last = triangles.iter().flatten().copied().max()?;
-    // The edges that lead to and from a corner cancel if each other corner follows it as often as it comes before it. Of these
-    // sums of random numbers, others are zero by a chance of 2^-64.
+    // The edges that lead to and from a corner cancel if each other corner follows it as often as it comes before it.
+    // Of these sums of random numbers, others are zero by a chance of 2^-64.
     let mut sums = vec![0_u64; (last - first) as usize + 1];
     for &[a, b, c] in triangles {
         let [x, y, z] = [a, b, c].map(scrambled);

@@ -1,9 +1,9 @@
 //! Sphere tracing (Hart 1996) of a height field, as Huan et al. 2023 (section 3) find where rays cross a face.
 //!
-//! A ray goes on by steps that the steepest slope of the surface proves to be free, until it is so near that it counts as
-//! arrived. It needs only heights and a bound on slopes, and takes many steps where `crossing` takes a few. It is here to
-//! count what the published methods cost with it. Its lengths are absolute, as in published code: it is for glass that is much
-//! thicker than a micrometre.
+//! A ray goes on by steps that the steepest slope of the surface proves to be free, until it is so near that it counts
+//! as arrived. It needs only heights and a bound on slopes, and takes many steps where `crossing` takes a few. It is
+//! here to count what the published methods cost with it. Its lengths are absolute, as in published code: it is for
+//! glass that is much thicker than a micrometre.
 
 use glam::DVec3;
 
@@ -21,8 +21,8 @@ const OFFSET: f64 = 1e-6;
 const MOST_STEPS: usize = 4096;
 
 impl HeightField {
-    /// As [`HeightField::first_crossing`], by sphere tracing. The point is improved by one step of Newton's method, which
-    /// leaves it on the surface to the last digits.
+    /// As [`HeightField::first_crossing`], by sphere tracing. The point is improved by one step of Newton's method,
+    /// which leaves it on the surface to the last digits.
     pub(super) fn sphere_traced(
         &self,
         base: f64,

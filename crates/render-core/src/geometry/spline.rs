@@ -103,7 +103,8 @@ pub(crate) fn bernstein_slope_weights(from: f64, to: f64) -> [[f64; 4]; 3] {
     [polar_slope_weights(from, from), polar_slope_weights(from, to), polar_slope_weights(to, to)]
 }
 
-/// For each of the two Bernstein coefficients of the curve's second derivative over `[from, to]`, the weights of the taps.
+/// For each of the two Bernstein coefficients of the curve's second derivative over `[from, to]`, the weights of the
+/// taps.
 #[inline]
 pub(crate) fn bernstein_curvature_weights(from: f64, to: f64) -> [[f64; 4]; 2] {
     let weights = curvature_weights(f64x2::new([from, to])).map(f64x2::to_array);

@@ -8,7 +8,8 @@ use glam::DVec3;
 /// Axes are taken for opposite within this angle.
 const NEARLY_OPPOSITE: f64 = 1e-4;
 
-/// Emission goes to within `emission` of a normal that is within `normals` of the axis. Angles are given by their cosines.
+/// Emission goes to within `emission` of a normal that is within `normals` of the axis. Angles are given by their
+/// cosines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmissionCone {
     /// Unit vector.
@@ -64,8 +65,8 @@ impl EmissionCone {
             + 0.5 * PI * (2.0 * theta_w * sin_o - libm::cos(theta_o - 2.0 * theta_w) - 2.0 * theta_o * sin_o + cos_o)
     }
 
-    /// Upper bound of the cosine between a normal in the cone and the direction to a point, at an angle of `cos_axis` to
-    /// the axis, from a region that is seen under `cos_region`. Zero where no light leaves towards the point.
+    /// Upper bound of the cosine between a normal in the cone and the direction to a point, at an angle of `cos_axis`
+    /// to the axis, from a region that is seen under `cos_region`. Zero where no light leaves towards the point.
     pub(super) fn largest_cosine(&self, cos_axis: f64, cos_region: f64) -> f64 {
         let sine = |cosine: f64| (1.0 - cosine * cosine).max(0.0).sqrt();
         // cos(max(0, a - b)), from cosines.

@@ -129,7 +129,8 @@ impl LightSampler {
     }
 }
 
-/// A number in [0, 1) with the places of a Sobol number, and random bits below: one number chooses at all levels of a tree.
+/// A number in [0, 1) with the places of a Sobol number, and random bits below: one number chooses at all levels of a
+/// tree.
 fn finely(stream: &mut SampleStream) -> f64 {
     /// Places of a Sobol number.
     const SOBOL_STEP: f64 = 1.0 / (1u64 << 24) as f64;

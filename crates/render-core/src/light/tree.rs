@@ -1,7 +1,8 @@
 //! A tree over the lights: it chooses one for a point of a surface, and finds those on a ray.
 //!
-//! The probability of a light is the product of the choices on its way down (Conty Estevez and Kulla 2018; pbrt-v4, section
-//! 12.6.3). Each choice is by a bound of what the lights below may bring: power, distance, and the cosines at both ends.
+//! The probability of a light is the product of the choices on its way down (Conty Estevez and Kulla 2018; pbrt-v4,
+//! section 12.6.3). Each choice is by a bound of what the lights below may bring: power, distance, and the cosines at
+//! both ends.
 
 use std::cmp::Ordering;
 
@@ -122,8 +123,8 @@ impl Cluster {
         let (first, second) = ((self.min - ray.origin) * inverse, (self.max - ray.origin) * inverse);
         let (near, far) = (first.min(second), first.max(second));
         let (enters, leaves) = (near.max_element().max(0.0), far.min_element().min(end));
-        // What cannot be told, since the ray runs in a side of the box, is told by the light itself; so is a light that is
-        // thinner than the rounding of its box.
+        // What cannot be told, since the ray runs in a side of the box, is told by the light itself; so is a light that
+        // is thinner than the rounding of its box.
         enters.partial_cmp(&(leaves * (1.0 + ROUNDING) + f64::MIN_POSITIVE)) != Some(Ordering::Greater)
             || [enters, leaves].iter().any(|distance| distance.is_nan())
     }
@@ -212,7 +213,8 @@ impl LightTree {
         probability
     }
 
-    /// Visits the lights whose boxes a ray meets before `end`, in no particular order, until one says that it is enough.
+    /// Visits the lights whose boxes a ray meets before `end`, in no particular order, until one says that it is
+    /// enough.
     pub(super) fn on_ray(&self, ray: &Ray, end: f64, visit: &mut dyn FnMut(u32) -> bool) -> bool {
         let inverse = ray.direction.recip();
         let mut open = smallvec::SmallVec::<[u32; 64]>::new();
@@ -235,8 +237,8 @@ impl LightTree {
     }
 }
 
-/// Upper bound of the cosine at which light arrives from a region that is seen under `cos_region`, whose middle is seen at
-/// `cosine`.
+/// Upper bound of the cosine at which light arrives from a region that is seen under `cos_region`, whose middle is seen
+/// at `cosine`.
 fn largest_cosine(cosine: f64, cos_region: f64) -> f64 {
     if cosine >= cos_region {
         return 1.0;

@@ -16,7 +16,8 @@ const SRGB_OF_HALF: f64 = 0.2140;
 /// Programs round, and use 2.2 for the curve of sRGB.
 const TOLERANCE: f64 = 0.02;
 
-/// Checks what a PNG file says of its colours; of a grey one, of its brightness. `profile` is its colour profile, if any.
+/// Checks what a PNG file says of its colours; of a grey one, of its brightness. `profile` is its colour profile, if
+/// any.
 pub(crate) fn check(png: &[u8], profile: Option<&[u8]>, is_grey: bool) -> Result<(), AssetProblem> {
     let refuse = |found: String| {
         Err(AssetProblem::malformed(format_args!(

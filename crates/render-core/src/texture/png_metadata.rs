@@ -1,5 +1,5 @@
-//! What a PNG file holds before its pixels, and how much memory that takes to read. Chunks may be compressed, so a file of a few megabytes can
-//! hold a colour profile of gigabytes.
+//! What a PNG file holds before its pixels, and how much memory that takes to read. Chunks may be compressed, so a file
+//! of a few megabytes can hold a colour profile of gigabytes.
 
 use std::io::Cursor;
 
@@ -14,15 +14,16 @@ const MAX_PROFILE_BYTES: u64 = 4 << 20;
 /// A byte of compressed data becomes no more bytes than this.
 const MOST_INFLATED: u64 = 1032;
 
-/// What precedes and follows a colour profile in the smallest PNG file: the signature and a header of one grey pixel, and the first byte of pixels.
+/// What precedes and follows a colour profile in the smallest PNG file: the signature and a header of one grey pixel,
+/// and the first byte of pixels.
 const BEFORE_PROFILE: &[u8] = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR\0\0\0\x01\0\0\0\x01\x08\0\0\0\0\x3a\x7e\x9b\x55";
 const AFTER_PROFILE: &[u8] = b"\0\0\0\x01IDAT\0";
 
 /// Bytes that decoders take for themselves.
 const DECODER_BYTES: u64 = 64 << 10;
 
-/// Copies of a byte of metadata and of a byte of a profile that are there at once: arrays that grow are twice as large as what is in them, and while
-/// they move there is also what they were.
+/// Copies of a byte of metadata and of a byte of a profile that are there at once: arrays that grow are twice as large
+/// as what is in them, and while they move there is also what they were.
 const METADATA_COPIES: u64 = 6;
 const PROFILE_COPIES: u64 = 4;
 
@@ -77,7 +78,8 @@ pub(crate) fn number(bytes: &[u8], place: usize) -> Option<u32> {
     bytes.get(place..)?.first_chunk().map(|bytes| u32::from_be_bytes(*bytes))
 }
 
-/// The colour profile of a PNG file, if it has one that can be read. After this, the whole file can be decoded without a limit to its profile.
+/// The colour profile of a PNG file, if it has one that can be read. After this, the whole file can be decoded without
+/// a limit to its profile.
 ///
 /// # Errors
 ///
@@ -94,7 +96,8 @@ pub(crate) fn profile(png: &[u8]) -> Result<Option<Vec<u8>>, AssetProblem> {
     if longest > MAX_PROFILE_BYTES {
         return Err(refused());
     }
-    // The decoder has one limit for all that it reads, and no error for a profile that goes beyond. So it reads the profile by itself.
+    // The decoder has one limit for all that it reads, and no error for a profile that goes beyond. So it reads the
+    // profile by itself.
     let mut file = BEFORE_PROFILE.to_vec();
     chunks().for_each(|chunk| file.extend(chunk.whole));
     file.extend(AFTER_PROFILE);
@@ -123,7 +126,8 @@ fn is_profile(chunk: &Chunk<'_>) -> bool {
     chunk.name == *b"iCCP"
 }
 
-/// Compressed bytes of the longest profile; the first one need not be the one that is read, as its checksum may be wrong.
+/// Compressed bytes of the longest profile; the first one need not be the one that is read, as its checksum may be
+/// wrong.
 fn longest_profile(png: &[u8]) -> Option<u64> {
     Chunks::of(png).filter(is_profile).map(|chunk| chunk.content.len() as u64).max()
 }

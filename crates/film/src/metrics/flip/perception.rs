@@ -20,8 +20,8 @@ const SCREEN_PIXELS: f64 = 3840.0;
 /// Pixels in a degree of what the eye sees, 67.02: `p`.
 pub(super) const PIXELS_PER_DEGREE: f64 = VIEWING_DISTANCE * SCREEN_PIXELS / SCREEN_WIDTH * PI / 180.0;
 
-/// How finely the eye resolves lightness: the filter is `exp(-pi^2 x^2 / b)` over x degrees, with this b, in square degrees. (Its Fourier
-/// transform is the sensitivity to contrast.)
+/// How finely the eye resolves lightness: the filter is `exp(-pi^2 x^2 / b)` over x degrees, with this b, in square
+/// degrees. (Its Fourier transform is the sensitivity to contrast.)
 pub(super) const LIGHTNESS_SPREAD: f64 = 0.0047;
 
 /// The same for red against green.
@@ -30,10 +30,12 @@ pub(super) const RED_GREEN_SPREAD: f64 = 0.0053;
 /// The same for blue against yellow: the sum of `a sqrt(pi / b) exp(-pi^2 x^2 / b)` over these pairs of a and b.
 pub(super) const BLUE_YELLOW: [(f64, f64); 2] = [(34.1, 0.04), (13.5, 0.025)];
 
-/// Degrees from the peak to the trough of the filter with which the eye finds edges, two of its standard deviations: `w`.
+/// Degrees from the peak to the trough of the filter with which the eye finds edges, two of its standard deviations:
+/// `w`.
 pub(super) const EDGE_WIDTH: f64 = 0.082;
 
-/// How far the filters for color reach, in pixels: three standard deviations, `sqrt(b / (2 pi^2))` degrees, of the widest, rounded up.
+/// How far the filters for color reach, in pixels: three standard deviations, `sqrt(b / (2 pi^2))` degrees, of the
+/// widest, rounded up.
 pub(super) const RADIUS: usize = 10;
 
 /// How far the filters for edges and points reach, in pixels: three standard deviations, rounded up.
@@ -47,7 +49,8 @@ type Kernel = [f64; TAPS];
 /// Beyond this, every curve shows white; below, none overflows.
 const BRIGHTEST: f64 = 1e6;
 
-/// Linear Rec. 709 to CIE XYZ, in rows, each with a scale of its own. White is D65, the sum of a row, and values are taken relative to it.
+/// Linear Rec. 709 to CIE XYZ, in rows, each with a scale of its own. White is D65, the sum of a row, and values are
+/// taken relative to it.
 const TRISTIMULUS: [[f64; 3]; 3] = [
     [10_135_552.0, 8_788_810.0, 4_435_075.0],
     [2_613_072.0, 8_788_810.0, 887_015.0],
@@ -181,9 +184,9 @@ impl Observer {
 
     /// Y, X - Y and Y - Z of a pixel, relative to white.
     ///
-    /// The color space of the paper, YyCxCz, has them as `116 Y - 16`, `500 (X - Y)` and `200 (Y - Z)`. Filters whose weights sum to 1
-    /// keep such factors and offsets, and they are taken out again afterwards; so is the paper's `(Yy + 16) / 116`, in which it looks
-    /// for edges and points.
+    /// The color space of the paper, YyCxCz, has them as `116 Y - 16`, `500 (X - Y)` and `200 (Y - Z)`. Filters whose
+    /// weights sum to 1 keep such factors and offsets, and they are taken out again afterwards; so is the paper's
+    /// `(Yy + 16) / 116`, in which it looks for edges and points.
     fn opponents(&self, pixel: [f32; 3]) -> [f64; 3] {
         let [x, y, z] = (self.tristimulus * DVec3::from_array(pixel.map(|radiance| self.shown(radiance)))).to_array();
         [y, x - y, y - z]
@@ -257,7 +260,8 @@ fn tristimulus() -> DMat3 {
     DMat3::from_cols_array_2d(&rows).transpose()
 }
 
-/// A color of the screen, linear Rec. 709 from 0 to 1, as the eye sees it where nothing else is: see [`Perceived::color`].
+/// A color of the screen, linear Rec. 709 from 0 to 1, as the eye sees it where nothing else is: see
+/// [`Perceived::color`].
 pub(super) fn perceived_color(linear: [f64; 3]) -> [f64; 3] {
     adjusted_lab(tristimulus() * DVec3::from_array(linear))
 }

@@ -34,8 +34,8 @@ fn identical_images_do_not_differ() {
 
 #[test]
 fn black_against_white_is_almost_the_largest_difference() {
-    // L* differs by 100. Green and blue, (87.7, -75.6, 73.0) and (32.3, 25.6, -34.8) with the Hunt effect, are 203.3 apart. There are no
-    // edges; so 0.95 + 0.05 ((100 / 203.3)^0.7 - 0.4) / 0.6 = 0.9674.
+    // L* differs by 100. Green and blue, (87.7, -75.6, 73.0) and (32.3, 25.6, -34.8) with the Hunt effect, are 203.3
+    // apart. There are no edges; so 0.95 + 0.05 ((100 / 203.3)^0.7 - 0.4) / 0.6 = 0.9674.
     let found = flip(30, &[[0.0; 3]; 900], &[[1.0; 3]; 900]);
     assert!((found - 0.9674).abs() < 1e-4, "{found}");
     // The farthest colors that there are.

@@ -1,4 +1,5 @@
-//! Hits are those of brute force, whatever the size and the order of things, and rays do not find again what they leave.
+//! Hits are those of brute force, whatever the size and the order of things, and rays do not find again what they
+//! leave.
 
 use super::*;
 use crate::geometry::testing::{Glass, fixed_seed};

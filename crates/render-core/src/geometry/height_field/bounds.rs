@@ -1,5 +1,5 @@
-//! Between which values a height field and its derivatives lie over a rectangle, by the Bernstein coefficients of whole cells'
-//! polynomials in a min-max pyramid. `shape` has bounds that get as narrow as the rectangle does.
+//! Between which values a height field and its derivatives lie over a rectangle, by the Bernstein coefficients of whole
+//! cells' polynomials in a min-max pyramid. `shape` has bounds that get as narrow as the rectangle does.
 
 use glam::DVec2;
 
@@ -14,7 +14,8 @@ use crate::geometry::{
 /// enters it: sums of 16 products of weights with an error of a few units in the last place each.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 
-/// Bounds of a height field and of its derivatives over a region; the units are those of [`SurfaceJet`](super::SurfaceJet).
+/// Bounds of a height field and of its derivatives over a region; the units are those of
+/// [`SurfaceJet`](super::SurfaceJet).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct JetBounds {
     /// Of h.
@@ -26,8 +27,8 @@ pub struct JetBounds {
 }
 
 impl HeightField {
-    /// Bounds over `rect`: every evaluation inside gives values between them. A rectangle inside another never has wider
-    /// bounds; those of an empty one are empty.
+    /// Bounds over `rect`: every evaluation inside gives values between them. A rectangle inside another never has
+    /// wider bounds; those of an empty one are empty.
     #[inline]
     pub fn bounds(&self, rect: &Rect) -> JetBounds {
         if rect.is_empty() {
@@ -53,7 +54,8 @@ impl HeightField {
         &self.all
     }
 
-    /// The cells that a rectangle touches. Conservative because [`Self::cell_coordinates`] is monotone, also as rounded.
+    /// The cells that a rectangle touches. Conservative because [`Self::cell_coordinates`] is monotone, also as
+    /// rounded.
     #[inline(always)]
     pub(super) fn cells(&self, rect: &Rect) -> CellRange {
         let cell = |p| cell_of(self.clamped(self.cell_coordinates(p))).map(|i| i as usize);

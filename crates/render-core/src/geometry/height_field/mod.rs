@@ -1,12 +1,13 @@
 //! The displacement of one face of a pane: a uniform cubic tensor-product B-spline over a grid of heights.
 //!
-//! The grid values are the spline's *coefficients*: the surface approximates them and is C2 everywhere. Value (i, j) sits
-//! at `u = (i + 1/2) / columns`, `v = (j + 1/2) / rows`, where `u = x / width + 1/2` and `v = y / height + 1/2` run over the
-//! outline from 0 to 1; row 0 is at the smallest v. Beyond the grid the outermost values repeat, so the surface goes on
-//! smoothly past the outline and becomes constant two values further out.
+//! The grid values are the spline's *coefficients*: the surface approximates them and is C2 everywhere. Value (i, j)
+//! sits at `u = (i + 1/2) / columns`, `v = (j + 1/2) / rows`, where `u = x / width + 1/2` and `v = y / height + 1/2`
+//! run over the outline from 0 to 1; row 0 is at the smallest v. Beyond the grid the outermost values repeat, so the
+//! surface goes on smoothly past the outline and becomes constant two values further out.
 //!
-//! A *cell* is the square between four neighbouring values, on which the surface is one bicubic polynomial. `bounds` says
-//! between which values the surface lies over a rectangle, and `shape` does so for four rectangles that may be small.
+//! A *cell* is the square between four neighbouring values, on which the surface is one bicubic polynomial. `bounds`
+//! says between which values the surface lies over a rectangle, and `shape` does so for four rectangles that may be
+//! small.
 
 mod bounds;
 mod shape;
@@ -256,7 +257,8 @@ impl HeightField {
         patch(&self.coefficients, self.stride, cell)
     }
 
-    /// Cell coordinates, moved to the nearest place where there are coefficients: the surface is constant from there on.
+    /// Cell coordinates, moved to the nearest place where there are coefficients: the surface is constant from there
+    /// on.
     #[inline(always)]
     fn clamped(&self, a: DVec2) -> DVec2 {
         dvec2(a.x.max(0.0).min(self.end.x), a.y.max(0.0).min(self.end.y))
@@ -487,7 +489,8 @@ mod tests {
             let field = rough(COLUMNS, ROWS, 1.0, SIZE);
             let jet = field.jet(p);
             let cell = field.cell_size();
-            // Steps of 1e-4 cells: truncation 1e-8 / 6 of the third derivative (below 8 per cell), rounding 1e-16 / 1e-4.
+            // Steps of 1e-4 cells: truncation 1e-8 / 6 of the third derivative (below 8 per cell), rounding 1e-16 /
+            // 1e-4.
             let step = 1e-4;
             let tolerance = 1.5e-8;
             for (axis, direction) in [dvec2(cell.x, 0.0), dvec2(0.0, cell.y)].into_iter().enumerate() {

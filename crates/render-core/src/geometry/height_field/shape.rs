@@ -1,5 +1,5 @@
-//! Slopes and curvatures of a height field over four rectangles at once: at the middle, and how far they may be from that
-//! elsewhere, by the Taylor polynomial about the middle with the cells' third derivatives as remainder.
+//! Slopes and curvatures of a height field over four rectangles at once: at the middle, and how far they may be from
+//! that elsewhere, by the Taylor polynomial about the middle with the cells' third derivatives as remainder.
 
 use glam::DVec2;
 
@@ -14,8 +14,8 @@ use crate::geometry::{
 };
 use crate::lanes::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask};
 
-/// Over rectangles with larger half sides, in cells, the Taylor polynomial's remainder is wider than the hull of the cells.
-/// Smaller ones touch no cell more than two columns and rows from that of their middle.
+/// Over rectangles with larger half sides, in cells, the Taylor polynomial's remainder is wider than the hull of the
+/// cells. Smaller ones touch no cell more than two columns and rows from that of their middle.
 const MOST_CELLS: f64 = 2.0;
 
 /// By how much sums of radii are enlarged against their own rounding, relative.
@@ -40,8 +40,8 @@ pub(crate) struct FacePoints<S> {
     pub(crate) gradient: Lanes2<S>,
 }
 
-/// Bounds of a height field's first and second derivatives over four regions, as middles and largest distances from them; the
-/// units are those of [`SurfaceJet`](super::SurfaceJet).
+/// Bounds of a height field's first and second derivatives over four regions, as middles and largest distances from
+/// them; the units are those of [`SurfaceJet`](super::SurfaceJet).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ShapeBounds<S> {
     /// Of dh/dx and dh/dy.
@@ -130,8 +130,8 @@ impl<S: Instructions> ShapeBounds<S> {
 }
 
 impl HeightField {
-    /// Bounds over four rectangles, of which the `live` ones must not be empty, of the first and second derivatives. Those of
-    /// [`Self::bounds`] are over whole cells; these get as narrow as the rectangle does. Along a curve in a
+    /// Bounds over four rectangles, of which the `live` ones must not be empty, of the first and second derivatives.
+    /// Those of [`Self::bounds`] are over whole cells; these get as narrow as the rectangle does. Along a curve in a
     /// rectangle that is on average within `reach` of its middle, coordinate by coordinate, the means of the second
     /// derivatives are bounded by `mean_radius`.
     #[inline(always)]
@@ -290,8 +290,8 @@ fn dot<S: Instructions>(taps: &[Lanes<S>; 4], weights: &[Lanes<S>; 4]) -> Lanes<
     (taps[0] * weights[0] + taps[1] * weights[1]) + (taps[2] * weights[2] + taps[3] * weights[3])
 }
 
-/// The largest magnitudes of the third derivatives xxx, xxy, xyy and yyy by the cell coordinates around each cell: over it
-/// and the 8 cells around it, and over it and the 24 cells around it.
+/// The largest magnitudes of the third derivatives xxx, xxy, xyy and yyy by the cell coordinates around each cell: over
+/// it and the 8 cells around it, and over it and the 24 cells around it.
 #[derive(Clone, Debug)]
 pub(super) struct ThirdDerivatives {
     columns: usize,
