@@ -62,7 +62,8 @@ impl fmt::Display for UnexpectedAnswer {
         }
         match (&self.proxy, &self.location) {
             _ if self.is_too_large() => formatter.write_str(
-                "; a proxy in between refuses a body of this size: raise its limit, which nginx calls client_max_body_size",
+                "; a proxy in between refuses a body of this size: raise its limit, which nginx calls \
+                 client_max_body_size",
             ),
             (Some(proxy), _) => write!(formatter, "; it came through the proxy {proxy}"),
             (None, Some(location)) => match coordinator_at(location) {

@@ -442,7 +442,7 @@ mod tests {
 
     #[tokio::test]
     async fn a_slow_line_and_a_busy_server_pass_and_a_wrong_request_does_not() {
-        let problem = "{\"type\":\"about:blank\",\"title\":\"slow\",\"status\":408,\"detail\":\"slow\",\"code\":\"body_too_slow\"}";
+        let problem = r#"{"type":"about:blank","title":"slow","status":408,"detail":"slow","code":"body_too_slow"}"#;
         for (answer, passes) in [
             (answer("408 Request Timeout", &[], ""), true),
             (answer("429 Too Many Requests", &[], ""), true),

@@ -20,7 +20,8 @@ pub enum ClientError {
     },
     /// The token has characters that no header can carry.
     #[error(
-        "the token has characters other than visible ASCII: expected something like the output of `openssl rand -hex 32`"
+        "the token has characters other than visible ASCII: expected something like the output of \
+         `openssl rand -hex 32`"
     )]
     InvalidToken,
     /// The address has a name and a password, and there is a token too.

@@ -51,7 +51,10 @@ impl ClosedRoom {
     ///
     /// When the scene is not valid.
     pub fn build(&self, samples: u32) -> Scene {
-        let relief = |wavelength: f64, seed: u32| json!({"hammered": {"wavelength": wavelength, "amplitude": 1.2e-4, "seed": seed}});
+        let relief = |wavelength: f64, seed: u32| {
+            let hammered = json!({"wavelength": wavelength, "amplitude": 1.2e-4, "seed": seed});
+            json!({"hammered": hammered})
+        };
         let upright = pane("before the camera", [-0.4, -0.2, 0.72], [0.8, 0.7], 0.01, [relief(0.4, 1), relief(0.5, 2)]);
         let mut lying = pane("below the light", [0.1, 0.3, 0.0], [1.5, 1.2], 0.01, [relief(0.5, 3), relief(0.4, 4)]);
         lying["y_axis"] = json!([0, 0.1, -1]);

@@ -98,7 +98,8 @@ mod tests {
         let line = |workers: u32| {
             json!({
                 "workers": workers, "tile_size": 16, "sustained_per_second": 2000.4, "lost_nodes": 0,
-                "refused_nodes": 1, "late_nodes_under_load": 2, "claim": {"count": 0, "p50_ms": 0.0}, "upload": {"count": 3, "p99_ms": 4.25}
+                "refused_nodes": 1, "late_nodes_under_load": 2, "claim": {"count": 0, "p50_ms": 0.0},
+                "upload": {"count": 3, "p99_ms": 4.25}
             })
         };
         let machine = json!({"build": "0.1.0+abc", "processor": "a processor", "cores": 2});

@@ -100,7 +100,8 @@ impl PaneScene {
             "path_filter": self.filter,
             "materials": {"white": {"diffuse": {"reflectance": {"colour": [1, 1, 1]}}}},
             "meshes": [{"name": "receiver", "material": "white", "source": {"inline": {
-                "positions": [[-reach, -reach, depth], [reach, -reach, depth], [reach, reach, depth], [-reach, reach, depth]],
+                "positions": [
+                    [-reach, -reach, depth], [reach, -reach, depth], [reach, reach, depth], [-reach, reach, depth]],
                 "triangles": [[0, 1, 2], [0, 2, 3]]}}}],
             "panes": self.panes,
             "lights": self.lights,

@@ -78,7 +78,9 @@ async function json(method, path) {
   throw new ApiError({
     status: response.status,
     title: 'Not a coordinator',
-    detail: `the answer does not come from a Clerestory coordinator: status ${response.status}, ${type}; a proxy or a login page may be in between`,
+    detail:
+      `the answer does not come from a Clerestory coordinator: status ${response.status}, ${type}; ` +
+      'a proxy or a login page may be in between',
   });
 }
 

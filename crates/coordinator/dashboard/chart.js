@@ -7,8 +7,8 @@ const HEIGHT = 340;
 /**
  * Draws curves into `element`.
  *
- * `curves` are { label, colour, dash?, points?, format }: `colour` is the name of a custom property of the style sheet. `xAxis` is
- * { label, format }. Data are given by `show`.
+ * `curves` are { label, colour, dash?, points?, format }: `colour` is the name of a custom property of the style sheet.
+ * `xAxis` is { label, format }. Data are given by `show`.
  */
 export class LogLogChart {
   #plot;

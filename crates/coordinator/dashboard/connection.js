@@ -2,8 +2,8 @@
 //
 // A connection begins with one ordinary request, because an EventSource cannot tell a wrong token from a missing
 // coordinator; after it the event stream carries everything. Where something on the way holds the stream back, the page
-// asks every few seconds instead. A hidden page lets go of its stream (browsers allow six connections to a host, over all
-// tabs) and only looks in from time to time, for the progress in its title.
+// asks every few seconds instead. A hidden page closes its stream, because browsers allow six connections to a host
+// over all tabs. It asks from time to time, for the progress in its title.
 
 import * as api from './api.js';
 

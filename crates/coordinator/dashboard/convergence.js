@@ -56,7 +56,8 @@ export function Convergence({ job, entry, isReachable }) {
         ? html`<p class="card empty">${emptyText(job, isReachable)}</p>`
         : html`
             <div class="card">
-              <${Chart} key=${`${abscissa} ${hasReference}`} points=${points} curves=${curves} target=${target} abscissa=${ABSCISSAS[abscissa]} />
+              <${Chart} key=${`${abscissa} ${hasReference}`} points=${points} curves=${curves} target=${target}
+                abscissa=${ABSCISSAS[abscissa]} />
             </div>
             <${RoundTable} points=${points} hasReference=${hasReference} />`}
     </section>`;
@@ -69,13 +70,18 @@ function emptyText(job, isReachable) {
 
 function explanation(hasReference) {
   return hasReference
-    ? 'Error against the reference at each complete round; “corrected” takes off the reference’s own noise. relMSE weighs dark pixels most, so it can rise when a bright sample arrives. The thin line falls as 1/N, as unbiased sampling does.'
-    : 'The job has no reference, so this is the error that the image’s own block means tell, from two blocks on (512 samples a pixel, unless the scene says otherwise). Submit with --reference IMAGE.exr to measure it against ground truth. The thin line falls as 1/N, as unbiased sampling does.';
+    ? 'Error against the reference at each complete round; “corrected” takes off the reference’s own noise. relMSE ' +
+        'weighs dark pixels most, so it can rise when a bright sample arrives. The thin line falls as 1/N, as ' +
+        'unbiased sampling does.'
+    : 'The job has no reference, so this is the error that the image’s own block means tell, from two blocks on (512 ' +
+        'samples a pixel, unless the scene says otherwise). Submit with --reference IMAGE.exr to measure it against ' +
+        'ground truth. The thin line falls as 1/N, as unbiased sampling does.';
 }
 
 const explanationOfTarget = (hasReference, target) =>
   hasReference
-    ? `The job ends at the first round whose error, corrected where the reference has a standard error, is at most ${errorValue(target)}.`
+    ? 'The job ends at the first round whose error, corrected where the reference has a standard error, is at most ' +
+        `${errorValue(target)}.`
     : `The job ends at the first round, from four blocks of samples on, whose error is at most ${errorValue(target)}.`;
 
 const AbscissaChoice = ({ value, onChange }) => html`
@@ -111,7 +117,8 @@ function Chart({ points, curves, target, abscissa }) {
   useEffect(() => chart.current?.resize(width), [width]);
   useEffect(() => chart.current?.show(chartData(points, curves, target, abscissa)), [points, hasWidth]);
 
-  return html`<div class="chart" ref=${box} role="img" aria-label=${summary(points, curves)} data-points=${points.length}></div>`;
+  return html`
+    <div class="chart" ref=${box} role="img" aria-label=${summary(points, curves)} data-points=${points.length}></div>`;
 }
 
 function chartData(points, curves, target, abscissa) {

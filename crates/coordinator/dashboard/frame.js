@@ -30,7 +30,8 @@ export function Frame({ job, view, onView, isReachable }) {
         aria-label="The frame; scrolls when zoomed" onPointerDown=${startPan}>
         ${address
           ? html`<img id="frame" class=${scale >= PIXELATED_FROM ? 'pixelated' : ''} src=${address} style=${size}
-              decoding="sync" draggable=${false} alt=${`${job.name}, ${job.width} by ${job.height} pixels, as rendered so far`} />`
+              decoding="sync" draggable=${false}
+              alt=${`${job.name}, ${job.width} by ${job.height} pixels, as rendered so far`} />`
           : html`<div class="no-image" style=${size}><p>${waitingText(job, problem, isReachable)}</p></div>`}
       </div>
       ${problem && problem.code !== 'no_image_yet' && problem.status !== 0 && html`
@@ -44,10 +45,12 @@ function Controls({ view, onView }) {
     <div class="controls" role="group" aria-label="How the frame is shown">
       <div class="exposure">
         <label for="exposure">Exposure</label>
-        <input id="exposure" type="range" min=${-EXPOSURE_LIMIT} max=${EXPOSURE_LIMIT} step="0.25" value=${view.exposure === AUTO ? 0 : view.exposure}
-          aria-valuetext=${exposureText(view.exposure)} onInput=${(event) => onView({ ...view, exposure: Number(event.target.value) })} />
+        <input id="exposure" type="range" min=${-EXPOSURE_LIMIT} max=${EXPOSURE_LIMIT} step="0.25"
+          value=${view.exposure === AUTO ? 0 : view.exposure} aria-valuetext=${exposureText(view.exposure)}
+          onInput=${(event) => onView({ ...view, exposure: Number(event.target.value) })} />
         <output for="exposure">${exposureText(view.exposure)}</output>
-        <button type="button" disabled=${view.exposure === AUTO} onClick=${() => onView({ ...view, exposure: AUTO })}>Auto</button>
+        <button type="button" disabled=${view.exposure === AUTO}
+          onClick=${() => onView({ ...view, exposure: AUTO })}>Auto</button>
       </div>
       <div>
         <label for="curve">Tone curve</label>
@@ -58,7 +61,8 @@ function Controls({ view, onView }) {
       </div>
       <div>
         <label for="zoom">Zoom</label>
-        <select id="zoom" value=${view.zoom} onChange=${(event) => onView({ ...view, zoom: zoomOf(event.target.value) })}>
+        <select id="zoom" value=${view.zoom}
+          onChange=${(event) => onView({ ...view, zoom: zoomOf(event.target.value) })}>
           ${ZOOMS.map((zoom) => html`<option value=${zoom}>${zoom === FIT ? 'fit' : `${zoom * 100} %`}</option>`)}
         </select>
       </div>

@@ -15,7 +15,8 @@ const CONNECTION_WORDS = {
 };
 
 const CONNECTION_NOTES = {
-  [Connection.POLLING]: 'Something between this page and the coordinator holds its events back, so the page asks every few seconds.',
+  [Connection.POLLING]:
+    'Something between this page and the coordinator holds its events back, so the page asks every few seconds.',
 };
 
 /** The banner with the farm's status and the state of the connection. */
@@ -42,7 +43,8 @@ export function OfflineNotice({ farm }) {
         <strong>The coordinator is out of reach.</strong> Workers go on rendering and keep their results until it is
         back. This page tries again by itself.${asOf && html` What you see is as of <time>${asOf}</time>.`}
       </p>
-      ${farm.connectionProblem && farm.connectionProblem.status !== 0 && html`<${ProblemText} problem=${farm.connectionProblem} />`}
+      ${farm.connectionProblem && farm.connectionProblem.status !== 0 && html`
+        <${ProblemText} problem=${farm.connectionProblem} />`}
       <button type="button" onClick=${connect}>Try now</button>
     </section>`;
 }

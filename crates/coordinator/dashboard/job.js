@@ -72,12 +72,12 @@ function Hold({ job, isReachable }) {
 function Facts({ job }) {
   const facts = [
     [job.finished_ms ? 'took' : 'time left', timeLeft(job)],
-    ['samples a pixel', html`<span class="samples">${mean(samplesInPixel(job))} ${limits(job) || `of ${mean(totalInPixel(job))}`}</span>`],
+    ['samples a pixel', html`<span class="samples">${samplesText(job)}</span>`],
     ...(job.adaptive ? [['passes', html`<span class="sharing">shared out by noise</span>`]] : []),
     ...(job.stopped_by ? [['ended by', html`<span class="reason">${reason(job)}</span>`]] : []),
     ['rate', job.state === 'running' ? rate(job.samples_per_second) : '–'],
     ['core time', duration(job.core_ms)],
-    ...(job.redone_nodes > 0 ? [['rendered again', `${counted(job.redone_nodes, 'node')} that were wrong, lost or damaged`]] : []),
+    ...(job.redone_nodes > 0 ? [['rendered again', redoneText(job)]] : []),
     ['rounds', job.rounds],
     ['size', `${job.width} × ${job.height}, ${counted(job.tiles, 'tile')}`],
     ['integrator', job.integrator],
@@ -90,6 +90,10 @@ function Facts({ job }) {
       <div><dt>scene</dt><dd><code class="hash" title=${job.scene_hash}>${job.scene_hash.slice(0, 12)}</code></dd></div>
     </dl>`;
 }
+
+const samplesText = (job) => `${mean(samplesInPixel(job))} ${limits(job) || `of ${mean(totalInPixel(job))}`}`;
+
+const redoneText = (job) => `${counted(job.redone_nodes, 'node')} that were wrong, lost or damaged`;
 
 const mean = (samples) => (Number.isInteger(samples) ? samples : samples.toFixed(1));
 
@@ -104,7 +108,8 @@ function Actions({ job, view, isReachable }) {
         <a class="button" href=${exrAddress(job.id)} download=${`${file}.exr`}>Download EXR</a>
         <a class="button" href=${previewAddress(job.id, view)} download=${`${file}.png`}>Download PNG</a>`}
       ${!isFinal && html`
-        <button type="button" class="danger" disabled=${!isReachable} onClick=${() => setIsAsking(true)}>Cancel job …</button>`}
+        <button type="button" class="danger" disabled=${!isReachable}
+          onClick=${() => setIsAsking(true)}>Cancel job …</button>`}
       ${isAsking && html`<${CancelDialog} job=${job} onClose=${() => setIsAsking(false)} />`}
     </div>`;
 }
@@ -127,7 +132,8 @@ function LightList({ id, heading, texts }) {
 
 /** Who builds the scene, while nothing of the job has come. */
 function Building({ job, workers }) {
-  const builders = [...workers.values()].filter((worker) => worker.building?.job === job.id && worker.state !== 'silent');
+  const isBuilder = (worker) => worker.building?.job === job.id && worker.state !== 'silent';
+  const builders = [...workers.values()].filter(isBuilder);
   if (job.samples > 0 || builders.length === 0) return null;
   const who = builders.length === 1 ? `${builders[0].name} builds` : `${builders.length} workers build`;
   return html`<p class="quiet">${who} the scene.</p>`;
@@ -135,6 +141,11 @@ function Building({ job, workers }) {
 
 // Screen readers hear every tenth of the way, and how it ended.
 function Announcement({ job }) {
-  const text = job.hold ? 'Job held' : job.state === 'running' ? `Rendering, ${percent(Math.floor(job.progress * 10) / 10)} done` : `Job ${job.state}`;
-  return html`<p class="visually-hidden" role="status">${text}</p>`;
+  return html`<p class="visually-hidden" role="status">${announcementText(job)}</p>`;
+}
+
+function announcementText(job) {
+  if (job.hold) return 'Job held';
+  if (job.state !== 'running') return `Job ${job.state}`;
+  return `Rendering, ${percent(Math.floor(job.progress * 10) / 10)} done`;
 }

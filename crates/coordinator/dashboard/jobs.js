@@ -23,7 +23,9 @@ export function JobState({ job }) {
 /** How far a job is. */
 export const JobProgress = ({ job, label = `Progress of ${job.name}` }) => html`
   <span class="progress">
-    <progress max="1" value=${job.progress} data-state=${job.state} aria-label=${label}>${percent(job.progress)}</progress>
+    <progress max="1" value=${job.progress} data-state=${job.state} aria-label=${label}>
+      ${percent(job.progress)}
+    </progress>
     <span class="percent" aria-hidden="true">${percent(job.progress)}</span>
   </span>`;
 
@@ -46,7 +48,7 @@ function JobRow({ job, now }) {
       <div class="job-name">
         <h3><a href=${`#/jobs/${job.id}`}>${job.name}</a></h3>
         <p class="quiet">
-          ${job.width} × ${job.height} · ${job.integrator} · ${limits(job) || `${counted(job.passes * job.samples_per_pass, 'sample')} a pixel`}
+          ${job.width} × ${job.height} · ${job.integrator} · ${limits(job) || samplesText(job)}
         </p>
       </div>
       <${JobState} job=${job} />
@@ -62,6 +64,8 @@ function JobRow({ job, now }) {
     </li>`;
 }
 
+const samplesText = (job) => `${counted(job.passes * job.samples_per_pass, 'sample')} a pixel`;
+
 /** What is left of a job, or what it took. */
 export function timeLeft(job) {
   if (job.finished_ms) return duration(job.finished_ms - (job.started_ms ?? job.finished_ms));
@@ -72,6 +76,11 @@ const NoJobs = () => html`
   <div class="card empty">
     <p><strong>Nothing has been submitted yet.</strong> Submit a scene from a terminal:</p>
     <pre><code>clerestory submit scenes/references/crown-point.json --coordinator ${location.origin}</code></pre>
-    <p class="quiet">If this farm has a token, put it in the environment variable <code>CLERESTORY_TOKEN</code> first.</p>
-    <p class="quiet">Add <code>--reference scenes/references/crown-point-reference.exr</code> to see the error against ground truth fall.</p>
+    <p class="quiet">
+      If this farm has a token, put it in the environment variable <code>CLERESTORY_TOKEN</code> first.
+    </p>
+    <p class="quiet">
+      Add <code>--reference scenes/references/crown-point-reference.exr</code> to see the error against ground truth
+      fall.
+    </p>
   </div>`;

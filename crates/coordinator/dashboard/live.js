@@ -1,10 +1,11 @@
-// The error of a job between its rounds: what the series will say at the next one is not known yet, but what is there can be measured.
+// The error of a job between its rounds. The next point of the series is not known yet, but the present image can be
+// measured.
 
 import { html, useEffect, useState } from './vendor/htm-preact.js';
 import * as api from './api.js';
 import { errorValue, percent } from './format.js';
 
-// The coordinator measures no more often than that.
+// The coordinator measures at most once in this time.
 const PERIOD_MS = 1000;
 
 /** The live error of `job`, while it is rendered. */

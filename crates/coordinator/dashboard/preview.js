@@ -3,7 +3,8 @@
 import { useEffect, useRef, useState } from './vendor/htm-preact.js';
 import * as api from './api.js';
 
-// From one request to the next at least: a little more than what the coordinator lets pass before it makes another image, so that few are fetched twice.
+// Shortest time between two requests. It is a little longer than the coordinator waits before it makes another image,
+// so that few images are fetched twice.
 const PERIOD_MS = 300;
 
 /**

@@ -9,7 +9,7 @@ const REASONS = {
   estimated_mse: 'its target estimated MSE',
 };
 
-/** What ends `job`, whichever comes first, before the number of samples that stands for as many as that takes; or nothing. */
+/** What may end `job` before all of its samples are rendered, or nothing. */
 export const limits = (job) =>
   [
     job.target_mse && `to MSE ${errorValue(job.target_mse)}`,
@@ -19,7 +19,7 @@ export const limits = (job) =>
     .filter(Boolean)
     .join(' or ');
 
-/** Samples in a pixel when all of a job is rendered; of an adaptive job, the mean with the pilot, as in `samplesInPixel`. */
+/** Samples in a pixel when all of a job is rendered. For an adaptive job, the mean, with the pilot. */
 export const totalInPixel = (job) => job.total_samples / pixels(job);
 
 const pixels = (job) => job.width * job.height * job.frames;
@@ -27,8 +27,10 @@ const pixels = (job) => job.width * job.height * job.frames;
 /** What ended a job. */
 export const reason = (job) => REASONS[job.stopped_by] ?? job.stopped_by;
 
-/** Samples in a pixel of the image: what was rendered beyond the round that a target ended is not in it. Of an adaptive job, those of the noisiest tile at
- * that round, or else the mean with the pilot. */
+/**
+ * Samples in a pixel of the image. Samples beyond the round that a target ended do not count. For an adaptive job:
+ * those of the noisiest tile at that round, or else the mean with the pilot.
+ */
 export function samplesInPixel(job) {
   const isCutOff = job.stopped_by === 'mse' || job.stopped_by === 'estimated_mse';
   return isCutOff ? job.complete_passes * job.samples_per_pass : job.samples / pixels(job);

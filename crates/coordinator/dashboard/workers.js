@@ -29,7 +29,8 @@ export function WorkerTable({ farm }) {
               </tr>
             </thead>
             <tbody>
-              ${workers.map((worker) => html`<${WorkerRow} key=${worker.id} worker=${worker} jobs=${farm.jobs} now=${now} />`)}
+              ${workers.map((worker) => html`
+                <${WorkerRow} key=${worker.id} worker=${worker} jobs=${farm.jobs} now=${now} />`)}
             </tbody>
           </table>
         </div>`}
@@ -91,5 +92,7 @@ const NoWorkers = () => html`
   <div class="card empty">
     <p><strong>No worker has registered.</strong> Start one on any machine that reaches this address:</p>
     <pre><code>clerestory worker --coordinator ${location.origin}</code></pre>
-    <p class="quiet">If this farm has a token, put it in the environment variable <code>CLERESTORY_TOKEN</code> first.</p>
+    <p class="quiet">
+      If this farm has a token, put it in the environment variable <code>CLERESTORY_TOKEN</code> first.
+    </p>
   </div>`;

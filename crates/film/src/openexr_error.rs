@@ -25,8 +25,8 @@ pub enum OpenExrError {
     Unsupported(String),
     /// The file holds a part of the picture, or more than it.
     #[error(
-        "its pixels (data window) are {data}, its picture (display window) is {display}: save it with both of one size, \
-         filled up or cut"
+        "its pixels (data window) are {data}, its picture (display window) is {display}: save it with both of one \
+         size, filled up or cut"
     )]
     OtherWindow {
         /// Where pixels are.

@@ -25,7 +25,8 @@ pub enum SamplingError {
     EmptyPass,
     /// A block must be a node of the merge tree.
     #[error(
-        "samples_per_block is {samples_per_block}; it must be a power of two times samples_per_pass ({samples_per_pass})"
+        "samples_per_block is {samples_per_block}; it must be a power of two times samples_per_pass \
+         ({samples_per_pass})"
     )]
     BlockIsNoNode {
         /// Samples in a pass.

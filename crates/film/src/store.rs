@@ -9,8 +9,11 @@
 //! | 4 x 4 | frame, tile, level, index |
 //! | 4 x 4 | tile: left, top, width, height in pixels |
 //! | 2 x 4 | samples in a pass, samples in a block |
-//! | 4 for each value | the layers that the node has, in this order and one after the other: beauty, moment, albedo, normal (three values for each pixel) and depth (one), as 32-bit floats |
+//! | 4 for each value | the layers of the node, as 32-bit floats |
 //! | 32 | BLAKE3 hash of everything before it |
+//!
+//! The layers are one after the other: beauty, moment, albedo, normal (three values for each pixel) and depth (one). A
+//! node may lack some of them.
 
 use thiserror::Error;
 

@@ -471,7 +471,10 @@ mod tests {
                 let range = node.passes();
                 round <= range.first || round >= range.first + range.count
             })).collect();
-            nodes.sort_by_key(|node| blake3::hash(&[order.to_le_bytes(), u64::from(node.passes().first).to_le_bytes()].concat()).to_hex());
+            nodes.sort_by_key(|node| {
+                let first = u64::from(node.passes().first);
+                blake3::hash(&[order.to_le_bytes(), first.to_le_bytes()].concat()).to_hex()
+            });
             let mut film = film_tile();
             for &round in &rounds {
                 film.hold(round).unwrap();

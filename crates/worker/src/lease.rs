@@ -197,7 +197,8 @@ impl LeaseWork {
             Ok(()) => info!(lease = %self.lease.id, ?outstanding, "returned the rest of a lease"),
             Err(error) if is_lease_over(&error) => {}
             Err(error) => {
-                warn!(lease = %self.lease.id, reason = with_causes(&error), "the coordinator does not take a lease back");
+                let reason = with_causes(&error);
+                warn!(lease = %self.lease.id, reason, "the coordinator does not take a lease back");
             }
         }
         drop(self.renewal);

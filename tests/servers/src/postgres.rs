@@ -200,7 +200,8 @@ impl Postgres {
     ///
     /// When the server refuses it.
     pub fn settle(&self) -> io::Result<()> {
-        const SEGMENTS: &str = "do $$ begin for segment in 1..64 loop perform pg_logical_emit_message(false, 'settle', 'segment'); \
+        const SEGMENTS: &str = "do $$ begin for segment in 1..64 loop \
+                                perform pg_logical_emit_message(false, 'settle', 'segment'); \
                                 perform pg_switch_wal(); end loop; end $$";
         let statements =
             ["alter system set min_wal_size = '1GB'", "select pg_reload_conf()", SEGMENTS, "checkpoint", "checkpoint"];
@@ -258,8 +259,10 @@ fn programs() -> io::Result<PathBuf> {
     let usable = |folder: &PathBuf| version(folder) >= Some(OLDEST_VERSION) && folder.join("bin/initdb").exists();
     let programs = folders.filter(usable).max_by_key(version);
     programs.map(|folder| folder.join("bin")).ok_or_else(|| {
-        let message =
-            format!("no PostgreSQL server of version {OLDEST_VERSION} or newer in {VERSIONS}: install it with tests/run, or the package postgresql");
+        let message = format!(
+            "no PostgreSQL server of version {OLDEST_VERSION} or newer in {VERSIONS}: install it with tests/run, or \
+             the package postgresql"
+        );
         io::Error::new(io::ErrorKind::NotFound, message)
     })
 }

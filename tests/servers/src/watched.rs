@@ -10,7 +10,13 @@ use nix::unistd::Pid;
 
 /// Runs the server until it ends, or until standard input does, as happens when the process that holds the other end is
 /// gone. Says the number of the server's process first.
-const WATCH: &str = r#"exec 3<&0; "$0" "$@" 3<&- >/dev/null & server=$!; echo $server; { read -r _ <&3; kill -INT $server; } >/dev/null 2>&1 & reader=$!; wait $server; kill $reader 2>/dev/null"#;
+const WATCH: &str = r#"
+exec 3<&0
+"$0" "$@" 3<&- >/dev/null & server=$!
+echo $server
+{ read -r _ <&3; kill -INT $server; } >/dev/null 2>&1 & reader=$!
+wait $server
+kill $reader 2>/dev/null"#;
 
 /// Removes a folder when standard input and the server with this number have ended.
 const REMOVE: &str = r#"read -r _; while kill -0 "$1" 2>/dev/null; do sleep 0.1; done; rm -rf "$0""#;

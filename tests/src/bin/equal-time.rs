@@ -81,7 +81,8 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         let reference_numbers = numbers(&reference.mean);
         let mean = mean(&reference_numbers);
         println!(
-            "\nsun of half-angle {angle} degrees, {}x{}: mean of the reference {mean:.5}, its noise {:.2e} (relative to the mean squared)",
+            "\nsun of half-angle {angle} degrees, {}x{}: mean of the reference {mean:.5}, its noise {:.2e} \
+             (relative to the mean squared)",
             size[0],
             size[1],
             noise / (mean * mean)

@@ -83,7 +83,8 @@ fn is_kept(name: &str) -> bool {
 }
 
 /// What the table of jobs says about itself.
-const COMMENT: &str = "Job, its state when the farm was killed, and mean and digest of its image then; or what `clerestory render` makes of the same. Written by farm-fixture.";
+const COMMENT: &str = "Job, its state when the farm was killed, and mean and digest of its image then; or what \
+    `clerestory render` makes of the same. Written by farm-fixture.";
 
 /// A farm that is being written.
 struct Writing<'a> {

@@ -74,7 +74,8 @@ const RECORD_IMAGES: &str = "
 /// Mean squared difference of each recorded image from the last one.
 const DISTANCES_FROM_LAST: &str = "
     const last = window.recorded[window.recorded.length - 1];
-    return window.recorded.map(image => image.reduce((sum, value, at) => sum + (value - last[at]) ** 2, 0) / last.length);";
+    const squares = image => image.reduce((sum, value, at) => sum + (value - last[at]) ** 2, 0);
+    return window.recorded.map(image => squares(image) / last.length);";
 
 #[tokio::test]
 async fn a_job_is_watched_from_its_submission_to_its_last_round() {

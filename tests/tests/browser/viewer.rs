@@ -59,7 +59,8 @@ async fn the_camera_and_the_sun_move_and_the_picture_becomes_clear() {
         picture.setPointerCapture = () => {};
         picture.hasPointerCapture = () => true;
         const at = (type, x) => picture.dispatchEvent(new PointerEvent(type,
-            { pointerId: 1, clientX: left + x, clientY: top + 30, movementX: type === 'pointermove' ? 12 : 0, bubbles: true }));
+            { pointerId: 1, clientX: left + x, clientY: top + 30, bubbles: true,
+              movementX: type === 'pointermove' ? 12 : 0 }));
         at('pointerdown', 20);
         at('pointermove', 32);";
     browser.script(drag).await;
@@ -86,7 +87,8 @@ async fn the_camera_and_the_sun_move_and_the_picture_becomes_clear() {
         new MutationObserver(() => window.seen.push(picture.dataset.look)).observe(picture, { attributes: true });
         let presses = 0;
         const press = setInterval(() => {
-            picture.dispatchEvent(new KeyboardEvent('keydown', { key: presses++ % 2 ? 'ArrowLeft' : 'ArrowRight', bubbles: true }));
+            const key = presses++ % 2 ? 'ArrowLeft' : 'ArrowRight';
+            picture.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true }));
             if (presses === 120) { clearInterval(press); window.pressed = true; }
         }, 10);";
     browser.script(hold).await;

@@ -123,7 +123,8 @@ fn the_coordinator_never_names_an_integrator_or_a_specular_method() {
         for module in modules_named(&source, "clerestory_render_core") {
             assert!(
                 RENDER_CORE_MODULES_OF_COORDINATOR.contains(&module.as_str()),
-                "{} uses clerestory_render_core::{module}; the coordinator uses only {RENDER_CORE_MODULES_OF_COORDINATOR:?}",
+                "{} uses clerestory_render_core::{module}; the coordinator uses only \
+                 {RENDER_CORE_MODULES_OF_COORDINATOR:?}",
                 file.display()
             );
         }

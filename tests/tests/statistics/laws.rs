@@ -240,7 +240,8 @@ fn a_wedge_turns_and_spreads_light_as_a_prism() {
                 let found = irradiance(&arrivals, &point);
                 assert!(
                     straight && (found / expected - 1.0).abs() < 1e-5,
-                    "{integrator}, slopes {front} and {back}: {found} along {arrivals:?}, expected {expected} along {direction}"
+                    "{integrator}, slopes {front} and {back}: {found} along {arrivals:?}, expected {expected} \
+                     along {direction}"
                 );
             }
             for integrator in chancy_methods() {
@@ -404,7 +405,10 @@ fn check_reciprocity(name: &str, scene: &PaneScene, integrators: &[Value], facto
 #[test]
 fn ends_of_a_path_can_change_places() {
     let light = point_light([0.0, 0.0, 1.0]);
-    let crown = |centre: [f64; 2], amplitude: f64| json!({"crown": {"centre": centre, "wavelength": 0.03, "amplitude": amplitude}});
+    let crown = |centre: [f64; 2], amplitude: f64| {
+        let crown = json!({"centre": centre, "wavelength": 0.03, "amplitude": amplitude});
+        json!({"crown": crown})
+    };
     let glass = |name: &str, z: f64, amplitude: f64| {
         let faces = [crown([0.2, 0.1], amplitude), crown([-0.1, 0.25], amplitude)];
         pane(name, [0.0, 0.0, z], [0.3, 0.3], 0.003, faces)

@@ -15,7 +15,10 @@ use serde_json::{Value, json};
 
 /// Two panes of `unit` metres, the second partly behind the first, and a light.
 fn scaled_scene(unit: f64, light: Value) -> PaneScene {
-    let crown = |amplitude: f64| json!({"crown": {"centre": [0.3 * unit, 0.2 * unit], "wavelength": 0.21 * unit, "amplitude": amplitude * unit}});
+    let crown = |amplitude: f64| {
+        let centre = [0.3 * unit, 0.2 * unit];
+        json!({"crown": {"centre": centre, "wavelength": 0.21 * unit, "amplitude": amplitude * unit}})
+    };
     let hammered = json!({"hammered": {"wavelength": 0.26 * unit, "amplitude": 3e-4 * unit, "seed": 3}});
     // Which side of a square is longer is a matter of rounding.
     let size = [unit, 0.93 * unit];

@@ -66,7 +66,8 @@ fn check(case: &str, list: &str, least: f64) {
             found += ours;
         }
         println!(
-            "{list}, {constraint:?}: {:.3} percent of the light; {:.1} percent of walks converge, {:.1} height evaluations each",
+            "{list}, {constraint:?}: {:.3} percent of the light; {:.1} percent of walks converge, {:.1} height \
+             evaluations each",
             100.0 * found / listed,
             100.0 * counters.converged as f64 / counters.solver_calls as f64,
             counters.height_evaluations as f64 / counters.solver_calls as f64,

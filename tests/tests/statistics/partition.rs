@@ -392,8 +392,8 @@ fn one_walk_that_drops_the_rest_lacks_the_light_of_the_paths_that_it_does_not_fi
             lacking += missed / all;
         }
         println!(
-            "{case}: at {with_one} points with several paths the walk finds one of them, at {with_none} none; {:.1} percent \
-             of the light is lacking",
+            "{case}: at {with_one} points with several paths the walk finds one of them, at {with_none} none; {:.1} \
+             percent of the light is lacking",
             100.0 * lacking / f64::from(with_one + with_none)
         );
         assert!(with_one > 20, "{case}: {with_one} points only");

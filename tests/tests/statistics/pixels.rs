@@ -234,7 +234,8 @@ fn check(effort: &Effort) {
     let differences = DigestTable::read(&file).differences(&now);
     assert!(
         differences.is_empty(),
-        "tests/data/{} is out of date in {} lines; where that is meant, write it with UPDATE_PIXELS=1 and say in the commit why each changes:\n{}",
+        "tests/data/{} is out of date in {} lines; where that is meant, write it with UPDATE_PIXELS=1 and say in the \
+         commit why each changes:\n{}",
         effort.table,
         differences.len(),
         differences.join("\n")
@@ -242,7 +243,8 @@ fn check(effort: &Effort) {
 }
 
 /// What the tables say about themselves.
-const COMMENT: &str = "Scene, settings, mean of the picture, and digest of its pixels and other layers. Whoever changes a line says why in the commit. Written by\n\
+const COMMENT: &str = "Scene, settings, mean of the picture, and digest of its pixels and other layers. \
+    Whoever changes a line says why in the commit. Written by\n\
     UPDATE_PIXELS=1 cargo test --release --workspace --test statistics pixels:: -- --include-ignored";
 
 #[test]

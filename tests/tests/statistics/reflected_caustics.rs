@@ -28,7 +28,8 @@ fn scene(light: &Value, integrator: Value) -> Scene {
         "path_filter": "D R L",
         "materials": {"floor": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}}},
         "meshes": [{"name": "floor", "material": "floor", "source": {"inline": {
-            "positions": [[-0.25, -0.25, -1], [0.25, -0.25, -1], [0.25, 0.25, -1], [-0.25, 0.25, -1]], "triangles": [[0, 1, 2], [0, 2, 3]]}}}],
+            "positions": [[-0.25, -0.25, -1], [0.25, -0.25, -1], [0.25, 0.25, -1], [-0.25, 0.25, -1]],
+            "triangles": [[0, 1, 2], [0, 2, 3]]}}}],
         "panes": [{"name": "pane", "centre": [0.5, 0, 0], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
             "width": 0.8, "height": 0.6, "thickness": 0.003,
             "front": {"crown": {"centre": [0.3, 0.4], "wavelength": 0.1, "amplitude": 2e-4}},
@@ -54,8 +55,8 @@ fn check_by_chance(name: &str, light: &Value, passes: u32) {
 
 #[test]
 fn light_of_a_panel_off_a_pane_is_what_the_path_tracer_finds() {
-    let panel = json!({"rectangle": {"name": "panel", "centre": [0.7, 0.1, -0.7], "edge_u": [0.36, 0, 0.48], "edge_v": [0, 1.2, 0],
-        "radiance": [9, 9, 9]}});
+    let panel = json!({"rectangle": {"name": "panel", "centre": [0.7, 0.1, -0.7],
+        "edge_u": [0.36, 0, 0.48], "edge_v": [0, 1.2, 0], "radiance": [9, 9, 9]}});
     check_by_chance("panel", &panel, 2500);
 }
 

@@ -69,7 +69,8 @@ fn scene(material: Value, mesh: Value, lights: Value, filter: &str, integrator: 
         "materials": {"smooth": material, "floor": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}}},
         "meshes": [
             {"name": "floor", "material": "floor", "source": {"inline": {
-                "positions": [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]], "triangles": [[0, 1, 2], [0, 2, 3]]}}},
+                "positions": [[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]],
+                "triangles": [[0, 1, 2], [0, 2, 3]]}}},
             {"name": "sheet", "material": "smooth", "source": mesh},
         ],
         "lights": lights,
@@ -116,8 +117,8 @@ fn the_caustic_of_water_is_what_the_path_tracer_finds() {
 #[test]
 fn the_caustic_of_a_mirror_is_what_the_path_tracer_finds() {
     let mirror = json!({"mirror": {"reflectance": [0.9, 0.9, 0.9]}});
-    let panel = json!([{"rectangle": {"name": "panel", "centre": [0.5, 0, -0.7], "edge_u": [0.3, 0, 0.4], "edge_v": [0, 0.6, 0],
-        "radiance": [9, 9, 9]}}]);
+    let panel = json!([{"rectangle": {"name": "panel", "centre": [0.5, 0, -0.7],
+        "edge_u": [0.3, 0, 0.4], "edge_v": [0, 0.6, 0], "radiance": [9, 9, 9]}}]);
     let gentle = |place| {
         let (height, slope) = waves(place);
         (0.3 * height, 0.3 * slope)

@@ -89,7 +89,8 @@ pub(crate) fn profile(png: &[u8]) -> Result<Option<Vec<u8>>, AssetProblem> {
     let Some(longest) = longest_profile(png) else { return Ok(None) };
     let refused = || {
         AssetProblem::malformed(format_args!(
-            "is a PNG file with a colour profile (iCCP) that is larger than {} MiB or damaged, must be sRGB: save it without a profile",
+            "is a PNG file with a colour profile (iCCP) that is larger than {} MiB or damaged, must be sRGB: save it \
+             without a profile",
             MAX_PROFILE_BYTES >> 20
         ))
     };

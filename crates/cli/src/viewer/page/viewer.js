@@ -36,7 +36,8 @@ async function send() {
         const body = JSON.stringify(waiting);
         waiting = null;
         try {
-            const answer = await fetch('look', { method: 'POST', headers: { 'content-type': 'application/json' }, body });
+            const headers = { 'content-type': 'application/json' };
+            const answer = await fetch('look', { method: 'POST', headers, body });
             const content = await answer.json();
             problem.textContent = answer.ok ? '' : content.detail;
             if (answer.ok) known = content.look;

@@ -453,8 +453,9 @@ mod tests {
                 for (s, t) in &inside[..8] {
                     let end = (dvec2(*s, *t) * 2.0 - 1.0) * 0.5 * (rect.max - rect.min);
                     let steps = 200;
-                    let mean = (0..steps).map(|k| field.jet(rect.centre() + end * (f64::from(k) + 0.5) / f64::from(steps)));
-                    let mean = mean.fold([0.0; 3], |sum, jet| {
+                    let place = |k: i32| rect.centre() + end * (f64::from(k) + 0.5) / f64::from(steps);
+                    let jets = (0..steps).map(|k| field.jet(place(k)));
+                    let mean = jets.fold([0.0; 3], |sum, jet| {
                         std::array::from_fn(|k| sum[k] + jet.hessian[k] / f64::from(steps))
                     });
                     for k in 0..3 {
