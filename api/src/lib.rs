@@ -1,9 +1,8 @@
 //! Wire types and typed HTTP client of the Clerestory render farm.
 //!
-//! Everything that a client, a worker or the dashboard exchanges with the coordinator is one of the types here, written
-//! as JSON; `openapi.json` beside this crate describes the same in the OpenAPI format. [`Client`] has one method for
-//! each endpoint. Times are milliseconds since the Unix epoch by the coordinator's clock (`_ms`), durations are
-//! milliseconds.
+//! A client, a worker and the dashboard exchange these types with the coordinator, as JSON. `openapi.json` beside this
+//! crate describes the same in the OpenAPI format. [`Client`] has one method for each endpoint. Times are milliseconds
+//! since the Unix epoch by the coordinator's clock (`_ms`), durations are milliseconds.
 //!
 //! # Invariants
 //!

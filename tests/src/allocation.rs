@@ -1,9 +1,9 @@
 //! How many samples each tile of a picture takes, so that its mean becomes known with the least work.
 //!
-//! Where caustics fold, the variance of a pixel can be a thousand times that of others. A picture whose tiles take
-//! samples in proportion to the standard deviation of one of them (Neyman's allocation) then knows its mean with a
-//! fraction of the samples that it would take with the same number everywhere. The numbers come from pictures with
-//! other seeds, so that the estimates remain without bias.
+//! Where caustics fold, the variance of a pixel can be a thousand times that of others. Under Neyman's allocation,
+//! tiles take samples in proportion to the standard deviation of one sample. Then the mean of a picture needs a
+//! fraction of the samples that an equal number everywhere would take. The numbers come from pictures with other seeds,
+//! so that the estimates remain without bias.
 
 use glam::DVec3;
 

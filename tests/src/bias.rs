@@ -1,21 +1,21 @@
 //! Whether a renderer's pictures agree with a reference, and how small a difference would have been noticed.
 //!
-//! A renderer without bias has errors that average out; a bias test has to tell the two apart for estimators with heavy
-//! tails, whose rare bright samples make every finite picture too dark most of the time. The decisions here:
+//! The errors of an unbiased renderer average out. A bias test has to tell them from bias for estimators with heavy
+//! tails: rare bright samples make most finite pictures too dark. The decisions here:
 //!
-//! - **Our error** comes from independently seeded replicates, and never from single samples: means over cells of 4 x 4
+//! - **Our error** comes from independently seeded replicates, and never from single samples. Means over cells of 4 x 4
 //!   pixels or more are compared by Student's t.
-//! - **The reference's error** comes from the difference of its two independent halves, as a multiple of its standard
-//!   error layer that is shared by the cells of a neighbourhood: its pixels are anticorrelated.
-//! - **Heavy tails.** When a rare bright sample is missing, mean and spread are both too small, and an ordinary t
+//! - **The reference's error** comes from the difference of its two independent halves, because its pixels are
+//!   anticorrelated. It is a multiple of the standard error layer, shared by the cells of a neighbourhood.
+//! - **Heavy tails.** When a rare bright sample is missing, mean and spread are both too small. Then an ordinary t
 //!   statistic exceeds its quantiles many times too often. So the variance of a cell is the larger one of its own and
 //!   of that of its neighbourhood (relative to the reference). The own one protects where the cell has the rare sample,
 //!   the neighbourhood's where it has not. For normal errors this costs 5 percent of the standard error.
-//! - **Folds.** Cells that a fold of the caustic crosses, of a point light or of any point of a light of which the
-//!   method draws one, have infinite variance; they are pooled to one flux for each region of 32 x 32 pixels. Unlit
-//!   blocks are pooled to one cell.
-//! - **Many tests at once** (image mean in each channel, every cell, and the sum of squares over all cells) share one
-//!   probability of a false alarm, [`SIGNIFICANCE`], by Bonferroni.
+//! - **Folds.** Cells that a fold of the caustic crosses have infinite variance. The fold may be that of a point light,
+//!   or of any point of a light of which the method draws one. Such cells are pooled to one flux for each region of 32
+//!   x 32 pixels. Unlit blocks are pooled to one cell.
+//! - **Many tests at once** share one probability of a false alarm, [`SIGNIFICANCE`], by Bonferroni: image mean in each
+//!   channel, every cell, and the sum of squares over all cells.
 //! - **Power** is part of the verdict: a test that could not have noticed a fault proves nothing.
 
 use std::fmt;

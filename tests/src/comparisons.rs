@@ -1,8 +1,8 @@
 //! What is held against which reference: every method on every reference scene that it can render.
 //!
 //! The reference scenes have small and far lights, which path tracing alone does not find. For it, each pane gets a
-//! large light near by and a receiver close behind, in a picture of fewer pixels; the forward tracer makes the
-//! reference when it is needed.
+//! large light near by and a receiver close behind, in a picture of fewer pixels. The forward tracer makes the
+//! reference on demand.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;

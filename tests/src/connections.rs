@@ -2,8 +2,8 @@
 //! light.
 //!
 //! The points are those of the solution lists, and the random numbers are the same every time. So the paths are a
-//! property of a method, and how long it takes to find them can be compared between any two states of the code that
-//! find the same.
+//! property of a method. The time to find them can be compared between two versions of the code that find the same
+//! paths.
 
 use std::time::{Duration, Instant};
 

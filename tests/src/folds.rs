@@ -1,10 +1,10 @@
 //! Where the caustic of a point light is singular.
 //!
 //! The light that a pane throws onto a surface is a map from the pane's face to the picture. Where that map turns over,
-//! its image folds, and the irradiance grows like the inverse square root of the distance to the fold: integrable, but
-//! of infinite variance for an estimator that evaluates it at points. The fold is found from the map itself, as the
-//! places where the sign of its Jacobian determinant changes, and not from the contrast of a picture, which would also
-//! mark the shadow of the pane's edge and would miss a fold inside a bright region.
+//! its image folds. There the irradiance grows like the inverse square root of the distance to the fold. It is
+//! integrable, but has infinite variance for an estimator that evaluates it at points. The fold is where the sign of
+//! the map's Jacobian determinant changes. The contrast of a picture would not do: it also marks the shadow of the
+//! pane's edge, and misses a fold inside a bright region.
 
 use glam::DVec2;
 use rayon::prelude::*;

@@ -1,13 +1,13 @@
 //! Light traced forward, from the lights through single panes onto diffuse surfaces and into the camera: `D TT L`.
 //!
 //! A photon starts at a point of the face towards the light, drawn uniformly, and at a point or direction of the light.
-//! It is refracted at both faces (unpolarised Fresnel transmittance, Beer-Lambert absorption between them), meets the
-//! nearest triangle, and is added to the pixel that sees the place. Nothing has to be solved except where a straight
-//! line meets a height field, and no density has to be known except that of the start: this is the simplest unbiased
-//! estimator of the picture, and shares no formula with the methods that look for paths backwards.
+//! It is refracted at both faces, with unpolarised Fresnel transmittance and Beer-Lambert absorption between them. It
+//! meets the nearest triangle, and is added to the pixel that sees the place. The only equation to solve is where a
+//! line meets a height field. The only density to know is that of the start. This is the simplest unbiased estimator of
+//! the picture. It shares no formula with the methods that search paths backwards.
 //!
-//! What is left out: all other paths; photons whose line to the light or onwards meets the box of another pane are
-//! dropped, which is right only where panes do not cover each other.
+//! All other paths are left out. Photons whose line to the light or onwards meets the box of another pane are dropped.
+//! This is right only where panes do not cover each other.
 
 use std::f64::consts::PI;
 

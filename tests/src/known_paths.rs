@@ -1,6 +1,6 @@
-//! What is known of the paths between a shading point and a point of a light through all panes of a scene: those that
-//! the complete search of `fnee` lists, an estimate of what it may have missed, and how often searches from uniform
-//! seeds find them.
+//! The known paths between a shading point and a point of a light through all panes of a scene. The complete search of
+//! `fnee` lists them, with an estimate of what it may have missed. Searches from uniform seeds show how often each is
+//! found.
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::light::SourceSample;

@@ -1,7 +1,7 @@
 //! Light traced forward from a lamp through one sheet of triangles with interpolated normals, or off it, onto a flat
 //! floor: `D T L` and `D R L`.
 //!
-//! A photon starts at a place of a triangle, drawn uniformly, and, of a lamp with an extent, in a direction drawn
+//! A photon starts at a place of a triangle, drawn uniformly. For a lamp with an extent, its direction is drawn
 //! uniformly from those in which the lamp is seen there. It is refracted or reflected by the interpolated normal, and
 //! lands on the floor, which the sheet does not shade. As in `forward_tracer`, no path is sought between two given
 //! ends, and no density has to be known but that of the start.

@@ -1,5 +1,5 @@
-//! The water in `scenes/pool.json`: plane waves of 30 to 70 cm in all directions, as a mesh with normals, and where the
-//! light of a point goes that they refract.
+//! The water in `scenes/pool.json`: plane waves of 30 to 70 cm in all directions, as a mesh with normals. It also tells
+//! where they refract the light of a point.
 
 use std::f64::consts::TAU;
 

@@ -2,7 +2,7 @@
 //! and sends requests twice.
 //!
 //! What happens is drawn from a seed and the number of the connection. A proxy for HTTP knows where a request ends, so
-//! that each request on a connection has a fate of its own; what other protocols say is carried as it comes, and each
+//! that each request on a connection has a fate of its own. Data of other protocols is passed on as it comes, and each
 //! piece has a fate.
 
 use std::collections::BTreeMap;

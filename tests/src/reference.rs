@@ -1,8 +1,8 @@
 //! Reference images: a mean, two independent halves and a standard error, stored as OpenEXR.
 //!
-//! The channels `R`, `G`, `B` hold radiance, so that any viewer shows the picture; `half_a.*` and `half_b.*` hold the
-//! means of the even and of the odd batches, `stderr.*` the standard error of the mean from all batches. Stratified
-//! batches make the errors of neighbouring pixels anticorrelated: the error of a block of pixels must be taken from the
+//! The channels `R`, `G`, `B` hold radiance, so that any viewer shows the picture. `half_a.*` and `half_b.*` hold the
+//! means of the even and of the odd batches. `stderr.*` is the standard error of the mean from all batches. Stratified
+//! batches make the errors of neighbouring pixels anticorrelated. So the error of a block of pixels comes from the
 //! difference of the halves, not from the pixels' standard errors in quadrature.
 
 use std::path::{Path, PathBuf};

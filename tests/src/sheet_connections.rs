@@ -1,10 +1,10 @@
-//! The light of single connections between a point of the floor and a lamp through waves of water, which are one mesh,
-//! relative to what `conic` finds there.
+//! The light of single connections between a point of the floor and a lamp through waves of water, relative to what
+//! `conic` finds there. The water is one mesh.
 //!
 //! Why not pictures: as in [`crate::single_connections`]. What is tested is which paths are found, and how often:
-//! method and truth have the same light of a path. That rests on the pictures of `conic`, which have the light that is
-//! traced forward through these meshes (`tests/tests/water_caustics.rs`); that no path is missing, on interval
-//! arithmetic over others.
+//! method and truth have the same light of a path. The pictures of `conic` have the light that is traced forward
+//! through these meshes (`tests/tests/statistics/water_caustics.rs`). Interval arithmetic over other meshes shows that
+//! no path is missing.
 
 use std::collections::BTreeMap;
 

@@ -1,25 +1,24 @@
 //! The light of single connections between a point of a receiver and a point of a light, relative to what a complete
 //! search finds there.
 //!
-//! Near a fold, the light of a path has no finite mean square over a picture. A method that also weights it by an
-//! estimate of 1/p cannot be told from one that is a thousandth too dark by any number of samples that can be rendered.
-//! Divided by the light of its own connection, a path has such a tail no more: what is left is the noise of the
-//! estimate. So methods are held here, connection by connection, to the complete search of `fnee`, which the bias test
-//! holds to light traced forward.
+//! Near a fold, the light of a path has no finite mean square over a picture. Some methods also weight it by an
+//! estimate of 1/p. No practical number of samples tells such a method from one that is a thousandth too dark. Divided
+//! by the light of its own connection, a path has such a tail no more: what is left is the noise of the estimate. So
+//! methods are held here, connection by connection, to the complete search of `fnee`, which the bias test holds to
+//! light traced forward.
 //!
-//! Where paths are found so rarely that their estimates of 1/p have tails again, walks of their own, the scouts, have
-//! to find each listed path of a connection twice; otherwise it is left out. N scouts keep a path of a small
-//! probability p with (N p)^2 / 2, while its estimate has a mean square of about 2/p and a third moment of 6/p^2, so
-//! that both are bounded in what is kept. Of what is left out some is searched with patience, so that light which walks
+//! Some paths are found so rarely that their estimates of 1/p have tails again. There, separate walks (scouts) have to
+//! find each listed path of a connection twice; otherwise the connection is left out. N scouts keep a path of a small
+//! probability p with (N p)^2 / 2. Its estimate has a mean square of about 2/p and a third moment of 6/p^2. So both are
+//! bounded for the paths that are kept. Of what is left out some is searched with patience, so that light which walks
 //! never find would show. Of `fnee` in the room, connections are left out whose enumeration is not complete: what
 //! chance adds there has the tails of 1/p again. In what is left, method and truth list paths by the same search, so
 //! that this tests the choice of panes and nothing else.
 //!
 //! `fnee` as published finds some paths behind strong relief once in thousands of searches, and so does `sms` with
-//! walks as published. Their estimates are cut off at M trials, and a path of probability p then has the part
-//! `1 - (1 - p)^M` of its light on average: just as often one of M searches finds it. So the light of those listed
-//! paths that M searches of their own find is what they are held to there, and no connection with listed light is left
-//! out.
+//! walks as published. Their estimates are cut off at M trials. Then a path of probability p has the part
+//! `1 - (1 - p)^M` of its light on average. One of M searches finds it just as often. So these methods are compared
+//! with the light of the listed paths that M separate searches find. No connection with listed light is left out.
 
 use std::fmt;
 

@@ -1,10 +1,10 @@
 //! What a server did with its files and its connections, call by call as `strace` saw it, and whether what it
 //! acknowledged was on disk.
 //!
-//! A file is on disk when a sync of it has succeeded that began after the last write to it had ended; a name when the
-//! same is so of its folder since the name was made. At the moment when an answer to a call that changes something
-//! begins to be sent, everything in the server's folder should be; and when a blob begins to be removed, everything
-//! that makes it superfluous.
+//! A file is on disk when a sync of it has succeeded that began after the last write to it had ended. A name is on disk
+//! when its folder was synced after the name was made. Everything in the server's folder must be on disk when it begins
+//! to answer a call that changes something. Before a blob is removed, everything that makes it superfluous must be on
+//! disk.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

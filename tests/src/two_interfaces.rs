@@ -2,11 +2,11 @@
 //!
 //! A way is given by the place where it meets the first interface: from there light can be followed. How far it then
 //! leaves from the direction to the light has two components, both zero on a path. Coplanarity at one interface puts
-//! the place on a curve (Granizo-Hidalgo and Holzschuch 2024); at two it does not, since the second vertex moves as
-//! well. What takes its place: the component of the miss that is perpendicular to the way from the straight line's
-//! place. It is zero on curves, which in the limit of thin glass are those of the published method. They are found cell
-//! by cell of a grid from its signs at the corners. Along a curve the miss points to the straight line's place or away
-//! from it, and turns round only at a path.
+//! the place on a curve (Granizo-Hidalgo and Holzschuch 2024). At two interfaces it does not, because the second vertex
+//! moves as well. What takes its place: the component of the miss that is perpendicular to the way from the straight
+//! line's place. It is zero on curves, which in the limit of thin glass are those of the published method. They are
+//! found cell by cell of a grid from its signs at the corners. Along a curve the miss points to the straight line's
+//! place or away from it, and turns round only at a path.
 //!
 //! What is found is complete to the resolution of the grid: of two paths on one curve within a cell, neither is seen.
 

@@ -1,7 +1,7 @@
 //! Experiments: the comparisons of the papers, measured again by one command each.
 //!
-//! An [`Experiment`] renders embedded scenes with several variants of the integrators, and turns the measurements into
-//! a report: JSON, CSV, OpenEXR images and a page with figures. The program around it provides a [`Host`], which shows
+//! An [`Experiment`] renders embedded scenes with several variants of the integrators. It turns the measurements into a
+//! report: JSON, CSV, OpenEXR images and a page with figures. The program around it provides a [`Host`], which shows
 //! progress, writes files and passes renders on to a farm.
 //!
 //! - `scenes`, `variant`: the scenes, and the integrators with their settings;

@@ -1,15 +1,14 @@
 //! Adaptive sampling: which part of the passes each tile of an image gets, decided by passes that no image contains.
 //!
 //! The noise of a tile is measured in a pilot: a few passes far beyond those of any image. A sample is a pure function
-//! of its place, and blocks are independent, so what the pilot says is independent of every sample that is kept:
-//! whatever is decided, the mean of each pixel is that of a fixed number of samples, and no bias comes of it. Deciding
-//! by samples that are kept would be biased: a tile whose first samples have missed the light looks quiet, gets no
-//! more, and stays dark.
+//! of its place, and blocks are independent. So the pilot is independent of every sample that is kept. Whatever it
+//! decides, each pixel is the mean of a fixed number of samples, without bias. A decision by samples that are kept
+//! would be biased. A tile whose first samples have missed the light looks quiet, gets no more samples, and stays dark.
 //!
 //! The squared error of an image whose tile t has N passes of variance V is the sum of V/N over its pixels. For a given
 //! sum of N it is least when N is proportional to sqrt(V) (Neyman 1934). So a tile gets the share sqrt(V / V of the
-//! noisiest tile) of the passes that a round has. The pilot is itself noisy, and where light is rare it may miss it:
-//! the share of a tile is at least 1/`MOST_SAVED`, and a tile counts as no quieter than its neighbourhood.
+//! noisiest tile) of the passes that a round has. The pilot is itself noisy, and it may miss rare light. So the share
+//! of a tile is at least 1/`MOST_SAVED`, and a tile counts as no quieter than its neighbourhood.
 
 use std::borrow::Borrow;
 

@@ -1,5 +1,5 @@
-//! How bright an image is: the automatic exposure of previews and of comparisons by eye, measured in two readings of
-//! it, so that it need not fit into memory:
+//! The automatic exposure of previews and of FLIP. It is measured by reading the image twice, so that the image need
+//! not fit into memory:
 //!
 //! ```text
 //! MeanLuminance --finish--> LogLuminance --finish--> stops

@@ -1,8 +1,8 @@
 //! The OpenEXR file of an image.
 //!
-//! It has one part. The picture is in the channels `R`, `G` and `B`, which every viewer shows; the other layers are
-//! channels with a prefix (`stderr.R`, `samples`, `albedo.R`, `normal.X`, `depth.Z`, ...), which viewers list as
-//! layers. What made it is JSON in the attribute `clerestory`.
+//! It has one part. The picture is in the channels `R`, `G` and `B`, which every viewer shows. The other layers are
+//! channels with a prefix: `stderr.R`, `samples`, `albedo.R`, `normal.X`, `depth.Z`. Viewers list them as layers. What
+//! made it is JSON in the attribute `clerestory`.
 //!
 //! Any OpenEXR file with channels `R`, `G` and `B` can be read, whoever wrote it. References may have a standard error
 //! (`stderr.*`) and two halves of independent samples, of which the picture is the mean (`half_a.*`, `half_b.*`).

@@ -1,6 +1,6 @@
 //! The OpenEXR file of an image, written a strip of rows at a time, so that no more of it has to be in memory.
 //!
-//! A file begins with its header and with where each block of pixels lies, and both are known only when the last block
+//! A file begins with its header and with the offset of each block of pixels. Both are known only when the last block
 //! has been compressed. So the blocks go to a place of their own, and what precedes them in the file, its head, comes
 //! last.
 

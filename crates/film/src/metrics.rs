@@ -1,8 +1,8 @@
 //! How far an image is from a reference. Formulas and constants are also in `docs/film.md`.
 //!
-//! All sums are over the three channels of all pixels, in double precision and in one fixed order: within a tile in
-//! rows from the top, pixels from the left, red, green, blue; then the sums of the tiles, in their order. So the same
-//! images give the same numbers everywhere, whether they are measured whole or a few rows at a time.
+//! All sums are over the three channels of all pixels, in double precision and in one fixed order. Within a tile: rows
+//! from the top, pixels from the left, red, green, blue. Then the sums of the tiles, in their order. So the same images
+//! give the same numbers everywhere, whether they are measured whole or a few rows at a time.
 
 pub mod flip;
 

@@ -1,17 +1,17 @@
 //! Nodes of the merge tree: what a tile has gathered over an aligned run of passes.
 //!
 //! A node holds sums over its samples, one number for each pixel and channel in 32-bit float. A single pass makes a
-//! leaf; every larger node is the sum of its two halves, left plus right, so its bits do not depend on who computed
-//! the halves. Adding in pairs keeps the rounding error at O(log n).
+//! leaf. Every larger node is the sum of its two halves, left plus right. So its bits do not depend on who computed the
+//! halves. Adding in pairs keeps the rounding error at O(log n).
 //!
 //! The error of an image is estimated from the spread of its block means (never from single samples, which a
-//! low-discrepancy sequence makes dependent). A node of one block or more therefore also carries, for beauty, the
-//! second moment of its block means about their mean: the sum of `(block mean - mean)^2`. Moments are joined by the
-//! pairwise update of Chan, Golub and LeVeque (1979). With equal counts of `n` blocks, `s` samples in each, and sums
-//! `A` and `B`, it reads `M = M_A + M_B + (B - A)^2 / (2 n s^2)`.
+//! low-discrepancy sequence makes dependent). So a node of one block or more also carries the second moment of its
+//! block means, for beauty. It is the sum of `(block mean - mean)^2`. Moments are joined by the pairwise update of
+//! Chan, Golub and LeVeque (1979). With equal counts of `n` blocks, `s` samples in each, and sums `A` and `B`, it reads
+//! `M = M_A + M_B + (B - A)^2 / (2 n s^2)`.
 //!
-//! What a camera ray meets first (albedo, normal, depth) is needed for denoising only and converges fast, so it is
-//! summed over the samples of the frame's first block and nothing else.
+//! The first hit of a camera ray (albedo, normal, depth) is needed for denoising only and converges fast. So it is
+//! summed over the samples of the frame's first block only.
 
 use glam::DVec3;
 use thiserror::Error;

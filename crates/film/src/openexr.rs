@@ -1,8 +1,8 @@
 //! Reads and writes OpenEXR files through the crate `exr`, keeping clear of its sharp edges.
 //!
 //! The crate's high-level reader allocates what the header claims before it checks anything, and an allocation that
-//! fails ends the process. So a file is opened in two steps: its header, which is cheap, and then its blocks, one at a
-//! time and only after everything that they will need has been compared with a [`DecodeBudget`].
+//! fails ends the process. So a file is opened in two steps. The header comes first and is cheap. The blocks follow one
+//! at a time, once their memory has been compared with a [`DecodeBudget`].
 //!
 //! The crate keeps custom attributes in a hash map, so that a file with two of them has different bytes each time it
 //! is written. Each part therefore has exactly one, named `clerestory`, and it holds JSON.

@@ -1,5 +1,5 @@
-//! The headers of an OpenEXR file before the crate `exr` reads them: it turns windows that are the wrong way round, and
-//! its words for what it does not read do not say what to do.
+//! Checks the headers of an OpenEXR file before the crate `exr` reads them. That crate accepts windows that are the
+//! wrong way round, and its messages do not say what to do.
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Seek};
 

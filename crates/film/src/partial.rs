@@ -1,10 +1,9 @@
 //! Partials: the nodes that a worker sends for a lease, as one multi-part OpenEXR file of 32-bit floats.
 //!
-//! Each node is a part. Its data window is its tile's place in the image; its channels are the sums of the node, as
-//! they are in memory, so that the bits survive the journey; its attribute `clerestory` says which node of which job it
-//! is and what work it took, and holds the hash of all that, since OpenEXR files have none. What arrives is not
-//! trusted: the headers of all parts are compared with what was leased before a pixel is decoded, and then every value
-//! is checked.
+//! Each node is a part. Its data window is the place of its tile in the image. Its channels are the sums of the node as
+//! they are in memory, so that the bits survive. Its attribute `clerestory` names the node, its job and the work that
+//! it took. The attribute also holds a hash of everything, because OpenEXR files have none. A partial is not trusted.
+//! The headers of all parts are compared with the lease before a pixel is decoded. Then every value is checked.
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! A picture of a frame that is small enough to be looked at, kept up to date tile by tile.
 //!
-//! A pixel of it is the mean of a square of pixels of the frame, as far as they are of the tile in which the square's
-//! middle lies: each is made from one tile, so a tile that grows changes no other's pixels.
+//! A pixel of it is the mean of a square of pixels of the frame. Only pixels of the tile in the middle of the square
+//! count. So a tile that grows changes no pixel of another tile.
 
 use super::address::TileGrid;
 use super::image_error::ImageError;

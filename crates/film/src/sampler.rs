@@ -1,14 +1,15 @@
 //! Random numbers: a pure function of (seed, frame, pixel, sample, dimension).
 //!
-//! A camera sample draws its numbers from one point of an Owen-scrambled Sobol sequence (Burley 2020, "Practical
-//! Hash-based Owen Scrambling", through the crate `sobol_burley`), one dimension for each number. Every aligned block
-//! of samples has a scramble of its own, so the means of the blocks are independent and their spread measures the
-//! error of the image. Solvers that need an unknown number of random numbers (seeds of Newton's method, trials of an
-//! inverse probability) draw from a [`TrialStream`], which never ends and is independent of the Sobol point.
+//! A camera sample draws its numbers from one point of an Owen-scrambled Sobol sequence, one dimension for each number.
+//! The crate `sobol_burley` implements it (Burley 2020, "Practical Hash-based Owen Scrambling"). Every aligned block of
+//! samples has a scramble of its own. So the means of the blocks are independent, and their spread measures the error
+//! of the image. Solvers need an unknown number of random numbers: seeds of Newton's method, trials of an inverse
+//! probability. They draw from a [`TrialStream`], which never ends and is independent of the Sobol point.
 //!
 //! Keys are mixed by Philox4x32-10 (Salmon et al. 2011, "Parallel Random Numbers: As Easy as 1, 2, 3"), the standard
-//! counter-based generator: a bijection of 128-bit counters under a 64-bit key, every bit of which depends on every
-//! bit of the input. The faster PCG4D was rejected because its low bits do not depend on the high bits of its input.
+//! counter-based generator. It is a bijection of 128-bit counters under a 64-bit key. Every bit of the output depends
+//! on every bit of the input. The faster PCG4D was rejected because its low bits do not depend on the high bits of its
+//! input.
 
 use glam::DVec2;
 use sobol_burley::{NUM_DIMENSIONS, sample_4d};

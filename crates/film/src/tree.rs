@@ -1,10 +1,10 @@
-//! The merge tree of one tile: accepted nodes go in, in any order, and the image of any complete run of passes comes
-//! out with the same bits.
+//! The merge tree of one tile. Accepted nodes go in, in any order. The image of any complete run of passes comes out
+//! with the same bits.
 //!
-//! Siblings are merged as soon as both are there, so a tile with P passes is held as about log2(P) nodes. A round is
-//! an image that is wanted at a pass count known in advance; a parent that reached across it would make that image
-//! impossible to compute, so such a parent is formed only after the round is released. Bits do not depend on when
-//! siblings are merged, because a parent is the sum of the same two halves either way.
+//! Siblings are merged as soon as both are there, so a tile with P passes is held as about log2(P) nodes. A round is an
+//! image at a pass count that is known in advance. A parent that reached across it would make that image impossible to
+//! compute. So such a parent is formed only after the round is released. Bits do not depend on when siblings are
+//! merged, because a parent is the sum of the same two halves either way.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};

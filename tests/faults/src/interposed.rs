@@ -1,7 +1,7 @@
 //! The functions that take the place of those of the C library, and what they look at first.
 //!
-//! Without a control in the environment, each does what it replaces. Nothing here allocates once the control is mapped,
-//! or calls a function that is replaced here, and `errno` is left as the system call sets it.
+//! Without a control in the environment, each does what it replaces. Once the control is mapped, nothing here allocates
+//! or calls a function that is replaced here. `errno` stays as the system call sets it.
 
 #![expect(unsafe_code, reason = "functions of the C library can be replaced by functions of the same form only")]
 

@@ -1,9 +1,9 @@
 //! Faults of the disk and of the clock, for the process that loads this library before its own (`LD_PRELOAD`).
 //!
-//! It takes the place of some functions of the C library, which is what Rust's standard library, SQLite and PostgreSQL
-//! write and sync files and read the clock with. Each makes the same system call as the function that it replaces,
-//! unless the *control* says otherwise: a small file that both sides map or write, so that faults come and go while the
-//! process runs, and stay through a restart of it. `clerestory-test-servers` has the other side, with the layout of the
+//! It replaces some functions of the C library. Rust's standard library, SQLite and PostgreSQL use these to write and
+//! sync files and to read the clock. Each makes the same system call as the function that it replaces, unless the
+//! *control* says otherwise. The control is a small file that both sides map or write. So faults come and go while the
+//! process runs, and persist when it restarts. `clerestory-test-servers` has the other side, with the layout of the
 //! control.
 //!
 //! - On a full disk, writes to files below a folder fail with `ENOSPC`.

@@ -1,7 +1,7 @@
 //! Merging: the time from the last upload of a round until the coordinator shows the round as recorded.
 //!
 //! All nodes come from this process, so it knows which answer acknowledges the last node of a round. From then on, it
-//! requests the job until the job shows the round. The event stream is no alternative: it batches events for up to 200
+//! requests the job until the job shows the round. The event stream is no alternative. It batches events for up to 200
 //! ms, and a subscriber makes the coordinator build a view of every worker.
 
 use std::collections::BTreeMap;

@@ -2,9 +2,9 @@
 //! beside one.
 //!
 //! Both render the same image of the same scene, in turn, so that whatever else the machine does falls on both. The
-//! time of `render` is that of its process; the time of a farm is that of an order that waits until its job is done and
-//! has downloaded the image. Each pair gives a ratio; the median is what counts, since the cores of a shared machine
-//! are slower for some minutes and faster for others. It fails when that is less than it should be.
+//! time of `render` is that of its process. The time of a farm is that of `submit --wait`, which also downloads the
+//! image. Each pair gives a ratio. The median counts, because the cores of a shared machine are slower for some minutes
+//! and faster for others. It fails when that is less than it should be.
 //!
 //! ```text
 //! tests/run build && target/release/efficiency

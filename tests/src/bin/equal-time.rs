@@ -1,9 +1,9 @@
 //! Error against time for every integrator on a scene lit by the sun through old glass.
 //!
 //! For each angular radius of the sun (its irradiance kept the same) each integrator renders with several seeds until
-//! the longest time. The table states the mean squared error against the stored reference less that reference's noise,
-//! and what of it is variance and what is bias, estimated from the spread of the seeds. References are made by
-//! `cone-reference`.
+//! the longest time. The table states the mean squared error against the stored reference, less the noise of the
+//! reference. It also states the parts of variance and bias, estimated from the spread of the seeds. References are
+//! made by `cone-reference`.
 
 use std::{
     path::PathBuf,

@@ -1,6 +1,6 @@
-//! Writes the data of a farm as a build of `clerestory` leaves them when it is killed: jobs that are done, cancelled,
-//! failed, queued and in the middle, and leases that workers hold. Tests hold later builds to such data;
-//! `tests/data/farms` has those that were written so far.
+//! Writes the data of a farm as a killed `clerestory` leaves them. There are jobs that are done, cancelled, failed,
+//! queued and running, and leases that workers hold. Tests hold later builds to such data; `tests/data/farms` has those
+//! that were written so far.
 
 use std::fs;
 use std::path::{Path, PathBuf};

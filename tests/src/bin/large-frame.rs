@@ -1,5 +1,5 @@
-//! A frame that is many times as large as the memory of its coordinator, on a farm of real processes: rendered, looked
-//! at meanwhile, downloaded, and compared with what one process renders.
+//! Renders a frame that is many times as large as the memory of its coordinator, on a farm of real processes. The frame
+//! is previewed, downloaded, and compared with the render of one process.
 //!
 //! The coordinator runs under a limit on its memory that the system keeps: this command has to be allowed to set one.
 //! What it keeps of the film and the image take some dozens of gigabytes of disk, below `TMPDIR`.

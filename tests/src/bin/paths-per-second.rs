@@ -1,7 +1,7 @@
 //! How many distinct paths of light each method finds in a second, over fixed problems.
 //!
-//! Prints a line for each method and glass: paths, seconds (the shortest of some repetitions), paths for each second,
-//! height evaluations and starts of a solver, and a hash of the light. Two states of the code can be compared where
+//! Prints a line for each method and glass: paths, seconds, paths a second, height evaluations, solver calls, and a
+//! hash of the light. The seconds are the shortest of some repetitions. Two states of the code can be compared where
 //! paths and hash agree.
 //!
 //! ```text

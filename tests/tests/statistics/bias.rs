@@ -1,7 +1,7 @@
 //! Every method agrees with the ground truth, and would not if it had one of the planted faults.
 //!
 //! Where few samples give the power that a verdict needs, all of it is asked for here. The others notice the planted
-//! faults, but their standard errors are larger: the binary `bias` of this crate is the long version that has the
+//! faults, but their standard errors are larger. The binary `bias` of this crate is the long version that has the
 //! power. `docs/validation.md` explains both.
 
 use std::collections::BTreeMap;

@@ -1,5 +1,5 @@
-//! The light that the outside of a pane reflects: `fnee` in two unknowns, `sms` over one vertex, and the path tracer,
-//! which finds it by chance.
+//! Light that the outside of a pane reflects: by `fnee` in two unknowns, by `sms` over one vertex, and by the path
+//! tracer.
 
 use std::collections::BTreeMap;
 

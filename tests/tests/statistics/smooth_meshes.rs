@@ -1,5 +1,5 @@
-//! Caustics of triangle meshes with interpolated normals: manifold methods against the path tracer, which finds the
-//! light by chance, against closed forms, and against the same glass as a height field.
+//! Caustics of triangle meshes with interpolated normals. Manifold methods are compared with the path tracer, with
+//! closed forms, and with the same glass as a height field.
 
 use std::collections::BTreeMap;
 

@@ -1,5 +1,5 @@
-//! The paths through both faces of old glass that curves lead to, against lists found by brute force, and against those
-//! that random walks find through the same glass as a mesh.
+//! Paths through both faces of old glass, found along curves. They are compared with lists found by brute force, and
+//! with the paths that random walks find through the same glass as a mesh.
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};

@@ -1,5 +1,5 @@
-//! What a coordinator acknowledges is on disk before it says so, and what it removes is not needed any more: shown by
-//! its system calls, and by what it answers while its disk fails.
+//! What a coordinator acknowledges is on disk before the answer, and what it removes is no longer needed. Its system
+//! calls show it, and so do its answers while the disk fails.
 
 use std::collections::BTreeMap;
 use std::fmt::Debug;

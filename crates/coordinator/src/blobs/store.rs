@@ -1,7 +1,7 @@
 //! The blob store: bytes that are written once and never change.
 //!
-//! Assets are named by their content. Nodes of one upload lie one after the other in one blob with an identity of its
-//! own, so that they cost one sync or one request together. A blob is removed after the last of its nodes.
+//! Assets are named by their content. The nodes of one upload lie one after the other in one blob with an identity of
+//! its own. So they cost one sync or one request together. A blob is removed after the last of its nodes.
 //!
 //! A blob is synced to disk, or acknowledged by the object store, before its name is written into the database. That
 //! row is the commit. A crash between the two leaves a blob without a row, which garbage collection removes. A store

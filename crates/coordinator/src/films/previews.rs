@@ -1,9 +1,9 @@
 //! Previews: small images of a job while it converges.
 //!
 //! The cache holds the canvas of each preview with the number of passes that each tile shows. So an update reads only
-//! the nodes of tiles that have grown. It reads all tiles after nodes were removed from the film to be rendered again:
-//! a tile may have as many passes as before, but others. A job gets at most one update in a quarter of a second, in at
-//! most half of a core's time.
+//! the nodes of tiles that have grown. After nodes were removed from the film, it reads all tiles: a tile may have as
+//! many passes as before, but others. A job gets at most one update in a quarter of a second, in at most half of a
+//! core's time.
 
 use std::collections::BTreeMap;
 use std::ops::Range;

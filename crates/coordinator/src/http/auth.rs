@@ -3,9 +3,9 @@
 //! With a token, callers send it as `Authorization: Bearer`. A browser sends it once, to `POST /session`, and gets a
 //! cookie that pages of other sites cannot use (`SameSite=Strict`) and scripts cannot read (`HttpOnly`).
 //!
-//! Without a token, which only a coordinator on a loopback address may do, everybody on this machine may call, but not
-//! the web pages that they visit: the `Host` must name this machine, so that a foreign name that resolves to 127.0.0.1
-//! opens nothing, and `CsrfLayer` refuses changes that other sites' pages ask for.
+//! Only a coordinator on a loopback address may run without a token. Then everybody on this machine may call, but not
+//! the web pages that they visit. The `Host` must name this machine, so a foreign name that resolves to 127.0.0.1 opens
+//! nothing. `CsrfLayer` refuses changes that other sites' pages ask for.
 
 use std::net::IpAddr;
 

@@ -1,8 +1,8 @@
 //! Lingering close: a connection is not closed before the client has received the last answer.
 //!
-//! A body that is too large is answered before it has been read. A socket that is closed with unread bytes is reset,
-//! and the reset takes the answer from a client that is still sending: it sees a broken connection and no reason. So
-//! reading goes on for a moment after the last byte was written, and the bytes are dropped (RFC 9112, section 9.6).
+//! A body that is too large is answered before it has been read. A socket that is closed with unread bytes is reset. A
+//! client that is still sending then loses the answer: it sees a broken connection and no reason. So reading goes on
+//! for a moment after the last byte was written, and the bytes are dropped (RFC 9112, section 9.6).
 
 use std::future::Future;
 use std::io;

@@ -1,10 +1,15 @@
 //! The HTTP API and the dashboard.
 //!
-//! A request passes these layers, from the outside in: [`drain`] (bodies that nobody has read to their end),
-//! [`problem::explain`] (request id, span, problem documents), panics caught, [`auth::authorise`] (token, or the name
-//! of this machine), requests from other sites' pages refused, [`encoding`] (encoded bodies), [`queries`] (parameters
-//! that no endpoint has), limits on bodies. Handlers read with [`extract`], which names the field that is wrong, and
-//! return an [`ApiError`].
+//! A request passes these layers, from the outside in:
+//!
+//! - [`drain`]: bodies that no handler has read to their end;
+//! - [`problem::explain`]: request id, span, problem documents;
+//! - panics are caught;
+//! - [`auth::authorise`]: the token, or the name of this machine;
+//! - requests from other sites' pages are refused;
+//! - [`encoding`]: encoded bodies; [`queries`]: parameters that no endpoint has; limits of bodies.
+//!
+//! Handlers read with [`extract`], which names the field that is wrong, and return an [`ApiError`].
 
 mod assets;
 mod auth;

@@ -1,8 +1,8 @@
 //! Problem documents (RFC 9457): the one place that decides what a caller is told.
 //!
 //! Handlers return an [`ApiError`], and domain errors become one in the one `From` below. Its response carries the
-//! problem as an extension. The [`explain`] layer, outside of everything else, writes the document with the request's
-//! id, and logs what the caller is not told: the cause of a 5xx.
+//! problem as an extension. The [`explain`] layer is outside of everything else. It writes the document with the
+//! request's id. It logs the cause of a 5xx, which the caller does not see.
 
 use std::error::Error;
 use std::sync::Arc;

@@ -2,8 +2,9 @@
 //!
 //! Each query costs the database some milliseconds, whether there is work or not. A worker that found none waits for a
 //! notification. When its request ends and it asks again, it goes on waiting. Otherwise thousands of idle workers, each
-//! back after some seconds, would leave no time to those with work. Since nobody knows which worker a job suits, an
-//! idle worker queries from time to time without a notification: the more of them there are, the less often each.
+//! back after some seconds, would leave no time to those with work. No notification knows which worker a job suits, so
+//! an idle worker also queries from time to time without one. The more idle workers there are, the less often each
+//! queries.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};

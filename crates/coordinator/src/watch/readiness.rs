@@ -1,8 +1,8 @@
 //! Whether a coordinator is ready (`/readyz`): whether what a caller brings could be stored now.
 //!
-//! A check writes a row to the database and a small blob to the blob store, and looks for room on the disk of the data
-//! directory. An outcome holds for some seconds, so that probes cost little. A coordinator that is about to stop is not
-//! ready. It goes on serving until a load balancer has seen that.
+//! A check writes a row to the database and a small blob to the blob store. It also checks the free space on the disk
+//! of the data directory. An outcome holds for some seconds, so that probes cost little. A coordinator that is about to
+//! stop is not ready. It goes on serving until a load balancer has seen that.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};

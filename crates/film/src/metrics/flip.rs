@@ -1,17 +1,16 @@
 //! FLIP: how different an image and its reference look to someone who alternates between them.
 //!
-//! Andersson, Nilsson, Akenine-Moller, Oskarsson, Astrom and Fairchild, "FLIP: A Difference Evaluator for Alternating
-//! Images", Proceedings of the ACM on Computer Graphics and Interactive Techniques 3 (2), article 15, 2020 (LDR-FLIP).
-//! Radiance becomes what a preview shows, the eye's filters find colors, edges and points in both images, and a pixel's
-//! difference is
+//! Andersson et al., "FLIP: A Difference Evaluator for Alternating Images", Proceedings of the ACM on Computer Graphics
+//! and Interactive Techniques 3 (2), 2020 (LDR-FLIP). Radiance becomes what a preview shows, the eye's filters find
+//! colors, edges and points in both images, and a pixel's difference is
 //!
 //! ```text
 //! color ^ (1 - feature)            0: none; 1: the largest
 //! ```
 //!
 //! Images come in rows, from the top to the bottom, of which only those are kept that the filters still need. All
-//! numbers are in double precision and in one order, whatever the height of the strips and the number of threads: the
-//! same images give the same bits. Formulas and constants are also in `docs/film.md`.
+//! numbers are in double precision and in one order. The same images give the same bits, whatever the height of the
+//! strips and the number of threads. Formulas and constants are also in `docs/film.md`.
 
 mod perception;
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The boundary between air and a clear dielectric, such as glass or water.
 //!
-//! Where the two normals of a point disagree so much that a reflected ray would go through the surface or a refracted
-//! one would not, the surface is black.
+//! The two normals of a point may disagree so much that a reflected ray would go through the surface, or a refracted
+//! one would not. There the surface is black.
 
 use std::sync::Arc;
 

@@ -2,8 +2,8 @@
 //!
 //! `registry` lists the kinds. Everything else sees a material through [`Bsdf`] and never asks for its kind.
 //!
-//! A mesh has two normals: that of the triangle, which says on which side a ray is, and the interpolated one, which
-//! says where the ray goes.
+//! A mesh has two normals. That of the triangle says on which side a ray is. The interpolated one says where the ray
+//! goes.
 
 mod dielectric;
 mod diffuse;

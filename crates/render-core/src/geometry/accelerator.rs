@@ -4,11 +4,11 @@
 //! double precision, triangles in world coordinates, panes in their own. What a ray has just left is skipped by
 //! identity.
 //!
-//! A sheet, such as the surface of water, has a hierarchy of its own, so that steep rays that leave it or end on it
-//! need not look at it.
+//! A sheet, such as the surface of water, has a hierarchy of its own. So steep rays that leave it or end on it need not
+//! test it.
 //!
-//! At equal distances the smaller number wins, triangles before panes, so that a result does not depend on the order
-//! in which the hierarchy is walked.
+//! At equal distances the smaller number wins, triangles before panes. So a result does not depend on the order in
+//! which the hierarchy is walked.
 
 use std::ops::Range;
 use std::sync::Arc;

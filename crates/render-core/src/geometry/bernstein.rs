@@ -1,9 +1,9 @@
 //! Polynomials in Bernstein form on `[0, 1]`: where the sign first changes, and all roots.
 //!
 //! The number of sign changes among the coefficients bounds the number of roots and has the same parity (Descartes'
-//! rule in its Bernstein form): no change proves that there is no root, one change that there is exactly one. Halving
-//! (de Casteljau) separates the other cases. See Farouki, *The Bernstein polynomial basis: a centennial retrospective*,
-//! 2012, section 5.
+//! rule in its Bernstein form). No change proves that there is no root. One change proves that there is exactly one.
+//! Halving (de Casteljau) separates the other cases. See Farouki, *The Bernstein polynomial basis: a centennial
+//! retrospective*, 2012, section 5.
 
 /// Halvings after which two roots that are still together are taken for one double root.
 const DEEPEST: u32 = 48;

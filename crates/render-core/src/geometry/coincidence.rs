@@ -1,7 +1,7 @@
 //! Triangles that lie in one place: in one plane, to rounding, with an area in common.
 //!
-//! A ray that leaves a triangle sees nothing of what lies in the same plane at the same place, and one that arrives
-//! meets whichever rounding puts first.
+//! A ray that leaves a triangle misses everything in the same plane at the same place. A ray that arrives meets
+//! whichever surface rounding puts first.
 //!
 //! Faces are sorted by cells of the space of planes, and those of one cell are swept along an axis. Whatever is found
 //! is true; what lies beside another by less than [`RIM`] is not found, nor what is left when the budget is spent.

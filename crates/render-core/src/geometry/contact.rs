@@ -4,8 +4,8 @@
 //! glass of a pane, or exactly on one of its faces, is met or missed by rounding.
 //!
 //! The search halves the pane's outline. Bounds on both faces show that most parts hold nothing; in the others it looks
-//! for one point that both share. So whatever is found is true. What is smaller than [`RIM`] is not found, nor what
-//! hides in relief that runs parallel at a fraction of its own height, once the budget is spent.
+//! for one point that both share. So whatever is found is true. A contact smaller than [`RIM`] is not found. Once the
+//! budget is spent, nor is one between reliefs that run parallel at a fraction of their own height.
 
 use std::collections::VecDeque;
 

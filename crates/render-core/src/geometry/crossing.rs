@@ -1,13 +1,13 @@
 //! The first crossing of a ray with a height field.
 //!
-//! Along the ray, `g(t)` is the height above the surface, counted positive on the side on which the ray starts. That
-//! side is known beforehand (the caller knows whether it is in the glass), so nothing is decided by a distance, and a
-//! ray that starts on the surface needs no epsilon: its root at 0 is divided out.
+//! Along the ray, `g(t)` is the height above the surface, counted positive on the side on which the ray starts. The
+//! caller knows that side, because it knows whether the ray is in the glass. So no distance decides anything. A ray
+//! that starts on the surface needs no epsilon: its root at 0 is divided out.
 //!
 //! A stretch of the ray is settled by, in this order:
 //! 1. bounds of the height over its footprint: the part of it outside these bounds is cut off;
-//! 2. bounds of the slope over its footprint, which may prove that `g` rises (no crossing) or falls all the way (at
-//!    most one, found by Halley's method in a bracket);
+//! 2. bounds of the slope over its footprint. They may prove that `g` rises (no crossing) or falls all the way (at most
+//!    one, found by Halley's method in a bracket);
 //! 3. within one cell, `g` is a polynomial of degree 6, whose Bernstein form yields its first change of sign;
 //! 4. otherwise it is cut at the border of a cell nearest to its middle, and the front part goes first.
 //!

@@ -1,5 +1,5 @@
-//! A point of a smooth surface, and how the surface goes on around it: what walks over specular manifolds need to know
-//! of faces of panes and of triangles alike. All in world coordinates.
+//! A point of a smooth surface with the derivatives there. Manifold walks need them for faces of panes and for
+//! triangles alike. All in world coordinates.
 
 use glam::{DMat2, DVec3};
 

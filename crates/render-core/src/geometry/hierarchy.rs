@@ -1,12 +1,12 @@
 //! The hierarchy of boxes that decides which primitives a ray is tested against.
 //!
-//! It is a compressed wide one (Ylitie, Karras, Laine, *Efficient Incoherent Ray Traversal on GPUs Through Compressed
-//! Wide BVHs*, HPG 2017) from obvhs, and computes in single precision, while the tests of the primitives are in double
+//! It is a compressed wide hierarchy from obvhs (Ylitie, Karras, Laine, *Efficient Incoherent Ray Traversal on GPUs
+//! Through Compressed Wide BVHs*, HPG 2017). It computes in single precision. The tests of the primitives are in double
 //! precision. So that it never loses a primitive that they would find:
-//! - the scene is centred and scaled by a power of two to an extent of 2^14 to 2^15 units, and rays start where they
-//!   enter it;
-//! - boxes are padded by 1/8 unit, about five times the rounding of the box test at this size (a few units in the last
-//!   place of 2^15), and a thousand times the 1e-4 units below which obvhs does not see the exit of a box;
+//! - the scene is centred and scaled by a power of two to an extent of 2^14 to 2^15 units. Rays start where they enter
+//!   it;
+//! - boxes are padded by 1/8 unit. This is five times the rounding of the box test (a few units in the last place of
+//!   2^15). It is a thousand times the 1e-4 units below which obvhs does not see the exit of a box;
 //! - a hit at distance t cuts the search only behind t plus the padding.
 
 use std::time::Duration;

@@ -1,8 +1,8 @@
 //! Arrays in large pages.
 //!
-//! What is looked up all over many megabytes misses the processor's table of pages at nearly every look, and finding a
-//! page anew takes longer than the memory itself. Two megabytes to a page, nearly all are in the table. The kernel is
-//! asked for them; where it has none, the pages are small, and nothing else differs.
+//! Random accesses over many megabytes miss the processor's table of pages (TLB) nearly every time. To find a page anew
+//! takes longer than the access itself. Two megabytes to a page, nearly all are in the table. The kernel is asked for
+//! them; where it has none, the pages are small, and nothing else differs.
 
 use std::alloc::{Layout, handle_alloc_error};
 use std::marker::PhantomData;

@@ -4,8 +4,8 @@
 //! size around the origin. The front face is towards -z, the back face towards +z. The side walls between them are the
 //! edge, which is opaque and black: it sits in the lead or the frame.
 //!
-//! A ray knows on which side of a face it is, because the caller knows whether it is in the glass; see
-//! the module `crossing` for what follows from this.
+//! The caller knows whether a ray is in the glass, and so on which side of a face it is. The module `crossing` rests on
+//! this.
 
 use glam::{DVec2, DVec3};
 use schemars::JsonSchema;

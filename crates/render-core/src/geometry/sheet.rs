@@ -1,11 +1,11 @@
 //! Triangles that cover a convex region of a plane once, like the surface of water, and which rays therefore meet them
 //! once at the most.
 //!
-//! Seen along an axis, triangles that all turn the same way cover each place as often as their border winds around it:
-//! edges that two triangles share in opposite directions cancel, and what remains bounds what is covered. Where that is
-//! one convex polygon, gone around once, the triangles are the graph of a function over it, and a straight line that is
-//! steeper than the steepest of them meets them once (mean value theorem, along the line's shadow, all of which is in
-//! the polygon).
+//! Consider triangles that all turn the same way, seen along an axis. They cover each place as often as their border
+//! winds around it. Edges that two triangles share in opposite directions cancel, and the rest is the border. If the
+//! border is one convex polygon, gone around once, the triangles are the graph of a function over it. Then a line that
+//! is steeper than the steepest triangle meets them once. This is the mean value theorem along the line's shadow, which
+//! lies in the polygon.
 
 use std::f64::consts::PI;
 use std::ops::Range;

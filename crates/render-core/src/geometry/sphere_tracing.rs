@@ -1,7 +1,7 @@
 //! Sphere tracing (Hart 1996) of a height field, as Huan et al. 2023 (section 3) find where rays cross a face.
 //!
-//! A ray goes on by steps that the steepest slope of the surface proves to be free, until it is so near that it counts
-//! as arrived. It needs only heights and a bound on slopes, and takes many steps where `crossing` takes a few. It is
+//! A ray advances by steps that the steepest slope of the surface proves to be free. It ends when it is near enough to
+//! the surface. It needs only heights and a bound on slopes, and takes many steps where `crossing` takes a few. It is
 //! here to count what the published methods cost with it. Its lengths are absolute, as in published code: it is for
 //! glass that is much thicker than a micrometre.
 

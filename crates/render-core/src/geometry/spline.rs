@@ -1,6 +1,6 @@
 //! The uniform cubic B-spline on one cell: weights, their derivatives, their polar form and their Bernstein form.
 //!
-//! A cell is the stretch between two neighbouring grid values; `f` in `[0, 1]` runs through it, and the four values
+//! A cell is the stretch between two neighbouring grid values, and `f` in `[0, 1]` runs through it. The four values
 //! ("taps") at -1, 0, 1 and 2 relative to its start control it. The curve is a convex combination of the taps and is C2
 //! across cells. (Farin, *Curves and Surfaces for CAGD*, chapters 4 to 8, has every formula of this page.)
 

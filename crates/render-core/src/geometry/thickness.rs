@@ -1,8 +1,8 @@
 //! Proof that the glass of a pane has a positive thickness everywhere.
 //!
-//! Bounds of both faces settle most of the outline at once. Where they do not, down to the rectangles on which both
-//! faces are single polynomials, the Bernstein coefficients of their difference do: these converge quadratically, so
-//! that bent glass with parallel faces is no difficulty.
+//! Bounds of both faces settle most of the outline at once. Where they do not decide, the rectangle is halved, down to
+//! those on which both faces are single polynomials. There the Bernstein coefficients of the difference decide. They
+//! converge quadratically, so bent glass with parallel faces is no difficulty.
 
 use glam::{DVec2, dvec2};
 

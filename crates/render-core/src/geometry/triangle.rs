@@ -1,9 +1,9 @@
 //! The watertight intersection of a ray with a triangle.
 //!
 //! Woop, Benthin, Wald, *Watertight Ray/Triangle Intersection*, JCGT 2(1), 2013, in double precision. The triangle is
-//! sheared so that the ray becomes the z axis; on which side of an edge the ray passes is then the sign of one
-//! difference of two products of the edge's corners. The neighbour on that edge computes the same number with the
-//! opposite sign, so a ray cannot slip between them. A ray exactly through an edge hits both.
+//! sheared so that the ray becomes the z axis. Then the side of an edge on which the ray passes is the sign of one
+//! difference of products. The neighbour on that edge computes the same number with the opposite sign, so a ray cannot
+//! slip between them. A ray exactly through an edge hits both.
 
 use glam::DVec3;
 

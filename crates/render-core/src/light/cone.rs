@@ -1,5 +1,5 @@
-//! Cones of directions into which lights emit (Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with
-//! Adaptive Tree Splitting"; the same bounds as in pbrt-v4).
+//! Cones of directions into which lights emit. The bounds are those of pbrt-v4 (Conty Estevez and Kulla 2018,
+//! "Importance Sampling of Many Lights with Adaptive Tree Splitting").
 
 use std::f64::consts::PI;
 

@@ -1,5 +1,5 @@
-//! What the settings of all things in a scene file share: places in the file, errors, limits and checks of ranges, and
-//! `kinds`, which declares the registry of the kinds of a thing.
+//! What all settings in a scene file share: places in the file, errors, limits and checks of ranges. The macro `kinds`
+//! declares a registry.
 
 pub(crate) mod check;
 pub mod error;

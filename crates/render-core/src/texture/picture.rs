@@ -1,5 +1,5 @@
-//! Pictures from PNG and OpenEXR files. Sizes are bounded by the header before a pixel is decoded: an EXR file of a few
-//! bytes may claim any size, and its decoder takes the memory first.
+//! Pictures from PNG and OpenEXR files. Sizes are bounded by the header before a pixel is decoded. An EXR file of a few
+//! bytes may claim any size, and its decoder allocates the memory first.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;

@@ -1,9 +1,9 @@
 //! Merging: the nodes of a recorded round become fewer and larger ones.
 //!
 //! A parent is formed when the round at its middle has been recorded. Before that, the image of the round needs the two
-//! halves apart ([`Held`]). The parent is on disk before its row replaces the rows of its children, and a blob is
-//! removed when its last node has been replaced. Tiles are merged in batches, few at a time, because their nodes are in
-//! memory meanwhile.
+//! halves apart ([`Held`]). The parent is on disk before its row replaces the rows of its children. A blob is removed
+//! when its last node has been replaced. Tiles are merged in batches, few at a time, because their nodes are in memory
+//! meanwhile.
 
 use std::sync::Arc;
 

@@ -1,8 +1,8 @@
 //! The displacement of one face of a pane: a uniform cubic tensor-product B-spline over a grid of heights.
 //!
 //! The grid values are the spline's *coefficients*: the surface approximates them and is C2 everywhere. Value (i, j)
-//! sits at `u = (i + 1/2) / columns`, `v = (j + 1/2) / rows`, where `u = x / width + 1/2` and `v = y / height + 1/2`
-//! run over the outline from 0 to 1; row 0 is at the smallest v. Beyond the grid the outermost values repeat, so the
+//! sits at `u = (i + 1/2) / columns`, `v = (j + 1/2) / rows`. Here `u = x / width + 1/2` and `v = y / height + 1/2` run
+//! over the outline from 0 to 1. Row 0 is at the smallest v. Beyond the grid the outermost values repeat, so the
 //! surface goes on smoothly past the outline and becomes constant two values further out.
 //!
 //! A *cell* is the square between four neighbouring values, on which the surface is one bicubic polynomial. `bounds`

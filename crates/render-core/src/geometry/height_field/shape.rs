@@ -1,5 +1,6 @@
-//! Slopes and curvatures of a height field over four rectangles at once: at the middle, and how far they may be from
-//! that elsewhere, by the Taylor polynomial about the middle with the cells' third derivatives as remainder.
+//! Slopes and curvatures of a height field over four rectangles at once: at the middle, with bounds of their deviation
+//! elsewhere. The bounds come from the Taylor polynomial about the middle, with the cells' third derivatives as
+//! remainder.
 
 use glam::DVec2;
 
