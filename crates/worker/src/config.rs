@@ -1,4 +1,4 @@
-//! What a worker needs to know.
+//! The settings of a worker.
 
 use std::num::NonZeroUsize;
 
@@ -9,7 +9,7 @@ pub struct Config {
     pub coordinator: String,
     /// The farm's token, where it has one.
     pub token: Option<String>,
-    /// A name for people, for instance the machine's.
+    /// Its name, for instance that of the machine.
     pub name: String,
     /// Threads that render.
     pub threads: NonZeroUsize,

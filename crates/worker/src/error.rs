@@ -5,14 +5,14 @@ use std::error::Error;
 use clerestory_api::ClientError;
 use clerestory_render_core::probe::ProbeError;
 
-/// Why a worker cannot work. Everything that may pass (a coordinator that is away, a lease that is lost, a scene that
-/// cannot be built) is not an error of the worker: it goes on.
+/// Why a worker cannot work. Transient failures are not among them: the worker goes on when a coordinator is away, a
+/// lease is lost, or a scene cannot be built.
 #[derive(Debug, thiserror::Error)]
 pub enum WorkerError {
     /// The coordinator's address or the token cannot be used, or something else answers there.
     #[error("cannot set up the connection to the coordinator")]
     Connection(#[source] ClientError),
-    /// The coordinator does not let this worker in.
+    /// The coordinator refuses the registration.
     #[error("the coordinator refuses this worker")]
     Refused(#[source] ClientError),
     /// The probe image cannot be rendered.

@@ -18,7 +18,7 @@ use crate::scene_budget::{MemoryLimit, Reservation, SceneBudget};
 /// Jobs whose scenes are kept, as far as they fit into memory.
 const KEPT_JOBS: usize = 4;
 
-/// Bytes of assets that are kept for the scenes to come, which often differ in a few numbers only.
+/// Bytes of assets that are kept for later scenes, which often use the same ones.
 const KEPT_ASSET_BYTES: usize = 256 << 20;
 
 /// Largest edge of a tile that a job may ask for.
@@ -32,7 +32,7 @@ pub(crate) struct JobPlan {
     pub(crate) scene: Scene,
     /// How its image is cut into tiles.
     pub(crate) grid: TileGrid,
-    /// The memory of the scene, given back after it.
+    /// The memory of the scene, released when the scene is dropped.
     _memory: Reservation,
 }
 
@@ -75,14 +75,14 @@ impl PlanError {
     }
 }
 
-/// Plans of the last few jobs, and those that are being made. A plan that takes longer than a lease is made to its end,
-/// and serves the next lease of its job.
+/// Plans of the last few jobs, built or being built. A plan that takes longer than a lease is built to its end, and
+/// serves the next lease of its job.
 pub(crate) struct JobCache {
-    maker: Arc<Maker>,
+    builder: Arc<PlanBuilder>,
     plans: Arc<Plans>,
 }
 
-/// The plans themselves. What makes one drops others.
+/// The plans. A plan that is being built may evict others.
 #[derive(Default)]
 struct Plans {
     /// Last used first.
@@ -94,10 +94,10 @@ impl Plans {
         self.entries.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Drops the plan that was not used for longest, of those that are made; false when there is none.
+    /// Drops the least recently used plan that is built. False when there is none.
     fn drop_oldest(&self) -> bool {
         let mut entries = self.lock();
-        let oldest = entries.iter().rposition(Entry::is_made).and_then(|at| entries.remove(at));
+        let oldest = entries.iter().rposition(Entry::is_ready).and_then(|at| entries.remove(at));
         drop(entries);
         if let Some(entry) = &oldest {
             info!(job = %entry.job, "dropping a scene to make room for another");
@@ -106,27 +106,27 @@ impl Plans {
     }
 }
 
-/// A plan that is made or being made.
+/// A plan that is built or being built.
 struct Entry {
     job: JobId,
     outcome: watch::Receiver<Option<Outcome>>,
-    _making: AbortOnDropHandle<()>,
+    _task: AbortOnDropHandle<()>,
 }
 
-/// What came of making a plan. Every lease that waits for it is told.
+/// The result of building a plan. Every lease that waits for it gets it.
 type Outcome = Result<Arc<JobPlan>, Arc<PlanError>>;
 
 impl Entry {
-    fn begin(maker: Arc<Maker>, job: JobId) -> Self {
+    fn begin(builder: Arc<PlanBuilder>, job: JobId) -> Self {
         let (result, outcome) = watch::channel(None);
-        let making = tokio::spawn(async move {
-            let made = maker.make(job).await.map(Arc::new).map_err(Arc::new);
-            result.send_replace(Some(made));
+        let task = tokio::spawn(async move {
+            let plan = builder.build_plan(job).await.map(Arc::new).map_err(Arc::new);
+            result.send_replace(Some(plan));
         });
-        Self { job, outcome, _making: AbortOnDropHandle::new(making) }
+        Self { job, outcome, _task: AbortOnDropHandle::new(task) }
     }
 
-    fn is_made(&self) -> bool {
+    fn is_ready(&self) -> bool {
         matches!(*self.outcome.borrow(), Some(Ok(_)))
     }
 
@@ -140,27 +140,27 @@ impl JobCache {
     pub(crate) fn new(client: Client, budget: SceneBudget) -> Self {
         let plans = Arc::new(Plans::default());
         let assets = Mutex::new(AssetCache::default());
-        let maker = Maker { client, assets, budget, plans: Arc::downgrade(&plans), activity: Activity::default() };
-        Self { maker: Arc::new(maker), plans }
+        let builder =
+            PlanBuilder { client, assets, budget, plans: Arc::downgrade(&plans), activity: Activity::default() };
+        Self { builder: Arc::new(builder), plans }
     }
 
-    /// The plan of a job, fetched and built unless it is at hand. Dropping the future loses nothing: the plan is made
-    /// all the same.
+    /// The plan of a job, fetched and built unless it is cached. Dropping the future does not stop the build.
     pub(crate) async fn plan(&mut self, job: JobId) -> Outcome {
         let mut outcome = self.entry(job);
-        let made = outcome.wait_for(Option::is_some).await;
-        made.ok().and_then(|made| made.clone()).unwrap_or_else(|| Err(Arc::new(PlanError::Dropped)))
+        let plan = outcome.wait_for(Option::is_some).await;
+        plan.ok().and_then(|plan| plan.clone()).unwrap_or_else(|| Err(Arc::new(PlanError::Dropped)))
     }
 
-    /// What comes or came of the plan of a job, which is begun unless it is known.
+    /// The pending or complete result of building a plan. Starts the build unless the plan is cached.
     fn entry(&self, job: JobId) -> watch::Receiver<Option<Outcome>> {
         let mut entries = self.plans.lock();
         let known = entries.iter().position(|entry| entry.job == job).and_then(|at| entries.remove(at));
         let entry = known.filter(|entry| !entry.has_failed());
-        let entry = entry.unwrap_or_else(|| Entry::begin(Arc::clone(&self.maker), job));
+        let entry = entry.unwrap_or_else(|| Entry::begin(Arc::clone(&self.builder), job));
         let outcome = entry.outcome.clone();
         entries.push_front(entry);
-        let building = self.maker.activity.job();
+        let building = self.builder.activity.job();
         let mut kept = 0;
         entries.retain(|entry| {
             kept += 1;
@@ -169,23 +169,23 @@ impl JobCache {
         outcome
     }
 
-    /// The jobs whose plans are at hand or being made.
+    /// The jobs whose plans are built or being built.
     pub(crate) fn jobs(&self) -> Vec<JobId> {
         self.plans.lock().iter().filter(|entry| !entry.has_failed()).map(|entry| entry.job).collect()
     }
 
-    /// What is being built, for whoever reports it.
+    /// The scene that is being built, for heartbeats.
     pub(crate) fn activity(&self) -> Activity {
-        self.maker.activity.clone()
+        self.builder.activity.clone()
     }
 }
 
-/// The scene that is being built, and since when.
+/// The scene that is being built, and the time since its start.
 #[derive(Clone, Default)]
 pub(crate) struct Activity(Arc<std::sync::Mutex<Option<(JobId, Instant)>>>);
 
 impl Activity {
-    /// What a heartbeat says.
+    /// The activity in a heartbeat.
     pub(crate) fn report(&self) -> WorkerActivity {
         let building = self.0.lock().unwrap_or_else(PoisonError::into_inner).map(|(job, since)| SceneBuilding {
             job,
@@ -204,7 +204,7 @@ impl Activity {
     }
 }
 
-/// A build that is under way; over when it is dropped.
+/// A running build. It ends when this is dropped.
 struct Building<'a>(&'a Activity);
 
 impl Drop for Building<'_> {
@@ -214,18 +214,18 @@ impl Drop for Building<'_> {
 }
 
 /// Fetches and builds scenes.
-struct Maker {
+struct PlanBuilder {
     client: Client,
-    /// Held while a plan is made: two scenes at a time may take more memory than the machine has.
+    /// Locked while a plan is built: two scenes at a time may take more memory than the machine has.
     assets: Mutex<AssetCache>,
     budget: SceneBudget,
-    /// Where there are plans to be dropped. Weak, since they hold what is being made here.
+    /// The plans to evict. Weak, because the plans own the tasks that build with this.
     plans: Weak<Plans>,
     activity: Activity,
 }
 
-impl Maker {
-    async fn make(&self, job: JobId) -> Result<JobPlan, PlanError> {
+impl PlanBuilder {
+    async fn build_plan(&self, job: JobId) -> Result<JobPlan, PlanError> {
         let mut cache = self.assets.lock().await;
         info!(%job, "fetching and building a scene");
         let _building = self.activity.begin(job);
@@ -264,7 +264,7 @@ impl Maker {
     }
 }
 
-/// Puts a scene together, and counts the bytes that building it takes.
+/// Makes the bundle of a scene, and counts the bytes that building it takes.
 fn bundle(
     order: &JobScene,
     assets: BTreeMap<String, Asset>,
@@ -310,7 +310,7 @@ impl AssetCache {
         self.keep(KEPT_ASSET_BYTES);
     }
 
-    /// Drops what is more than so many bytes.
+    /// Evicts assets beyond this number of bytes.
     fn keep(&mut self, most_bytes: usize) {
         let mut bytes = 0;
         self.entries.retain(|(_, asset)| {

@@ -15,50 +15,50 @@ use crate::error::with_causes;
 use crate::job_cache::{JobCache, JobPlan};
 use crate::renderer::{LeaseError, RenderedNode, Renderer};
 use crate::retry::{repeat_while, until_answered};
-use crate::uploader::{Outbox, Parcel, Receipt, is_lease_over};
+use crate::uploader::{BatchOutcome, UploadBatch, UploadQueue, is_lease_over};
 
-/// Longest reason that a coordinator takes with a lease that is given back, characters.
+/// Longest failure reason that a coordinator accepts with a returned lease, in characters.
 const LONGEST_REASON: usize = 500;
 
-/// Nodes that may be rendered ahead of the parcel that is being handed in.
+/// Nodes that may be rendered ahead of the batch that is being enqueued.
 const RENDER_AHEAD: usize = 4;
 
-/// Shortest time between renewals, whatever term the coordinator names.
+/// Shortest time between renewals, whatever the term of the lease.
 const SHORTEST_RENEWAL: Duration = Duration::from_millis(50);
 
 /// How the rendering of a lease ended.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
-    /// All its nodes are rendered.
+    /// All nodes are rendered.
     Complete,
-    /// The lease does not count any more, or nothing of it is wanted.
+    /// The lease is no longer valid, or none of its nodes is outstanding.
     Over,
-    /// The worker was told to end.
+    /// The worker must end.
     Stopped,
-    /// Its nodes cannot be rendered here, for this reason.
+    /// The nodes cannot be rendered here, for this reason.
     Failed(String),
 }
 
-/// A lease in work. It is renewed in the background until it is settled.
+/// A lease that is being rendered. A background task renews it until it is settled.
 pub(crate) struct LeaseWork {
     lease: Lease,
     client: Client,
-    outbox: Outbox,
+    queue: UploadQueue,
     build: String,
-    /// Cancelled when the worker is told to end, or `over` is.
+    /// Cancelled when the worker must end, and with `over`.
     stop: CancellationToken,
-    /// Cancelled when the lease does not count any more, or nothing of it is wanted: all is accepted, or others have
-    /// it.
+    /// Cancelled when the lease is no longer valid, or none of its nodes is outstanding: all are accepted or taken
+    /// over.
     over: CancellationToken,
     renewal: AbortOnDropHandle<()>,
-    receipts: Vec<oneshot::Receiver<Receipt>>,
+    outcomes: Vec<oneshot::Receiver<BatchOutcome>>,
 }
 
 impl LeaseWork {
     pub(crate) fn new(
         lease: Lease,
         client: Client,
-        outbox: Outbox,
+        queue: UploadQueue,
         build: String,
         worker_stop: &CancellationToken,
     ) -> Self {
@@ -72,11 +72,11 @@ impl LeaseWork {
                 stop.cancel();
             }))
         };
-        Self { lease, client, outbox, build, stop, over, renewal, receipts: Vec::new() }
+        Self { lease, client, queue, build, stop, over, renewal, outcomes: Vec::new() }
     }
 
-    /// Renders the lease's nodes and hands them in. Returns as soon as nothing is left to render, with the rest:
-    /// waiting for the answers and, where nodes are left over, giving them back.
+    /// Renders the nodes and enqueues them for upload. Returns when no node is left to render. The returned future
+    /// waits for the answers, and returns the lease if nodes are left over.
     pub(crate) async fn render(
         mut self,
         jobs: &mut JobCache,
@@ -113,32 +113,32 @@ impl LeaseWork {
             let (plan, renderer, nodes) = (plan.clone(), renderer.clone(), self.lease.nodes.clone());
             tokio::task::spawn_blocking(move || renderer.render(&plan, &nodes, &cancelled, &sender))
         };
-        let mut gathered: Vec<RenderedNode> = Vec::new();
+        let mut batch: Vec<RenderedNode> = Vec::new();
         let mut due = Instant::now();
         loop {
             let next = tokio::select! {
                 next = rendered.recv() => next,
-                () = tokio::time::sleep_until(due), if !gathered.is_empty() => {
-                    self.hand_in(&plan, std::mem::take(&mut gathered)).await;
+                () = tokio::time::sleep_until(due), if !batch.is_empty() => {
+                    self.enqueue(&plan, std::mem::take(&mut batch)).await;
                     continue;
                 }
             };
             let Some(node) = next else { break };
-            let bytes: usize = gathered.iter().map(|node| node.rendered.node.bytes()).sum();
-            let full = self.outbox.full_parcel_bytes();
-            if !gathered.is_empty() && bytes + node.rendered.node.bytes() > full {
-                self.hand_in(&plan, std::mem::take(&mut gathered)).await;
+            let bytes: usize = batch.iter().map(|node| node.rendered.node.bytes()).sum();
+            let full = self.queue.full_batch_bytes();
+            if !batch.is_empty() && bytes + node.rendered.node.bytes() > full {
+                self.enqueue(&plan, std::mem::take(&mut batch)).await;
             }
-            if gathered.is_empty() {
+            if batch.is_empty() {
                 due = Instant::now() + Duration::from_millis(self.lease.gather_ms.into());
             }
-            gathered.push(node);
-            if gathered.iter().map(|node| node.rendered.node.bytes()).sum::<usize>() >= full {
-                self.hand_in(&plan, std::mem::take(&mut gathered)).await;
+            batch.push(node);
+            if batch.iter().map(|node| node.rendered.node.bytes()).sum::<usize>() >= full {
+                self.enqueue(&plan, std::mem::take(&mut batch)).await;
             }
         }
-        if !gathered.is_empty() {
-            self.hand_in(&plan, gathered).await;
+        if !batch.is_empty() {
+            self.enqueue(&plan, batch).await;
         }
         match rendering.await {
             Ok(Ok(())) => Ending::Complete,
@@ -149,18 +149,18 @@ impl LeaseWork {
     }
 
     /// Queues nodes for upload; waits while the queue is full.
-    async fn hand_in(&mut self, plan: &Arc<JobPlan>, nodes: Vec<RenderedNode>) {
+    async fn enqueue(&mut self, plan: &Arc<JobPlan>, nodes: Vec<RenderedNode>) {
         if self.over.is_cancelled() {
             return;
         }
-        let (receipt, receiver) = oneshot::channel();
+        let (outcome, receiver) = oneshot::channel();
         let (plan, build) = (Arc::clone(plan), self.build.clone());
         let (lease, token, over) = (self.lease.id, self.lease.token, self.over.clone());
-        let parcel = Parcel { lease, token, plan, build, nodes, receipt, over };
+        let batch = UploadBatch { lease, token, plan, build, nodes, outcome, over };
         tokio::select! {
-            sent = self.outbox.send(parcel) => {
+            sent = self.queue.send(batch) => {
                 if sent {
-                    self.receipts.push(receiver);
+                    self.outcomes.push(receiver);
                 }
             }
             () = self.over.cancelled() => {}
@@ -171,17 +171,17 @@ impl LeaseWork {
         if self.over.is_cancelled() { Ending::Over } else { Ending::Stopped }
     }
 
-    /// Waits for the answers to everything handed in, then gives back what is left of the lease.
+    /// Waits for the answers to all uploads, then returns the rest of the lease.
     async fn settle(self, mut failure: Option<String>) {
         let mut outstanding = None;
-        for receipt in self.receipts {
-            match receipt.await {
-                Ok(Receipt::Answered { outstanding: left }) => outstanding = Some(left),
-                Ok(Receipt::LeaseOver) => {
+        for outcome in self.outcomes {
+            match outcome.await {
+                Ok(BatchOutcome::Answered { outstanding: left }) => outstanding = Some(left),
+                Ok(BatchOutcome::LeaseOver) => {
                     info!(lease = %self.lease.id, "the lease is over; what was rendered for it is dropped");
                     self.over.cancel();
                 }
-                Ok(Receipt::Rejected(reason)) => {
+                Ok(BatchOutcome::Rejected(reason)) => {
                     warn!(lease = %self.lease.id, reason, "the coordinator does not accept a partial");
                     failure.get_or_insert(reason);
                 }
@@ -205,13 +205,13 @@ impl LeaseWork {
     }
 }
 
-/// Renews a lease well before its deadline; returns when it does not count any more, or nothing of it is wanted.
+/// Renews a lease well before its deadline. Returns when it is no longer valid, or none of its nodes is outstanding.
 async fn renew_until_over(client: &Client, lease: &Lease) {
     let mut expires_in_ms = lease.expires_in_ms;
     loop {
         let term = Duration::from_millis(u64::try_from(expires_in_ms).unwrap_or(0));
         tokio::time::sleep((term / 3).max(SHORTEST_RENEWAL)).await;
-        // What a proxy answers says nothing of the lease.
+        // An answer of a proxy says nothing about the lease.
         let may_pass = |error: &ClientError| error.is_transient() || error.is_misdirected();
         match repeat_while("renew a lease", may_pass, || client.renew_lease(lease.id, lease.token)).await {
             Ok(renewal) if renewal.outstanding == 0 => {

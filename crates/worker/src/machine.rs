@@ -6,7 +6,7 @@ use std::path::Path;
 /// Where control groups are.
 const GROUPS: &str = "/sys/fs/cgroup";
 
-/// Bytes of memory that this process can have: the machine's, or what its control group allows where that is less.
+/// Bytes of memory that this process can have: those of the machine or of its control group, whichever are fewer.
 /// `None` where the system does not say.
 pub fn machine_memory() -> Option<u64> {
     let machine = installed(&fs::read_to_string("/proc/meminfo").ok()?)?;
@@ -20,7 +20,7 @@ fn installed(meminfo: &str) -> Option<u64> {
     line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
 
-/// The limits of the groups that a process is in, of either version, and of those above them.
+/// The limits of the control groups of a process, of either version, and of their parents.
 fn limits(root: &Path, groups: &str) -> Vec<u64> {
     let mut limits = Vec::new();
     for line in groups.lines() {

@@ -1,6 +1,6 @@
-//! Nodes of a lease, rendered in their order on a pool of threads.
+//! Renders the nodes of a lease in their order on a pool of threads.
 //!
-//! Threads that find nothing more to do in a node, while others still work on its last rows, begin the next one.
+//! When threads have no rows left in a node while others still work on its last rows, they begin the next node.
 
 use std::any::Any;
 use std::num::NonZeroUsize;
@@ -17,15 +17,15 @@ use tracing::info;
 
 use crate::job_cache::JobPlan;
 
-/// Nodes that are rendered at a time: one, and the next for threads that have nothing left to do in the first. With
-/// more, more would be lost when the worker dies.
+/// Nodes that are rendered at a time: one, and the next for threads that have no rows left in the first. With more, a
+/// worker that dies would lose more.
 const NODES_IN_FLIGHT: usize = 2;
 
-/// A node, and how long it took.
+/// A node and the time that it took.
 pub(crate) struct RenderedNode {
-    /// The node, with what was counted.
+    /// The node and its counters.
     pub(crate) rendered: Rendered,
-    /// Time since the node before was complete, or since this one was begun if that was later, summed over cores.
+    /// Time since the previous node was complete, or since this one was begun if that was later, times the cores.
     pub(crate) core_time: Duration,
 }
 
@@ -42,7 +42,7 @@ pub(crate) enum LeaseError {
     Panic { address: NodeAddress, message: String },
 }
 
-/// The threads that render.
+/// The pool of threads that render.
 pub(crate) struct Renderer {
     pool: ThreadPool,
 }
@@ -76,11 +76,10 @@ impl Renderer {
                 let Some(node) = nodes_left.next() else { return false };
                 let ends = ends.clone();
                 scope.spawn(move |_| {
-                    // Its result may lie here for long, while the coordinator is away: that is no time of this node,
-                    // nor of the next.
+                    // The result may wait in the channel while the coordinator is away. That time belongs to no node.
                     let begun = Instant::now();
                     let rendered = self.render_node(plan, node, cancelled);
-                    // The receiver is gone after a failure, when no node counts any more.
+                    // After a failure the receiver is gone, and no further node counts.
                     let _ = ends.send((rendered, begun, Instant::now()));
                 });
                 true
@@ -119,7 +118,7 @@ impl Renderer {
             return Err(LeaseError::NoSuchFrame(address.frame));
         }
         let work = || render_node(&plan.scene, &plan.grid, address, cancelled);
-        // Nothing is written that a panic could leave half done: the scene is immutable and the node is dropped.
+        // A panic leaves nothing half written: the scene is immutable and the node is dropped.
         match catch_unwind(AssertUnwindSafe(work)) {
             Ok(Ok(rendered)) => Ok(rendered),
             Ok(Err(RenderError::Cancelled)) => Err(LeaseError::Stopped),

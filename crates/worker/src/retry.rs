@@ -14,7 +14,7 @@ const SHORTEST_PAUSE: Duration = Duration::from_millis(100);
 /// Longest pause between attempts, before jitter adds up to as much again.
 const LONGEST_PAUSE: Duration = Duration::from_secs(3);
 
-/// Pauses that double from attempt to attempt, with jitter so that a farm of workers does not come back all at once.
+/// Exponential backoff with jitter, so that the workers of a farm do not all retry at once.
 pub(crate) fn pauses() -> ExponentialBuilder {
     ExponentialBuilder::default()
         .with_min_delay(SHORTEST_PAUSE)
@@ -23,7 +23,7 @@ pub(crate) fn pauses() -> ExponentialBuilder {
         .without_max_times()
 }
 
-/// Repeats `call` until the coordinator answers it for good: with a success, or with an error that will not pass.
+/// Repeats `call` until it succeeds or fails with an error that is not transient.
 pub(crate) async fn until_answered<T, Answer>(
     what: &'static str,
     call: impl FnMut() -> Answer,
@@ -34,7 +34,7 @@ where
     repeat_while(what, ClientError::is_transient, call).await
 }
 
-/// Repeats `call` until it succeeds or fails with an error that `may_pass` does not hold for.
+/// Repeats `call` until it succeeds or fails with an error for which `may_pass` is false.
 pub(crate) async fn repeat_while<T, Answer>(
     what: &'static str,
     may_pass: impl FnMut(&ClientError) -> bool,

@@ -24,16 +24,16 @@ use crate::{Config, WorkerError};
 /// How long the coordinator may let a claim wait for work.
 const LONG_POLL: Duration = Duration::from_secs(15);
 
-/// Pause after a claim that brought nothing, for coordinators that answer at once because they are shutting down.
+/// Pause after an empty claim. A coordinator that is shutting down answers at once.
 const IDLE_PAUSE: Duration = Duration::from_millis(100);
 
-/// How long after the shutdown signal the worker goes on trying to hand over what it has.
+/// Time after the shutdown signal in which the worker uploads its complete nodes.
 const SHUTDOWN_GRACE: Duration = Duration::from_secs(5);
 
-/// Works for a coordinator until `shutdown` completes; then uploads the complete nodes that it has, gives the rest of
-/// its lease back, says that it ends, and returns within a few seconds.
+/// Works for a coordinator until `shutdown` completes. Then it uploads its complete nodes, returns the rest of its
+/// lease, reports that it ends, and returns within a few seconds.
 ///
-/// A coordinator that is away is waited for, without end.
+/// It waits without end for a coordinator that is away.
 ///
 /// # Errors
 ///
@@ -45,7 +45,7 @@ pub async fn run(config: Config, shutdown: impl Future<Output = ()> + Send + 'st
 /// A future that is compiled where it is boxed.
 type Boxed<T> = Pin<Box<dyn Future<Output = T> + Send>>;
 
-/// As [`run`]: all of the worker is compiled in this crate, once, and not in each that starts one.
+/// As [`run`], but boxed: the worker is compiled once in this crate, and not in each crate that starts one.
 fn run_until(config: Config, shutdown: Boxed<()>) -> Boxed<Result<(), WorkerError>> {
     Box::pin(work_until(config, shutdown))
 }
@@ -97,9 +97,9 @@ struct Worker {
 }
 
 impl Worker {
-    /// Works through leases until told to stop, and then sees the last uploads through.
+    /// Works through leases until it must stop, and then waits for the last uploads.
     async fn work(&self, jobs: &mut JobCache) -> Result<(), WorkerError> {
-        let (outbox, uploads) = uploader(self.client.clone());
+        let (queue, uploads) = uploader(self.client.clone());
         let _uploads = AbortOnDropHandle::new(tokio::spawn(uploads));
         let mut settling = JoinSet::new();
         let mut penalty = pauses().build();
@@ -109,7 +109,7 @@ impl Worker {
                 continue;
             };
             info!(lease = %lease.id, job = %lease.job, nodes = lease.nodes.len(), "claimed a lease");
-            let work = LeaseWork::new(lease, self.client.clone(), outbox.clone(), self.build.clone(), &self.stop);
+            let work = LeaseWork::new(lease, self.client.clone(), queue.clone(), self.build.clone(), &self.stop);
             let (ending, rest) = work.render(jobs, &self.renderer).await;
             settling.spawn(rest);
             while settling.try_join_next().is_some() {}
@@ -117,7 +117,7 @@ impl Worker {
                 Ending::Complete | Ending::Over | Ending::Stopped => penalty = pauses().build(),
                 Ending::Failed(reason) => {
                     error!(reason, "could not render a lease, giving it back");
-                    // What failed here may fail again at once; do not spin.
+                    // The next lease may fail as fast, so do not spin.
                     if let Some(pause) = penalty.next() {
                         self.stop.run_until_cancelled(tokio::time::sleep(pause)).await;
                     }
@@ -130,7 +130,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Waits for a lease, with these scenes at hand or being built. `None` when there is none for now.
+    /// Claims a lease, with these scenes built or being built. `None` when the queue has no work.
     async fn claim(&self, built: Vec<JobId>) -> Result<Option<Lease>, WorkerError> {
         let worker = self.registration.identity().await;
         let wait_ms = u32::try_from(LONG_POLL.as_millis()).unwrap_or(u32::MAX);
@@ -151,7 +151,7 @@ impl Worker {
     }
 }
 
-/// Whether the coordinator wants no work of this worker, now or later.
+/// Whether the coordinator refuses this worker for good.
 fn is_shut_out(failure: &ClientError) -> bool {
     let codes = [ProblemCode::Unauthorized, ProblemCode::WorkerQuarantined];
     failure.problem().is_some_and(|problem| codes.contains(&problem.code))

@@ -11,18 +11,18 @@ use crate::machine::machine_memory;
 pub(crate) struct MemoryLimit {
     /// Bytes.
     pub(crate) bytes: u64,
-    /// What helps where a scene needs more.
+    /// The advice in the error of a scene that needs more.
     pub(crate) way_out: &'static str,
 }
 
-/// The memory that scenes may take, and what those take that are built or being built.
+/// The memory that scenes may take, and the part that scenes take now.
 pub(crate) struct SceneBudget {
     limit: Option<MemoryLimit>,
     taken: Arc<watch::Sender<u64>>,
 }
 
 impl SceneBudget {
-    /// So many bytes, or else all that the machine has. Where neither is known there is no limit.
+    /// A budget of `bytes`, or of the machine's memory. Where neither is known there is no limit.
     pub(crate) fn new(share: Option<u64>) -> Self {
         let of_share = |bytes| MemoryLimit { bytes, way_out: "a worker that may take more memory" };
         let of_machine = |bytes| MemoryLimit { bytes, way_out: "a machine with more memory" };
@@ -35,33 +35,32 @@ impl SceneBudget {
         self.limit
     }
 
-    /// Bytes that no scene takes.
+    /// Free bytes.
     pub(crate) fn spare(&self) -> u64 {
         self.limit.map_or(u64::MAX, |limit| limit.bytes.saturating_sub(*self.taken.borrow()))
     }
 
-    /// Takes memory for a scene. Where there is too little, `drop_scene` lets go of one at a time, as long as it
-    /// returns true; scenes that are still being rendered keep their memory until they are done, and that is waited
-    /// for. To be called by one at a time.
+    /// Reserves memory for a scene. While there is too little, `drop_scene` drops one scene at a time, until it returns
+    /// false. Then this waits for scenes that are still being rendered. Only one task may call this at a time.
     pub(crate) async fn reserve(&self, bytes: u64, mut drop_scene: impl FnMut() -> bool) -> Reservation {
         while !self.fits(bytes) && drop_scene() {}
         let mut changes = self.taken.subscribe();
         while !self.fits(bytes) {
-            // It fails only when the sender is gone, which is here.
+            // It fails only when the sender is gone, and `self` owns the sender.
             let _ = changes.changed().await;
         }
         self.taken.send_modify(|taken| *taken += bytes);
         Reservation { bytes, taken: Arc::clone(&self.taken) }
     }
 
-    /// Whether a scene fits beside the others. One that is alone always does: waiting would not help it.
+    /// Whether a scene fits beside the others. A scene without others always fits, because waiting would not help it.
     fn fits(&self, bytes: u64) -> bool {
         let taken = *self.taken.borrow();
         taken == 0 || bytes <= self.spare()
     }
 }
 
-/// Memory of one scene, given back when it is dropped.
+/// Memory of one scene, released when this is dropped.
 pub(crate) struct Reservation {
     bytes: u64,
     taken: Arc<watch::Sender<u64>>,

@@ -1,8 +1,7 @@
-//! Partials on their way to the coordinator. Each is kept and sent again until it is answered.
+//! Uploads partials. Each is kept and sent again until the coordinator answers.
 //!
-//! A proxy may refuse a body that the coordinator would take. Then nodes travel in smaller partials, and a node that is
-//! too large by itself travels in pieces, which the coordinator puts together. The size that gets through is
-//! remembered.
+//! A proxy may refuse a body that the coordinator would accept. Then nodes travel in smaller partials. A node that is
+//! too large by itself travels in pieces, which the coordinator assembles. The uploader remembers the accepted size.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -24,90 +23,90 @@ use crate::job_cache::JobPlan;
 use crate::renderer::RenderedNode;
 use crate::retry::until_answered;
 
-/// Partials that may wait for the one that is being sent. Beyond that, rendering waits.
+/// Batches that may wait for the one that is being sent. Beyond that, rendering waits.
 const QUEUE_LENGTH: usize = 2;
 
-/// Size of the sums at which a parcel is full, well below what coordinators take. A larger node travels alone.
-const FULL_PARCEL_BYTES: usize = 8 << 20;
+/// Bytes of sums at which a batch is full, well below the limit of coordinators. A larger node travels alone.
+const FULL_BATCH_BYTES: usize = 8 << 20;
 
-/// Bodies are not cut smaller than this: calls without a partial are about as large.
+/// Bodies are not split below this size, which is about that of calls without a partial.
 const SMALLEST_BODY_BYTES: usize = 4 << 10;
 
-/// How often the pieces of a partial are sent anew when the coordinator has lost some.
+/// Attempts to send the pieces of a partial when the coordinator has lost some.
 const ATTEMPTS_WITH_PIECES: u32 = 3;
 
-/// Nodes of one lease that travel together.
-pub(crate) struct Parcel {
+/// Nodes of one lease that are uploaded together.
+pub(crate) struct UploadBatch {
     /// The lease under which they were rendered.
     pub(crate) lease: LeaseId,
     /// The lease's fencing token.
     pub(crate) token: u64,
-    /// What they are nodes of.
+    /// The plan of their job.
     pub(crate) plan: Arc<JobPlan>,
-    /// The program that rendered them.
+    /// The build that rendered them.
     pub(crate) build: String,
     /// The nodes, at least one.
     pub(crate) nodes: Vec<RenderedNode>,
-    /// Told what became of them.
-    pub(crate) receipt: oneshot::Sender<Receipt>,
-    /// Cancelled when nothing more of the lease is wanted.
+    /// Receives the outcome.
+    pub(crate) outcome: oneshot::Sender<BatchOutcome>,
+    /// Cancelled when no node of the lease is outstanding.
     pub(crate) over: CancellationToken,
 }
 
-/// What became of a parcel.
+/// The outcome of a batch.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Receipt {
+pub(crate) enum BatchOutcome {
     /// The coordinator has answered for every node.
     Answered {
-        /// Nodes of the lease that it still wants.
+        /// Outstanding nodes of the lease.
         outstanding: u32,
     },
-    /// The lease is over: somebody else renders its nodes, or nobody does.
+    /// The lease is over: another worker renders its nodes, or none does.
     LeaseOver,
-    /// The parcel could not be made or is not acceptable, for this reason.
+    /// The batch could not be encoded or accepted, for this reason.
     Rejected(String),
 }
 
-/// Where parcels are handed in. Waits while the queue is full.
+/// The queue of batches. Sending waits while it is full.
 #[derive(Clone)]
-pub(crate) struct Outbox {
-    parcels: mpsc::Sender<Parcel>,
+pub(crate) struct UploadQueue {
+    batches: mpsc::Sender<UploadBatch>,
     limit: Arc<BodyLimit>,
 }
 
-impl Outbox {
-    /// Hands a parcel in; says whether anybody takes it.
-    pub(crate) async fn send(&self, parcel: Parcel) -> bool {
-        self.parcels.send(parcel).await.is_ok()
+impl UploadQueue {
+    /// Enqueues a batch. False when the uploader has ended.
+    pub(crate) async fn send(&self, batch: UploadBatch) -> bool {
+        self.batches.send(batch).await.is_ok()
     }
 
-    /// Size of the sums at which a parcel is full.
-    pub(crate) fn full_parcel_bytes(&self) -> usize {
-        FULL_PARCEL_BYTES.min(self.limit.bytes())
+    /// Bytes of sums at which a batch is full.
+    pub(crate) fn full_batch_bytes(&self) -> usize {
+        FULL_BATCH_BYTES.min(self.limit.bytes())
     }
 }
 
-/// The outbox, and the work of emptying it, which ends when all copies of the outbox are gone.
-pub(crate) fn uploader(client: Client) -> (Outbox, impl Future<Output = ()>) {
-    let (sender, mut parcels) = mpsc::channel::<Parcel>(QUEUE_LENGTH);
+/// The queue, and the task that uploads from it. The task ends when all copies of the queue are gone.
+pub(crate) fn uploader(client: Client) -> (UploadQueue, impl Future<Output = ()>) {
+    let (sender, mut batches) = mpsc::channel::<UploadBatch>(QUEUE_LENGTH);
     let limit = Arc::new(BodyLimit::default());
-    let outbox = Outbox { parcels: sender, limit: Arc::clone(&limit) };
+    let queue = UploadQueue { batches: sender, limit: Arc::clone(&limit) };
     let work = async move {
-        while let Some(parcel) = parcels.recv().await {
-            let Parcel { lease, token, plan, build, nodes, receipt, over } = parcel;
+        while let Some(batch) = batches.recv().await {
+            let UploadBatch { lease, token, plan, build, nodes, outcome, over } = batch;
             let delivery = Delivery { client: &client, limit: &limit, lease, token };
-            let outcome = delivery.deliver(plan, build, Arc::new(nodes)).await;
-            if matches!(outcome, Receipt::Answered { outstanding: 0 } | Receipt::LeaseOver) {
+            let result = delivery.deliver(plan, build, Arc::new(nodes)).await;
+            if matches!(result, BatchOutcome::Answered { outstanding: 0 } | BatchOutcome::LeaseOver) {
                 over.cancel();
             }
-            // Nobody waits for the receipt of a lease that was dropped because the worker ends.
-            let _ = receipt.send(outcome);
+            // The receiver is gone when the lease was dropped because the worker ends.
+            let _ = outcome.send(result);
         }
     };
-    (outbox, work)
+    (queue, work)
 }
 
-/// The largest body that gets through to the coordinator, as far as refusals tell.
+/// The largest body that reaches the coordinator, as far as refusals tell.
 struct BodyLimit(AtomicUsize);
 
 impl Default for BodyLimit {
@@ -121,22 +120,22 @@ impl BodyLimit {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Notes that a body of so many bytes does not get through.
+    /// Lowers the limit below a refused body.
     fn lower(&self, refused: usize) {
         self.0.fetch_min((refused / 2).max(SMALLEST_BODY_BYTES), Ordering::Relaxed);
     }
 }
 
-/// What became of a body.
+/// The outcome of sending a body.
 enum Sent<T> {
     Answered(T),
-    /// It is too large, for whom it says.
+    /// The body is too large, for the named receiver.
     TooLarge(String),
-    /// No answer about it is to be expected.
-    Ended(Receipt),
+    /// No answer will come.
+    Ended(BatchOutcome),
 }
 
-/// The way of a parcel to the coordinator.
+/// The delivery of one batch.
 struct Delivery<'a> {
     client: &'a Client,
     limit: &'a BodyLimit,
@@ -145,8 +144,8 @@ struct Delivery<'a> {
 }
 
 impl Delivery<'_> {
-    /// Sends all nodes, in as many partials as it takes.
-    async fn deliver(&self, plan: Arc<JobPlan>, build: String, nodes: Arc<Vec<RenderedNode>>) -> Receipt {
+    /// Sends all nodes, in several partials if a proxy refuses one.
+    async fn deliver(&self, plan: Arc<JobPlan>, build: String, nodes: Arc<Vec<RenderedNode>>) -> BatchOutcome {
         let mut outstanding = 0;
         let mut waiting = VecDeque::new();
         waiting.push_back(0..nodes.len());
@@ -155,8 +154,8 @@ impl Delivery<'_> {
             let encode = move || encoder.encode_partial(&encoded[part], &name).map_err(|error| with_causes(&error));
             let file = match tokio::task::spawn_blocking(encode).await {
                 Ok(Ok(file)) => Bytes::from(file),
-                Ok(Err(reason)) => return Receipt::Rejected(reason),
-                Err(panic) => return Receipt::Rejected(panic.to_string()),
+                Ok(Err(reason)) => return BatchOutcome::Rejected(reason),
+                Err(panic) => return BatchOutcome::Rejected(panic.to_string()),
             };
             let core_ms = core_ms(nodes[range.clone()].iter().map(|node| node.core_time).sum());
             match self.send(&file, core_ms, range.len()).await {
@@ -173,15 +172,15 @@ impl Delivery<'_> {
                         waiting.push_front(second);
                         waiting.push_front(first);
                     }
-                    None => return Receipt::Rejected(reason),
+                    None => return BatchOutcome::Rejected(reason),
                 },
-                Sent::Ended(receipt) => return receipt,
+                Sent::Ended(outcome) => return outcome,
             }
         }
-        Receipt::Answered { outstanding }
+        BatchOutcome::Answered { outstanding }
     }
 
-    /// Sends a partial of so many nodes as it is, or, where it has a single one that does not get through, in pieces.
+    /// Sends a partial of `nodes` nodes whole. A partial of a single node that is refused goes in pieces.
     async fn send(&self, file: &Bytes, core_ms: u64, nodes: usize) -> Sent<PartialAnswer> {
         if file.len() <= self.limit.bytes() {
             let upload = PartialUpload { lease: self.lease, token: self.token, core_ms, body: file.clone() };
@@ -202,13 +201,13 @@ impl Delivery<'_> {
                     warn!(lease = %self.lease, "the coordinator lacks pieces of a partial, sending all again")
                 }
                 Sent::TooLarge(reason) => return Sent::TooLarge(reason),
-                Sent::Ended(receipt) => return Sent::Ended(receipt),
+                Sent::Ended(outcome) => return Sent::Ended(outcome),
             }
         }
-        Sent::Ended(Receipt::Rejected("the coordinator does not keep the pieces of a partial".to_owned()))
+        Sent::Ended(BatchOutcome::Rejected("the coordinator does not keep the pieces of a partial".to_owned()))
     }
 
-    /// Sends a partial in pieces that get through; no answer when the coordinator does not have all of them any more.
+    /// Sends a partial in pieces. No answer when the coordinator has lost some of them.
     async fn send_in_pieces(&self, file: &Bytes, core_ms: u64) -> Sent<Option<PartialAnswer>> {
         let mut pieces = Vec::new();
         let mut start = 0;
@@ -223,7 +222,7 @@ impl Delivery<'_> {
                 }
                 Sent::TooLarge(_) if self.limit.bytes() < piece.len() => {}
                 Sent::TooLarge(reason) => return Sent::TooLarge(reason),
-                Sent::Ended(receipt) => return Sent::Ended(receipt),
+                Sent::Ended(outcome) => return Sent::Ended(outcome),
             }
         }
         debug!(lease = %self.lease, bytes = file.len(), pieces = pieces.len(), "uploaded a partial in pieces");
@@ -238,14 +237,14 @@ impl Delivery<'_> {
         self.call("upload a partial", file.len(), assemble).await
     }
 
-    /// Makes a call with a body of so many bytes until it is answered.
+    /// Repeats a call with a body of `bytes` until the coordinator answers.
     async fn call<T, Answer>(&self, what: &'static str, bytes: usize, call: impl FnMut() -> Answer) -> Sent<T>
     where
         Answer: Future<Output = Result<T, ClientError>>,
     {
         match until_answered(what, call).await {
             Ok(answer) => Sent::Answered(answer),
-            Err(failure) if is_lease_over(&failure) => Sent::Ended(Receipt::LeaseOver),
+            Err(failure) if is_lease_over(&failure) => Sent::Ended(BatchOutcome::LeaseOver),
             Err(failure) if has_code(&failure, ProblemCode::BodyTooLarge) => {
                 Sent::TooLarge(format!("the coordinator takes no partial of {bytes} bytes: {}", with_causes(&failure)))
             }
@@ -254,7 +253,7 @@ impl Delivery<'_> {
                 warn!(lease = %self.lease, bytes, reason = with_causes(&failure), "cutting uploads smaller");
                 Sent::TooLarge(format!("{bytes} bytes: {}", with_causes(&failure)))
             }
-            Err(failure) => Sent::Ended(Receipt::Rejected(with_causes(&failure))),
+            Err(failure) => Sent::Ended(BatchOutcome::Rejected(with_causes(&failure))),
         }
     }
 }
@@ -265,7 +264,7 @@ fn halves(range: &Range<usize>) -> Option<[Range<usize>; 2]> {
     (range.len() > 1).then_some([range.start..middle, middle..range.end])
 }
 
-/// Part of a millisecond counts as one: a node that took no time would tell nothing of the worker's speed.
+/// Rounds up, because a time of zero would tell nothing about the worker's rate.
 fn core_ms(time: Duration) -> u64 {
     u64::try_from(time.as_nanos().div_ceil(1_000_000)).unwrap_or(u64::MAX)
 }
@@ -281,7 +280,7 @@ fn has_code(failure: &ClientError, code: ProblemCode) -> bool {
     failure.problem().is_some_and(|problem| problem.code == code)
 }
 
-/// Whether the lease does not count any more, whatever the reason.
+/// Whether the lease is no longer valid, whatever the reason.
 pub(crate) fn is_lease_over(failure: &ClientError) -> bool {
     failure.problem().is_some_and(|problem| {
         matches!(

@@ -1,0 +1,78 @@
+//! Scenes: built, kept as long as memory allows, or reported as a failure.
+
+use std::collections::VecDeque;
+
+use clerestory_api::{JobId, Lease};
+use serde_json::json;
+
+use crate::fake_coordinator::{Claim, all_tiles, coordinator, lease, uploaded};
+
+#[tokio::test]
+async fn a_scene_that_cannot_be_built_is_reported_and_the_worker_goes_on() {
+    let coordinator = coordinator();
+    let (broken, next) = (lease(1, all_tiles(0, 0)), lease(2, all_tiles(0, 0)));
+    coordinator.lock().claims = VecDeque::from([Claim::Lease(broken.clone()), Claim::Lease(next.clone())]);
+    let good = std::mem::replace(&mut coordinator.lock().scene["meshes"][0]["material"], json!("gold"));
+    let worker = coordinator.start().await;
+    coordinator.until(|state| !state.returns.is_empty()).await;
+    coordinator.lock().scene["meshes"][0]["material"] = good;
+    coordinator.until(|state| uploaded(state, &next) == next.nodes).await;
+    worker.stop().await;
+    let state = coordinator.lock();
+    let (id, returned) = &state.returns[0];
+    assert_eq!(*id, broken.id);
+    assert!(returned.failure.as_ref().is_some_and(|failure| failure.contains("gold")), "{returned:?}");
+}
+
+#[tokio::test]
+async fn a_scene_that_takes_more_than_the_worker_may_have_is_given_back_with_a_way_out() {
+    let coordinator = coordinator();
+    coordinator.lock().claims.push_back(Claim::Lease(lease(1, all_tiles(0, 0))));
+    let worker = coordinator.start_with(Some(10 << 10)).await;
+    coordinator.until(|state| !state.returns.is_empty()).await;
+    worker.stop().await;
+    let state = coordinator.lock();
+    let reason = state.returns[0].1.failure.as_deref().unwrap_or_default();
+    assert!(reason.contains("to build") && reason.contains("a worker that may take more memory"), "{reason}");
+}
+
+#[tokio::test]
+async fn a_scene_is_kept_unless_the_next_does_not_fit_beside_it() {
+    // A small scene counts for a little more than 64 KiB.
+    for (memory, keeps_first) in [(200 << 10, true), (100 << 10, false)] {
+        let coordinator = coordinator();
+        let first = lease(1, all_tiles(0, 0));
+        let other: JobId = "00000000-0000-7000-8000-00000000000b".parse().unwrap();
+        let second = Lease { job: other, ..lease(2, all_tiles(0, 0)) };
+        coordinator.lock().claims = VecDeque::from([Claim::Lease(first.clone()), Claim::Lease(second.clone())]);
+        let worker = coordinator.start_with(Some(memory)).await;
+        coordinator
+            .until(|state| uploaded(state, &first) == first.nodes && uploaded(state, &second) == second.nodes)
+            .await;
+        let expected = if keeps_first { vec![other, first.job] } else { vec![other] };
+        coordinator.until(|state| state.built == expected).await;
+        worker.stop().await;
+        assert_eq!(coordinator.lock().returns, [], "both are rendered with {memory} bytes");
+    }
+}
+
+#[tokio::test]
+async fn a_scene_that_is_built_for_longer_than_its_lease_lasts_serves_the_next_lease() {
+    let coordinator = coordinator();
+    let (lost, next) = (lease(1, all_tiles(0, 0)), lease(2, all_tiles(0, 0)));
+    coordinator.lock().claims = VecDeque::from([Claim::Lease(lost.clone()), Claim::Lease(next.clone())]);
+    coordinator.lock().holds_scene = true;
+    coordinator.lock().nothing_is_wanted = true;
+    let worker = coordinator.start().await;
+    // The second lease is claimed while the scene is under way.
+    coordinator.until(|state| state.scenes > 0 && state.leases.contains_key(&next.id)).await;
+    coordinator.until(|state| state.heartbeats.iter().any(|activity| activity.building.is_some())).await;
+    coordinator.lock().holds_scene = false;
+    coordinator.changed.notify_waiters();
+    coordinator.until(|state| uploaded(state, &next) == next.nodes).await;
+    worker.stop().await;
+    let state = coordinator.lock();
+    assert_eq!(state.scenes, 1, "it is fetched and built once");
+    assert_eq!((uploaded(&state, &lost), state.returns.len()), (Vec::new(), 0));
+    assert!(state.heartbeats.iter().flat_map(|activity| activity.building).all(|building| building.job == next.job));
+}
