@@ -14,8 +14,8 @@
 //! - **Folds.** Cells that a fold of the caustic crosses have infinite variance. The fold may be that of a point light,
 //!   or of any point of a light of which the method draws one. Such cells are pooled to one flux for each region of 32
 //!   x 32 pixels. Unlit blocks are pooled to one cell.
-//! - **Many tests at once** share one probability of a false alarm, [`SIGNIFICANCE`], by Bonferroni: image mean in each
-//!   channel, every cell, and the sum of squares over all cells.
+//! - **Many tests at once** share one probability of a false alarm, [`SIGNIFICANCE`], by Bonferroni. They are the image
+//!   mean in each channel, every cell, and the sum of squares over all cells.
 //! - **Power** is part of the verdict: a test that could not have noticed a fault proves nothing.
 
 use std::fmt;

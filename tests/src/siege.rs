@@ -1,5 +1,5 @@
-//! A farm under attack: real processes that are killed, suspended, cut off from one another and let down by their disks
-//! and clocks, one blow after the other as a seed draws them, while jobs of all kinds are rendered.
+//! A farm under attack, while it renders jobs of all kinds. Real processes are killed, suspended and cut off from one
+//! another; their disks and clocks fail. A seed draws the faults, one after the other.
 //!
 //! Whoever is hit recovers after a while, as an operator or a supervisor of services would have it: who was killed is
 //! started again. Whatever happens, every job has to end, and every image to have the bits that one process makes.

@@ -1,5 +1,5 @@
-//! The long version of the farm's tests: jobs of all kinds on a farm under attack; every image has to have the bits
-//! that one process makes.
+//! The long version of the farm's tests: jobs of all kinds on a farm under attack. Every image has to have the bits of
+//! a render in one process.
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
