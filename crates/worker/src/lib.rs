@@ -7,10 +7,12 @@
 //!
 //! - `registration`: the identity of this worker, and its heartbeats;
 //! - `job_cache`: the scenes of the last few jobs, built or being built, and the assets they are made of;
-//! - `renderer`: nodes of a lease, rendered on a pool of threads, interruptible between passes; - `uploader`: partials,
-//!   kept until the coordinator has answered, and split where a proxy refuses them; - `machine`: the memory of this
-//!   machine; - `scene_budget`: the memory that all scenes may take together;
-//! - `lease`: one lease from its nodes to its end; - `retry`: calls that are repeated while the coordinator is away.
+//! - `renderer`: nodes of a lease, rendered on a pool of threads, interruptible between passes;
+//! - `uploader`: partials, kept until the coordinator has answered, and split where a proxy refuses them;
+//! - `machine`: the memory of this machine;
+//! - `scene_budget`: the memory that all scenes may take together;
+//! - `lease`: one lease from its nodes to its end;
+//! - `retry`: calls that are repeated while the coordinator is away.
 //!
 //! # Invariants
 //!

@@ -227,7 +227,7 @@ fn long_files_wide_lines_and_long_sentences_are_found() {
     finds("a.rs", &"fn f() {}\n".repeat(601), &["a.rs:601: 601 lines,"]);
     finds("a.js", &format!("x\n{}", "y".repeat(121)), &["a.js:2: 121 columns,"]);
     finds("a.md", &format!("| {}\nhttps://{}", "y".repeat(121), "x".repeat(200)), &[]);
-    finds("a.rs", &format!("//! Short. {}\n//! {}.", words(20), words(6)), &["a.rs:1: 26 words, at"]);
+    finds("a.rs", &format!("//! {}\n//! {}.", words(20), words(6)), &["a.rs:1: 26 words, at"]);
     finds("a.rs", &format!("// {}\n// {}.", words(20), words(20)), &[]);
     finds("a.md", &format!("# T\n\n- {}\n  {}.\n", words(20), words(6)), &["a.md:3: 26 words, at"]);
     finds("a.md", &format!("{}.\n{}.\n\n```\n{}\n```\n", words(20), words(20), words(23)), &[]);
