@@ -223,7 +223,7 @@ fn long_files_wide_lines_and_long_sentences_are_found() {
         let found: Vec<String> = check(file, text).iter().map(|found| found.chars().take(20).collect()).collect();
         assert_eq!(found, expected);
     }
-    let words = |count: usize| "word ".repeat(count);
+    let words = |count: usize| "Word ".repeat(count);
     finds("a.rs", &"fn f() {}\n".repeat(601), &["a.rs:601: 601 lines,"]);
     finds("a.js", &format!("x\n{}", "y".repeat(121)), &["a.js:2: 121 columns,"]);
     finds("a.md", &format!("| {}\nhttps://{}", "y".repeat(121), "x".repeat(200)), &[]);
