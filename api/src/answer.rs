@@ -110,7 +110,7 @@ pub(crate) async fn empty(response: Response, proxy: Option<&str>) -> Result<(),
     }
 }
 
-/// Turns an answer that is not a success into an error, and one that somebody on the way has encoded.
+/// Turns an answer that is not a success into an error, and so one that a proxy has encoded.
 async fn success(response: Response, proxy: Option<&str>) -> Result<Response, ClientError> {
     // Nothing is asked for in an encoding.
     if response.status().is_success() && encoding(response.headers()).is_none() {

@@ -26,7 +26,7 @@ const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Longest wait for an answer, and longest silence in the middle of it. Long polls stay below it, event streams send
 /// comments more often.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// The slowest line on which an upload gets through, bytes a second: the longer the body, the longer the wait for the
 /// answer.
@@ -44,7 +44,7 @@ pub struct Client {
     http: reqwest::Client,
     /// Without a limit of its own on the wait for an answer, which would run while the body is still on its way.
     uploads: reqwest::Client,
-    patience: Duration,
+    timeout: Duration,
     base: Url,
     /// The base in messages.
     address: String,
@@ -78,15 +78,10 @@ impl Client {
     /// When the address, the token or the proxy of the environment cannot be used, or the client's TLS cannot be set
     /// up.
     pub fn new(address: &str, token: Option<&str>) -> Result<Self, ClientError> {
-        Self::with(address, token, PATIENCE, &Matcher::from_env())
+        Self::with(address, token, TIMEOUT, &Matcher::from_env())
     }
 
-    fn with(
-        address: &str,
-        token: Option<&str>,
-        patience: Duration,
-        environment: &Matcher,
-    ) -> Result<Self, ClientError> {
+    fn with(address: &str, token: Option<&str>, timeout: Duration, environment: &Matcher) -> Result<Self, ClientError> {
         let base = address::parse(address)?;
         let mut headers = HeaderMap::new();
         if let Some(token) = token {
@@ -110,9 +105,9 @@ impl Client {
                 None => proxy,
             }))
         };
-        let (http, uploads) = (client()?.read_timeout(patience).build()?, client()?.build()?);
+        let (http, uploads) = (client()?.read_timeout(timeout).build()?, client()?.build()?);
         let address = address::without_credentials(base.as_str()).trim_end_matches('/').to_owned();
-        Ok(Self { http, uploads, patience, base, address, proxy })
+        Ok(Self { http, uploads, timeout, base, address, proxy })
     }
 
     /// The address of the coordinator for messages, without a password.
@@ -312,7 +307,7 @@ impl Client {
     /// A request with a body of `bytes`, which has as long as the slowest line takes.
     fn upload(&self, path: &str, bytes: usize) -> RequestBuilder {
         let on_its_way = Duration::from_secs_f64(bytes as f64 / SLOWEST_LINE as f64);
-        self.uploads.put(self.url(path)).timeout(self.patience + on_its_way)
+        self.uploads.put(self.url(path)).timeout(self.timeout + on_its_way)
     }
 
     /// The address of an endpoint.
@@ -395,13 +390,13 @@ mod tests {
     async fn an_upload_has_longer_than_an_answer_when_the_line_is_slow() {
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let address = format!("http://{}", listener.local_addr().unwrap());
-        let patience = Duration::from_millis(200);
-        let client = Client::with(&address, None, patience, &Matcher::builder().build()).unwrap();
+        let timeout = Duration::from_millis(200);
+        let client = Client::with(&address, None, timeout, &Matcher::builder().build()).unwrap();
         let server = tokio::spawn(async move {
             for answer in ["HTTP/1.1 204 No Content\r\n\r\n", ""] {
                 let (mut connection, _) = listener.accept().await.unwrap();
                 connection.readable().await.unwrap();
-                tokio::time::sleep(3 * patience).await;
+                tokio::time::sleep(3 * timeout).await;
                 connection.write_all(answer.as_bytes()).await.unwrap();
                 let _ = connection.read_to_end(&mut Vec::new()).await;
             }
@@ -537,7 +532,7 @@ mod tests {
     async fn a_failure_names_the_proxy_of_the_environment_through_which_the_call_went() {
         let behind = |proxy: &str| {
             let environment = Matcher::builder().all(format!("http://glazier:lead@{proxy}")).build();
-            Client::with("http://farm.example:7171", None, PATIENCE, &environment).unwrap()
+            Client::with("http://farm.example:7171", None, TIMEOUT, &environment).unwrap()
         };
         let (request, refused) = exchange(answer("407 Proxy Authentication Required", &[], ""), behind).await;
         assert!(request.starts_with("GET http://farm.example:7171/api/v1/jobs HTTP/1.1\r\n"), "{request}");

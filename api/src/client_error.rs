@@ -86,7 +86,7 @@ impl ClientError {
         match self {
             Self::Transport { source, .. } => !source.is_builder(),
             Self::Problem { problem, .. } => is_transient(problem.status),
-            // A login page, or a redirect to one, goes away once somebody has signed in.
+            // A login page, or a redirect to one, goes away after a login.
             Self::UnexpectedAnswer { status, .. } => is_transient(*status) || *status < 400,
             Self::InvalidAddress { .. }
             | Self::InvalidToken
@@ -134,7 +134,7 @@ impl ClientError {
         }
     }
 
-    /// The proxy through which a call went that nobody answered.
+    /// The proxy of a call without an answer.
     pub fn silent_proxy(&self) -> Option<&str> {
         match self {
             Self::Transport { proxy, .. } => proxy.as_deref(),

@@ -85,7 +85,7 @@ pub struct FailedNode {
     pub message: String,
 }
 
-/// Why a job is held: it gets no leases until somebody releases it.
+/// Why a job is held: it gets no leases until it is released.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct JobHold {
     /// Since when.

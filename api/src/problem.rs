@@ -38,7 +38,7 @@ pub enum ProblemCode {
     InvalidBody,
     /// The body is declared as something else than this endpoint reads, or as encoded.
     UnsupportedMediaType,
-    /// The body or the query has a field that nobody knows.
+    /// The body or the query has an unknown field.
     UnknownField,
     /// A field has a value that it cannot have.
     InvalidField,

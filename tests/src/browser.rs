@@ -17,7 +17,7 @@ use tempfile::TempDir;
 use tokio::time::{Instant, sleep};
 
 /// Longest wait for anything that a page shows. Renders that a test waits for take a few seconds on an idle machine.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 const GLANCE: Duration = Duration::from_millis(50);
 
@@ -161,14 +161,14 @@ impl Browser {
     fn until<T>(&self, what: String, mut look: impl AsyncFnMut() -> Option<T>) -> impl Future<Output = T> {
         let caller = std::panic::Location::caller();
         async move {
-            let deadline = Instant::now() + PATIENCE;
+            let deadline = Instant::now() + TIMEOUT;
             loop {
                 if let Some(found) = look().await {
                     return found;
                 }
                 if Instant::now() >= deadline {
                     let page = self.script("return document.body.innerText").await;
-                    panic!("at {caller}: the page did not show {what} within {PATIENCE:?}; it shows:\n{page}");
+                    panic!("at {caller}: the page did not show {what} within {TIMEOUT:?}; it shows:\n{page}");
                 }
                 sleep(GLANCE).await;
             }

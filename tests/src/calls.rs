@@ -98,7 +98,7 @@ pub fn content_hash(content: &[u8]) -> ContentHash {
     ContentHash::from(*scene::ContentHash::of(content).as_bytes())
 }
 
-/// Whoever calls a farm.
+/// A caller of a farm.
 pub struct Caller {
     runtime: Runtime,
     http: reqwest::Client,

@@ -16,9 +16,9 @@ use crate::stored_farm::copy_folder;
 use crate::system_calls;
 
 /// Longest wait for anything that a farm should do.
-const PATIENCE: Duration = Duration::from_secs(240);
+const TIMEOUT: Duration = Duration::from_secs(240);
 
-/// How long a farm that may be under attack is given for an answer.
+/// Longest wait for an answer of a farm that may be under attack.
 const ANSWER: Duration = Duration::from_secs(2);
 
 /// Coordinators with their data, and the workers that were started for them. They end with the value.
@@ -401,7 +401,7 @@ impl Farm {
             if jobs.iter().all(|job| job.state.is_final()) {
                 return;
             }
-            assert!(start.elapsed() < PATIENCE, "still not ended: {jobs:?}");
+            assert!(start.elapsed() < TIMEOUT, "still not ended: {jobs:?}");
             std::thread::sleep(Duration::from_millis(20));
         }
     }
@@ -417,7 +417,7 @@ impl Farm {
             if let Some(job) = job.as_ref().filter(|job| enough(job)) {
                 return job.clone();
             }
-            assert!(start.elapsed() < PATIENCE, "still not {what}: {job:?}");
+            assert!(start.elapsed() < TIMEOUT, "still not {what}: {job:?}");
             std::thread::sleep(Duration::from_millis(20));
         }
     }

@@ -10,7 +10,7 @@
 //! - [`comparisons`]: which method is held against which reference, and [`allocation`]: with how many samples where;
 //! - [`farm`]: a farm of real processes, [`made_images`]: what it makes, [`small_blocks`]: a scene for it, and
 //!   [`browser`]: what a user sees of it;
-//! - [`siege`]: such a farm while its processes, disks, clocks and connections fail, these in a [`proxy`] that knows
+//! - [`chaos`]: such a farm while its processes, disks, clocks and connections fail, these in a [`proxy`] that knows
 //!   where `requests` end;
 //! - [`system_calls`]: what such a process did, call by call, and whether what it acknowledged was on disk;
 //! - [`large_frame`]: frames that are larger than a coordinator's memory, and [`cgroup`]: limits on that;
@@ -37,6 +37,7 @@ pub mod bias;
 pub mod browser;
 pub mod calls;
 pub mod cgroup;
+pub mod chaos;
 pub mod closed_room;
 pub mod comparisons;
 pub mod connections;
@@ -66,7 +67,6 @@ pub mod reference;
 pub mod rendering;
 mod requests;
 pub mod sheet_connections;
-pub mod siege;
 pub mod single_connections;
 pub mod slab;
 pub mod small_blocks;

@@ -8,8 +8,8 @@ use crate::calls::{BadCall, Call, MAX_BODY_BYTES, Refusal, content_hash, refused
 use crate::exr_files::{edited, picture, with_huge_claim};
 use crate::malformed_scenes::{HEIGHT, WIDTH, sound_files, sound_scene};
 
-/// An identity that nobody has.
-const NOBODY: &str = "01890000-0000-7000-8000-000000000000";
+/// An identity that does not exist.
+const UNKNOWN_ID: &str = "01890000-0000-7000-8000-000000000000";
 
 /// A hash of nothing that has been uploaded.
 const NOTHING: &str = "00000000000000000000000000000000000000000000000000000000000000ff";
@@ -56,7 +56,7 @@ fn submission_replaced(text: &str, other: &str) -> Call {
 
 fn requests() -> Vec<BadCall> {
     let invalid_body = |says| refused(400, ProblemCode::InvalidBody, "body", says);
-    let unknown_job = refused(404, ProblemCode::UnknownJob, "job", &[NOBODY]);
+    let unknown_job = refused(404, ProblemCode::UnknownJob, "job", &[UNKNOWN_ID]);
     vec![
         BadCall::new(
             "a path of another program",
@@ -74,10 +74,10 @@ fn requests() -> Vec<BadCall> {
             ),
         ),
         BadCall::new("a job that is no identity", get("/jobs/seven"), invalid("job", &["seven", "a UUID"])),
-        BadCall::new("a job that there is not", get(format!("/jobs/{NOBODY}")), unknown_job.clone()),
+        BadCall::new("a job that there is not", get(format!("/jobs/{UNKNOWN_ID}")), unknown_job.clone()),
         BadCall::new(
             "the end of a job that there is not",
-            Call::new(Method::POST, format!("/jobs/{NOBODY}/cancel")),
+            Call::new(Method::POST, format!("/jobs/{UNKNOWN_ID}/cancel")),
             unknown_job,
         ),
         BadCall::new(
@@ -320,14 +320,14 @@ fn assets() -> Vec<BadCall> {
 }
 
 fn workers() -> Vec<BadCall> {
-    let unknown_worker = refused(404, ProblemCode::UnknownWorker, "worker", &[NOBODY, "register again"]);
+    let unknown_worker = refused(404, ProblemCode::UnknownWorker, "worker", &[UNKNOWN_ID, "register again"]);
     let register = |name: &str, value: Value| {
         let mut registration = json!({"name": "w", "cores": 1, "build": "b"});
         registration[name] = value;
         post("/workers", &registration)
     };
     let claim = |name: &str, value: Value| {
-        let mut request = json!({"worker": NOBODY});
+        let mut request = json!({"worker": UNKNOWN_ID});
         request[name] = value;
         post("/leases", &request)
     };
@@ -340,11 +340,11 @@ fn workers() -> Vec<BadCall> {
             refused(400, ProblemCode::UnknownField, "gpu", &["`gpu`", "`probe_digest`"]),
         ),
         BadCall::new(
-            "a sign of life of nobody",
-            Call::new(Method::POST, format!("/workers/{NOBODY}/heartbeat")),
+            "a heartbeat of an unknown worker",
+            Call::new(Method::POST, format!("/workers/{UNKNOWN_ID}/heartbeat")),
             unknown_worker.clone(),
         ),
-        BadCall::new("a claim of nobody", claim("max_nodes", json!(1)), unknown_worker),
+        BadCall::new("a claim of an unknown worker", claim("max_nodes", json!(1)), unknown_worker),
         BadCall::new(
             "a claim of what is no identity",
             claim("worker", json!("w")),
@@ -362,17 +362,17 @@ fn workers() -> Vec<BadCall> {
         ),
         BadCall::new(
             "a lease that there is not, kept",
-            post(format!("/leases/{NOBODY}/renew"), &json!({"token": 1})),
-            refused(404, ProblemCode::UnknownLease, "lease", &[NOBODY]),
+            post(format!("/leases/{UNKNOWN_ID}/renew"), &json!({"token": 1})),
+            refused(404, ProblemCode::UnknownLease, "lease", &[UNKNOWN_ID]),
         ),
         BadCall::new(
             "a lease that there is not, given back",
-            post(format!("/leases/{NOBODY}/return"), &json!({"token": 1})),
-            refused(404, ProblemCode::UnknownLease, "lease", &[NOBODY]),
+            post(format!("/leases/{UNKNOWN_ID}/return"), &json!({"token": 1})),
+            refused(404, ProblemCode::UnknownLease, "lease", &[UNKNOWN_ID]),
         ),
         BadCall::new(
             "a reason that is an essay",
-            post(format!("/leases/{NOBODY}/return"), &json!({"token": 1, "failure": "x".repeat(501)})),
+            post(format!("/leases/{UNKNOWN_ID}/return"), &json!({"token": 1, "failure": "x".repeat(501)})),
             invalid("failure", &["xxx", "at most 500 characters"]),
         ),
     ]

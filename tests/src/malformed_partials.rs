@@ -108,13 +108,13 @@ fn malformed(what: &'static str, says: &'static [&'static str], call: fn(&Delive
 }
 
 fn bad_leases() -> Vec<BadDelivery> {
-    const NOBODY: &str = "01890000-0000-7000-8000-000000000000";
+    const UNKNOWN_ID: &str = "01890000-0000-7000-8000-000000000000";
     let invalid = |field, says| refused(400, ProblemCode::InvalidField, field, says);
     vec![
         bad(
             "a lease that there is not",
-            |delivery| delivery.under(NOBODY, delivery.partial.clone()),
-            refused(404, ProblemCode::UnknownLease, "lease", &[NOBODY]),
+            |delivery| delivery.under(UNKNOWN_ID, delivery.partial.clone()),
+            refused(404, ProblemCode::UnknownLease, "lease", &[UNKNOWN_ID]),
         ),
         bad(
             "a lease that is no identity",

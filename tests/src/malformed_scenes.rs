@@ -91,7 +91,7 @@ fn ply(vertices: &str, faces: &str) -> Vec<u8> {
     (header + "-1 -1 0 0 0\n1 -1 0 1 0\n1 1 0 1 1\n-1 1 0 0 1\n" + faces).into_bytes()
 }
 
-/// A scene with a fault, and what whoever renders or submits it must be told.
+/// A scene with a fault, and the expected message of `render` and `submit`.
 #[derive(Clone, Debug)]
 pub struct BadScene {
     /// What is wrong with it.

@@ -41,7 +41,7 @@ pub enum Fate {
     Cut,
     /// It arrives, and the connection ends before the answer has come back.
     Unanswered,
-    /// It arrives, and once more on another connection, whose answer nobody hears.
+    /// It arrives, and once more on another connection, whose answer is discarded.
     Duplicated,
     /// Neither it nor anything else arrives on its connection any more, and neither side is told.
     Swallowed,
@@ -65,8 +65,8 @@ const LONGEST_DELAY: f64 = 0.5;
 /// Most bytes of an answer that still come back before its connection ends.
 const REMNANT: f64 = 400.0;
 
-/// How long the answer to a duplicate is waited for.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Longest wait for the answer to a duplicate.
+const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// A proxy on a free port of the loopback interface. It ends with the value.
 #[derive(Debug)]
@@ -264,7 +264,7 @@ async fn repeat(request: Vec<u8>, network: Arc<Network>, number: u64, part: f64)
     let Ok(mut server) = network.connect(number).await else { return };
     if server.write_all(&request).await.is_ok() {
         // Nobody wants to know what it says.
-        let _ = tokio::time::timeout(PATIENCE, tokio::io::copy(&mut server, &mut tokio::io::sink())).await;
+        let _ = tokio::time::timeout(TIMEOUT, tokio::io::copy(&mut server, &mut tokio::io::sink())).await;
     }
 }
 

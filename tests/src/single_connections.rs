@@ -64,7 +64,7 @@ pub struct RelativeLight {
     pub elsewhere: f64,
     /// Share of the connections that are left out, as too hard.
     pub left_out: f64,
-    /// Connections that are searched with patience.
+    /// Connections that are searched with many trials.
     pub searched: f64,
     /// Share of the light of these that no search finds.
     pub unreached: f64,
@@ -85,8 +85,8 @@ impl RelativeLight {
     }
 
     /// A bound of the light of all connections that no search finds, with a confidence of 95 percent (Clopper and
-    /// Pearson 1934; shares between 0 and 1 vary less than hits and misses). Zero where nothing has to be searched with
-    /// patience.
+    /// Pearson 1934; shares between 0 and 1 vary less than hits and misses). Zero where no connection needs many
+    /// trials.
     pub fn most_unreached(&self) -> f64 {
         let hits = self.unreached * self.searched;
         let misses = self.searched - hits;
@@ -150,15 +150,14 @@ enum HeldTo {
     FoundBy(u32, Search),
 }
 
-/// Scouts through each pane, some of which have paths that a walk finds once in 60 times and less.
+/// Scouts through each pane. Some panes have paths that a walk finds once in 60 times or less.
 const SCOUTS: u32 = 32;
 
-/// One of so many connections that are left out, or of which only the light is asked for that searches find, is
-/// searched with patience.
-const PATIENTLY: f64 = 1024.0;
+/// One of this many excluded or capped connections is searched with many trials.
+const SEARCHED_ONCE_IN: f64 = 1024.0;
 
-/// Searches through each pane that find what there is to be found.
-const PATIENCE: u32 = 20_000;
+/// Searches through each pane that find practically all paths.
+const MANY_TRIALS: u32 = 20_000;
 
 /// Most trials of an estimate for which so many searches are made in each connection.
 const MOST_SEARCHES: u32 = 1000;
@@ -224,8 +223,8 @@ impl Connections {
         Self { name: connections_name(case, light, method), light: sun.unwrap_or(0) as u32, held_to, scene }
     }
 
-    /// Whether searches with patience have to reach all light: where connections are left out, and where walks are held
-    /// to what walks find. Line searches miss some.
+    /// Whether searches with many trials have to reach all light: where connections are left out, and where walks are
+    /// compared with what walks find. Line searches miss some.
     pub fn must_reach_all(&self) -> bool {
         matches!(self.held_to, HeldTo::Scouted(_) | HeldTo::FoundBy(_, Search::Walk { .. }))
     }
@@ -318,9 +317,9 @@ impl Connections {
             HeldTo::FoundBy(_, search) => (Some(search), sums.connections),
         };
         if let Some(search) = patiently
-            && so_far % PATIENTLY == 0.0
+            && so_far % SEARCHED_ONCE_IN == 0.0
         {
-            sums.unreached += known.share(known.unfound(search, PATIENCE, 1, random));
+            sums.unreached += known.share(known.unfound(search, MANY_TRIALS, 1, random));
             sums.searched += 1.0;
         }
         if is_left_out {

@@ -1,4 +1,4 @@
-//! Nodes of the merge tree: what a tile has gathered over an aligned run of passes.
+//! Nodes of the merge tree: the sums of a tile over an aligned run of passes.
 //!
 //! A node holds sums over its samples, one number for each pixel and channel in 32-bit float. A single pass makes a
 //! leaf. Every larger node is the sum of its two halves, left plus right. So its bits do not depend on who computed the

@@ -34,7 +34,7 @@ pub(super) struct NodeHeader {
     pub(super) hash: String,
 }
 
-/// The counters, without members that nobody knows. Images and the rows of a farm may have some of another build.
+/// The counters, without unknown members. Images and the rows of a farm may have some of another build.
 #[derive(Serialize, Deserialize)]
 #[serde(remote = "Counters", deny_unknown_fields)]
 struct StrictCounters {

@@ -95,7 +95,7 @@ impl Sampling {
         self.passes_per_block().trailing_zeros()
     }
 
-    /// Whether `pass` belongs to the frame's first block, over which first-hit layers are gathered.
+    /// Whether `pass` belongs to the frame's first block, over which first-hit layers are summed.
     pub fn is_in_first_block(&self, pass: u32) -> bool {
         pass < self.passes_per_block()
     }

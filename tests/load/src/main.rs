@@ -81,7 +81,7 @@ async fn main() -> ExitCode {
     }
 }
 
-/// Completes when somebody asks the program to end, so that its coordinator ends with it.
+/// Completes at a signal to end, so that its coordinator ends with it.
 async fn interrupted() {
     use tokio::signal::unix::{SignalKind, signal};
 

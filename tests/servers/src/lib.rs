@@ -16,7 +16,7 @@ pub use faults::Faults;
 pub use postgres::{Postgres, postgres};
 pub use s3::{S3Server, s3};
 
-/// A port of the loopback interface on which nobody listens.
+/// A port of the loopback interface without a listener.
 fn free_port() -> io::Result<u16> {
     Ok(TcpListener::bind("127.0.0.1:0")?.local_addr()?.port())
 }

@@ -18,7 +18,7 @@ use crate::watched::{self, Watched};
 use crate::{Faults, free_port};
 
 /// Longest time until a server takes connections.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Where Debian and Ubuntu keep the programs of each version.
 const VERSIONS: &str = "/usr/lib/postgresql";
@@ -216,7 +216,7 @@ impl Postgres {
     fn wait(&mut self) -> io::Result<()> {
         let start = Instant::now();
         while let Err(error) = run(&mut self.client("pg_isready")) {
-            if start.elapsed() > PATIENCE {
+            if start.elapsed() > TIMEOUT {
                 return Err(error);
             }
             thread::sleep(Duration::from_millis(50));

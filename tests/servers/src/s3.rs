@@ -25,7 +25,7 @@ pub(crate) const SECRET_KEY: &str = "2718281828459045235360287471352662497757247
 pub(crate) const REGION: &str = "us-east-1";
 
 /// Longest time until a server takes connections.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// A server on a free port of the loopback interface. It checks signatures, as S3 does.
 ///
@@ -167,7 +167,7 @@ fn launch(folder: &Path, port: u16, faults: Option<&Faults>, garage: Option<&Gar
     let mut process = Watched::start(server.envs(faults.into_iter().flat_map(Faults::environment)))?;
     let start = Instant::now();
     while let Err(error) = TcpStream::connect(("127.0.0.1", port)) {
-        if process.has_ended() || start.elapsed() > PATIENCE {
+        if process.has_ended() || start.elapsed() > TIMEOUT {
             return Err(error);
         }
         thread::sleep(Duration::from_millis(10));

@@ -47,7 +47,8 @@ impl Watched {
         Ok(Self { shell, server: Pid::from_raw(number) })
     }
 
-    /// Starts the command that removes a folder after this process and the server have ended, for what nobody drops.
+    /// Starts the command that removes a folder after this process and the server have ended, for values that are never
+    /// dropped.
     ///
     /// The folder goes when standard input of the command does: keep it.
     pub(crate) fn removed_afterwards(&self, folder: &Path) -> Command {

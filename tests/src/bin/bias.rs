@@ -192,8 +192,8 @@ fn main() -> ExitCode {
 /// The light of about so many single connections, drawn with a seed.
 type RelativeLightOf<'a> = Box<dyn Fn(u32, u64) -> RelativeLight + 'a>;
 
-/// Whether a method finds the light of single connections, with power, and next to none along other paths; where it
-/// must, patience has to reach all of it.
+/// Whether a method finds the light of single connections, with power, and next to none along other paths. Where it
+/// must, many trials have to reach all of it.
 fn examine_connections(
     name: &str,
     relative_light: &RelativeLightOf<'_>,

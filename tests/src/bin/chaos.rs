@@ -5,47 +5,46 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use clerestory_tests::siege::{Durations, Plan, Siege};
+use clerestory_tests::chaos::{Chaos, Durations, Plan};
 
-/// Renders jobs on a farm whose processes are killed, stopped and suspended at random, whose disks fill up and fail,
-/// whose clocks are stepped and whose connections are cut, and compares every image, bit for bit, with that of one
-/// process.
+/// Renders jobs on a farm under attack, and compares every image, bit for bit, with that of one process. Processes are
+/// killed, stopped and suspended at random. Disks fill up and fail, clocks are stepped, and connections are cut.
 #[derive(Parser)]
 struct Arguments {
-    /// How long, minutes, and at least until 200 processes have been killed or suspended and some job has shared out
-    /// its passes and another had a target; the jobs that then run are waited for.
+    /// Minutes of attack. It lasts at least until 200 processes were killed or suspended, one job was adaptive, and
+    /// another had a target. It then waits for the running jobs.
     #[arg(long, default_value_t = 10.0)]
     minutes: f64,
-    /// Seed of the jobs, and of the blows and the pauses between them.
+    /// Seed of the jobs, and of the faults and the pauses between them.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Two coordinators on PostgreSQL and S3, all of which are hit too, instead of one with its own files.
+    /// Two coordinators on PostgreSQL and S3, instead of one with its own files. The servers are targets too.
     #[arg(long)]
     servers: bool,
     /// Workers at the same time.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..))]
     workers: u8,
-    /// Show the warnings and errors of all processes, of which there are many.
+    /// Show the many warnings and errors of all processes.
     #[arg(long)]
     log: bool,
 }
 
-/// Some sleeps are longer than a coordinator's claim of a film lasts, and than PostgreSQL lets a transaction wait.
+/// Some suspensions are longer than a film lease, and than PostgreSQL lets a transaction wait.
 const DURATIONS: Durations = Durations { pauses: [0.1, 1.2], away: 2.0, fault: 2.0, sleep: 12.0, long_sleeps: 8 };
 
-/// Shortest and longest time between two blows where there are servers, seconds: when any of them is down, nothing goes
-/// on.
+/// Shortest and longest time between two faults where there are servers, seconds. While one of them is down, the farm
+/// waits.
 const PAUSES_ON_SERVERS: [f64; 2] = [0.1, 4.0];
 
 /// Fewest kills and suspensions.
-const SUDDEN_BLOWS: u32 = 200;
+const SUDDEN_FAULTS: u32 = 200;
 
-/// Most passes of a job: with servers, there is hardly a second in which nobody is down.
+/// Most passes of a job. With servers, there is hardly a second without a fault.
 const PASSES: usize = 21;
 const PASSES_ON_SERVERS: usize = 6;
 
-/// Longest time that a job may take, however often its farm is hit.
-const PATIENCE: Duration = Duration::from_secs(600);
+/// Longest time for a job.
+const TIMEOUT: Duration = Duration::from_secs(600);
 
 fn main() -> ExitCode {
     let Arguments { minutes, seed, servers, workers, log } = Arguments::parse();
@@ -59,29 +58,29 @@ fn main() -> ExitCode {
         is_long: true,
         roughness: 1.0,
         passes: if servers { PASSES_ON_SERVERS } else { PASSES },
-        patience: PATIENCE,
+        timeout: TIMEOUT,
         log,
     };
     let start = Instant::now();
-    let mut siege = Siege::lay(plan);
-    let is_over = |siege: &Siege| {
+    let mut chaos = Chaos::start(plan);
+    let is_over = |chaos: &Chaos| {
         let is_late = start.elapsed().as_secs_f64() >= minutes * 60.0;
-        is_late && siege.sudden() >= SUDDEN_BLOWS && siege.missing_rules().is_empty()
+        is_late && chaos.sudden_faults() >= SUDDEN_FAULTS && chaos.missing_rules().is_empty()
     };
-    while !is_over(&siege) && siege.wrong().is_empty() {
-        siege.wave();
-        println!("{:.0} s: {}", start.elapsed().as_secs_f64(), siege.told());
+    while !is_over(&chaos) && chaos.wrong().is_empty() {
+        chaos.render_jobs();
+        println!("{:.0} s: {}", start.elapsed().as_secs_f64(), chaos.summary());
     }
-    siege.lift();
-    println!("{:.0} s in all: {}", start.elapsed().as_secs_f64(), siege.told());
-    for wrong in siege.wrong() {
+    chaos.recover_all();
+    println!("{:.0} s in all: {}", start.elapsed().as_secs_f64(), chaos.summary());
+    for wrong in chaos.wrong() {
         println!("WRONG: {wrong}");
     }
-    let missing = siege.missing();
+    let missing = chaos.missing();
     for kind in &missing {
         println!("never happened, so that nothing is shown; give it more --minutes: {kind}");
     }
-    if siege.wrong().is_empty() && missing.is_empty() {
+    if chaos.wrong().is_empty() && missing.is_empty() {
         println!("every job is done, and every image has the bits that one process makes");
         ExitCode::SUCCESS
     } else {

@@ -93,7 +93,7 @@ fn bad_input_is_refused_clearly_and_the_farm_goes_on_working() {
     let view = workers.iter().find(|view| view.id == worker.id()).expect("the worker");
     assert_eq!((view.refused_partials, view.accepted_nodes), (refused as u64, 2));
 
-    // Who has nothing else to do would take over what nobody works on: the lease has to run out first.
+    // An idle worker would take over these nodes, so the lease has to expire first.
     std::thread::sleep((LEASE + Duration::from_secs(2)).saturating_sub(claimed.elapsed()));
     farm.start_worker("real");
     let done = farm.wait_until("done", |job| job.state.is_final());

@@ -3,19 +3,19 @@
 
 use std::time::{Duration, Instant};
 
-use clerestory_tests::siege::{Durations, Plan, Siege};
+use clerestory_tests::chaos::{Chaos, Durations, Plan};
 
-/// Long enough for leases to run out, and short enough for each kind of blow to come within seconds.
+/// Long enough for leases to expire, and short enough for each kind of fault to come within seconds.
 const DURATIONS: Durations = Durations { pauses: [0.2, 0.8], away: 0.5, fault: 1.0, sleep: 3.0, long_sleeps: 6 };
 
-/// Shortest and longest time between two blows where there are servers, seconds: when any of them is down, nothing goes
-/// on.
+/// Shortest and longest time between two faults where there are servers, seconds. While one of them is down, the farm
+/// waits.
 const PAUSES_ON_SERVERS: [f64; 2] = [0.3, 1.5];
 
 /// Longest time for a job, and for everything to happen.
-const PATIENCE: Duration = Duration::from_secs(300);
+const TIMEOUT: Duration = Duration::from_secs(300);
 
-/// Attacks a farm until each kind of blow has come at least once, and everything that can happen to a request.
+/// Attacks a farm until each kind of fault and each fate of a request has occurred.
 fn attack(servers: bool) {
     let plan = Plan {
         seed: 5,
@@ -25,21 +25,21 @@ fn attack(servers: bool) {
         is_long: false,
         roughness: 3.0,
         passes: 6,
-        patience: PATIENCE,
+        timeout: TIMEOUT,
         log: "off",
     };
     let start = Instant::now();
-    let mut siege = Siege::lay(plan);
-    while !siege.missing().is_empty() && siege.wrong().is_empty() && start.elapsed() < PATIENCE {
-        siege.wave();
+    let mut chaos = Chaos::start(plan);
+    while !chaos.missing().is_empty() && chaos.wrong().is_empty() && start.elapsed() < TIMEOUT {
+        chaos.render_jobs();
     }
-    siege.lift();
-    println!("{:.0} s: {}", start.elapsed().as_secs_f64(), siege.told());
-    for wrong in siege.wrong() {
+    chaos.recover_all();
+    println!("{:.0} s: {}", start.elapsed().as_secs_f64(), chaos.summary());
+    for wrong in chaos.wrong() {
         println!("WRONG: {wrong}");
     }
-    assert!(siege.wrong().is_empty());
-    assert!(siege.missing().is_empty(), "these have not come: {:?}", siege.missing());
+    assert!(chaos.wrong().is_empty());
+    assert!(chaos.missing().is_empty(), "these have not come: {:?}", chaos.missing());
 }
 
 #[test]

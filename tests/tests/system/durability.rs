@@ -26,7 +26,7 @@ const OPTIONS: [&str; 4] = ["--lease-nodes", "4", "--checked-fraction", "0"];
 const ORDER: [&str; 4] = ["--spp", "64", "--tile", "16"];
 
 /// Longest wait for nodes to be merged.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// What the files of a coordinator are.
 const ROLES: Roles = Roles { is_ignored: is_index, is_log, is_blob };
@@ -90,7 +90,7 @@ fn traced_work(folder: &Path, trace: &Path) -> (PathBuf, usize) {
     while let Some(delivery) = worker.try_claim().expect("an answer") {
         deliveries.push(delivery);
     }
-    // The first round comes last: until it is whole the keeper has nothing to do, and all writes belong to calls.
+    // The first round comes last. Until it is complete the round finalizer is idle, and all writes belong to calls.
     for delivery in deliveries.iter().rev() {
         let answer = caller.wait(client.upload_partial(upload_of(delivery))).expect("an acknowledgement");
         assert_all(&answer, NodeVerdict::Accepted);
@@ -100,7 +100,7 @@ fn traced_work(folder: &Path, trace: &Path) -> (PathBuf, usize) {
     let nodes = data.join("blobs/nodes").join(job.to_string());
     let start = Instant::now();
     while fs::read_dir(&nodes).expect("the nodes of the job").count() > 1 {
-        assert!(start.elapsed() < PATIENCE, "the nodes are not merged into one blob");
+        assert!(start.elapsed() < TIMEOUT, "the nodes are not merged into one blob");
         thread::sleep(Duration::from_millis(20));
     }
     (data, deliveries.len())
@@ -150,7 +150,7 @@ fn what_is_acknowledged_and_what_a_removal_relies_on_is_on_disk() {
         let seen = acknowledged.iter().filter(|seen| seen.call.starts_with(start) && seen.call.ends_with(end)).count();
         assert_eq!(seen, expected, "{start}...{end}: {acknowledged:?}");
     }
-    // With the last partial the first round is whole. The keeper may begin to write before that is answered.
+    // With the last partial the first round is complete. The round finalizer may begin to write before the answer.
     let last = acknowledged.iter().rposition(is_partial).expect("partials");
     for (number, acknowledgement) in acknowledged.iter().enumerate() {
         assert!(number == last || acknowledgement.unsynced.is_empty(), "{acknowledgement:?}");
@@ -253,7 +253,7 @@ fn nothing_is_acknowledged_while(fails: fn(&Faults, bool)) {
     assert_refused("an asset", faults, store);
     assert_refused("a job", faults, submit);
     assert_refused("a worker", faults, register);
-    assert_refused("a sign of life", faults, live);
+    assert_refused("a heartbeat", faults, live);
     assert_refused("a lease", faults, claim);
     assert_refused("a renewal", faults, renew);
     assert_refused("a partial", faults, upload);

@@ -9,7 +9,7 @@ use clerestory_tests::farm::Farm;
 use tokio::runtime::Runtime;
 
 /// Longest wait: outcomes of a bucket hold for ten seconds, and a silent one is given four.
-const PATIENCE: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// Asks until the answer is as expected: `None` when the coordinator is ready, otherwise why not.
 fn wait_until(farm: &Farm, what: &str, is_expected: impl Fn(Option<&str>) -> bool) {
@@ -30,7 +30,7 @@ fn wait_until(farm: &Farm, what: &str, is_expected: impl Fn(Option<&str>) -> boo
         if is_expected(reason.as_deref()) {
             return;
         }
-        assert!(start.elapsed() < PATIENCE, "{what}: {reason:?}");
+        assert!(start.elapsed() < TIMEOUT, "{what}: {reason:?}");
         thread::sleep(Duration::from_millis(20));
     }
 }

@@ -9,8 +9,8 @@ use clerestory_tests::hand_worker::{Delivery, HandWorker};
 use clerestory_tests::malformed_scenes::{sound_files, sound_scene, write_scene};
 use serde_json::Value;
 
-/// How long finding a wrong worker may take.
-const PATIENCE: Duration = Duration::from_secs(120);
+/// Longest time until a wrong worker is found.
+const TIMEOUT: Duration = Duration::from_secs(120);
 
 #[test]
 fn a_worker_that_flips_a_bit_is_found_and_its_nodes_are_rendered_again() {
@@ -30,7 +30,7 @@ fn a_worker_that_flips_a_bit_is_found_and_its_nodes_are_rendered_again() {
     let start = Instant::now();
     let registered = || caller.wait(caller.client().workers()).expect("a list").len();
     while registered() < 3 {
-        assert!(start.elapsed() < PATIENCE, "the workers do not come");
+        assert!(start.elapsed() < TIMEOUT, "the workers do not come");
         std::thread::sleep(Duration::from_millis(20));
     }
 
@@ -71,7 +71,7 @@ fn a_worker_that_flips_a_bit_is_found_and_its_nodes_are_rendered_again() {
 fn refused_in_the_end(caller: &Caller, wrong: &HandWorker<'_>, first: Delivery, start: Instant) -> ClientError {
     let mut delivery = Some(first);
     loop {
-        assert!(start.elapsed() < PATIENCE, "it is not found");
+        assert!(start.elapsed() < TIMEOUT, "it is not found");
         match &delivery {
             Some(delivery) => {
                 let (lease, token) = (delivery.lease.id, delivery.lease.token);

@@ -1,12 +1,12 @@
 //! A farm under attack, while it renders jobs of all kinds. Real processes are killed, suspended and cut off from one
 //! another; their disks and clocks fail. A seed draws the faults, one after the other.
 //!
-//! Whoever is hit recovers after a while, as an operator or a supervisor of services would have it: who was killed is
-//! started again. Whatever happens, every job has to end, and every image to have the bits that one process makes.
+//! Every target recovers after a while, as under an operator or a supervisor of services: a killed process is started
+//! again. In any case every job has to end, and every image has to have the bits of a render in one process.
 
-mod attack;
-mod blows;
-mod order;
+mod faults;
+mod injection;
+mod job_request;
 mod servers;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,144 +16,143 @@ use std::time::{Duration, Instant};
 use clerestory_api::{Client, ClientError, JobId, JobView};
 use clerestory_test_servers::Faults;
 
-pub use blows::Durations;
-use blows::{Blow, Kind, ON_FILES, ON_SERVERS, Rounds, Victim, below};
-use order::{Order, RULES, strangers};
+pub use faults::Durations;
+use faults::{Fault, FaultKind, ON_FILES, ON_SERVERS, Schedule, Target, below};
+use job_request::{JobRequest, RULES, unknown_jobs};
 use servers::Servers;
 
 use crate::farm::Farm;
 use crate::proxy::{Fate, Protocol, Proxy};
 use crate::random::Random;
 
-/// Leases run out after this time, seconds: some sleepers sleep for longer.
+/// Leases expire after this time, seconds. Some suspensions last longer.
 const LEASE_SECONDS: &str = "2";
 
-/// Time between two looks at what is due.
+/// Time between two checks for due recoveries.
 const TICK: Duration = Duration::from_millis(20);
 
-/// Time between two looks at the jobs.
+/// Time between two queries of the jobs.
 const LOOK: Duration = Duration::from_millis(250);
 
-/// How long a coordinator is given for an answer.
+/// Timeout of a query.
 const ANSWER: Duration = Duration::from_secs(2);
 
 /// Pause before a coordinator or server that does not start is started again.
 const RESTART: Duration = Duration::from_millis(500);
 
-/// How far a clock is off that has been stepped, seconds.
+/// Size of a step of a clock, seconds.
 const STEP: i64 = 60;
 
-/// Streams of the seed: of what is ordered, of the leases of coordinators that are started again, and of the order of
-/// blows; each blow has one of its own after that. They are far from those of the network, which are the numbers of
-/// connections.
-const ORDERS: u64 = 1 << 32;
+/// Streams of the seed: of the jobs, of the leases of restarted coordinators, and of the order of faults. Each fault
+/// has a stream of its own after that. They are far from those of the network, which are the numbers of connections.
+const JOBS: u64 = 1 << 32;
 const LEASES: u64 = 2 << 32;
-const BLOWS: u64 = 3 << 32;
+const FAULTS: u64 = 3 << 32;
 
 /// How coordinators size leases.
-const LEASE_SIZES: [&str; 2] = ["as each worker's pace asks for", "of a fixed number of nodes"];
+const LEASE_SIZES: [&str; 2] = ["sized by the rate of each worker", "of a fixed number of nodes"];
 
-/// How a farm is attacked.
+/// The plan of an attack.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
-    /// Seed of the blows, the network, the leases and the jobs.
+    /// Seed of the faults, the network, the leases and the jobs.
     pub seed: u64,
-    /// Whether there are two coordinators on PostgreSQL and S3, all of which are hit too, instead of one with its own
-    /// files.
+    /// Whether there are two coordinators on PostgreSQL and S3, instead of one with its own files. The servers are
+    /// targets too.
     pub servers: bool,
     /// Workers at the same time.
     pub workers: usize,
-    /// How long sleepers sleep and faults last.
+    /// Durations of suspensions and faults.
     pub durations: Durations,
-    /// Whether blows go on when each kind has come, some jobs share out their passes or end at a target, and messages
-    /// to servers have to meet with every fate.
+    /// Whether faults continue when each kind was injected. Then some jobs are adaptive or end at a target, and
+    /// messages to servers must meet with every fate.
     pub is_long: bool,
-    /// How much rougher than usual the network in front of coordinators is.
+    /// Factor of the failures of the network in front of coordinators.
     pub roughness: f64,
     /// Most passes of a job.
     pub passes: usize,
-    /// Longest time that a job may take, however often its farm is hit, or that whoever was hit may take to come back.
-    pub patience: Duration,
-    /// What coordinators, workers and commands log, as `CLERESTORY_LOG` has it.
+    /// Longest time for a job or for the recovery of a target.
+    pub timeout: Duration,
+    /// `CLERESTORY_LOG` of coordinators, workers and commands.
     pub log: &'static str,
 }
 
-/// What the siege knows of a coordinator.
+/// The state of a coordinator.
 struct Coordinator {
-    /// Killed, and not to be started yet.
+    /// Whether it is killed and not yet started again.
     is_down: bool,
-    is_asleep: bool,
+    is_suspended: bool,
     has_faults: bool,
     clock_step: i64,
-    /// Whether it has answered since it was started.
+    /// Whether it has answered since its start.
     has_answered: bool,
-    /// Whether it was started with so many nodes in each lease, and not as many as each worker's pace asks for.
+    /// Whether its leases have a fixed number of nodes, instead of sizes by the rate of each worker.
     has_fixed_leases: bool,
-    /// When to start it again if it has ended before it answered.
+    /// When to start it again if it ends before it answers.
     again: Instant,
 }
 
-/// What is due for somebody who was hit.
+/// The recovery of a target.
 #[derive(Clone, Copy, Debug)]
-enum Relief {
-    WakeWorker(usize),
+enum Recovery {
+    ResumeWorker(usize),
     StartCoordinator(usize),
-    WakeCoordinator(usize),
-    /// And how often its disk had failed before.
-    MendCoordinator(usize, u64),
+    ResumeCoordinator(usize),
+    /// With the number of failures of its disk before the fault.
+    RepairCoordinatorDisk(usize, u64),
     StartDatabase,
-    WakeDatabase,
+    ResumeDatabase,
     /// How often its disk had failed before.
-    MendDatabase(u64),
+    RepairDatabaseDisk(u64),
     StartObjects,
-    WakeObjects,
+    ResumeObjects,
     /// How often its disk had failed before.
-    MendObjects(u64),
+    RepairObjectsDisk(u64),
 }
 
 /// A farm under attack.
-pub struct Siege {
+pub struct Chaos {
     plan: Plan,
     farm: Farm,
     servers: Option<Servers>,
     network: Proxy,
-    /// Which rule the first order has; the others follow in turn.
+    /// The rule of the first job; the others follow in turn.
     first_rule: usize,
-    /// Draws what is ordered.
-    wishes: Random,
-    /// Draws the leases of coordinators that are started again.
+    /// Draws the jobs.
+    job_random: Random,
+    /// Draws the leases of restarted coordinators.
     leases: Random,
-    rounds: Rounds,
-    /// Draws all else about the blow that is being dealt.
+    schedule: Schedule,
+    /// Draws the rest about the current fault.
     random: Random,
-    /// How often somebody was asked about the jobs.
+    /// Number of queries of the jobs.
     looks: usize,
     workers: Vec<(usize, bool)>,
     started: usize,
     coordinators: Vec<Coordinator>,
-    database_is_hit: bool,
-    objects_are_hit: bool,
-    due: Vec<(Instant, Relief)>,
-    next_blow: Instant,
+    database_is_faulty: bool,
+    objects_are_faulty: bool,
+    due: Vec<(Instant, Recovery)>,
+    next_fault: Instant,
     is_over: bool,
-    orders: Vec<Order>,
-    blows: BTreeMap<Kind, u32>,
-    /// Coordinators and servers that had to be started again because they had ended by themselves.
-    restarts: BTreeMap<Victim, u32>,
-    /// Starts of coordinators that have then answered, for each of [`LEASE_SIZES`].
+    requests: Vec<JobRequest>,
+    injected: BTreeMap<FaultKind, u32>,
+    /// Restarts of coordinators and servers that had ended by themselves.
+    restarts: BTreeMap<Target, u32>,
+    /// Starts of coordinators that answered, for each of [`LEASE_SIZES`].
     starts: [u32; 2],
     checked: BTreeSet<JobId>,
     wrong: Vec<String>,
 }
 
-impl Siege {
+impl Chaos {
     /// A farm with its workers.
     ///
     /// # Panics
     ///
     /// When it does not start.
-    pub fn lay(plan: Plan) -> Self {
-        // The size of leases is left to workers' paces until a coordinator is started again.
+    pub fn start(plan: Plan) -> Self {
+        // Leases are sized by the rates of workers until a coordinator is started again.
         let options = ["--lease-seconds", LEASE_SECONDS];
         let log = ("CLERESTORY_LOG".to_owned(), plan.log.to_owned());
         let (mut farm, servers) = if plan.servers {
@@ -161,7 +160,7 @@ impl Siege {
             let shared = servers.options();
             let options: Vec<&str> = options.into_iter().chain(shared.iter().map(String::as_str)).collect();
             let environment: Vec<_> = servers.environment().into_iter().chain([log]).collect();
-            // A coordinator that starts in the middle of a fault may give up, and nobody starts the first ones again.
+            // A coordinator that starts during a fault may give up, and nothing restarts the first ones.
             servers.network.iter().for_each(|network| network.calm(true));
             let farm = Farm::start_with_faults(2, &environment, &options);
             servers.network.iter().for_each(|network| network.calm(false));
@@ -174,85 +173,85 @@ impl Siege {
         let now = Instant::now();
         let coordinator = |_| Coordinator {
             is_down: false,
-            is_asleep: false,
+            is_suspended: false,
             has_faults: false,
             clock_step: 0,
             has_answered: false,
             has_fixed_leases: false,
             again: now,
         };
-        let mut wishes = Random::new(plan.seed, ORDERS);
-        let mut siege = Self {
+        let mut job_random = Random::new(plan.seed, JOBS);
+        let mut chaos = Self {
             plan,
             coordinators: farm.sockets().into_iter().map(coordinator).collect(),
             farm,
             servers,
             network,
-            first_rule: below(&mut wishes, RULES.len()),
-            wishes,
+            first_rule: below(&mut job_random, RULES.len()),
+            job_random,
             leases: Random::new(plan.seed, LEASES),
-            rounds: Rounds::of(if plan.servers { &ON_SERVERS } else { &ON_FILES }, plan.seed),
-            random: Random::new(plan.seed, BLOWS),
+            schedule: Schedule::of(if plan.servers { &ON_SERVERS } else { &ON_FILES }, plan.seed),
+            random: Random::new(plan.seed, FAULTS),
             looks: 0,
             workers: Vec::new(),
             started: 0,
-            database_is_hit: false,
-            objects_are_hit: false,
+            database_is_faulty: false,
+            objects_are_faulty: false,
             due: Vec::new(),
-            next_blow: now,
+            next_fault: now,
             is_over: false,
-            orders: Vec::new(),
-            blows: BTreeMap::new(),
+            requests: Vec::new(),
+            injected: BTreeMap::new(),
             restarts: BTreeMap::new(),
             starts: [0; 2],
             checked: BTreeSet::new(),
             wrong: Vec::new(),
         };
         for _ in 0..plan.workers {
-            siege.start_worker();
+            chaos.start_worker();
         }
-        siege
+        chaos
     }
 
-    /// Renders one or two jobs under attack, and checks their images. Answers how many were asked for.
-    pub fn wave(&mut self) -> usize {
-        let count = 1 + below(&mut self.wishes, 2);
-        let first = self.orders.len();
+    /// Renders one or two jobs under attack, and checks their images. Returns their number.
+    pub fn render_jobs(&mut self) -> usize {
+        let count = 1 + below(&mut self.job_random, 2);
+        let first = self.requests.len();
         for number in first..first + count {
             let rule = if self.plan.is_long { RULES[(self.first_rule + number) % RULES.len()] } else { &[] };
-            self.orders.push(Order::draw(&mut self.wishes, number, self.plan.passes, rule));
+            self.requests.push(JobRequest::draw(&mut self.job_random, number, self.plan.passes, rule));
         }
         self.until_ended(first);
         count
     }
 
-    /// Takes all blows back, waits until all jobs have ended, and checks all images once more.
-    pub fn lift(&mut self) {
+    /// Recovers all targets, waits until all jobs have ended, and checks all images once more.
+    pub fn recover_all(&mut self) {
         self.is_over = true;
         self.network.calm(true);
         for network in self.servers.iter().flat_map(|servers| &servers.network) {
             network.calm(true);
         }
-        for (_, relief) in std::mem::take(&mut self.due) {
-            self.relieve(relief);
+        for (_, recovery) in std::mem::take(&mut self.due) {
+            self.recover(recovery);
         }
         for index in 0..self.coordinators.len() {
             self.step_clock(index, 0);
         }
         self.checked.clear();
         if let Some(jobs) = self.until_ended(0) {
-            self.wrong.extend(strangers(&jobs, &self.orders));
+            self.wrong.extend(unknown_jobs(&jobs, &self.requests));
         }
     }
 
-    /// What is wrong, in words.
+    /// Descriptions of everything that is wrong.
     pub fn wrong(&self) -> &[String] {
         &self.wrong
     }
 
-    /// Kinds of blows, fates and jobs that there have not been yet.
+    /// Kinds of faults, fates and jobs that have not occurred yet.
     pub fn missing(&self) -> Vec<String> {
-        let mut missing = self.missing_blows();
+        let mut missing = self.missing_faults();
         missing.extend(self.missing_rules());
         let fates = self.network.fates();
         let all = [Fate::Delayed, Fate::Dropped, Fate::Cut, Fate::Unanswered, Fate::Duplicated];
@@ -266,50 +265,49 @@ impl Siege {
         missing
     }
 
-    /// Rules that no job has had yet, where jobs are to have some. Each has had one after as many jobs as there are
-    /// rules.
+    /// Rules that no job has had yet, where jobs have rules. They are used in turn.
     pub fn missing_rules(&self) -> Vec<String> {
-        let has_come = |rule| !self.plan.is_long || self.orders.iter().any(|order| order.rule == rule);
+        let has_come = |rule| !self.plan.is_long || self.requests.iter().any(|request| request.rule == rule);
         let missing = RULES.into_iter().filter(|&rule| !has_come(rule));
         missing.map(|rule| format!("a job with the options {rule:?}")).collect()
     }
 
-    /// Kinds of blows that have not come yet, or have not been felt; and sizes of leases, which change when
-    /// coordinators are killed.
-    fn missing_blows(&self) -> Vec<String> {
-        let kinds = self.rounds.kinds().iter().filter(|kind| !self.blows.contains_key(kind));
-        let mut missing: Vec<String> = kinds.map(|(victim, blow)| format!("{victim} {blow}")).collect();
+    /// Kinds of faults that were not injected or not noticed yet, and sizes of leases, which change when coordinators
+    /// are killed.
+    fn missing_faults(&self) -> Vec<String> {
+        let kinds = self.schedule.kinds().iter().filter(|kind| !self.injected.contains_key(kind));
+        let mut missing: Vec<String> = kinds.map(|(target, fault)| format!("{target} {fault}")).collect();
         let sizes = LEASE_SIZES.into_iter().zip(self.starts).filter(|(_, count)| *count == 0);
         missing.extend(sizes.map(|(size, _)| format!("coordinators with leases {size}")));
-        let fell_on = |victim: Victim, blow: Blow| self.rounds.kinds().contains(&(victim, blow));
-        for (victim, faults) in self.faults() {
-            if fell_on(victim, Blow::DiskFull) && faults.iter().all(|faults| faults.failed_writes() == 0) {
-                missing.push(format!("writes of {victim} that fail"));
+        let is_scheduled = |target: Target, fault: Fault| self.schedule.kinds().contains(&(target, fault));
+        for (target, faults) in self.faults() {
+            if is_scheduled(target, Fault::DiskFull) && faults.iter().all(|faults| faults.failed_writes() == 0) {
+                missing.push(format!("writes of {target} that fail"));
             }
-            if fell_on(victim, Blow::SyncsFail) && faults.iter().all(|faults| faults.failed_syncs() == 0) {
-                missing.push(format!("syncs of {victim} that fail"));
+            if is_scheduled(target, Fault::SyncsFail) && faults.iter().all(|faults| faults.failed_syncs() == 0) {
+                missing.push(format!("syncs of {target} that fail"));
             }
         }
         missing
     }
 
-    /// How often processes were killed or suspended.
-    pub fn sudden(&self) -> u32 {
-        self.blows.iter().filter(|((_, blow), _)| blow.is_sudden()).map(|(_, count)| count).sum()
+    /// Number of killed and suspended processes.
+    pub fn sudden_faults(&self) -> u32 {
+        self.injected.iter().filter(|((_, fault), _)| fault.is_sudden()).map(|(_, count)| count).sum()
     }
 
-    /// What has happened, in lines.
-    pub fn told(&self) -> String {
-        let mut text = format!("{} jobs; {} SIGKILLs and SIGSTOPs\n", self.checked.len(), self.sudden());
-        for ((victim, blow), count) in &self.blows {
-            let _ = writeln!(text, "{count:6} {victim} {blow}");
+    /// A summary in lines.
+    pub fn summary(&self) -> String {
+        let mut text = format!("{} jobs; {} SIGKILLs and SIGSTOPs\n", self.checked.len(), self.sudden_faults());
+        for ((target, fault), count) in &self.injected {
+            let _ = writeln!(text, "{count:6} {target} {fault}");
         }
-        for (victim, faults) in self.faults() {
+        for (target, faults) in self.faults() {
             let (writes, syncs) = faults.iter().fold((0, 0), |(writes, syncs), faults| {
                 (writes + faults.failed_writes(), syncs + faults.failed_syncs())
             });
             if writes + syncs > 0 {
-                let _ = writeln!(text, "{writes:6} writes and {syncs} syncs of {victim} failed");
+                let _ = writeln!(text, "{writes:6} writes and {syncs} syncs of {target} failed");
             }
         }
         for (fate, count) in self.network.fates() {
@@ -325,22 +323,22 @@ impl Siege {
         for (size, count) in LEASE_SIZES.into_iter().zip(self.starts) {
             let _ = writeln!(text, "{count:6} starts of coordinators with leases {size}");
         }
-        for (victim, count) in &self.restarts {
-            let _ = writeln!(text, "{count:6} starts of {victim} that had ended by themselves or could not start");
+        for (target, count) in &self.restarts {
+            let _ = writeln!(text, "{count:6} starts of {target} that had ended by themselves or could not start");
         }
         text
     }
 
-    /// The faults of everybody's disks.
-    fn faults(&self) -> [(Victim, Vec<&Faults>); 3] {
+    /// The faults of all disks.
+    fn faults(&self) -> [(Target, Vec<&Faults>); 3] {
         let coordinators = (0..self.coordinators.len()).filter_map(|index| self.farm.faults(index)).collect();
         let database = self.servers.iter().filter_map(|servers| servers.database.faults()).collect();
         let objects = self.servers.iter().filter_map(|servers| servers.objects.faults()).collect();
-        [(Victim::Coordinator, coordinators), (Victim::Database, database), (Victim::ObjectStore, objects)]
+        [(Target::Coordinator, coordinators), (Target::Database, database), (Target::ObjectStore, objects)]
     }
 
-    /// Waits, under attack, until all jobs of the orders from `first` on have ended and their images are checked.
-    /// Answers all jobs of the farm, unless it takes too long.
+    /// Waits, under attack, until the jobs from `first` on have ended and their images are checked. Returns all jobs of
+    /// the farm, or `None` at a timeout.
     fn until_ended(&mut self, first: usize) -> Option<Vec<JobView>> {
         let start = Instant::now();
         let mut next_look = Instant::now();
@@ -354,38 +352,40 @@ impl Siege {
             next_look = Instant::now() + LOOK;
             if let Some((index, found)) = self.jobs() {
                 jobs = found;
-                for order in &mut self.orders[first..] {
-                    order.ask(|arguments| self.farm.command(arguments), &jobs);
+                for request in &mut self.requests[first..] {
+                    request.submit(|arguments| self.farm.command(arguments), &jobs);
                 }
-                if self.orders[first..].iter().all(|order| order.has_ended(&jobs))
+                if self.requests[first..].iter().all(|request| request.has_ended(&jobs))
                     && self.check_all(index, &jobs, first)
                 {
                     return Some(jobs);
                 }
             }
-            if start.elapsed() > self.plan.patience {
+            if start.elapsed() > self.plan.timeout {
                 let told = |job: &JobView| format!("{} is {} ({:.3})", job.name, job.state.name(), job.progress);
                 let told: Vec<String> = jobs.iter().map(told).collect();
-                self.wrong.push(format!("not done after {:?}: {}", self.plan.patience, told.join(", ")));
+                self.wrong.push(format!("not done after {:?}: {}", self.plan.timeout, told.join(", ")));
                 return None;
             }
         }
     }
 
-    /// Checks the jobs of the orders from `first` on that have not been yet; whether all could be.
+    /// Checks the unchecked jobs from `first` on. False when a coordinator did not answer.
     fn check_all(&mut self, index: usize, jobs: &[JobView], first: usize) -> bool {
         for job in jobs.iter().filter(|job| job.state.is_final() && !self.checked.contains(&job.id)).collect::<Vec<_>>()
         {
-            let Some(place) = self.orders[first..].iter().position(|order| order.name == job.name) else { continue };
+            let Some(place) = self.requests[first..].iter().position(|request| request.name == job.name) else {
+                continue;
+            };
             let Some(image) = self.ask(index, async |client| client.image(job.id).await) else { return false };
-            let checked = self.orders[first + place].check(job, &image);
+            let checked = self.requests[first + place].check(job, &image);
             self.wrong.extend(checked.err());
             self.checked.insert(job.id);
         }
         true
     }
 
-    /// All jobs, as a coordinator tells them that answers. They are asked in turn.
+    /// All jobs, from the next coordinator in turn that answers.
     fn jobs(&mut self) -> Option<(usize, Vec<JobView>)> {
         let up: Vec<usize> = (0..self.coordinators.len()).filter(|index| self.is_up(*index)).collect();
         self.looks += 1;
@@ -398,7 +398,7 @@ impl Siege {
         Some((index, jobs))
     }
 
-    /// Asks a coordinator, without the network between.
+    /// Calls a coordinator directly, not through the network.
     fn ask<T>(&self, index: usize, call: impl AsyncFnOnce(&Client) -> Result<T, ClientError>) -> Option<T> {
         let client = Client::new(&format!("http://{}", self.farm.sockets()[index]), None).ok()?;
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().ok()?;

@@ -10,7 +10,7 @@ use crate::proxy::{Protocol, Proxy};
 pub(super) struct Servers {
     pub(super) database: Postgres,
     pub(super) objects: S3Server,
-    /// In front of the one and of the other.
+    /// The proxies in front of the database and of the object server.
     pub(super) network: [Proxy; 2],
 }
 
@@ -30,7 +30,7 @@ impl Servers {
         Self { database, objects, network }
     }
 
-    /// What coordinators find in their environment.
+    /// The environment of coordinators.
     pub(super) fn environment(&self) -> Vec<(String, String)> {
         self.objects.environment_through(self.network[1].address().port()).into()
     }
