@@ -12,19 +12,18 @@ use crate::reference::Image;
 /// Edge of a tile, pixels.
 pub const TILE: usize = 4;
 
-/// Tiles on each side that share a variance. Near folds a few samples make most of it, and which tile has them is
-/// chance: a tile without must not take fewer samples for it.
+/// Tiles on each side that share a variance. Near folds a few samples make most of it, and chance decides which tile
+/// has them. A tile without them must not take fewer samples.
 const NEIGHBOURS: usize = 2;
 
-/// What a tile's variance is never taken to be less than, relative to the mean of all: what is rare may not have
-/// shown in the pilot.
+/// Least variance of a tile, relative to the mean of all. The pilot may have missed rare samples.
 const LEAST_VARIANCE: f64 = 0.1;
 
 /// How many more samples are taken than a pilot asks for, since it is itself uncertain.
 pub const MARGIN: f64 = 1.2;
 
-/// The passes for each tile, row by row, after which the mean over `pilot.len()` pictures has the relative standard
-/// error `mean_error` in each channel, going by the pilot pictures of one pass. `least` to `most` passes for each.
+/// The passes for each tile, row by row, from pilot pictures of one pass. With them the mean over `pilot.len()`
+/// pictures has the relative standard error `mean_error` in each channel. `least` to `most` passes for each.
 pub fn passes(pilot: &[Image], mean_error: f64, least: u32, most: u32) -> Vec<u32> {
     let columns = pilot.first().map_or(1, |picture| picture.width.div_ceil(TILE));
     let variances = shared(&relative_variances(pilot), columns);
@@ -77,8 +76,8 @@ fn tile_sums(picture: &Image) -> Vec<DVec3> {
 mod tests {
     use super::*;
 
-    /// Two parts side by side, each wider than what shares a variance, of which the first varies by `first` of its
-    /// value around 1, the other by `second`, each tile for itself.
+    /// Two parts side by side, each wider than a neighbourhood that shares a variance. Tiles of the first vary around 1
+    /// by `first`, those of the other by `second`.
     fn pilot(first: f64, second: f64) -> Vec<Image> {
         let columns = 4 * NEIGHBOURS + 2;
         let pixels = |picture: usize| {

@@ -207,7 +207,7 @@ fn start_chromedriver() -> Chromedriver {
         let (_, port) = line.split_once("was started successfully on port ")?;
         port.trim_end_matches('.').parse().ok()
     });
-    // Nobody reads on: chromedriver writes no more than this to standard output.
+    // No reader follows: chromedriver writes no more than this to standard output.
     Chromedriver { process, port: port.expect("chromedriver says on which port it listens") }
 }
 

@@ -13,7 +13,7 @@ use crate::farm::Farm;
 /// Most bytes of an asset or of a partial that a farm must take to refuse larger ones as the tables here say.
 pub const MAX_BODY_BYTES: usize = 1_048_576;
 
-/// A request, sent as it is.
+/// A request, sent without changes.
 #[derive(Clone, Debug)]
 pub struct Call {
     method: Method,

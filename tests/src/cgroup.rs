@@ -16,9 +16,9 @@ pub struct MemoryGroup {
 }
 
 impl MemoryGroup {
-    /// A group of this name whose processes have at most so many bytes together, pages of files that they read or wrote
-    /// included. The system takes such pages back when it needs them; for other memory beyond the limit, it ends a
-    /// process, and moves nothing to swap.
+    /// A group whose processes have at most this many bytes together, with the pages of files that they read or wrote.
+    /// The system takes such pages back when it needs them; for other memory beyond the limit, it ends a process, and
+    /// moves nothing to swap.
     ///
     /// # Errors
     ///
@@ -71,7 +71,7 @@ impl Drop for MemoryGroup {
     }
 }
 
-/// The folder of the group that a process is in: that of a controller in version 1, where it is mounted, or of all in
+/// The folder of a process's group: that of a controller in version 1, where it is mounted, or of all controllers in
 /// version 2.
 fn own_group(groups: &str, controller: &str, mount: &str) -> io::Result<PathBuf> {
     let group = groups.lines().find_map(|line| {
@@ -84,8 +84,8 @@ fn own_group(groups: &str, controller: &str, mount: &str) -> io::Result<PathBuf>
     Ok(Path::new(ROOT).join(mount).join(group.trim_start_matches('/')))
 }
 
-/// The nearest group of version 2, this one or one above it, whose own groups can have limits on their memory: where
-/// there are processes in a group, that cannot be switched on.
+/// The nearest group of version 2 whose children can have memory limits: this one or a parent. Limits cannot be enabled
+/// in a group that has processes.
 fn giving_memory(group: &Path) -> io::Result<&Path> {
     let gives_memory = |group: &&Path| {
         let given = fs::read_to_string(group.join("cgroup.subtree_control"));

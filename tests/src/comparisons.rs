@@ -46,10 +46,10 @@ pub fn reference_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/references")
 }
 
-/// The comparison of `integrator` (a name of [`methods::settings`]) with the reference of a case (`crown`, `bump`,
-/// `flat`, `cathedral`, `room`) and a light (`point`, `sphere`, `sun`, `distant-METRES` for a sphere so far away that
-/// is compared with the sun, or `near` for a large light near by; in the room, `sun` or, for a sun of another angular
-/// radius, `sun-DEGREES`).
+/// The comparison of `integrator` (a name of [`methods::settings`]) with the reference of a case and a light. Cases are
+/// `crown`, `bump`, `flat`, `cathedral` and `room`. Lights are `point`, `sphere`, `sun`, and `near` for a large light
+/// near by. `distant-METRES` is a sphere at this distance, compared with the sun. In the room, lights are `sun`, or
+/// `sun-DEGREES` for a sun of another angular radius.
 ///
 /// # Panics
 ///
@@ -83,7 +83,7 @@ pub(crate) struct Setting {
     folder: PathBuf,
     /// The reference, where one is stored.
     stored: Option<PathBuf>,
-    /// Whether so many of the paths are saddles that a picture without them looks different.
+    /// Whether a picture without saddles looks different.
     has_saddles: bool,
 }
 
@@ -216,8 +216,8 @@ impl Comparison {
         seeded_picture(&self.bundle, samples, seed, &|_| 1).0
     }
 
-    /// Renders [`REPLICATES`] pictures with `passes` passes of `samples` samples for each pixel of a tile with that
-    /// number (tiles of [`TILE`], row by row), with different seeds from `first_seed` on.
+    /// Renders [`REPLICATES`] pictures with different seeds from `first_seed` on. `passes` has the passes of each tile
+    /// (tiles of [`TILE`], row by row), each of `samples` samples for each pixel.
     ///
     /// # Panics
     ///
@@ -232,8 +232,8 @@ impl Comparison {
     }
 }
 
-/// [`REPLICATES`] pictures of a scene with `passes` passes of `samples` samples for each pixel of a tile with that
-/// number, with different seeds from `first_seed` on.
+/// [`REPLICATES`] pictures of a scene with different seeds from `first_seed` on. `passes` has the passes of each tile,
+/// each of `samples` samples for each pixel.
 ///
 /// # Panics
 ///

@@ -31,8 +31,8 @@ pub const METHODS: [&str; 3] = ["fnee-complete", "fnee-published", "sms"];
 /// A path that was found: the index of its point, and where it crosses the plane through the pane's centre, nanometres.
 pub type FoundPath = (usize, [i64; 2]);
 
-/// Paths from one point that differ by less than this, nanometres, are one and the same: solvers stop a third of a
-/// nanometre from a path, and tell paths apart that are 30 nanometres apart.
+/// Paths from one point that differ by less than this, nanometres, are the same. Solvers stop a third of a nanometre
+/// from a path, and distinguish paths that are 30 nanometres apart.
 const SAME_PATH: i64 = 3;
 
 /// The problems of one kind of glass.

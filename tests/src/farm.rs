@@ -107,7 +107,7 @@ impl Farm {
         farm
     }
 
-    /// So many coordinators whose disks and clocks can have faults. Until [`Self::call_through`] says otherwise,
+    /// Starts coordinators whose disks and clocks can have faults. Until [`Self::call_through`] says otherwise,
     /// everybody calls the first.
     ///
     /// # Panics
@@ -120,7 +120,7 @@ impl Farm {
         farm
     }
 
-    /// So many coordinators behind a load balancer, whose disks and clocks can have faults. Their options name the
+    /// Starts coordinators behind a load balancer, whose disks and clocks can have faults. Their options name the
     /// database and the object store that they share.
     ///
     /// # Panics
@@ -422,7 +422,7 @@ impl Farm {
         }
     }
 
-    /// The image of a job as it is now, as OpenEXR.
+    /// The present image of a job, as OpenEXR.
     ///
     /// # Panics
     ///

@@ -22,8 +22,7 @@ const FEWER_CELLS: usize = 256;
 /// How far a fold reaches into the pixels around it.
 const MARGIN: f64 = 1.0;
 
-/// Places on a light with an extent whose folds are marked, along each of the two numbers that choose a place: from the
-/// middle to the rim, and around.
+/// Places on a light with an extent whose folds are marked: from the middle to the rim, and around.
 const LAMPS: [usize; 2] = [4, 12];
 
 /// Whose folds are marked.

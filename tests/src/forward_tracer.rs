@@ -386,8 +386,8 @@ impl Side {
         })
     }
 
-    /// Whether the map from the face to the place where light lands turns over near `face`, the sample of the light
-    /// being fixed: the path is then a saddle point of the optical length. By differences of two neighbours.
+    /// Whether the map from the face to the receiver turns over near `face`, for a fixed sample of the light. Then the
+    /// path is a saddle point of the optical length. By differences of two neighbours.
     pub fn reverses(
         self,
         pane: &TracedPane,

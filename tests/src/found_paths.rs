@@ -46,8 +46,8 @@ impl FoundPath {
         first.dot(direction) > 0.0 && first.cross(direction).length() <= SAME_PATH * shortest
     }
 
-    /// The path of a root of a search through a pane, and its irradiance of the red channel over the density of its
-    /// point on the light; `None` when it is no path of light or is blocked.
+    /// The path of a root of a search through a pane. With it comes its irradiance of the red channel over the density
+    /// of its point on the light. `None` when it is no path of light or is blocked.
     pub fn of_root(
         scene: &Scene,
         point: &ShadingPoint,
@@ -81,9 +81,8 @@ impl FoundPath {
         Some((Self { links, light, source: sample.source, last_direction: last }, irradiance))
     }
 
-    /// The path that light takes from a shading point in a direction, where at panes these things happen to it one
-    /// after the other and no more, and it then meets a light: any, or the named one at a place that is known to be
-    /// there.
+    /// The path of light from a shading point in a direction, with exactly these events at panes, until it meets a
+    /// light. That is any light, or the given one at a known place.
     pub fn followed(
         scene: &Scene,
         point: &ShadingPoint,
@@ -139,8 +138,8 @@ impl FoundPath {
     }
 }
 
-/// The paths through one pane from a point to a point of a light, as far as the complete search lists them, with their
-/// irradiance as in [`FoundPath::of_root`]; dark ones are left out.
+/// The paths through one pane from a point to a point of a light that the complete search lists, without dark ones.
+/// Their irradiance is as in [`FoundPath::of_root`].
 pub fn listed_paths(
     scene: &Scene,
     point: &ShadingPoint,

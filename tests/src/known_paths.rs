@@ -73,7 +73,7 @@ impl<'a> Known<'a> {
         self.share(paths.into_iter().filter(|path| path.root.determinant < 0.0))
     }
 
-    /// The paths with light that so many searches through each pane do not find so many times.
+    /// The paths with light that `searches` searches through each pane find less than `times` times.
     pub(crate) fn unfound(&self, search: Search, searches: u32, times: u32, random: &mut Random) -> Vec<&Listed> {
         let of_pane = |(index, pane): (usize, &ThroughPane<'_>)| {
             pane.unfound(self.lit().filter(|path| path.pane == index), search, searches, times, random)
@@ -134,7 +134,7 @@ impl<'a> ThroughPane<'a> {
         Some(Self { scene, method, point, light, sample, pane, search })
     }
 
-    /// The paths, of some, that so many searches do not find so many times.
+    /// The given paths that `searches` searches find less than `times` times.
     fn unfound<'p>(
         &self,
         paths: impl Iterator<Item = &'p Listed>,
@@ -199,8 +199,8 @@ impl<'a> ThroughPane<'a> {
         light * f64::from(trials.expect("a path that was found once is found again"))
     }
 
-    /// Irradiance of the red channel by a path, over the density of its point on the light; zero when it is no path of
-    /// light, is blocked, or the method does not look for it.
+    /// Irradiance of the red channel by a path, over the density of its point on the light. Zero when it is no path of
+    /// light, is blocked, or is not owned by the method.
     fn light_of(&self, root: &Root, counters: &mut Counters) -> f64 {
         let Self { scene, point, light, sample, pane, .. } = *self;
         let found = FoundPath::of_root(scene, point, [light, pane], sample, &self.search, root, counters);

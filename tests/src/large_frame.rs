@@ -22,7 +22,7 @@ pub const OPTIONS: [&str; 4] = ["--spp", "2", "--integrator", "path"];
 /// Bytes of a pixel of such an image: all layers, uncompressed.
 pub const PIXEL_BYTES: u64 = 56;
 
-/// A shipped scene whose image has so many pixels across and down, with one sample in a pass and a block.
+/// A shipped scene with an image of this size, with one sample in a pass and a block.
 ///
 /// # Panics
 ///
@@ -45,8 +45,8 @@ pub fn scene(folder: &Path, edge: u32) -> PathBuf {
     file
 }
 
-/// Compares an image of such a scene, rendered in tiles of this edge, with what this process renders: its size and
-/// passes, and in some tiles all layers, bit for bit.
+/// Compares an image of such a scene, rendered in tiles of this edge, with a render in this process. Size and passes
+/// must agree, and in some tiles all layers, bit for bit.
 ///
 /// # Errors
 ///

@@ -81,7 +81,7 @@ pub fn sound_files() -> Files {
     ])
 }
 
-/// A square of so many vertices, as its header says, and of these faces.
+/// A square with this number of vertices in its header, and these faces.
 fn ply(vertices: &str, faces: &str) -> Vec<u8> {
     let count = faces.lines().count();
     let header = format!(

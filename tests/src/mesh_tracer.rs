@@ -195,8 +195,8 @@ impl LitSheet<'_> {
         }
     }
 
-    /// A point of the lamp, chosen by two numbers in [0, 1), and the watts per square metre that arrive at a place
-    /// across the way there.
+    /// A point of the lamp, chosen by two numbers in [0, 1). With it come the watts per square metre that arrive at a
+    /// place, across the direction there.
     fn emission(&self, place: DVec3, numbers: DVec2) -> (Source, f64) {
         let SheetScene { lamp, intensity, .. } = *self.scene;
         let offset = lamp - place;
@@ -310,9 +310,8 @@ impl LitSheet<'_> {
         }
     }
 
-    /// For each pixel, whether the caustic of a point of light folds in it or in one beside it: where light on one side
-    /// of a place of the sheet lands the other way round than light on the other side. None where the lamp has an
-    /// extent, over which folds are blurred.
+    /// For each pixel, whether the caustic of a point of light folds in it or in one beside it. There the map from the
+    /// sheet to the floor changes its orientation. None where the lamp has an extent, over which folds are blurred.
     pub fn folds(&self) -> Vec<bool> {
         /// Places of the sheet along an edge.
         const PLACES: usize = 2048;
@@ -357,8 +356,8 @@ fn blend([a, b, c]: [DVec3; 3], weights: DVec2) -> DVec3 {
     a * (1.0 - weights.x - weights.y) + b * weights.x + c * weights.y
 }
 
-/// The cosine behind an interface at which the index of refraction grows by `ratio`, and the fraction of unpolarised
-/// light that is reflected (Snell and Fresnel); `None` where all is.
+/// The cosine behind an interface at which the index of refraction grows by `ratio`, and the reflected fraction of
+/// unpolarised light (Snell and Fresnel). `None` at total reflection.
 fn fresnel(cosine: f64, ratio: f64) -> Option<(f64, f64)> {
     let squared = 1.0 - (1.0 - cosine * cosine) / (ratio * ratio);
     if squared <= 0.0 {

@@ -8,8 +8,8 @@ use serde_json::{Value, json};
 pub const UNBIASED: [&str; 7] = ["path", "cone", "fnee", "fnee, published", "sms", "sms, half vector", "mnee"];
 
 /// The settings of an integrator, as in a scene file. Beside [`UNBIASED`] there are `fnee` and `sms` with a selection
-/// of panes (`fnee, sharp`), and those that lack light: `fnee, M trials` and `sms, M trials` (the published search and
-/// walks as published, with estimates cut off at M), `sms, M walks` for any number M, and `mnee, dropped`.
+/// of panes (`fnee, sharp`). Others lack light: `fnee, M trials`, `sms, M trials`, `sms, M walks` for any number M, and
+/// `mnee, dropped`. "Trials" means the published search or published walks, with estimates cut off at M.
 ///
 /// # Panics
 ///
@@ -17,7 +17,7 @@ pub const UNBIASED: [&str; 7] = ["path", "cone", "fnee", "fnee, published", "sms
 pub fn settings(name: &str) -> Value {
     match name {
         "path" | "cone" | "fnee" | "sms" | "mnee" => json!({name: {}}),
-        // So many that behind the glass where all its light is asked for, tests do not notice what is cut off.
+        // Enough that tests do not notice the cut behind the glass where they compare all light.
         "fnee, published" => json!({"fnee": {"solver": "published", "max_trials": 20_000}}),
         "sms, published" => json!({"sms": {"steps": "published"}}),
         "sms, half vector" => json!({"sms": {"constraint": "half_vector"}}),

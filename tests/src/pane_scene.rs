@@ -138,8 +138,8 @@ impl PaneScene {
     }
 }
 
-/// One estimate, by the scene's specular method, of the light that arrives at a point over all chains that the method
-/// looks for: directions, and radiance times solid angle in W/m2 of the red channel. Other streams are independent.
+/// One estimate, by the scene's specular method, of the light at a point over all chains of the method. Each piece is a
+/// direction, and radiance times solid angle in W/m2 of the red channel. Other streams are independent.
 ///
 /// # Panics
 ///

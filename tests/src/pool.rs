@@ -40,8 +40,8 @@ pub struct Water {
 pub struct Landing {
     /// Where it meets the floor, metres.
     pub place: DVec2,
-    /// The part of its light that is refracted, times the cosine of its angle with the normal, times the area of a
-    /// small piece of the surface over that of the piece as seen from above.
+    /// The refracted part of its light, times the cosine of its angle with the normal, times an area ratio. That is the
+    /// area of a small piece of the surface over its area from above.
     pub weight: f64,
 }
 

@@ -43,7 +43,7 @@ pub enum Fate {
     Unanswered,
     /// It arrives, and once more on another connection, whose answer is discarded.
     Duplicated,
-    /// Neither it nor anything else arrives on its connection any more, and neither side is told.
+    /// Neither it nor anything after it arrives on its connection, and neither side notices.
     Swallowed,
 }
 

@@ -12,7 +12,7 @@ const LINE: &[u8] = b"\r\n";
 ///
 /// # Errors
 ///
-/// When the connection fails or ends in the middle of a request, or what comes is no request.
+/// When the connection fails or ends in the middle of a request, or the data is no request.
 pub(crate) async fn read_request(
     connection: &mut (impl AsyncRead + Unpin),
     waiting: &mut Vec<u8>,

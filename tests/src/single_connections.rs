@@ -85,7 +85,7 @@ impl RelativeLight {
     }
 
     /// A bound of the light of all connections that no search finds, with a confidence of 95 percent (Clopper and
-    /// Pearson 1934; shares between 0 and 1 vary less than hits and misses). Zero where no connection needs many
+    /// Pearson 1934). Shares between 0 and 1 vary less than hits and misses. Zero where no connection needs many
     /// trials.
     pub fn most_unreached(&self) -> f64 {
         let hits = self.unreached * self.searched;
@@ -146,7 +146,7 @@ enum HeldTo {
     Complete,
     /// All, where [`SCOUTS`] walks through each pane find each listed path twice. Other connections are left out.
     Scouted(Search),
-    /// The light of the listed paths that so many searches find; light along others does not count.
+    /// The light of the listed paths that this many searches find. Light along other paths does not count.
     FoundBy(u32, Search),
 }
 
@@ -159,7 +159,7 @@ const SEARCHED_ONCE_IN: f64 = 1024.0;
 /// Searches through each pane that find practically all paths.
 const MANY_TRIALS: u32 = 20_000;
 
-/// Most trials of an estimate for which so many searches are made in each connection.
+/// Most trials of an estimate for which each connection makes as many searches.
 const MOST_SEARCHES: u32 = 1000;
 
 /// Places are drawn from a rectangle so much wider than the pane, since glass deflects light.
@@ -303,7 +303,7 @@ impl Connections {
         let panes: Vec<ThroughPane<'_>> = (0..self.scene.panes().len() as u32)
             .filter_map(|pane| ThroughPane::new(&self.scene, method, &point, self.light, &sample, pane))
             .collect();
-        // Which connections are looked at is a function of the connection, and of scouts that nothing else depends on.
+        // The choice of connections is a function of the connection, and of scouts on which nothing else depends.
         let Some(known) = Known::of(panes, counters) else { return };
         sums.all_saddles += known.in_saddles(known.lit());
         let is_left_out = match self.held_to {

@@ -87,8 +87,8 @@ pub fn places() -> impl Iterator<Item = DVec2> {
     (0..COEFFICIENTS * COEFFICIENTS).map(move |k| DVec2::new(along(k % COEFFICIENTS), along(k / COEFFICIENTS)))
 }
 
-/// How much the light of a point 3 m above the slab is spread, at the least, in any direction on a receiver 1 m below:
-/// the smallest eigenvalue of the derivative of the landing, by the thin lens. A negative one is a fold.
+/// The least spread of the light of a point 3 m above the slab, in any direction on a receiver 1 m below. It is the
+/// smallest eigenvalue of the derivative of the place on the receiver, by the thin lens. A negative one is a fold.
 pub fn smallest_spread(front: &SlabFace, back: &SlabFace, index_of_refraction: f64) -> f64 {
     let spread = |place: DVec2| {
         let thickness = back.curvature(place) - front.curvature(place);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 
-/// The caustic of a crown pane, with 4 samples in a pass and 16 in a block, in a folder with the files that it names.
+/// The caustic of a crown pane in a folder with its files, with 4 samples in a pass and 16 in a block.
 ///
 /// # Panics
 ///

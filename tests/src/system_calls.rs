@@ -156,8 +156,8 @@ fn removal(path: &str, disk: &Disk, blobs: &BTreeMap<String, u64>, roles: Roles)
     Removal { path: path.to_owned(), unsynced, unnamed: unnamed.map(|(blob, _)| blob.clone()).collect() }
 }
 
-/// The trace of a server that does not make some of the calls which this one has made from a line on: those of which
-/// `missing` says so, asked with the name of a call and with what its first argument is open on.
+/// The trace of a server that omits some of the calls of this one, from a line on. `missing` chooses them by the name
+/// of the call and the file of its first argument.
 pub fn without(trace: &str, from: usize, missing: impl Fn(&str, &str) -> bool) -> String {
     let is_missing = |line: &str| {
         let call = line.split_once(' ').map_or("", |(_, call)| call.trim_start());

@@ -158,8 +158,8 @@ impl<'a> TwoInterfaces<'a> {
             .iter()
             .filter_map(|edge| self.crossing(edge.map(|corner| (corners[corner], cell.misses[corner]))))
             .collect();
-        // Of four, the first, on the lower edge, is joined to the last, or to the next if the corner between them
-        // differs from the middle.
+        // Of four, the first lies on the lower edge. It is joined to the last, or to the next if the corner between
+        // them differs from the middle.
         let shift = if crossings.len() == 4 {
             let middle = 0.5 * (cell.low + cell.high);
             let Some(miss) = self.miss(middle) else { return };

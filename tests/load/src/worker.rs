@@ -26,7 +26,7 @@ const LONG_POLL_MS: u32 = 15_000;
 /// Time between heartbeats, as of real workers.
 const HEARTBEAT_PERIOD: Duration = Duration::from_secs(5);
 
-/// Reported core time of a pass of a tile, milliseconds: as long as the work of a whole lease should take, so that the
+/// Reported core time of a pass of a tile, milliseconds. It is the target time of a whole lease, so that the
 /// coordinator cuts no larger nodes.
 const PASS_CORE_MS: u64 = 10_000;
 

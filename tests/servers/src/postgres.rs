@@ -193,8 +193,8 @@ impl Postgres {
         database
     }
 
-    /// Lets the server write its log where it has written before, as one that has run for some minutes does, for the
-    /// next gigabyte: a new segment is filled with zeros and synced while all commits wait.
+    /// Makes the server reuse segments of its log for the next gigabyte, as one that has run for some minutes does. A
+    /// new segment is filled with zeros and synced while all commits wait.
     ///
     /// # Errors
     ///

@@ -13,14 +13,14 @@ use clerestory_tests::sheet_connections::SheetConnections;
 use clerestory_tests::single_connections::{Connections, RelativeLight, connections_name};
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Renders every reference scene with every method that can, until a bias of the stated size would be noticed; then
+/// Renders every reference scene with every suitable method, until a bias of the stated size would be noticed. Then
 /// tests for bias, and whether planted faults are noticed.
 #[derive(Parser)]
 struct Arguments {
     /// Only comparisons whose name, such as `fnee crown-point`, contains this.
     #[arg(default_value = "")]
     filter: String,
-    /// At most so many samples for each pixel in each of the 32 replicates.
+    /// Most samples for each pixel in each of the 32 replicates.
     #[arg(long, default_value_t = 65536)]
     max_samples: u32,
     /// Standard error of the image mean that is aimed at, relative; a verdict asks for a mean within 2.5 of them. What
@@ -58,8 +58,8 @@ const UNBIASED: [(&str, &str); 18] = [
     ("mnee", "near"),
 ];
 
-/// Methods without bias, and the suns under which they find the light in the room: what is left to chance, by `path`
-/// all of it, takes a large one. The choice `bleed` is that of `random` there, bit for bit
+/// Methods without bias, and the suns under which they find the light in the room. Light that is left to chance, with
+/// `path` all of it, needs a large sun. The choice `bleed` is that of `random` there, bit for bit
 /// (`tests/tests/statistics/bias.rs`), and that is held to single connections.
 const UNBIASED_IN_THE_ROOM: [(&str, &str); 5] =
     [("fnee", "sun"), ("cone", "sun"), ("fnee, sharp", "sun-40"), ("mnee", "sun-40"), ("path", "sun-40")];
@@ -189,7 +189,7 @@ fn main() -> ExitCode {
     if failures == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// The light of about so many single connections, drawn with a seed.
+/// The light of about this many single connections, drawn with a seed.
 type RelativeLightOf<'a> = Box<dyn Fn(u32, u64) -> RelativeLight + 'a>;
 
 /// Whether a method finds the light of single connections, with power, and next to none along other paths. Where it

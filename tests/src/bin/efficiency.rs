@@ -19,7 +19,7 @@ use clap::Parser;
 use clerestory_api::Client;
 use clerestory_tests::farm::{Process, clerestory, succeeded};
 
-/// Time between two looks at the workers of a farm that starts.
+/// Time between two queries of the workers of a farm that starts.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Compares the speed of a farm with that of one process, and of two workers with that of one.
@@ -106,7 +106,7 @@ fn render(work: &Work) -> Duration {
     start.elapsed()
 }
 
-/// How long a farm of so many workers takes that stands ready.
+/// Time of a farm with this many workers, without its start.
 fn farm(work: &Work, workers: usize, options: &[&str]) -> Duration {
     let data = tempfile::tempdir().expect("a temporary folder");
     let mut command = clerestory();

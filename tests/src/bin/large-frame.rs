@@ -14,7 +14,7 @@ use clerestory_tests::farm::{Farm, peak_memory};
 use clerestory_tests::large_frame::{self, OPTIONS, PIXEL_BYTES};
 use clerestory_tests::random::Random;
 
-/// Renders a large frame with all layers on a farm whose coordinator may have little memory, and checks what comes out.
+/// Renders a large frame with all layers on a farm whose coordinator may have little memory, and checks the image.
 #[derive(Parser)]
 struct Arguments {
     /// Pixels across and down.
@@ -34,7 +34,7 @@ struct Arguments {
     tiles: u32,
 }
 
-/// Between two looks at the coordinator's memory, and at the preview.
+/// Time between two measurements of the coordinator's memory, and between two previews.
 const PAUSE: Duration = Duration::from_secs(1);
 
 const MEBIBYTE: u64 = 1 << 20;
@@ -108,8 +108,8 @@ struct Seen {
 }
 
 impl Seen {
-    /// Looks at a farm, and at the preview of its job as a user does, until a command ends that submits the job and
-    /// downloads its image.
+    /// Queries a farm, and the preview of its job as a user does, until the command that submits the job and downloads
+    /// its image ends.
     fn until_downloaded(farm: &mut Farm, submit: &mut Child) -> Result<Self, String> {
         let (start, mut seen) = (Instant::now(), Self::default());
         loop {

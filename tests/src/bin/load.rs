@@ -17,7 +17,7 @@ use clerestory_tests::load_page;
 use serde_json::Value;
 
 /// Options of `load-generator`, and the goals of the load. A load with a goal for a p99 or a rate is measured for
-/// longer, so that one short pause of the machine does not decide.
+/// longer. Then one short pause of the machine does not decide.
 type Load = (&'static str, &'static [Goal]);
 
 const ON_SQLITE: &[Load] = &[

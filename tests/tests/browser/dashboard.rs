@@ -11,7 +11,7 @@ use clerestory_tests::browser::Browser;
 use clerestory_tests::farm::Farm;
 use serde_json::Value;
 
-/// Pixels across and down where the error is not looked at.
+/// Pixels across and down where the error does not matter.
 const SMALL: &str = "48x48";
 /// Samples for each pixel that no worker finishes while a test watches.
 const ENDLESS: &str = "1000000";

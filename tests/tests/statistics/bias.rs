@@ -155,8 +155,8 @@ fn path_and_cone_are_unbiased_for_a_large_light_behind_flat_and_cathedral_glass(
 fn sms_is_unbiased() {
     check_with_power("flat", "point", "sms", 2);
     check_without_power("bump", "sun", "sms", 2);
-    // Near folds and at the borders of panes it finds some paths very seldom: behind other relief, small and far lights
-    // take the samples of the binary `bias`.
+    // Near folds and at the borders of panes it finds some paths very rarely. Behind other relief, small and far lights
+    // need the samples of the binary `bias`.
     check_without_power("crown", "near", "sms", 4);
 }
 

@@ -51,8 +51,8 @@ fn flat_transmittance(sine: f64) -> f64 {
     transmittance(air, glass).powi(2) * (-ABSORPTION * THICKNESS / glass).exp()
 }
 
-/// Irradiance by a point light of unit intensity behind a flat pane, `air` metres of air and `lateral` metres away: the
-/// flux in a ring of directions over the area of the ring that it lights.
+/// Irradiance by a point light of unit intensity behind a flat pane, `air` metres of air and `lateral` metres away. It
+/// is the flux in a ring of directions over the area of the lit ring.
 fn flat_irradiance(air: f64, lateral: f64) -> f64 {
     let tangent = |sine: f64| sine / (1.0 - sine * sine).sqrt();
     let reach = |sine: f64| air * tangent(sine) + THICKNESS * tangent(sine / INDEX);
@@ -112,8 +112,8 @@ fn one_path_leads_through_a_flat_pane_with_the_light_of_the_closed_form() {
     }
 }
 
-/// Irradiance by a sky of unit radiance, over the directions within `radius` (radians) of one at the angle `tilt` to
-/// the normal, through a flat square pane of half the edge `half` at a distance: by the midpoint rule.
+/// Irradiance by a sky of unit radiance through a flat square pane of half the edge `half` at a distance, by the
+/// midpoint rule. Directions are within `radius` (radians) of one at the angle `tilt` to the normal.
 fn sky_irradiance(tilt: f64, radius: f64, distance: f64, half: f64) -> f64 {
     const STEPS: usize = 1500;
     let mut sum = 0.0;
@@ -201,8 +201,8 @@ fn shaped(thickness: f64, front: impl Fn(DVec2) -> f64, back: impl Fn(DVec2) -> 
     PaneScene { assets: faces.into_iter().map(str::to_owned).zip(maps).collect(), ..bench }
 }
 
-/// A direction at the receiver, followed through a wedge with these slopes: the direction behind it, the transmittance,
-/// and the solid angle at the receiver over that behind the wedge.
+/// Follows a direction at the receiver through a wedge with these slopes. Returns the direction behind it, the
+/// transmittance, and the ratio of the solid angles at the receiver and behind the wedge.
 fn through_wedge(direction: DVec3, front: DVec2, back: DVec2) -> (DVec3, f64, f64) {
     let normal = |slope: DVec2| DVec3::new(-slope.x, -slope.y, 1.0).normalize();
     let inner = refracted(direction, normal(front), 1.0 / INDEX);
@@ -265,8 +265,7 @@ fn lens(shape: impl Fn(DVec2) -> f64) -> PaneScene {
     shaped(LENS_THICKNESS, |_| 0.0, |place| 0.5 * CURVATURE * shape(place), sun(DVec3::Z, 0.001, 1e6))
 }
 
-/// Where the refracting power of a lens with this height on its axis puts its focus, from its front: exactly, for rays
-/// close to the axis.
+/// The distance of the focus of a lens with this height on its axis from its front, exact for rays close to the axis.
 fn focus(height: f64) -> f64 {
     1.0 / (-CURVATURE * (INDEX - 1.0)) - (LENS_THICKNESS + height) / INDEX
 }

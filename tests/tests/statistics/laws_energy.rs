@@ -15,9 +15,9 @@ use serde_json::{Value, json};
 const UNFOLDED: f64 = 1.0;
 const FOLDED: f64 = 3.0;
 
-/// The published search is unbiased by its formula alone: the paths that it finds with a tiny probability, which are
-/// all saddles and maxima, weigh so much that no number of samples that can be rendered shows them. So it is tested
-/// where there are none; `docs/validation.md`.
+/// The published search is unbiased by its formula only. It finds some paths with a tiny probability, all of them
+/// saddles and maxima. They weigh so much that no practical number of samples shows them. So it is tested where there
+/// are none; `docs/validation.md`.
 const PUBLISHED: &str = "fnee, published";
 
 /// Glass of three makes: rings, ripples and dimples.
@@ -76,8 +76,8 @@ fn what_a_pane_lets_through_arrives() {
             _ => None,
         });
     }
-    // As below, folds make the weights of searches from random seeds too unequal for a sharp test, and so does a light
-    // that fills much of the sky.
+    // As below, folds make the weights of searches from random seeds too unequal for a sharp test. So does a light that
+    // fills much of the sky.
     for (_, profile) in profiles(UNFOLDED) {
         check_power(&profile, 1.0, 0.2, |method| match method {
             "path" | "mnee" | "cone" | "fnee" => None,
@@ -88,8 +88,8 @@ fn what_a_pane_lets_through_arrives() {
     }
 }
 
-/// The power of a sun of so many degrees that falls on a square behind a pane. `precision` says for a method, if it is
-/// to be tested, its samples for each pixel and the fault to be noticed.
+/// The power of a sun of this angle that falls on a square behind a pane. `precision` says for a method, if it is to be
+/// tested, its samples for each pixel and the fault to be noticed.
 #[track_caller]
 fn check_power(profile: &Value, degrees: f64, edge: f64, precision: impl Fn(&str) -> Option<(u32, f64)>) {
     let direction = DVec3::new(10f64.to_radians().tan(), 0.0, 1.0);

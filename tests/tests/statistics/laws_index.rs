@@ -23,8 +23,8 @@ const EDGE: f64 = 0.4;
 /// Further than this from the outline, metres, neither the border of the height fields nor the slab's shift matters.
 const BORDER: f64 = 0.01;
 
-/// Queries of which every path is enumerated, and those of them on which random searches are tried: a quarter of these
-/// as they come, the others with several paths.
+/// Queries of which every path is enumerated, and those of them on which random searches are tried. A quarter of the
+/// latter is arbitrary, and the others have several paths.
 const QUERIES: usize = 400;
 const SEARCHED: usize = 40;
 
@@ -140,8 +140,8 @@ fn walked(scene: &PaneScene, query: &Query, roots: &[Root]) -> Kinds {
     }))
 }
 
-/// Part of the queries of which walks find all paths, at the least: [`SEEDS`] walks miss a path to which one walk in a
-/// hundred leads less than once in a hundred times, and few paths are as rare.
+/// Least part of the queries of which walks find all paths. If one walk in a hundred leads to a path, [`SEEDS`] walks
+/// miss it less than once in a hundred times. Few paths are as rare.
 const LEAST_WALKED: f64 = 0.95;
 
 /// Checks the index sum of all queries through a pane both faces of which have this profile. The published search has

@@ -55,8 +55,8 @@ struct Scaled {
     integrators: Vec<(&'static str, Value)>,
 }
 
-/// A point light, a sphere and the sun, in a scene of this size, that are equally bright in all sizes: somewhere in
-/// units of the scene, and in a direction.
+/// A point light, a sphere and the sun in a scene of this size, equally bright in all sizes. The place is in units of
+/// the scene.
 fn scaled_lights(unit: f64, place: [f64; 3], direction: [f64; 3]) -> [(&'static str, Value); 3] {
     let place = place.map(|coordinate| coordinate * unit);
     [
@@ -168,8 +168,8 @@ fn a_scene_that_is_1000_times_as_large_has_the_same_picture_to_rounding() {
             let (sum, larger_sum) = (sum(image), sum(larger));
             let differs = |(a, b): &(&DVec3, &DVec3)| (**a - **b).length() > 1e-5 * a.length();
             let differing = image.pixels.iter().zip(&larger.pixels).filter(differs).count();
-            // Iterates of the published search that run away come back elsewhere after another rounding, and now and
-            // then a walk that looks for a reflection finds another end.
+            // Diverging iterates of the published search come back elsewhere after another rounding. Now and then a
+            // walk for a reflection finds another end.
             let most = match name {
                 _ if name.contains("published") => 15,
                 _ if name.starts_with("sms") && name.contains("D R L") => 4,
@@ -283,7 +283,7 @@ fn light_through_many_panes_is_the_sum_of_the_light_through_each() {
     for (count, least) in [(2, 3), (4, 4), (8, 8)] {
         let bench = PaneScene::new(side_by_side(count, 0.32, bending), lamp(DVec3::new(0.13, -0.08, FAR)));
         let all = PaneScene { distance: FAR, ..bench };
-        // So many walks find all paths through each.
+        // Walks that find all paths through each.
         for integrator in [json!({"fnee": {}}), biased_sms("angle_difference", 400)] {
             let point = all.point([0.05, 0.02]);
             let light = |scene: &PaneScene| total(&scene.build(&integrator, 1), &point);

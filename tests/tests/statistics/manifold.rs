@@ -84,9 +84,9 @@ fn walks_find_the_listed_paths_and_no_others() {
     check("cathedral", "cathedral.json", 0.95);
 }
 
-/// A search that finds each path with some probability p, and by `trials` of them the part 1 - (1 - p)^trials of its
-/// light on average: manifold walks whose distinct paths are summed, and the search of the FNEE paper, whose estimates
-/// of 1/p are cut off there.
+/// A search that finds each path with some probability p. With `trials` searches, it finds the part 1 - (1 - p)^trials
+/// of the light on average. Examples are manifold walks whose distinct paths are summed, and the search of the FNEE
+/// paper with estimates of 1/p that are cut off.
 type Searches<'a> = dyn Fn(u32) -> Box<dyn SpecularMethod> + 'a;
 
 /// The light of each path over many single trials, as its probabilities, by the paths' listed light.

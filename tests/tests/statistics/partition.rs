@@ -47,7 +47,7 @@ struct Tally {
 /// Walks of one estimate, and of the search for what it has missed.
 const WALKS: u32 = 1000;
 
-/// What so many of these walks find is missed by an estimate less than once in 10^9 times.
+/// An estimate misses a path that this many walks find less than once in 10^9 times.
 const OFTEN: u32 = 40;
 
 /// A scene with a method and one light.
@@ -155,8 +155,8 @@ fn many_walks(selection: &str) -> Value {
     integrator
 }
 
-/// Methods that find the paths to the point of a light that they draw, with the number of estimates in which they look
-/// through all of a few panes.
+/// Methods that find the paths to a drawn point of a light. With them comes the number of estimates that search all of
+/// a few panes.
 fn methods_of_points() -> Vec<(&'static str, Value, Finds, u32)> {
     vec![
         ("fnee", settings("fnee"), Finds::Surely, 1),
@@ -254,9 +254,8 @@ fn lights() -> [(&'static str, Value); 3] {
     ]
 }
 
-/// Where light from a source that goes straight through a random pane falls on the receiver: through any place of the
-/// pane, or mostly, where methods part that go by the straight line, through one so near to its border that glass bends
-/// light by more.
+/// The place on the receiver of light that goes straight through a random pane. Methods that use the straight line
+/// differ near borders, so there the place is mostly so near to a border that glass bends light by more.
 fn point_in_shadow(bench: &PaneScene, scene: &Scene, source: Source, index: u32) -> ShadingPoint {
     let mut random = Random::new(31, u64::from(index));
     let pane = &scene.panes()[(random.uniform() * scene.panes().len() as f64) as usize];

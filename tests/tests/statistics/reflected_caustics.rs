@@ -17,8 +17,8 @@ use serde_json::{Value, json};
 /// Parts of the picture along each edge.
 const BLOCKS: usize = 4;
 
-/// A floor seen from above, 0.4 m wide, in a picture of 8 x 8 pixels, below a pane that a lamp on the floor's side
-/// lights.
+/// A floor seen from above, 0.4 m wide, in a picture of 8 x 8 pixels. Above it is a pane, lit by a lamp on the floor's
+/// side.
 fn scene(light: &Value, integrator: Value) -> Scene {
     let description = json!({
         "version": 1, "name": "reflected caustic", "seed": 3,
@@ -41,7 +41,7 @@ fn scene(light: &Value, integrator: Value) -> Scene {
     Scene::build(&bundle).expect("a scene that can be built")
 }
 
-/// Compares all methods with so many passes of the path tracer.
+/// Compares all methods with this many passes of the path tracer.
 #[track_caller]
 fn check_by_chance(name: &str, light: &Value, passes: u32) {
     let chance = block_means(&scene(light, json!({"path": {}})), passes, BLOCKS);
@@ -69,7 +69,7 @@ fn light_of_a_large_sun_off_a_pane_is_what_the_path_tracer_finds() {
     check_by_chance("sun", &sun, 6000);
 }
 
-/// As published, with so many trials that what is cut off is less than what tests notice.
+/// As published, with enough trials that tests do not notice the cut.
 fn published() -> Value {
     json!({"fnee": {"reflected": true, "solver": "published", "max_trials": 20_000}})
 }

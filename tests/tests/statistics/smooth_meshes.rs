@@ -297,12 +297,12 @@ impl<'a> Glass<'a> {
         found.complete.then_some(lit)
     }
 
-    /// Whether meshes of so many squares along each edge have the paths of the height field and no others.
+    /// Whether meshes of this many squares along each edge have the paths of the height field and no others.
     ///
-    /// Wrong slopes move the place at which light lands. If there are as many paths to all places as far around the
-    /// point as the error of interpolated slopes can move it, then no fold of the caustic and no shadow of the border
-    /// is so near. The mesh's curvatures are differences of slopes over a square: if the determinant of the optical
-    /// length's Hessian keeps its sign wherever the path is moved by a square, then none splits in the mesh.
+    /// Wrong slopes move the place at which light lands. Interpolated slopes move the point by a bounded error. If all
+    /// places within that bound have as many paths, no fold of the caustic and no shadow of the border is so near. The
+    /// mesh's curvatures are differences of slopes over a square. If the determinant of the optical length's Hessian
+    /// keeps its sign within a square of the path, no path splits in the mesh.
     fn is_regular(&self, origin: DVec3, roots: &[Root], cells: u32) -> bool {
         let index = self.pane.index_of_refraction;
         let connection = Connection::new(&self.side(origin), origin, self.source);
@@ -398,11 +398,10 @@ fn check_order(name: &str, orders: &[f64], expected: f64) {
     }
 }
 
-/// Checks that finer and finer meshes of a pane have its paths, and that these converge as they should: normals are
-/// interpolated linearly, so directions are off by the square of a square's edge and the light, on which the
-/// derivatives of normals decide, by the edge. How far it is off depends on where in a triangle the path goes; so the
-/// orders are means over paths, each compared with itself in the finest mesh, and the light has to be right on average
-/// there.
+/// Checks that finer and finer meshes of a pane have its paths, and that these converge at the right order. Normals are
+/// interpolated linearly, so the error of directions is the square of a square's edge. Light depends on derivatives of
+/// normals, so its error is the edge. The error depends on the place of the path in a triangle. So the orders are means
+/// over paths, each compared with itself in the finest mesh. There the light has to be right on average.
 #[track_caller]
 fn check_finer_meshes(case: &str, several: usize) {
     let original = load_case(case);

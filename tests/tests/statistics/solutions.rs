@@ -11,7 +11,7 @@ use clerestory_render_core::{
 use clerestory_tests::random::Random;
 use clerestory_tests::solution_lists::{ListedPoint, load_case, load_list};
 
-/// A vertex this near the outline, in units of the pane's size, lies on it but for rounding: some points of the lists
+/// A vertex this near the outline, in units of the pane's size, lies on it but for rounding. Some points of the lists
 /// are images of border vertices.
 const ON_THE_BORDER: f64 = 1e-12;
 
@@ -20,8 +20,8 @@ struct FoundSolution {
     irradiance: f64,
 }
 
-/// Seeds tried at each point: with a window seed every listed path has a basin of more than a hundredth of the window
-/// but for those at folds, so none is missed by chance.
+/// Seeds at each point. Every listed path has a basin of more than a hundredth of the window, except at folds. So none
+/// is missed by chance.
 const SEEDS: u32 = 2000;
 
 /// The search for the paths of a listed point; `None` when the bounds say that there are none.

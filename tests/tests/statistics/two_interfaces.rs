@@ -41,8 +41,7 @@ struct Tally {
 }
 
 impl Tally {
-    /// Checks that all paths that were found are known, and that all that are known are found, but for those that the
-    /// grid need not tell apart.
+    /// Checks that found and known paths are the same, except for paths that the grid need not separate.
     #[track_caller]
     fn check(&mut self, found: &[DVec2], known: &[DVec2], size: DVec2) {
         for path in found {

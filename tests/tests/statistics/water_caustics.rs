@@ -178,7 +178,7 @@ fn the_published_walk_along_the_conic_has_all_light_where_nothing_folds_and_lack
 /// Replicates of the light on points of a floor.
 const REPLICATES: u32 = 32;
 
-/// The light of a method with rays on average, without them, and by rays alone, at so many points of a floor in each
+/// The mean light of a method with rays, without them, and by rays alone, at this many points of a floor in each
 /// replicate. The points of the light are the same with and without.
 fn light_by_rays(scene: &Scene, reach: f64, height: f64, points: u32) -> Vec<[f64; 3]> {
     let method = specular_method(scene).expect("a specular method");

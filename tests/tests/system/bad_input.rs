@@ -17,9 +17,9 @@ use serde_json::Value;
 /// Memory for decoded nodes that the farm may keep.
 const NODE_CACHE: u64 = 16 << 20;
 
-/// What the coordinator may have had in memory: the nodes that it keeps; the bodies that it may receive at once, which
-/// are a JSON document of 16 MiB, with what is read from it, and eight partials; and itself, with its threads, its
-/// database and images of 48 x 32 pixels.
+/// Limit of the coordinator's memory. It has three parts: the cached nodes, the received bodies, and the process
+/// itself. The bodies are a JSON document of 16 MiB with its parsed form, and eight partials. The process has threads,
+/// the database and images of 48 x 32 pixels.
 const MOST_MEMORY: u64 = NODE_CACHE + 2 * (16 << 20) + 8 * MAX_BODY_BYTES as u64 + (64 << 20);
 
 /// What a single channel of the image takes that the huge headers claim.

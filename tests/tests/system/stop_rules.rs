@@ -18,8 +18,8 @@ use tempfile::TempDir;
 /// Pixels across and down; tiles do not divide them.
 const SIZE: [&str; 2] = ["--size", "24x24"];
 
-/// Samples in a pixel at which the targets are reached: whole blocks, more than the four before which no estimate
-/// counts, and a round of 48 passes.
+/// Samples in a pixel at which the targets are reached. They are whole blocks, more than the four that an estimate
+/// needs, and a round of 48 passes.
 const END: u32 = 192;
 
 /// A scene with small passes and blocks, and a reference with noise of its own.
