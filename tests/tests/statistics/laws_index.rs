@@ -1,9 +1,9 @@
 //! The index theorem (T8): of all paths through an unclipped pane, minima and maxima of the optical length outnumber
 //! saddles by one.
 //!
-//! Connections are drawn so that the whole deflection window lies on the pane. A method that finds all paths then finds
-//! the sum of their indices to be one; a sum of another value says that some are missing. The converse does not hold:
-//! pairs born at a fold have the sum zero.
+//! Connections are drawn so that the whole deflection window lies on the pane. For a method that finds all paths, the
+//! sum of their indices is then one. Another sum says that some are missing. The converse does not hold: pairs born at
+//! a fold have the sum zero.
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Leaving, Pane};

@@ -1,8 +1,9 @@
-//! Four numbers side by side, or eight in single precision ([`singles`]), computed with one instruction where the processor can.
+//! Four numbers side by side, or eight in single precision ([`singles`]), computed with one instruction where the
+//! processor can.
 //!
-//! A value carries the token of the instructions that it is computed with (`pulp`): AVX2, or plain code for other processors.
-//! Both compute the same bits. Nothing is fused but where it says so ([`singles::Singles::times_plus`]), and the smaller or
-//! larger of two numbers is chosen by comparing them.
+//! A value carries the token of the instructions that it is computed with (`pulp`): AVX2, or plain code for other
+//! processors. Both compute the same bits. Nothing is fused but where it says so ([`singles::Singles::times_plus`]),
+//! and the smaller or larger of two numbers is chosen by comparing them.
 
 pub(crate) mod singles;
 
@@ -453,7 +454,8 @@ mod tests {
 
     const SPECIAL: [f64; 8] = [0.0, -0.0, 1.5, -2.25, 1e-310, f64::INFINITY, f64::NEG_INFINITY, f64::NAN];
 
-    /// What all operations make of two numbers in one lane, beside others: bits, with one pattern for all that is no number.
+    /// What all operations make of two numbers in one lane, beside others: bits, with one pattern for all that is no
+    /// number.
     fn results<S: Instructions>(simd: S, [a, b]: [f64; 2], lane: usize) -> Vec<u64> {
         let beside = |value: f64| std::array::from_fn(|at| if at == lane { value } else { 0.5 });
         let (x, y) = (Lanes::new(simd, beside(a)), Lanes::new(simd, beside(b)));

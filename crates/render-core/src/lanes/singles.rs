@@ -235,7 +235,8 @@ mod tests {
 
     const SPECIAL: [f32; 9] = [0.0, -0.0, 1.5, -2.25, 0.1, 1e-40, f32::INFINITY, f32::NEG_INFINITY, f32::NAN];
 
-    /// What all operations make of three numbers in one lane, beside others: bits, with one pattern for all that is no number.
+    /// What all operations make of three numbers in one lane, beside others: bits, with one pattern for all that is no
+    /// number.
     fn results<S: Instructions>(simd: S, [a, b, c]: [f32; 3], lane: usize) -> Vec<u32> {
         let beside = |value: f32| std::array::from_fn(|at| if at == lane { value } else { 0.5 });
         let (x, y, z) =
