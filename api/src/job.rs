@@ -103,6 +103,19 @@ pub struct JobHold {
     pub asset: Option<ContentHash>,
 }
 
+/// Why a job gets no leases though workers are there: none of them computes the bits that it began with.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct BuildWait {
+    /// Why, in words, with the two ways out.
+    pub reason: String,
+    /// The build of the last worker that computed these bits, if one is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub build: Option<String>,
+    /// The name of that worker.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub machine: Option<String>,
+}
+
 /// A job as it is now.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct JobView {
@@ -124,6 +137,9 @@ pub struct JobView {
     /// Why it is held; absent unless it is. A held job is `queued` or `running`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hold: Option<JobHold>,
+    /// Why it waits for a worker of another build; absent unless it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub waits_for_build: Option<BuildWait>,
     /// Its priority.
     pub priority: i32,
     /// Name of the integrator.

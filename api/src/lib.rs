@@ -39,7 +39,7 @@ pub use event::{Event, EventBody};
 pub use event_stream::EventStream;
 pub use hash::{ContentHash, InvalidContentHash};
 pub use ids::{JobId, LeaseId, WorkerId};
-pub use job::{FailedNode, JobHold, JobState, JobView, NamedWorker, StopReason};
+pub use job::{BuildWait, FailedNode, JobHold, JobState, JobView, NamedWorker, StopReason};
 pub use job_scene::JobScene;
 pub use lease::{
     CORE_MILLISECONDS_HEADER, FENCING_TOKEN_HEADER, Lease, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken,

@@ -1,12 +1,14 @@
 //! Workers: the machines of the farm.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use crate::{JobId, WorkerId};
 
 /// A worker introduces itself.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WorkerRegistration {
     /// A name for people, for instance the machine's.
@@ -15,9 +17,13 @@ pub struct WorkerRegistration {
     pub cores: u32,
     /// Which build of Clerestory it runs.
     pub build: String,
-    /// Digest of the probe image, by which builds that compute different bits are told apart.
+    /// Digest of the first probe, over all methods of its time. Jobs that older builds began are pinned to it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe_digest: Option<String>,
+    /// Digests of the probe by the name of the method: of its first probe case, of its first two, and so on. They tell
+    /// builds and machines apart that compute other bits. Workers of older builds send none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub method_digests: BTreeMap<String, Vec<String>>,
 }
 
 /// What a worker does while it brings no nodes, as its heartbeats say.
@@ -77,11 +83,11 @@ pub struct WorkerView {
     pub cores: u32,
     /// Which build of Clerestory it runs.
     pub build: String,
-    /// Digest of the probe image that it has rendered; absent if it sent none.
+    /// Digest of the first probe, as it rendered it; absent if it sent none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub probe_digest: Option<String>,
-    /// Jobs that it is given no nodes of, since a worker with another digest began them: their images would have the
-    /// bits of two builds.
+    /// Jobs that it gets no nodes of: workers that compute other bits with their methods began them, and an image has
+    /// the bits of one build.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub passed_over: Vec<JobId>,
     /// Where it stands.

@@ -37,11 +37,13 @@ impl<'a> HandWorker<'a> {
     /// When the farm does not do its part.
     pub fn register(caller: &'a Caller, job: JobId) -> Self {
         let client = caller.client();
+        let probed = probe::digests().expect("a probe");
         let registration = WorkerRegistration {
             name: "by hand".to_owned(),
             cores: 1,
             build: "by hand".to_owned(),
-            probe_digest: Some(probe::digest().expect("a probe")),
+            probe_digest: Some(probed.first),
+            method_digests: probed.methods,
         };
         let id = caller.wait(client.register_worker(&registration)).expect("a registration").id;
         let order = caller.wait(client.job_scene(job)).expect("the scene of the job");

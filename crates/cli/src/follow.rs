@@ -65,6 +65,7 @@ async fn follow_through(
         outage: Outage::default(),
         workers: Workers::Unknown,
         is_held: false,
+        is_waiting: false,
         builders: BTreeSet::new(),
         view: None,
     };
@@ -101,6 +102,8 @@ struct Follower<'a> {
     workers: Workers,
     /// Whether the user knows that the job is held.
     is_held: bool,
+    /// Whether the user knows that the job waits for a worker of another build.
+    is_waiting: bool,
     /// Workers that build the scene.
     builders: BTreeSet<WorkerId>,
     /// The job, as the last event showed it.
@@ -275,6 +278,7 @@ impl Follower<'_> {
     /// Shows how far the job is.
     fn show(&mut self, view: JobView) {
         self.note_hold(&view);
+        self.note_build_wait(&view);
         self.view = Some(view);
         self.show_again();
     }
@@ -312,6 +316,15 @@ impl Follower<'_> {
                 ));
             }
             (None, true) if !view.state.is_final() => self.progress.note("The job is released and goes on"),
+            _ => {}
+        }
+    }
+
+    /// Tells the user, once each, that the job waits for a worker of another build and that it goes on.
+    fn note_build_wait(&mut self, view: &JobView) {
+        match (&view.waits_for_build, std::mem::replace(&mut self.is_waiting, view.waits_for_build.is_some())) {
+            (Some(wait), false) => self.progress.note(&format!("The job waits: {}", printable(&wait.reason))),
+            (None, true) if !view.state.is_final() => self.progress.note("The job goes on"),
             _ => {}
         }
     }

@@ -34,6 +34,10 @@ export function JobView({ id, farm }) {
       <${JobProgress} job=${job} label="Progress" />
       <${Announcement} job=${job} />
       ${job.hold && html`<${Hold} job=${job} isReachable=${isReachable} />`}
+      ${job.waits_for_build && html`
+        <div class="notice warning build-wait" role="alert">
+          <p><strong>The job waits and gets no leases:</strong> ${job.waits_for_build.reason}.</p>
+        </div>`}
       ${job.failure && html`
         <div class="notice warning" role="alert"><p><strong>The job was given up:</strong> ${job.failure}</p></div>`}
       <${Building} job=${job} workers=${farm.workers} />
@@ -146,6 +150,7 @@ function Announcement({ job }) {
 
 function announcementText(job) {
   if (job.hold) return 'Job held';
+  if (job.waits_for_build) return 'Job waiting';
   if (job.state !== 'running') return `Job ${job.state}`;
   return `Rendering, ${percent(Math.floor(job.progress * 10) / 10)} done`;
 }

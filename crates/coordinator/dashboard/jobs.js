@@ -9,14 +9,15 @@ const STATE_WORDS = {
   queued: 'Queued',
   running: 'Running',
   held: 'Held',
+  waiting: 'Waiting',
   done: 'Done',
   cancelled: 'Cancelled',
   failed: 'Failed',
 };
 
-/** The state of a job as a coloured word. A held one gets no leases, whatever state it is in. */
+/** The state of a job as a coloured word. A job that is held or waits for a build gets no leases in any state. */
 export function JobState({ job }) {
-  const state = job.hold ? 'held' : job.state;
+  const state = job.hold ? 'held' : job.waits_for_build ? 'waiting' : job.state;
   return html`<span class="state" data-state=${state}>${STATE_WORDS[state] ?? state}</span>`;
 }
 
@@ -60,6 +61,7 @@ function JobRow({ job, now }) {
         <div><dt>submitted</dt><dd title=${moment(job.created_ms)}>${ago(now - job.created_ms)}</dd></div>
       </dl>
       ${job.hold && html`<p class="failure">Held: ${job.hold.reason}</p>`}
+      ${job.waits_for_build && html`<p class="failure">Waiting: ${job.waits_for_build.reason}</p>`}
       ${job.failure && html`<p class="failure">${job.failure}</p>`}
     </li>`;
 }

@@ -12,7 +12,7 @@
 //! - [`specular`]: how light from a light reaches a shading point through glass, one file for each method;
 //! - [`integrator`]: the path tracer, which asks [`specular`] for the light that next event estimation cannot see.
 //!
-//! [`probe`] renders a small scene in all ways, to tell machines and builds apart that compute other bits.
+//! [`probe`] renders a small scene with each method, to tell machines and builds apart that compute other bits.
 //!
 //! # Invariants
 //!

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use clerestory_film::{NodeAddress, Rendered};
 use clerestory_render_core::integrator::{RenderError, render_node};
-use clerestory_render_core::probe::{self, ProbeError};
+use clerestory_render_core::probe::{self, ProbeDigests, ProbeError};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use tokio::sync::mpsc;
 use tracing::info;
@@ -53,9 +53,9 @@ impl Renderer {
         Ok(Self { pool: ThreadPoolBuilder::new().num_threads(threads.get()).thread_name(name).build()? })
     }
 
-    /// The digest of the probe, as these threads render it.
-    pub(crate) fn probe(&self) -> Result<String, ProbeError> {
-        self.pool.install(probe::digest)
+    /// The digests of the probe, as these threads render it.
+    pub(crate) fn probe(&self) -> Result<ProbeDigests, ProbeError> {
+        self.pool.install(probe::digests)
     }
 
     /// Renders `nodes` in their order and sends each as it is complete. Blocks; call it from a thread that may.

@@ -61,12 +61,13 @@ async fn work_until(config: Config, shutdown: Boxed<()>) -> Result<(), WorkerErr
     }));
 
     let probing = Arc::clone(&renderer);
-    let digest = tokio::task::spawn_blocking(move || probing.probe()).await.map_err(WorkerError::ProbePanic)??;
+    let probed = tokio::task::spawn_blocking(move || probing.probe()).await.map_err(WorkerError::ProbePanic)??;
     let introduction = WorkerRegistration {
         name: config.name,
         cores: u32::try_from(config.threads.get()).unwrap_or(u32::MAX),
         build: config.build.clone(),
-        probe_digest: Some(digest),
+        probe_digest: Some(probed.first),
+        method_digests: probed.methods,
     };
     let Some(registration) = stop.run_until_cancelled(Registration::new(client.clone(), introduction)).await else {
         return Ok(());

@@ -56,7 +56,8 @@ impl Load {
     /// Registers the worker with this number.
     pub(crate) async fn register(&self, number: u32) -> Result<WorkerId, ClientError> {
         let name = format!("simulated-{number}");
-        let registration = WorkerRegistration { name, cores: 1, build: BUILD.to_owned(), probe_digest: None };
+        let registration =
+            WorkerRegistration { name, cores: 1, build: BUILD.to_owned(), ..WorkerRegistration::default() };
         Ok(self.until_answered(|| self.client.register_worker(&registration)).await?.id)
     }
 

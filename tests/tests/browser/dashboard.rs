@@ -6,9 +6,11 @@
 
 use std::path::{Path, PathBuf};
 
-use clerestory_api::{Client, LeaseRequest, WorkerRegistration};
+use clerestory_api::{Client, LeaseRequest, PartialUpload, WorkerRegistration};
 use clerestory_tests::browser::Browser;
+use clerestory_tests::calls::Caller;
 use clerestory_tests::farm::Farm;
+use clerestory_tests::hand_worker::{Delivery, HandWorker};
 use serde_json::Value;
 
 /// Pixels across and down where the error does not matter.
@@ -248,8 +250,12 @@ async fn a_held_job_says_why_and_goes_on_when_it_is_released() {
     let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
     browser.shows("article.job .state", "Queued").await;
     for name in ["nave", "aisle", "apse"] {
-        let registration =
-            WorkerRegistration { name: name.to_owned(), cores: 1, build: "by hand".to_owned(), probe_digest: None };
+        let registration = WorkerRegistration {
+            name: name.to_owned(),
+            cores: 1,
+            build: "by hand".to_owned(),
+            ..WorkerRegistration::default()
+        };
         let worker = client.register_worker(&registration).await.unwrap().id;
         // It waits for the lease of the one before to run out, and is not heard of again.
         let request =
@@ -272,6 +278,38 @@ async fn a_held_job_says_why_and_goes_on_when_it_is_released() {
     browser.script_gives(&is_shown("crypt", true)).await;
     farm.ask_worker_to_stop(0);
     browser.script_gives(&is_shown("crypt", false)).await;
+    assert_eq!(browser.complaints().await, [""; 0]);
+}
+
+#[tokio::test]
+async fn a_job_that_no_worker_can_continue_names_the_two_ways_out() {
+    let farm = Farm::start(None, &[]);
+    let client = Client::new(farm.address(), None).unwrap();
+    let job = farm.submit(&scene(), &["--size", "16x16", "--spp", "16", "--tile", "8"]);
+    let id = job.parse().unwrap();
+    let begins = std::thread::scope(|threads| {
+        // The calls of a worker by hand block.
+        let begin = || {
+            let caller = Caller::new(&farm);
+            let worker = HandWorker::register(&caller, id);
+            let Delivery { lease, partial } = worker.claim();
+            let upload = PartialUpload { lease: lease.id, token: lease.token, core_ms: 5, body: partial.into() };
+            caller.wait(caller.client().upload_partial(upload)).unwrap();
+            worker.id()
+        };
+        threads.spawn(begin).join().unwrap()
+    });
+    let browser = Browser::open(&format!("{}/#/jobs/{job}", farm.address())).await;
+    browser.shows("article.job .state", "Running").await;
+    let other = WorkerRegistration { name: "apse".to_owned(), cores: 1, build: "b".to_owned(), ..Default::default() };
+    client.register_worker(&other).await.unwrap();
+    client.end_worker(begins).await.unwrap();
+    browser.shows("article.job .state", "Waiting").await;
+    browser.shows(".build-wait", "start a worker of build `by hand`").await;
+    browser.shows(".build-wait", "or submit the job again").await;
+    browser.click("nav a", "All jobs").await;
+    browser.shows(".job-row .failure", "submit the job again").await;
+    browser.shows(".workers th", "Computes other bits").await;
     assert_eq!(browser.complaints().await, [""; 0]);
 }
 

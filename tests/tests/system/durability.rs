@@ -231,8 +231,12 @@ fn nothing_is_acknowledged_while(fails: fn(&Faults, bool)) {
         target_estimated_mse: None,
         adaptive: false,
     };
-    let registration =
-        WorkerRegistration { name: "late".to_owned(), cores: 1, build: "by hand".to_owned(), probe_digest: None };
+    let registration = WorkerRegistration {
+        name: "late".to_owned(),
+        cores: 1,
+        build: "by hand".to_owned(),
+        ..WorkerRegistration::default()
+    };
     let request = LeaseRequest { worker: worker.id(), max_nodes: None, wanted_ms: None, wait_ms: 0, built: Vec::new() };
     let rest = LeaseReturn { token: returned.lease.token, failure: None };
     let failure = LeaseReturn { token: failed.lease.token, failure: Some("its glass is cracked".to_owned()) };

@@ -39,14 +39,20 @@ pub(crate) async fn run(arguments: JobsArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Why a job is held or has failed.
+/// Why a job is held, waits for a worker of another build or has failed.
 fn trouble(job: &JobView) -> Option<&str> {
-    job.hold.as_ref().map(|hold| hold.reason.as_str()).or(job.failure.as_deref())
+    let hold = job.hold.as_ref().map(|hold| hold.reason.as_str());
+    let wait = job.waits_for_build.as_ref().map(|wait| wait.reason.as_str());
+    hold.or(wait).or(job.failure.as_deref())
 }
 
-/// The state of a job in a word. A held job gets no leases in any state.
+/// The state of a job in a word. A job that is held or waits for a build gets no leases in any state.
 fn state_text(job: &JobView) -> &'static str {
-    if job.hold.is_some() { "held" } else { job.state.name() }
+    match job {
+        JobView { hold: Some(_), .. } => "held",
+        JobView { waits_for_build: Some(_), .. } => "waiting",
+        job => job.state.name(),
+    }
 }
 
 fn row(job: &JobView) -> String {
@@ -76,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_job_that_is_held_or_has_failed_says_why() {
+    fn a_job_that_is_held_or_waits_or_has_failed_says_why() {
         let job = |state: &str, more: &str| -> JobView {
             let counters = r#"{"height_evaluations":0,"solver_calls":0,"converged":0,"unique_solutions":0,
                 "trials":0,"truncated":0,"rays":0,"samples":0}"#;
@@ -94,6 +100,8 @@ mod tests {
         let held =
             job("running", &format!(r#","hold":{{"since_ms":0,"reason":"workers died","node":{node},"workers":[]}}"#));
         assert_eq!((state_text(&held), trouble(&held)), ("held", Some("workers died")));
+        let waits = job("running", r#","waits_for_build":{"reason":"start a worker of build `b`"}"#);
+        assert_eq!((state_text(&waits), trouble(&waits)), ("waiting", Some("start a worker of build `b`")));
         let failed = job("failed", r#","failure":"it failed on `nave`""#);
         assert_eq!((state_text(&failed), trouble(&failed)), ("failed", Some("it failed on `nave`")));
     }

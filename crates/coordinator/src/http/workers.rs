@@ -17,6 +17,9 @@ use crate::watch::views::Views;
 /// Longest name or build.
 const LONGEST_TEXT: usize = 200;
 
+/// Most digests of a worker, over all methods.
+const MOST_DIGESTS: usize = 1000;
+
 /// Most threads of a machine that exists.
 const MOST_CORES: u32 = 65_536;
 
@@ -39,15 +42,32 @@ fn check(registration: &WorkerRegistration) -> Result<(), ApiError> {
     let digest = registration.probe_digest.as_deref();
     let texts = [("name", Some(&*registration.name)), ("build", Some(&*registration.build)), ("probe_digest", digest)];
     for (field, text) in texts {
-        if let Some(text) = text.filter(|text| text.is_empty() || text.chars().count() > LONGEST_TEXT) {
+        if let Some(text) = text.filter(|text| !is_text(text)) {
             return Err(ApiError::invalid_field(field, text, format!("1 to {LONGEST_TEXT} characters")));
         }
         check_name(field, text.unwrap_or_default())?;
+    }
+    let digests = &registration.method_digests;
+    let count = digests.values().map(Vec::len).sum::<usize>().max(digests.len());
+    if count > MOST_DIGESTS {
+        return Err(ApiError::invalid_field("method_digests", count, format!("at most {MOST_DIGESTS} digests")));
+    }
+    for text in digests.keys().chain(digests.values().flatten()) {
+        if !is_text(text) {
+            let expected = format!("names and digests of 1 to {LONGEST_TEXT} characters");
+            return Err(ApiError::invalid_field("method_digests", text, expected));
+        }
+        check_name("method_digests", text)?;
     }
     if !(1..=MOST_CORES).contains(&registration.cores) {
         return Err(ApiError::invalid_field("cores", registration.cores, format!("1 to {MOST_CORES}")));
     }
     Ok(())
+}
+
+/// Whether a text is neither empty nor too long.
+fn is_text(text: &str) -> bool {
+    (1..=LONGEST_TEXT).contains(&text.chars().count())
 }
 
 /// Says that a worker is alive, and what it does. Without a body, it builds nothing.

@@ -88,8 +88,8 @@ pub(crate) struct JobRecord {
     pub(crate) passes: u32,
     /// The reference image.
     pub(crate) reference: Option<ContentHash>,
-    /// Build fingerprint that it is pinned to: the probe digest of the first worker that got a lease on it, empty if
-    /// that worker sent none.
+    /// Build fingerprint that it is pinned to: a digest of the probe by the first worker that got a lease on it, empty
+    /// if that worker sent none.
     pub(crate) probe_digest: Option<String>,
     /// Time limit from the first lease on.
     pub(crate) time_limit_ms: Option<i64>,

@@ -19,7 +19,7 @@ use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::address;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
-use crate::store::workers::table::MATCHES_PIN;
+use crate::store::workers::pins::MATCHES_PIN;
 
 /// A round does not wait for the checks of a worker that has failed this often in a row.
 const MOST_FAILURES_IN_A_ROW: u32 = 5;

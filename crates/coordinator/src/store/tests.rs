@@ -26,6 +26,7 @@ mod leases;
 mod lookups;
 mod migrations;
 mod model;
+mod pins;
 mod refused;
 mod several;
 mod silence;
@@ -89,6 +90,11 @@ use leases::{
     a_lease_is_dead_at_its_deadline_even_before_the_sweep, a_renewed_lease_lives_on, a_wrong_token_opens_nothing,
     an_expired_lease_is_claimable_again_and_its_late_result_changes_nothing,
     more_renewals_than_are_written_together_are_all_answered, renewals_that_come_together_are_answered_one_by_one,
+};
+use pins::{
+    a_job_goes_on_when_another_method_computes_other_bits,
+    a_job_of_an_older_build_goes_on_with_workers_of_the_same_first_digest,
+    a_job_whose_method_has_changed_waits_and_names_the_two_ways_out, a_new_probe_case_strands_no_job,
 };
 use refused::a_database_of_another_program_is_refused_and_left_as_it_is;
 use stragglers::{
@@ -472,6 +478,10 @@ on_both! {
     the_second_upload_of_a_node_is_its_check
     checks_of_a_worker_that_is_gone_go_to_another
     a_job_stays_pinned_to_its_first_fingerprint
+    a_job_goes_on_when_another_method_computes_other_bits
+    a_new_probe_case_strands_no_job
+    a_job_of_an_older_build_goes_on_with_workers_of_the_same_first_digest
+    a_job_whose_method_has_changed_waits_and_names_the_two_ways_out
     stragglers_do_not_delay_the_end
     stragglers_do_not_hold_up_the_end_where_workers_keep_nodes_for_long
     what_a_worker_may_still_keep_is_not_taken_over

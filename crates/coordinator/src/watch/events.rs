@@ -106,12 +106,14 @@ struct Sent {
     stored: Instant,
     progress: Instant,
     workers: Instant,
+    /// Jobs that waited for a build when workers were sent.
+    waiting: BTreeSet<JobId>,
 }
 
 impl Sent {
     fn new(last_id: i64) -> Self {
         let now = Instant::now();
-        Self { last_id, stored: now, progress: now, workers: now }
+        Self { last_id, stored: now, progress: now, workers: now, waiting: BTreeSet::new() }
     }
 
     /// When the first of the pending changes may be sent.
@@ -183,6 +185,16 @@ impl EventFeed {
             *pending = Changed::default();
             return Ok(());
         }
+        if pending.workers && sent.workers <= now {
+            for worker in self.views.workers_and_ended().await? {
+                self.events.send(Event { id: None, body: EventBody::Worker { worker } });
+            }
+            // Workers that come and go change which jobs wait for a build.
+            let waiting = self.views.jobs_that_wait_for_a_build().await?;
+            pending.jobs.extend(waiting.union(&sent.waiting));
+            sent.waiting = waiting;
+            (pending.workers, sent.workers) = (false, now + WORKERS_INTERVAL);
+        }
         if !pending.jobs.is_empty() && sent.progress <= now {
             while let Some(&id) = pending.jobs.first() {
                 if let Some(record) = self.store.job(id).await? {
@@ -192,12 +204,6 @@ impl EventFeed {
                 pending.jobs.remove(&id);
             }
             sent.progress = now + PROGRESS_INTERVAL;
-        }
-        if pending.workers && sent.workers <= now {
-            for worker in self.views.workers_and_ended().await? {
-                self.events.send(Event { id: None, body: EventBody::Worker { worker } });
-            }
-            (pending.workers, sent.workers) = (false, now + WORKERS_INTERVAL);
         }
         Ok(())
     }

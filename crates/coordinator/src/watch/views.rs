@@ -1,8 +1,9 @@
 //! Views: jobs and workers as the API shows them.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use clerestory_api::{ConvergencePoint, JobState, JobView, WorkerId, WorkerView};
+use clerestory_api::{ConvergencePoint, JobId, JobState, JobView, WorkerId, WorkerView};
 use clerestory_film::counters::Counters;
 
 use crate::clock::Clock;
@@ -53,8 +54,10 @@ impl Views {
         });
         let building_workers =
             if is_running { self.store.building_workers(job.id, self.liveness.silent_before_ms()).await? } else { 0 };
+        let waits_for_build = self.store.build_wait(&job, self.liveness.silent_before_ms()).await?;
         Ok(JobView {
             building_workers,
+            waits_for_build,
             progress: progress(&job, expected_samples, now_ms),
             total_samples: job.total_samples(),
             tiles: job.grid.len(),
@@ -114,6 +117,11 @@ impl Views {
     pub(crate) async fn workers_and_ended(&self) -> Result<Vec<WorkerView>, StoreError> {
         let ended_since_ms = self.clock.now_ms() - ENDING_SHOWN_MS;
         self.store.workers(ended_since_ms, self.liveness.silent_before_ms()).await
+    }
+
+    /// The jobs that wait for a worker of another build.
+    pub(crate) async fn jobs_that_wait_for_a_build(&self) -> Result<BTreeSet<JobId>, StoreError> {
+        self.store.jobs_that_wait_for_a_build(self.liveness.silent_before_ms()).await
     }
 
     /// One worker.

@@ -98,8 +98,13 @@ impl TestFarm {
     }
 
     pub(crate) async fn worker_named(&self, name: &str) -> TestWorker {
+        self.worker_like(name, WorkerRegistration::default()).await
+    }
+
+    /// A worker with the digests of a registration.
+    pub(crate) async fn worker_like(&self, name: &str, registration: WorkerRegistration) -> TestWorker {
         let registration =
-            WorkerRegistration { name: name.to_owned(), cores: 2, build: "test".to_owned(), probe_digest: None };
+            WorkerRegistration { name: name.to_owned(), cores: 2, build: "test".to_owned(), ..registration };
         let id = self.client.register_worker(&registration).await.unwrap().id;
         TestWorker { client: self.client.clone(), id }
     }

@@ -1,10 +1,13 @@
 //! Jobs whose workers die or fail, and workers that end.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::support::*;
-use clerestory_api::{EventBody, JobState, JobView, NamedWorker, ProblemCode, WorkerState};
+use clerestory_api::{
+    BuildWait, EventBody, JobState, JobView, NamedWorker, ProblemCode, WorkerRegistration, WorkerState,
+};
 use clerestory_coordinator::Clock;
 use futures::StreamExt;
 
@@ -48,6 +51,37 @@ async fn a_job_that_kills_its_workers_is_held_and_goes_on_when_it_is_released() 
     assert_eq!(farm.finished(other.id).await.state, JobState::Done);
     assert_eq!(farm.client.release_job(job.id).await.unwrap().hold, None);
     worker.drain().await;
+    assert_eq!(farm.finished(job.id).await.state, JobState::Done);
+    assert!(bits(&farm.image(job.id).await) == expected_bits(1));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_whose_method_has_changed_waits_for_a_worker_of_the_old_build() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(2)).await;
+    let job = farm.submit(1).await;
+    let with_digest = async |name: &str, digest: &str| {
+        let method_digests = BTreeMap::from([("path".to_owned(), vec![digest.to_owned()])]);
+        farm.worker_like(name, WorkerRegistration { method_digests, ..WorkerRegistration::default() }).await
+    };
+    let old = with_digest("nave", "old").await;
+    let lease = old.claim().await.unwrap();
+    old.upload(&lease, noise_partial(&lease, &addresses(&lease))).await.unwrap();
+    let changed = with_digest("apse", "new").await;
+    assert!(changed.claim().await.is_none());
+    assert_eq!(farm.client.job(job.id).await.unwrap().waits_for_build, None, "its worker is there");
+
+    let mut waiting = std::pin::pin!(farm.until(job.id, |job: &JobView| job.waits_for_build.is_some()));
+    assert!(futures::poll!(&mut waiting).is_pending());
+    old.client.end_worker(old.id).await.unwrap();
+    let view = waiting.await;
+    let BuildWait { reason, build, machine } = view.waits_for_build.unwrap();
+    assert_eq!((build.as_deref(), machine.as_deref()), (Some("test"), Some("nave")));
+    assert!(reason.contains("start a worker of build `test`") && reason.contains("submit the job again"), "{reason}");
+    assert!(farm.client.jobs().await.unwrap()[0].waits_for_build.is_some());
+
+    let back = with_digest("nave", "old").await;
+    farm.until(job.id, |job: &JobView| job.waits_for_build.is_none()).await;
+    back.drain().await;
     assert_eq!(farm.finished(job.id).await.state, JobState::Done);
     assert!(bits(&farm.image(job.id).await) == expected_bits(1));
 }

@@ -49,7 +49,7 @@ pub enum SchemaError {
 }
 
 /// Migrations, each with its version and its name.
-pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 23] = [
+pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 24] = [
     (1, "first", include_str!("../../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../../migrations/0002_counters.sql")),
     (3, "farm", include_str!("../../../migrations/0003_farm.sql")),
@@ -73,6 +73,7 @@ pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 23] = [
     (21, "attempts", include_str!("../../../migrations/0021_attempts.sql")),
     (22, "lost_nodes", include_str!("../../../migrations/0022_lost_nodes.sql")),
     (23, "building", include_str!("../../../migrations/0023_building.sql")),
+    (24, "method_digests", include_str!("../../../migrations/0024_method_digests.sql")),
 ];
 
 /// The table of applied migrations. Newer builds leave the checksum empty.

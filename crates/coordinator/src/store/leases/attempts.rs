@@ -8,7 +8,7 @@ use crate::store::engine::error::StoreError;
 use crate::store::engine::lists::{Kind, rows_of, to_json};
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
-use crate::store::workers::table::MATCHES_PIN;
+use crate::store::workers::pins::MATCHES_PIN;
 
 /// Machines that try a node in vain before it is given up, when no other could try.
 const ENOUGH_MACHINES: usize = 3;

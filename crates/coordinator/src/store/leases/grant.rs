@@ -1,8 +1,8 @@
 //! Grants: the nodes that a [claim](crate::store::queue::claim) has chosen become a lease.
 //!
 //! A lease gets a fencing token beyond all that there are, and its nodes are marked as leased where they lie: in the
-//! queue, or among the [checks](crate::store::checks). The first grant of a job starts it, and notes which bits its
-//! workers have to compute.
+//! queue, or among the [checks](crate::store::checks). The first grant of a job starts it, and pins it to the build
+//! fingerprint of the worker.
 
 use clerestory_film::NodeAddress;
 
@@ -12,6 +12,7 @@ use crate::store::engine::lists::{is_of_nodes, nodes_json};
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::events;
+use crate::store::workers::pins::pin_of;
 use crate::store::workers::table::Claimant;
 
 /// What the nodes of a lease are to the farm.
@@ -88,7 +89,7 @@ pub(in crate::store) async fn grant(
     let update = query(statement).bind(terms.lease.to_string()).bind(job.id.to_string()).bind(listed);
     update.execute(&mut *connection).await?;
     if job.probe_digest.is_none() {
-        start(connection, job, claimant, terms).await?;
+        start(connection, job, terms).await?;
     }
     let lease = LeaseRecord {
         id: terms.lease,
@@ -103,19 +104,17 @@ pub(in crate::store) async fn grant(
     Ok(Grant { lease, scene_hash: job.scene_hash.clone(), nodes, upload_linger_ms })
 }
 
-/// Starts a job with its first lease, and pins it to the worker's build fingerprint.
-async fn start(
-    connection: &mut Connection,
-    job: &JobRecord,
-    claimant: &Claimant,
-    terms: &ClaimTerms,
-) -> Result<(), StoreError> {
-    // A job that an older build has started, or that restarts, is pinned to the first worker that comes.
-    query("update jobs set state = 'running', started_ms = coalesce(started_ms, $2), probe_digest = $3 where id = $1")
-        .bind(job.id.to_string())
-        .bind(terms.now_ms)
-        .bind(&claimant.probe_digest)
-        .execute(&mut *connection)
-        .await?;
+/// Starts a job with its first lease, and [pins](crate::store::workers::pins) it to the worker's build fingerprint.
+/// A job that restarts is pinned anew.
+async fn start(connection: &mut Connection, job: &JobRecord, terms: &ClaimTerms) -> Result<(), StoreError> {
+    query(format!(
+        "update jobs set state = 'running', started_ms = coalesce(started_ms, $2), probe_digest = {} where id = $1",
+        pin_of("$3")
+    ))
+    .bind(job.id.to_string())
+    .bind(terms.now_ms)
+    .bind(terms.worker.to_string())
+    .execute(&mut *connection)
+    .await?;
     events::record(connection, StoredKind::Job, job.id, terms.now_ms).await
 }

@@ -240,8 +240,8 @@ pub(in crate::store) async fn close(connection: &mut Connection, lease: LeaseId)
     }
 }
 
-/// Unpins a job from its build fingerprint when a lease has ended, nothing was accepted and nothing is leased. The
-/// worker of that lease may never come back, and no other may have the same fingerprint.
+/// [Unpins](crate::store::workers::pins) a job when a lease has ended, nothing was accepted and nothing is leased. The
+/// worker of that lease may never come back, and no other may have the same build fingerprint.
 pub(in crate::store) async fn unpin(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
     let opened = query(
         "update jobs set probe_digest = null where id = $1 and probe_digest is not null and shared_samples is null \

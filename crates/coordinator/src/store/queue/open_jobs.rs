@@ -13,6 +13,7 @@ use crate::store::engine::row::Row;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::jobs;
+use crate::store::workers::pins::matches_pin_of;
 use crate::store::workers::table as workers;
 use crate::store::workers::table::Claimant;
 
@@ -89,7 +90,7 @@ async fn with_other_workers(
     rows.iter().map(|row| row.parsed("job")).collect()
 }
 
-/// Jobs that may have work, most urgent first: the next [`JOBS_AT_ONCE`] after `without`.
+/// Jobs that may have work for a worker, most urgent first: the next [`JOBS_AT_ONCE`] after `without`.
 pub(in crate::store) async fn open_jobs(
     connection: &mut Connection,
     claimant: &Claimant,
@@ -98,6 +99,7 @@ pub(in crate::store) async fn open_jobs(
 ) -> Result<Vec<OpenJob>, StoreError> {
     let columns = jobs::COLUMNS;
     let can_check = format!("select 1 from checks where job = jobs.id and {}", checks::is_new_to("$4"));
+    let matches_pin = matches_pin_of("$1");
     // Not `exists`: PostgreSQL would look for all rows of all jobs at once.
     let rows = query(format!(
         "select {columns}, \
@@ -109,8 +111,8 @@ pub(in crate::store) async fn open_jobs(
          (select 1 from pending where job = jobs.id and died_on is not null limit 1) is not null as has_suspects, \
          ({can_check} and lease is null limit 1) is not null as has_checks, \
          ({can_check} and lease is not null limit 1) is not null as has_held_checks \
-         from jobs where state in ('queued', 'running') and hold is null order by priority desc, created_ms, id \
-         limit $2 offset $3"
+         from jobs where state in ('queued', 'running') and hold is null and {matches_pin} \
+         order by priority desc, created_ms, id limit $2 offset $3"
     ))
     .bind(terms.worker.to_string())
     .bind(JOBS_AT_ONCE as i64)
@@ -156,11 +158,6 @@ pub(in crate::store) async fn measured_rate(
     .fetch_one(connection)
     .await?;
     Ok(MeasuredRate { workers: others.number::<u32>("others")?.saturating_add(1), ..open.rate_alone(terms) })
-}
-
-/// Whether the build fingerprint of a worker is the one that the job is pinned to.
-pub(in crate::store) fn matches_pin(job: &JobRecord, claimant: &Claimant) -> bool {
-    job.probe_digest.as_ref().is_none_or(|digest| *digest == claimant.probe_digest)
 }
 
 /// Most samples in a lease.

@@ -93,9 +93,19 @@ impl Farm {
     }
 
     pub(super) async fn worker_with(&self, name: &str, probe_digest: Option<&str>) -> Result<WorkerId, WorkerError> {
+        let probe_digest = probe_digest.map(str::to_owned);
+        self.worker_like(name, WorkerRegistration { probe_digest, ..WorkerRegistration::default() }).await
+    }
+
+    /// A worker with the digests of a registration.
+    pub(super) async fn worker_like(
+        &self,
+        name: &str,
+        registration: WorkerRegistration,
+    ) -> Result<WorkerId, WorkerError> {
         let id = WorkerId::from(Uuid::now_v7());
-        let (name, build) = (name.to_owned(), "b".to_owned());
-        let registration = WorkerRegistration { name, cores: 2, build, probe_digest: probe_digest.map(str::to_owned) };
+        let registration =
+            WorkerRegistration { name: name.to_owned(), cores: 2, build: "b".to_owned(), ..registration };
         self.store.register_worker(id, registration, 0).await?;
         Ok(id)
     }

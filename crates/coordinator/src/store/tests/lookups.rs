@@ -9,10 +9,12 @@ use clerestory_film::{NodeAddress, TileGrid};
 use crate::model::NewJob;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
+use crate::store::tests::pins::worker;
 use crate::store::tests::{DeliveredNode, Farm, blob_range, delivered, merge};
 
 /// What grows with a farm and its jobs.
-const TABLES: [&str; 9] = ["pending", "nodes", "leases", "waves", "rates", "checks", "opinions", "workers", "jobs"];
+const TABLES: [&str; 10] =
+    ["pending", "nodes", "leases", "waves", "rates", "checks", "opinions", "workers", "method_digests", "jobs"];
 
 /// Workers, and how often each claims and brings.
 const WORKERS: usize = 4;
@@ -75,7 +77,12 @@ async fn claims_and_results_read_what_they_are_about_and_little_else() {
     }
     let mut workers = Vec::new();
     for number in 0..WORKERS {
-        workers.push(farm.worker_named(&number.to_string()).await.unwrap());
+        let methods = ["path", "cone", "fnee", "sms", "mnee", "conic"];
+        let digests = methods.map(|method| [format!("{method} 1"), format!("{method} 2")]);
+        let digests = digests.each_ref().map(|digests| digests.each_ref().map(String::as_str));
+        let digests: Vec<(&str, &[&str])> =
+            methods.into_iter().zip(digests.iter().map(<[&str; 2]>::as_slice)).collect();
+        workers.push(worker(&farm, &number.to_string(), "first", &digests).await);
     }
     for now_ms in 0..TURNS {
         for worker in &workers {

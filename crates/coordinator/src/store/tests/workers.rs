@@ -60,7 +60,7 @@ pub(super) async fn a_silent_worker_is_listed_for_a_day_or_until_its_machine_is_
         name: "lost".to_owned(),
         cores: 2,
         build: "b".to_owned(),
-        probe_digest: None,
+        ..Default::default()
     };
     farm.store.register_worker(back, registration, 600).await.unwrap();
     assert!(farm.store.end_lost_workers(500, 1000).await.unwrap());

@@ -14,6 +14,8 @@ use crate::store::engine::row::Row;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::errors::WorkerError;
+use crate::store::workers::pins;
+use crate::store::workers::pins::Pins;
 
 /// Longest backoff after failures in a row.
 const LONGEST_BACKOFF_MS: i64 = 60_000;
@@ -31,10 +33,6 @@ const VIEW: &str = "select w.*, \
 pub(in crate::store) const OF_THE_SAME_NAME: &str =
     "(select id from workers where name = (select name from workers where id = $1))";
 
-/// SQL condition on rows of `jobs` and `workers`: the worker's build fingerprint is the one that the job is pinned to.
-pub(in crate::store) const MATCHES_PIN: &str =
-    "(jobs.probe_digest is null or jobs.probe_digest = coalesce(workers.probe_digest, ''))";
-
 /// A worker that claims work.
 #[derive(Clone, Debug)]
 pub(in crate::store) struct Claimant {
@@ -44,8 +42,6 @@ pub(in crate::store) struct Claimant {
     pub(in crate::store) cores: u32,
     /// Its build.
     pub(in crate::store) build: String,
-    /// Digest of its probe, empty if it sent none.
-    pub(in crate::store) probe_digest: String,
     /// End of its backoff after work that could not be used.
     pub(in crate::store) backoff_until_ms: i64,
 }
@@ -58,7 +54,7 @@ pub(in crate::store) async fn touch(
 ) -> Result<Claimant, WorkerError> {
     let row = query(
         "update workers set seen_ms = $2 where id = $1 and ended_ms is null \
-         returning name, cores, build, probe_digest, failures_in_a_row, failed_ms, quarantine",
+         returning name, cores, build, failures_in_a_row, failed_ms, quarantine",
     )
     .bind(worker.to_string())
     .bind(now_ms)
@@ -77,7 +73,6 @@ pub(in crate::store) async fn touch(
         name: row.text("name")?,
         cores: row.number("cores")?,
         build: row.text("build")?,
-        probe_digest: row.optional_text("probe_digest")?.unwrap_or_default(),
         backoff_until_ms: row.integer("failed_ms")? + backoff_ms,
     })
 }
@@ -142,9 +137,9 @@ impl Store {
                 .bind(registration.build)
                 .bind(registration.probe_digest)
                 .bind(now_ms)
-                .execute(connection)
+                .execute(&mut *connection)
                 .await?;
-                Ok(())
+                Ok(pins::insert_digests(connection, id, &registration.method_digests).await?)
             })
         })
         .await
@@ -218,15 +213,15 @@ impl Store {
              order by registered_ms, id"
         ));
         let rows = views.bind(ended_since_ms).fetch_all(&self.readers).await?;
-        let pinned = self.pinned_jobs().await?;
-        rows.iter().map(|row| worker_view(row, silent_before_ms, &pinned)).collect()
+        let pins = self.pins(None).await?;
+        rows.iter().map(|row| worker_view(row, silent_before_ms, &pins)).collect()
     }
 
     /// One worker.
     pub(crate) async fn worker(&self, worker: WorkerId, silent_before_ms: i64) -> Result<WorkerView, WorkerError> {
         let view = query(format!("{VIEW} where id = $1")).bind(worker.to_string());
         let row = view.fetch_optional(&self.readers).await?.ok_or(WorkerError::Unknown(worker))?;
-        Ok(worker_view(&row, silent_before_ms, &self.pinned_jobs().await?)?)
+        Ok(worker_view(&row, silent_before_ms, &self.pins(Some(worker)).await?)?)
     }
 
     /// Workers heard of since `since_ms` that build the scene of a job.
@@ -241,20 +236,9 @@ impl Store {
         }
         Ok(count)
     }
-
-    /// Jobs that are pinned to a build fingerprint, each with it.
-    async fn pinned_jobs(&self) -> Result<Vec<(JobId, String)>, StoreError> {
-        let rows = query(
-            "select id, probe_digest from jobs where state in ('queued', 'running') and probe_digest is not null \
-             order by id",
-        )
-        .fetch_all(&self.readers)
-        .await?;
-        rows.iter().map(|row| Ok((row.parsed("id")?, row.text("probe_digest")?))).collect()
-    }
 }
 
-fn worker_view(row: &Row, silent_before_ms: i64, pinned: &[(JobId, String)]) -> Result<WorkerView, StoreError> {
+fn worker_view(row: &Row, silent_before_ms: i64, pins: &Pins) -> Result<WorkerView, StoreError> {
     let cores: u32 = row.number("cores")?;
     let samples: u64 = row.number("samples")?;
     let core_ms = row.integer("core_ms")?;
@@ -269,12 +253,11 @@ fn worker_view(row: &Row, silent_before_ms: i64, pinned: &[(JobId, String)]) -> 
         _ => WorkerState::Rendering,
     };
     let probe_digest = row.optional_text("probe_digest")?;
-    let own = probe_digest.as_deref().unwrap_or_default();
-    let passed_over = pinned.iter().filter(|(_, digest)| digest != own).map(|(job, _)| *job).collect();
+    let id = row.parsed("id")?;
     Ok(WorkerView {
+        passed_over: pins.passed_over(id, probe_digest.as_deref().unwrap_or_default()),
         probe_digest,
-        passed_over,
-        id: row.parsed("id")?,
+        id,
         name: row.text("name")?,
         cores,
         build: row.text("build")?,
