@@ -80,8 +80,8 @@ fn divided(text: &str) -> Option<(&str, &str)> {
     Some((&text[..at], &text[at + 1..]))
 }
 
-/// A scene with changes made, one after the other. It still has to be [validated](SceneDescription::validate): some changes
-/// make sense together only, and with others.
+/// A scene with changes made, one after the other. It still has to be [validated](SceneDescription::validate): some
+/// changes make sense together only, and with others.
 ///
 /// # Errors
 ///
@@ -294,8 +294,8 @@ impl<'a> Place<'a> {
         self.schemas().into_iter().any(|schema| schema.get("additionalProperties").is_some_and(Value::is_object))
     }
 
-    /// Those things that a pattern has chosen in which the next step of the path stands already, where that names a choice:
-    /// a pattern changes settings of many things, and never what they are.
+    /// Those things that a pattern has chosen in which the next step of the path stands already, where that names a
+    /// choice: a pattern changes settings of many things, and never what they are.
     fn of_choice<'v, T>(
         &self,
         pattern: &str,

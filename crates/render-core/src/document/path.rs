@@ -1,7 +1,8 @@
-//! Paths of places in a scene file: `integrator.sms.estimator.unbiased.max_trials`, `lights[sun].direction`, `panes[*].thickness`.
+//! Paths of places in a scene file: `integrator.sms.estimator.unbiased.max_trials`, `lights[sun].direction`,
+//! `panes[*].thickness`.
 //!
-//! A member follows a dot. An element of a list stands in brackets, by its index from 0 or by its name, in which `*` stands
-//! for any text. Brackets also name a member whose name has dots.
+//! A member follows a dot. An element of a list stands in brackets, by its index from 0 or by its name, in which `*`
+//! stands for any text. Brackets also name a member whose name has dots.
 
 use std::fmt;
 

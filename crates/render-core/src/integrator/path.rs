@@ -1,8 +1,8 @@
 //! The path tracer: next event estimation, specular methods for light through glass, and everything else by chance.
 //!
-//! Light that arrives at a diffuse vertex is split by path: straight from a light (next event estimation combined with
-//! BSDF sampling by the balance heuristic), over specular vertices that the specular method owns, if there is one (see
-//! [`crate::specular::coverage`]), and all the rest (found by following the path).
+//! Light that arrives at a diffuse vertex is split by path. Direct light comes from next event estimation, combined
+//! with BSDF sampling by the balance heuristic. Light over specular vertices comes from the specular method, for the
+//! paths that it owns ([`crate::specular::coverage`]). The path tracer finds the rest by following the path.
 
 use arrayvec::ArrayVec;
 use glam::DVec3;
@@ -201,8 +201,8 @@ impl<'a> PathTracer<'a> {
         sample.normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
     }
 
-    /// The nearest light on the ray before `distance`. Suns are behind everything; a light that lies on a surface covers it on the side to
-    /// which it shines.
+    /// The nearest light on the ray before `distance`. Suns are behind everything; a light that lies on a surface
+    /// covers it on the side to which it shines.
     fn nearest_light(&self, walk: &Walk, distance: f64) -> Option<(u32, LightHit)> {
         let mut nearest: Option<(u32, LightHit)> = None;
         self.scene.light_sampler().on_ray(&walk.ray, distance * (1.0 + SAME_PLACE), &mut |index| {
@@ -221,8 +221,8 @@ impl<'a> PathTracer<'a> {
         nearest
     }
 
-    /// Light that the path carries back when it meets nothing: that of all suns in its direction, which cover each other no
-    /// more than they cast shadows.
+    /// Light that the path carries back when it meets nothing: that of all suns in its direction, which cover each
+    /// other no more than they cast shadows.
     fn emission_of_suns(&self, walk: &Walk, counters: &mut Counters) -> DVec3 {
         let mut sum = DVec3::ZERO;
         for index in self.scene.light_sampler().suns() {
@@ -310,8 +310,8 @@ impl<'a> PathTracer<'a> {
         }
     }
 
-    /// Adds the light that a vertex scatters into the path: straight from the lights, and over chains of specular vertices
-    /// that the specular method owns.
+    /// Adds the light that a vertex scatters into the path: straight from the lights, and over chains of specular
+    /// vertices that the specular method owns.
     #[expect(clippy::too_many_arguments, reason = "a vertex and the three places to which it reports")]
     fn add_scattered(
         &self,

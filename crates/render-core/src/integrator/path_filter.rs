@@ -2,7 +2,8 @@
 //!
 //! A path is a word over D (diffuse reflection), R (specular reflection), T (specular transmission) and L (light), from
 //! the camera to the light. An expression is a regular expression over these letters with `.`, `*`, `+`, `?`, `|`,
-//! `( )` and `[ ]`; spaces are ignored. `D TT L` is light that comes through one pane to a surface that the camera sees.
+//! `( )` and `[ ]`; spaces are ignored. `D TT L` is light that comes through one pane to a surface that the camera
+//! sees.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -148,7 +149,8 @@ impl PathFilter {
         false
     }
 
-    /// The most vertices before the light that a path which matches may have: `None` when there is no limit, 0 also when no path matches.
+    /// The most vertices before the light that a path which matches may have: `None` when there is no limit, 0 also
+    /// when no path matches.
     pub fn most_vertices(&self) -> Option<usize> {
         // In the order of their last visit, states come before those that lead to them, unless they lie on a circle.
         let mut most: BTreeMap<StateID, Option<usize>> = BTreeMap::new();

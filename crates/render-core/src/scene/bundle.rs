@@ -94,8 +94,8 @@ impl SceneBundle {
     }
 }
 
-/// Reads a scene file and the files that it names. Files are read from the folder of the scene file alone: a symbolic link that leads
-/// out of it could send any file of the user to a farm with a scene that came from elsewhere.
+/// Reads a scene file and the files that it names. Files are read from the folder of the scene file alone: a symbolic
+/// link that leads out of it could send any file of the user to a farm with a scene that came from elsewhere.
 ///
 /// # Errors
 ///
@@ -305,7 +305,8 @@ mod tests {
         let error = cone.with_integrator_named("magic").unwrap_err().to_string();
         assert!(
             error.contains(
-                "integrator: found \"magic\", must be \"path\" or \"cone\" or \"fnee\" or \"sms\" or \"mnee\" or \"conic\""
+                "integrator: found \"magic\", must be \"path\" or \"cone\" or \"fnee\" or \"sms\" or \"mnee\" or \
+                 \"conic\""
             ),
             "{error}"
         );

@@ -1,9 +1,9 @@
-//! How much memory a scene takes, before any is taken: what it is made of is counted from its description and from the headers of
-//! its files.
+//! The memory of a scene, known before it is allocated. It is counted from the description and from the headers of the
+//! files.
 //!
-//! A scene file of a few lines can ask for millions of triangles, and a file of a few kilobytes can hold a picture of gigabytes. The numbers here
-//! are upper bounds of what building takes at its peak, and of what checking takes, which sorts nothing into hierarchies. The test
-//! `allocations` compares both with what is allocated.
+//! A scene file of a few lines can request millions of triangles. A file of a few kilobytes can hold a picture of
+//! gigabytes. The numbers here are upper bounds of what building takes at its peak, and of what checking takes, which
+//! sorts nothing into hierarchies. The test `allocations` compares both with what is allocated.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -102,8 +102,8 @@ impl SceneMemory {
         self.parts.iter().map(kept).fold(SMALL_THINGS + self.asset_bytes + decoding, u64::saturating_add)
     }
 
-    /// Refuses a scene whose use would take more than `limit` bytes. `way_out` says what can be done about the limit, as an alternative to a
-    /// smaller scene.
+    /// Refuses a scene whose use would take more than `limit` bytes. `way_out` says what can be done about the limit,
+    /// as an alternative to a smaller scene.
     ///
     /// # Errors
     ///
@@ -271,14 +271,15 @@ const READ_TRIANGLE: u64 = 80;
 const PLACED_VERTEX: u64 = 24;
 const PLACED_TRIANGLE: u64 = 12;
 
-/// Arrays that grow are twice as large as what is in them, at the most, and while they move there is also what they were.
+/// Arrays that grow are twice as large as what is in them, at the most, and while they move there is also what they
+/// were.
 const GROWTH: u64 = 3;
 
 /// Bytes of a triangle's corners in its file, while it is placed.
 const KEPT_TRIANGLE: u64 = 36;
 
-/// Bytes of a triangle that may lie face to face with another, while they are compared: its number, 4 bytes in an array that grows; three entries of 20
-/// bytes and a little; and its number in five arrays of one cell.
+/// Bytes of a triangle that may lie face to face with another, while they are compared: its number, 4 bytes in an array
+/// that grows; three entries of 20 bytes and a little; and its number in five arrays of one cell.
 const COMPARED_TRIANGLE: u64 = 4 * GROWTH + 62 + 4 * 5;
 
 /// Bytes of a triangle that refracts or mirrors: its normals, its area.
@@ -322,7 +323,8 @@ fn pane_parts<'a>(
 /// Bytes of a value of a decoded height map.
 const MAP_VALUE: u64 = 4;
 
-/// Bytes of a coefficient of a face with its bounds, whose arrays grow, and of what it is computed from: panes are built side by side.
+/// Bytes of a coefficient of a face with its bounds, whose arrays grow, and of what it is computed from: panes are
+/// built side by side.
 const COEFFICIENT_BYTES: u64 = 200;
 
 /// A number with two digits that count.

@@ -1,5 +1,5 @@
-//! The mesh files that a scene names. They are opened before they are decoded, so that their size is known before memory
-//! is taken.
+//! The mesh files that a scene names. They are opened before they are decoded, so that their size is known before
+//! memory is taken.
 
 use super::mesh::TriangleMesh;
 use super::obj::ObjFile;

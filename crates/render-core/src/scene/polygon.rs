@@ -7,7 +7,8 @@ use crate::settings::AssetProblem;
 /// Cuts the polygons of a file. A polygon of which a fan around its first corner covers nothing twice becomes that fan;
 /// every convex polygon is one. From any other, ears are cut.
 pub(super) struct Cutter {
-    /// Looks at a corner, for itself and against an ear, that are left for this file: intricate polygons take time beyond their size.
+    /// Looks at a corner, for itself and against an ear, that are left for this file: intricate polygons take time
+    /// beyond their size.
     tests: u32,
 }
 
@@ -76,8 +77,8 @@ impl Cutter {
         Ok(())
     }
 
-    /// Whether no reflex corner lies in a triangle. Corners at the same place as one of the triangle's are none that lie
-    /// in it: holes are joined to their polygon along an edge that is there twice.
+    /// Whether no reflex corner lies in a triangle. Corners at the same place as one of the triangle's are none that
+    /// lie in it: holes are joined to their polygon along an edge that is there twice.
     fn is_empty(&mut self, corners: &[DVec2], triangle: [usize; 3], reflex: &[usize]) -> Result<bool, AssetProblem> {
         self.count(reflex.len() as u32)?;
         let [a, b, c] = triangle.map(|corner| corners[corner]);

@@ -1,8 +1,9 @@
 //! Procedural profiles: what crown, cylinder-blown and hammered glass look like, as coefficients of the spline.
 //!
-//! Wavelengths and amplitudes are the author's to choose; the patterns are ours, after descriptions of how the glass was
-//! made. `docs/scene-format.md` gives the formulas. All are smooth: sums of waves no shorter than a good part of the
-//! stated wavelength, over a grid that resolves them. Random numbers come from a counter hash of the seed and the face.
+//! Wavelengths and amplitudes are the author's to choose; the patterns are ours, after descriptions of how the glass
+//! was made. `docs/scene-format.md` gives the formulas. All are smooth: sums of waves no shorter than a good part of
+//! the stated wavelength, over a grid that resolves them. Random numbers come from a counter hash of the seed and the
+//! face.
 
 use std::f64::consts::TAU;
 

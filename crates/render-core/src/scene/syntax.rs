@@ -19,7 +19,8 @@ pub(super) fn not_utf_8(text: &[u8], place: usize) -> String {
     let column = String::from_utf8_lossy(&before[start..]).chars().count() + 1;
     let byte = text[place];
     format!(
-        "the text is not UTF-8 at line {line} column {column}: the byte {byte:02x}, in Latin-1 \"{}\"; save the file as UTF-8",
+        "the text is not UTF-8 at line {line} column {column}: the byte {byte:02x}, in Latin-1 \"{}\"; \
+         save the file as UTF-8",
         char::from(byte)
     )
 }

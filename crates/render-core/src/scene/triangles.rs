@@ -46,8 +46,8 @@ impl Triangles {
         }
     }
 
-    /// Adds an ellipsoid with the half axes `radii`, of triangles between `rings` circles of latitude from pole to pole, with
-    /// twice as many corners on each.
+    /// Adds an ellipsoid with the half axes `radii`, of triangles between `rings` circles of latitude from pole to
+    /// pole, with twice as many corners on each.
     pub(super) fn add_ellipsoid(&mut self, centre: Triple, radii: Triple, rings: u32) {
         let first = self.positions.len() as u32;
         let around = 2 * rings;

@@ -1,5 +1,6 @@
-//! Smooth meshes that touch others face to face: a block of glass that stands exactly on a floor, two that share a face, a mirror in the plane of
-//! its wall. Between two faces in one place there is nothing that says which a ray meets first.
+//! Smooth meshes that touch others face to face. Examples are a block of glass exactly on a floor, two that share a
+//! face, and a mirror in the plane of its wall. Between two faces in one place there is nothing that says which a ray
+//! meets first.
 
 use glam::DVec3;
 
@@ -18,7 +19,8 @@ const MOST_OWN_TRIANGLES: u32 = 1 << 18;
 /// Boxes that are compared to find out which faces are, a second's work: faces beyond that are all compared.
 const MOST_BOX_TESTS: u64 = 1 << 29;
 
-/// Checks that no face of a dielectric lies in one place with another face, and no mirror in the surface of another mesh.
+/// Checks that no face of a dielectric lies in one place with another face, and no mirror in the surface of another
+/// mesh.
 pub(super) fn check_faces(corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Check {
     let triangles = candidates(&corners, meshes);
     let mesh_of = |triangle: u32| meshes.partition_point(|mesh| mesh.triangle_range().end <= triangle);
@@ -55,7 +57,8 @@ pub(super) fn check_faces(corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSur
     Err(SceneError::value(&path, found, expected))
 }
 
-/// The triangles of smooth meshes that may lie where others do, and those others. Where that takes too long to find out, some more.
+/// The triangles of smooth meshes that may lie where others do, and those others. Where that takes too long to find
+/// out, some more.
 fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Vec<u32> {
     if !meshes.iter().any(MeshSurface::is_smooth) {
         return Vec::new();
@@ -150,7 +153,8 @@ mod tests {
             positions.extend_from_slice(corners);
             triangles.extend(sides.iter().map(|side| side.map(|corner| first + corner)));
         }
-        json!({"name": name, "material": material, "source": {"inline": {"positions": positions, "triangles": triangles}}})
+        let inline = json!({"positions": positions, "triangles": triangles});
+        json!({"name": name, "material": material, "source": {"inline": inline}})
     }
 
     fn build(meshes: &[Value]) -> Result<(), SceneError> {
@@ -158,7 +162,9 @@ mod tests {
         scene["panes"] = json!([]);
         scene["meshes"] = json!(meshes);
         scene["materials"] = json!({
-            "stone": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}}, "glass": {"dielectric": {}}, "mirror": {"mirror": {}}
+            "stone": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}},
+            "glass": {"dielectric": {}},
+            "mirror": {"mirror": {}}
         });
         let description = SceneDescription::parse(scene.to_string().as_bytes())?;
         let bundle = SceneBundle::from_parts(description, BTreeMap::new())?;
@@ -215,7 +221,9 @@ mod tests {
         let mut scene = valid_scene();
         scene["panes"] = json!([]);
         scene["materials"] = json!({
-            "stone": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}}, "glass": {"dielectric": {}}, "mirror": {"mirror": {}}
+            "stone": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}},
+            "glass": {"dielectric": {}},
+            "mirror": {"mirror": {}}
         });
         // Stone and a mirror, each with one part that reaches into the cube of glass and one far away.
         scene["meshes"] = json!([

@@ -1,5 +1,5 @@
-//! What would lose light without a word where it stands: panes that touch each other, and smooth meshes, lights and cameras in
-//! the glass of a pane. A sphere light shines outwards, so that no camera may be in one either.
+//! Refuses places at which light would be lost silently. These are panes that touch each other, and smooth meshes,
+//! lights and cameras in the glass of a pane. A sphere light shines outwards, so that no camera may be in one either.
 //!
 //! Opaque meshes may stand in glass, as leading and masonry do: where they do, they are black.
 
@@ -83,7 +83,8 @@ impl Obstacles {
         Self { panes }
     }
 
-    /// Checks that the lights and the camera of a valid description stand outside of glass, and the camera outside of lights.
+    /// Checks that the lights and the camera of a valid description stand outside of glass, and the camera outside of
+    /// lights.
     ///
     /// # Errors
     ///
@@ -228,8 +229,8 @@ impl Places<'_> {
             }
             let found = format!("{subject} inside of the sphere light {} (lights[{index}])", Quoted(&light.name));
             let expected = format!(
-                "more than its radius of {radius} m from its centre: a sphere shines outwards, and is black from within; two suns of \
-                 angular_radius 90 in opposite directions are light from all around"
+                "more than its radius of {radius} m from its centre: a sphere shines outwards, and is black from \
+                 within; two suns of angular_radius 90 in opposite directions are light from all around"
             );
             return Err(SceneError::value(&camera.member("position"), found, expected));
         }
@@ -406,7 +407,8 @@ mod tests {
         check_allowed(sphere(1.1, 0.098));
         let rectangle = |z: f64| {
             only(json!({"rectangle": {
-                "name": "panel", "centre": [0.7, 0, z], "edge_u": [0.2, 0, 0], "edge_v": [0, 0.2, 0], "radiance": [1, 1, 1]
+                "name": "panel", "centre": [0.7, 0, z], "edge_u": [0.2, 0, 0], "edge_v": [0, 0.2, 0],
+                "radiance": [1, 1, 1]
             }}))
         };
         check_refused("lights[0].rectangle.centre", &["\"right\" (panes[1])"], rectangle(1.002));

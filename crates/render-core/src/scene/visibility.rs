@@ -14,8 +14,8 @@ use clerestory_film::counters::Counters;
 pub(crate) const SAME_PLACE: f64 = 1e-9;
 
 impl Scene {
-    /// Whether anything blocks the ray before `max_distance`, apart from the pane and the light that are named. A light that lies on a
-    /// surface is in front of it.
+    /// Whether anything blocks the ray before `max_distance`, apart from the pane and the light that are named. A light
+    /// that lies on a surface is in front of it.
     pub fn blocked(
         &self,
         ray: &Ray,

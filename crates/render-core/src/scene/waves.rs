@@ -1,8 +1,8 @@
 //! Meshes of waves: the surface of moving water, or the ripples that it leaves in sand.
 //!
-//! The surface is a sum of plane waves in all directions, each as high as the others, that move as waves on deep water do:
-//! their angular frequency is the root of the acceleration of gravity times their wave number. So the same waves at another time,
-//! or cut into other triangles, are the same water.
+//! The surface is a sum of plane waves of equal height in all directions. They move as waves on deep water do: their
+//! angular frequency is the root of the acceleration of gravity times their wave number. So the same waves at another
+//! time, or cut into other triangles, are the same water.
 
 use std::f64::consts::TAU;
 
@@ -36,8 +36,8 @@ impl WaveDescription {
         2 * self.cells[0] as usize * self.cells[1] as usize
     }
 
-    /// The triangles, counterclockwise as seen from above (z), with unit normals, and texture coordinates from 0 to 1 along x
-    /// and y.
+    /// The triangles, counterclockwise as seen from above (z), with unit normals, and texture coordinates from 0 to 1
+    /// along x and y.
     pub(super) fn mesh(&self) -> TriangleMesh {
         let [columns, rows] = self.cells.map(|cells| cells as usize + 1);
         let unit = |index: usize, count: usize| index as f64 / (count - 1) as f64;
@@ -118,7 +118,8 @@ mod tests {
 
     #[test]
     fn normals_are_those_of_the_surface() {
-        // Between neighbours, at a distance s, differences miss the slope by s^2 k^3 / 6 of the amplitude, here 2 percent.
+        // Between neighbours, at a distance s, differences miss the slope by s^2 k^3 / 6 of the amplitude, here 2
+        // percent.
         let mesh = POOL.mesh();
         let columns = 81;
         for corner in [5 * columns + 7, 60 * columns + 40, 100 * columns + 70] {

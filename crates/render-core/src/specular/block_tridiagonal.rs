@@ -6,7 +6,8 @@ use glam::DMat2;
 
 use super::fermat::inverse;
 
-/// One vertex of a chain: its equations, and their right-hand side, which [`solve`] replaces by the solution: a vector, or a matrix of two.
+/// One vertex of a chain: its equations, and their right-hand side, which [`solve`] replaces by the solution: a vector,
+/// or a matrix of two.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row<R> {
     /// Coefficients of the previous vertex; unused in the first row.

@@ -1,8 +1,8 @@
 //! A chain: the specular vertices that light meets on its way from a shading point, traced through the scene.
 //!
-//! A ray from the shading point is followed as the path tracer would follow it, but with what happens at each vertex given
-//! beforehand. The last vertex is to be joined to a point of a light, which it need not obey Snell's law to reach: how far it
-//! is from that, and how that changes with the first vertex, is what a walk over a specular manifold (`manifold`) needs.
+//! A ray from the shading point is followed as the path tracer would follow it, but with what happens at each vertex
+//! given beforehand. The last vertex is joined to a point of a light, and need not obey Snell's law there. A manifold
+//! walk (`manifold`) needs the defect of that law, and its derivative by the first vertex.
 
 use crate::specular::constraint::ManifoldConstraint;
 use glam::{DMat2, DVec2, DVec3};
@@ -23,8 +23,8 @@ use crate::{
 };
 use clerestory_film::counters::Counters;
 
-/// A value for each vertex of a chain. The two of a pane fit inline, so that a search through panes allocates nothing, and moving a
-/// chain, which walks do in every step, moves little. More go to the heap.
+/// A value for each vertex of a chain. The two of a pane fit inline, so that a search through panes allocates nothing,
+/// and moving a chain, which walks do in every step, moves little. More go to the heap.
 pub(super) type ByVertex<T> = SmallVec<[T; 2]>;
 
 /// A value for each segment, of which there is one more.
@@ -83,8 +83,8 @@ impl Segments {
 }
 
 impl Chain {
-    /// The chain that a ray in `direction` from the shading point meets, when that begins on `caster` and each vertex can
-    /// do what `events` says.
+    /// The chain that a ray in `direction` from the shading point meets, when that begins on `caster` and each vertex
+    /// can do what `events` says.
     pub(super) fn trace(
         scene: &Scene,
         point: &ShadingPoint,
@@ -109,8 +109,8 @@ impl Chain {
         Some(chain)
     }
 
-    /// The chain over one place of a smooth triangle, given as well by the weights of its second and third corner; `None` where
-    /// something is in the way, or the event cannot happen.
+    /// The chain over one place of a smooth triangle, given as well by the weights of its second and third corner;
+    /// `None` where something is in the way, or the event cannot happen.
     pub(super) fn over_place(
         scene: &Scene,
         point: &ShadingPoint,
@@ -133,8 +133,8 @@ impl Chain {
         Some(Self { throughput: step.factor, exit: step.next, ..chain })
     }
 
-    /// The vertices at which the straight line from the shading point to the source crosses specular surfaces, refracting
-    /// at none; `None` when they are not as many as `count`, or anything else is in the way.
+    /// The vertices at which the straight line from the shading point to the source crosses specular surfaces,
+    /// refracting at none; `None` when they are not as many as `count`, or anything else is in the way.
     pub(super) fn along_straight_line(
         scene: &Scene,
         point: &ShadingPoint,
@@ -278,9 +278,9 @@ impl Chain {
         residuals.iter().enumerate().map(row).collect()
     }
 
-    /// The generalised geometry factor of a chain that obeys the constraints everywhere, with its sign: solid angle at the
-    /// shading point for each area, perpendicular to the path, at a light point, or for each solid angle of a light at
-    /// infinity (Jakob and Marschner 2012, section 5.1). `None` on a fold.
+    /// The generalised geometry factor of a chain that obeys the constraints everywhere, with its sign: solid angle at
+    /// the shading point for each area, perpendicular to the path, at a light point, or for each solid angle of a light
+    /// at infinity (Jakob and Marschner 2012, section 5.1). `None` on a fold.
     pub(super) fn geometry_factor(&self, segments: &Segments, residuals: &[Residual]) -> Option<f64> {
         let last = self.vertices.len() - 1;
         let direction = segments.directions[last + 1];
@@ -365,7 +365,8 @@ mod tests {
     fn panes_and_mirror() -> Scene {
         let pane = |name: &str, height: f64, profile: serde_json::Value| {
             json!({
-                "name": name, "centre": [0, 0, height], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0.1], "width": 0.4, "height": 0.4,
+                "name": name, "centre": [0, 0, height], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0.1],
+                "width": 0.4, "height": 0.4,
                 "thickness": 0.003, "index_of_refraction": 1.52, "front": profile, "back": profile})
         };
         let normals = [[-0.2, 0.1, -1.0], [0.3, 0.1, -1.0], [0.05, -0.4, -1.0]];
@@ -375,7 +376,8 @@ mod tests {
             "integrator": {"path": {}},
             "materials": {"mirror": {"mirror": {"reflectance": [0.9, 0.9, 0.9]}}},
             "meshes": [{"name": "mirror", "material": "mirror", "source": {"inline": {
-                "positions": [[-2, -2, 1.2], [2, -2, 1.2], [0, 3, 1.5]], "normals": normals, "triangles": [[0, 1, 2]]}}}],
+                "positions": [[-2, -2, 1.2], [2, -2, 1.2], [0, 3, 1.5]], "normals": normals,
+                "triangles": [[0, 1, 2]]}}}],
             "panes": [
                 pane("near", 0.5, json!({"hammered": {"wavelength": 0.03, "amplitude": 3e-5, "seed": 3}})),
                 pane("far", 0.8, json!({"crown": {"centre": [0.1, 0.15], "wavelength": 0.02, "amplitude": 1e-5}}))],

@@ -1,13 +1,13 @@
 //! What specular manifold sampling asks of a vertex, with derivatives (Zeltner et al. 2020, sections 4.1 and 4.2).
 //!
-//! Both constraints have two components, which vanish where the vertex obeys the law of reflection or Snell's law. With `wi`
-//! and `wo` the unit directions from the vertex to its neighbours, and `eta` the index of refraction on the side of `wo` over
-//! that on the side of `wi`, 1 for a reflection:
+//! Both constraints have two components, which vanish where the vertex obeys the law of reflection or Snell's law. Here
+//! `wi` and `wo` are the unit directions from the vertex to its neighbours. `eta` is the index of refraction on the
+//! side of `wo` over that on the side of `wi`, 1 for a reflection.
 //!
 //! - **half vector**: the tangential components, in the shading frame, of `(wi + eta wo) / |wi + eta wo|`;
-//! - **angle difference**: how far `wo` is from `wi` refracted or reflected. The paper takes differences of spherical angles,
-//!   which are singular where `wo` points to a pole; this is the chord between the two directions, across `wo`, of the same
-//!   first order. Where `wi` is totally reflected, the two change places.
+//! - **angle difference**: how far `wo` is from `wi` refracted or reflected. The paper takes differences of spherical
+//!   angles, which are singular where `wo` points to a pole. This is the chord between the two directions, across `wo`,
+//!   of the same first order. Where `wi` is totally reflected, the two change places.
 
 use glam::{DMat2, DVec2, DVec3};
 use schemars::JsonSchema;
@@ -63,8 +63,8 @@ pub(super) struct Residual {
     pub(super) by_normal: DMat2,
 }
 
-/// Where the indices of both sides differ by less than this part, light goes straight on, and the half vector is rounding noise:
-/// the angle difference is used whatever the constraint.
+/// Where the indices of both sides differ by less than this part, light goes straight on, and the half vector is
+/// rounding noise: the angle difference is used whatever the constraint.
 const UNBENT: f64 = 1e-6;
 
 impl Vertex<'_> {
@@ -129,8 +129,8 @@ impl Vertex<'_> {
         self.angle_from(mirrored, -1.0, 2.0 * cosine, 2.0, 1.0)
     }
 
-    /// The chord to `target = scale to_previous + along normal`, where `along` varies with the cosine of `to_previous` by
-    /// `along_by_cos`, and the normal is the surface's times `towards`.
+    /// The chord to `target = scale to_previous + along normal`, where `along` varies with the cosine of `to_previous`
+    /// by `along_by_cos`, and the normal is the surface's times `towards`.
     fn angle_from(&self, target: DVec3, scale: f64, along: f64, along_by_cos: f64, towards: f64) -> Residual {
         let normal = self.surface.normal * towards;
         let apart = target - self.to_next;

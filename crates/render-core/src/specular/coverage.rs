@@ -1,12 +1,12 @@
 //! The coverage rule `K(path)`: which paths a specular method owns.
 //!
-//! A path from a vertex O that is not specular to a light is owned by the method that answers for its chain: the specular
-//! vertices between the two. Every method says itself which chains it owns ([`super::SpecularMethod::owns`]), as a function
-//! of O, the chain and the point of the light alone. The path tracer leaves out the light of exactly these paths, whatever
-//! it was that sampled them, and keeps all others.
+//! Consider a path from a vertex O that is not specular to a light. Its chain is the specular vertices between the two.
+//! The method that answers for the chain owns the path. Every method says itself which chains it owns
+//! ([`super::SpecularMethod::owns`]), as a function of O, the chain and the point of the light alone. The path tracer
+//! leaves out the light of exactly these paths, whatever it was that sampled them, and keeps all others.
 //!
-//! `cone` and `fnee` own the chains through one pane ([`through_one_pane`]): exactly two transmissions, in through the face
-//! that looks at O and out through the other, where
+//! `cone` and `fnee` own the chains through one pane ([`through_one_pane`]). These are exactly two transmissions, in
+//! through the face that looks at O and out through the other, where
 //!
 //! - O does not lie between the highest and the lowest point of a face or its plane ([`PaneSide::facing`]);
 //! - no segment runs along the pane (cosine at least [`GRAZING_COSINE`]).

@@ -1,6 +1,7 @@
 //! Interval arithmetic of directions and tangents: bounds on what refraction does to a box of them.
 //!
-//! A *direction* is the tangential part of a unit vector, a *tangent* that part divided by the cosine to the pane's axis.
+//! A *direction* is the tangential part of a unit vector, a *tangent* that part divided by the cosine to the pane's
+//! axis.
 
 use glam::DVec3;
 
@@ -39,8 +40,8 @@ pub(super) fn tangents_of_directions(directions: &Box2) -> Box2 {
     })
 }
 
-/// Bounds on `(Q(t + d) - Q(t)) = B d` for `Q(t) = t / sqrt(1 - |t|^2)`, with t and t + d in `hull`: the entries 11, 12 = 21
-/// and 22 of the symmetric matrix B, by the mean value theorem.
+/// Bounds on `(Q(t + d) - Q(t)) = B d` for `Q(t) = t / sqrt(1 - |t|^2)`, with t and t + d in `hull`: the entries 11,
+/// 12 = 21 and 22 of the symmetric matrix B, by the mean value theorem.
 pub(super) fn bend(hull: &Box2) -> [Interval; 3] {
     let squares = hull.map(squared);
     let cos_squared = Interval::new(

@@ -1,13 +1,14 @@
 //! All paths from a shading point to a source through a pane, with a test that there are no others.
 //!
-//! The window is halved again and again. A part is dropped where the bounds show that no light from it reaches the source.
-//! Where the derivative of the landing stays near one invertible matrix all over the part, it holds at most one path
-//! (Krawczyk 1969; Neumaier, "Interval Methods for Systems of Equations", 1990, section 5.1): one shot from its middle
-//! then bounds where that path can be, or shows that there is none, and Newton's method finds it. What is left in the end
-//! are parts on a fold of the caustic; seeds in them find their paths, but nothing says that these are all.
+//! The window is halved again and again. A part is dropped where the bounds show that no light from it reaches the
+//! source. If the derivative of the landing stays near one invertible matrix all over a part, it holds at most one
+//! path. This is Krawczyk's test (1969; Neumaier 1990, "Interval Methods for Systems of Equations", section 5.1). One
+//! traced path from its middle then bounds where that path can be, or shows that there is none. Newton's method finds
+//! it. The remaining parts are on a fold of the caustic. Seeds in them find their paths, but nothing proves that these
+//! are all.
 //!
-//! Small terms of the derivative are estimated and not bounded (`landing`), so `complete` is all but a proof. Who relies on
-//! it for an unbiased result has to look for further paths now and then.
+//! Small terms of the derivative are estimated and not bounded (`landing`), so `complete` is all but a proof. Who
+//! relies on it for an unbiased result has to look for further paths now and then.
 
 use glam::DVec2;
 use smallvec::{SmallVec, smallvec};
@@ -36,16 +37,16 @@ pub struct Enumeration {
 /// Parts that are looked at, at the most.
 const MOST_PARTS: usize = 1000;
 
-/// A part is not halved below this many cells of the finer face: what then is left lies on a fold, and more halving would
-/// cost more than it finds.
+/// A part is not halved below this many cells of the finer face: what then is left lies on a fold, and more halving
+/// would cost more than it finds.
 const SMALLEST: f64 = 0.25;
 
 /// A shot lands with less than this error, in thicknesses of the pane: its second vertex is off by less than its last
 /// step (`Connection::shoot`).
 const SHOT_ERROR: f64 = 1e-4;
 
-/// Larger parts, in cells of the finer face, are halved without a shot, and all but the whole window without a look at the
-/// curvatures: over so many cells they hardly ever say anything.
+/// Larger parts, in cells of the finer face, are halved without a shot, and all but the whole window without a look at
+/// the curvatures: over so many cells they hardly ever say anything.
 const LARGE: f64 = 4.0;
 
 /// What is left of a part is looked at again before it is halved if its area is less than this share of the part's.

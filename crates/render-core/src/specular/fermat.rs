@@ -1,8 +1,8 @@
 //! Fermat's principle for a path through both faces of a pane: optical length, gradient, Hessian and the generalised
 //! geometry factor.
 //!
-//! The unknowns are theta = (x1, y1, x2, y2), the tangential coordinates in metres of the vertex X1 on the face near the
-//! shading point O and of X2 on the far face. A path is physical where the optical length
+//! The unknowns are theta = (x1, y1, x2, y2), tangential coordinates in metres. They belong to the vertex X1 on the
+//! face near the shading point O, and to X2 on the far face. A path is physical where the optical length
 //! `L = |O X1| + n |X1 X2| + |X2 S|` is stationary (Huan et al. 2023, section 3.1). With a, b, w the unit directions of
 //! the three segments from O to S, and t the tangents of a face,
 //!
@@ -310,7 +310,8 @@ mod tests {
                     connection.optical_length(&moved(theta, coordinate, step), counters)
                         - connection.optical_length(&moved(theta, coordinate, -step), counters)
                 };
-                // Without the third derivative, which is of the order of n / d1^2. Lengths of metres are rounded to 1e-15.
+                // Without the third derivative, which is of the order of n / d1^2. Lengths of metres are rounded to
+                // 1e-15.
                 let step = 1e-6;
                 let slope = (8.0 * difference(step, counters) - difference(2.0 * step, counters)) / (12.0 * step);
                 assert!((derivative - slope).abs() < 1e-8, "{derivative} {slope}");

@@ -1,14 +1,14 @@
-//! The manifold walk: Newton's method on the constraints of a chain, in which every iterate is a path that light takes
-//! (Zeltner et al. 2020, Algorithm 1; for several vertices the authors' published code).
+//! The manifold walk: Newton's method on the constraints of a chain, in which every iterate is a path of light. It
+//! follows Zeltner et al. 2020, Algorithm 1, and for several vertices the authors' published code.
 //!
-//! A step moves the first vertex along its tangent plane; a ray from the shading point through where it lands is traced
-//! through the scene and gives the next iterate. Where that ray does not meet surfaces on which the same things can happen,
-//! the step is halved. So whatever stands in the way of the ray stands in the way of the walk as well. A step that leaves a
-//! pane's outline ends at its border if that helps, or if nothing else does: halving alone would end where the direction of
-//! descent points outwards, however far the path is along the border.
+//! A step moves the first vertex along its tangent plane. A ray from the shading point through that place is traced
+//! through the scene and gives the next iterate. Where that ray does not meet surfaces on which the same things can
+//! happen, the step is halved. So whatever stands in the way of the ray stands in the way of the walk as well. A step
+//! that leaves a pane's outline ends at its border if that helps, or if nothing else does. Halving alone would end
+//! where the direction of descent points outwards, although the path may be far along the border.
 //!
-//! Lengths below which the authors' code gives up are absolute and exceed the thickness of a window pane; all lengths here
-//! are relative to the shortest segment of the path.
+//! Lengths below which the authors' code gives up are absolute and exceed the thickness of a window pane. All lengths
+//! here are relative to the shortest segment of the path.
 
 use crate::specular::constraint::ManifoldConstraint;
 use glam::{DVec2, DVec3};
@@ -46,16 +46,16 @@ const MAX_ITERATIONS: usize = 20;
 /// Zeltner et al. 2020, the published configuration: largest component of a constraint that counts as zero.
 const THRESHOLD: f64 = 1e-5;
 
-/// A step ends at a pane's border if it leaves at most this part of the error there: steps that point outwards because the walk
-/// is far from any path would lead into a corner. What is beyond that border already, where light leaves by the edge, cannot
-/// lose by it.
+/// A step ends at a pane's border if it leaves at most this part of the error there: steps that point outwards because
+/// the walk is far from any path would lead into a corner. What is beyond that border already, where light leaves by
+/// the edge, cannot lose by it.
 const PROGRESS: f64 = 0.5;
 
 /// A walk whose steps have been halved to less than this part is stuck, and goes to the border wherever that leads.
 const STUCK: f64 = 0.1;
 
-/// Where the published walk ends, full Newton steps follow until they are shorter than this part of the shortest segment, so
-/// that paths can be told apart.
+/// Where the published walk ends, full Newton steps follow until they are shorter than this part of the shortest
+/// segment, so that paths can be told apart.
 const TOLERANCE: f64 = 1e-7;
 
 /// Most of these steps: they converge quadratically.
@@ -64,8 +64,8 @@ const POLISHING_STEPS: usize = 8;
 /// Paths whose first vertices are closer than this many tolerances are the same path.
 const SAME_PATH: f64 = 100.0;
 
-/// The last vertex may bend light this far past the light's point. Both kinds of constraint hold to rounding there; only a
-/// path that bends to the wrong side of the surface is as far away as this.
+/// The last vertex may bend light this far past the light's point. Both kinds of constraint hold to rounding there;
+/// only a path that bends to the wrong side of the surface is as far away as this.
 const SAME_DIRECTION: f64 = 1e-4;
 
 /// The search for the chains of one kind that join a shading point to a point of a light and begin on one caster.
@@ -149,8 +149,8 @@ impl ManifoldWalk<'_> {
         None
     }
 
-    /// The path over a place of a smooth triangle, with the weights of its second and third corner, at which the chain of one vertex
-    /// is known to lead to the source; `None` where something is in the way.
+    /// The path over a place of a smooth triangle, with the weights of its second and third corner, at which the chain
+    /// of one vertex is known to lead to the source; `None` where something is in the way.
     pub(super) fn path_over(
         &self,
         triangle: u32,
@@ -184,7 +184,8 @@ impl ManifoldWalk<'_> {
         (beyond || fraction < STUCK || next.error < PROGRESS * current.error).then_some(next)
     }
 
-    /// As [`Self::trace`], for a target beside a pane's outline, which is brought onto the pane, if steps are to stay there.
+    /// As [`Self::trace`], for a target beside a pane's outline, which is brought onto the pane, if steps are to stay
+    /// there.
     fn trace_within(&self, target: DVec3, counters: &mut Counters) -> Option<Chain> {
         if self.steps == WalkSteps::Published {
             return None;

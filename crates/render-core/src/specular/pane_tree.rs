@@ -1,14 +1,13 @@
 //! Which panes light can come through at all: a tree over the panes of a scene that leaves out most of them at once.
 //!
-//! A pane bends light by a bounded angle. So light can only come through a pane if the directions from the point to the pane and
-//! from the pane to the light are nearly the same. For a pane with the index of refraction n whose faces have slopes of
-//! at most s1 and s2, the tangential part of a ray's direction changes by at most `D = sqrt(n^2 - 1) (s1 + s2)`, and the
-//! part along the normal follows from that. All angles are compared as chords between unit vectors, which add up like them or
-//! to less.
+//! A pane bends light by a bounded angle. So light can come through a pane only if the directions from point to pane
+//! and from pane to light are nearly the same. Let n be the index of a pane whose faces have slopes of at most s1 and
+//! s2. Then the tangential part of a ray's direction changes by at most `D = sqrt(n^2 - 1) (s1 + s2)`. The part along
+//! the normal follows. All angles are compared as chords between unit vectors, which add up like them or to less.
 //!
-//! Where a pane mirrors light, a normal of its face halves the angle between the directions from there to the point and to the light:
-//! the sum of these has a tangential part of at most the largest slope times its part along the pane's normal. Over a ball around
-//! the pane the sum hardly varies.
+//! Where a pane mirrors light, a normal of its face halves the angle between the directions to the point and to the
+//! light. So their sum has a tangential part of at most the largest slope times its part along the pane's normal. Over
+//! a ball around the pane the sum hardly varies.
 
 use glam::DVec3;
 use smallvec::{SmallVec, smallvec};
@@ -213,8 +212,8 @@ impl Node {
         across - slack <= self.slope * (along.abs() + slack)
     }
 
-    /// The longest chord between the directions of a ray before and behind one of the panes, when it meets it within a cap
-    /// of the given sine around `direction`.
+    /// The longest chord between the directions of a ray before and behind one of the panes, when it meets it within a
+    /// cap of the given sine around `direction`.
     fn deflection(&self, direction: DVec3, sine: f64) -> f64 {
         let change = self.change;
         let at_worst = (change * change + 2.0 * change).sqrt();
@@ -233,8 +232,8 @@ impl Node {
     }
 }
 
-/// The chord between the axis of a cap and its rim, from the sine of its angular radius; the diameter where there is no such
-/// angle.
+/// The chord between the axis of a cap and its rim, from the sine of its angular radius; the diameter where there is no
+/// such angle.
 fn cap_chord(sine: f64) -> f64 {
     if sine < 1.0 { (2.0 - 2.0 * (1.0 - sine * sine).sqrt()).max(0.0).sqrt() } else { 2.0 }
 }

@@ -1,9 +1,9 @@
-//! Fermat's principle for light that the outside of a pane reflects: the reflected caustic (Huan et al. 2023, section 3.1,
-//! "Other configurations").
+//! Fermat's principle for light that the outside of a pane reflects: the reflected caustic (Huan et al. 2023, section
+//! 3.1, "Other configurations").
 //!
-//! The unknowns are the tangential coordinates x of one vertex X on the face that looks at the shading point O. With a and w
-//! the unit directions of the segments O X and X S, and t the tangents of the face, the optical length `|O X| + |X S|`
-//! changes by `(a - w).dX`, and its Hessian is
+//! The unknowns are the tangential coordinates x of one vertex X on the face that looks at the shading point O. Let a
+//! and w be the unit directions of the segments O X and X S, and t the tangents of the face. The optical length
+//! `|O X| + |X S|` changes by `(a - w).dX`, and its Hessian is
 //!
 //! ```text
 //! H = T^T (P_a/d0 + P_w/d2) T + (a_z - w_z) h'',    P_v = I - v v^T,    without P_w for a light at infinity
@@ -15,8 +15,9 @@
 //! G = |m.a| |m.w| / (d0^2 d2^2 |det H|),    without d2 for a light at infinity
 //! ```
 //!
-//! Seeds lie in a window around the point at which a flat pane would reflect the light, as far away from it as the slopes of
-//! the relief can move that point, and now and then anywhere: what the window misses has a probability all the same.
+//! Seeds lie in a window around the point at which a flat pane would reflect the light. The window is as large as the
+//! slopes of the relief can move that point. Some seeds lie anywhere, so paths outside the window have a probability as
+//! well.
 
 use crate::specular::fnee::FneeSolver;
 use glam::{DMat2, DVec2, DVec3};

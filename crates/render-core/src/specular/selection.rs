@@ -1,4 +1,5 @@
-//! Which casters a method searches for paths from a shading point to a point on a light (Huan et al. 2023, section 3.3).
+//! Which casters a method searches for paths from a shading point to a point on a light (Huan et al. 2023, section
+//! 3.3).
 
 use super::{ShadingPoint, caster::Caster};
 use crate::{

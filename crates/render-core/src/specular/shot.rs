@@ -15,12 +15,13 @@ pub(super) struct Shots<S> {
     vertices: [Lanes2<S>; 2],
     /// Where the lines of their first segments cross the plane of the undisplaced near face.
     pub(super) place: Lanes2<S>,
-    /// By how far they miss the source, on the scale of that plane: without relief, moving `place` by as much would mend
-    /// it.
+    /// By how far they miss the source, on the scale of that plane: without relief, moving `place` by as much would
+    /// mend it.
     pub(super) miss: Lanes2<S>,
 }
 
-/// A shot has found its second vertex when its way in the glass ends less than this part of the pane's thickness beside it.
+/// A shot has found its second vertex when its way in the glass ends less than this part of the pane's thickness beside
+/// it.
 const LANDED: f64 = 1e-5;
 
 /// Most rounds until then. Where slopes are so steep that these are too few, Newton's method decides.
@@ -37,8 +38,9 @@ impl<S: Instructions> Shots<S> {
 }
 
 impl Connection<'_> {
-    /// The `live` ones of four paths from the shading point through points of the near face and on by Snell's law, with points
-    /// near which they may meet the far face; and which were neither totally reflected nor left away from the source.
+    /// The `live` ones of four paths from the shading point through points of the near face and on by Snell's law, with
+    /// points near which they may meet the far face; and which were neither totally reflected nor left away from the
+    /// source.
     #[inline(always)]
     pub(super) fn shoot<S: Instructions>(
         &self,
@@ -93,8 +95,8 @@ impl Connection<'_> {
     }
 }
 
-/// Where rays that cross the undisplaced plane at `flat`, with such tangents, meet the planes through points of a face along its
-/// slopes.
+/// Where rays that cross the undisplaced plane at `flat`, with such tangents, meet the planes through points of a face
+/// along its slopes.
 #[inline(always)]
 fn met<S: Instructions>(flat: Lanes2<S>, tangent: Lanes2<S>, point: &FacePoints<S>) -> Lanes2<S> {
     let height = point.height + point.gradient.dot(flat - point.place);
@@ -102,8 +104,9 @@ fn met<S: Instructions>(flat: Lanes2<S>, tangent: Lanes2<S>, point: &FacePoints<
     flat + tangent.scaled(height * rise.recip())
 }
 
-/// Unit directions refracted where a surface `z = h(x, y)` has the given gradients, from a medium of index `index_in` into one
-/// of index `index_out`, as [`refract`](crate::bsdf::fresnel::refract) does; and which are not totally reflected.
+/// Unit directions refracted where a surface `z = h(x, y)` has the given gradients, from a medium of index `index_in`
+/// into one of index `index_out`, as [`refract`](crate::bsdf::fresnel::refract) does; and which are not totally
+/// reflected.
 #[inline(always)]
 fn refracted<S: Instructions>(
     direction: Lanes3<S>,

@@ -65,8 +65,8 @@ impl<'a> PaneSide<'a> {
         reach + depth - normal.x * point.x - normal.y * point.y > 0.0
     }
 
-    /// Whether a source (in the pane's frame) is on the shading point's side of the undisplaced near face, so that the search
-    /// for light that this face reflects looks for it.
+    /// Whether a source (in the pane's frame) is on the shading point's side of the undisplaced near face, so that the
+    /// search for light that this face reflects looks for it.
     pub(super) fn is_lit_from_here(&self, source: Source) -> bool {
         match source {
             Source::Point(point) => (point.z - self.near_base()) * -self.sign > 0.0,

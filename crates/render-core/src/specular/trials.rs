@@ -2,10 +2,10 @@
 //!
 //! One run finds path k with an unknown probability `p_k`. Two estimators make something of that:
 //!
-//! - **unbiased**: the path that the first run finds, times the number of further independent runs until one finds the same
-//!   path again, whose expectation is `1 / p_k` (Booth 2007);
-//! - **biased**: the distinct paths that a fixed number M of runs finds, each counted once. Its expectation lacks the part
-//!   `(1 - p_k)^M` of each path's light: too dark, never too bright.
+//! - **unbiased**: the path of the first run, times the number of further independent runs until one finds the same
+//!   path again. The expectation of that number is `1 / p_k` (Booth 2007);
+//! - **biased**: the distinct paths that a fixed number M of runs finds, each counted once. Its expectation lacks the
+//!   part `(1 - p_k)^M` of each path's light: too dark, never too bright.
 
 use clerestory_film::TrialStream;
 use clerestory_film::counters::Counters;
@@ -21,8 +21,8 @@ pub(crate) trait RandomSearch {
     /// Whether two of them are the same path.
     fn same(&self, first: &Self::Path, second: &Self::Path) -> bool;
 
-    /// Number of independent runs until `path` is found again: an unbiased estimate of one over its probability. Cut off
-    /// at `max_trials`.
+    /// Number of independent runs until `path` is found again: an unbiased estimate of one over its probability. Cut
+    /// off at `max_trials`.
     fn inverse_probability(
         &self,
         path: &Self::Path,

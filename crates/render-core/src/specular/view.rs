@@ -1,9 +1,9 @@
 //! The view of a light through the panes: the parts of their deflection windows where it may be seen, and rays spread
 //! evenly over them.
 //!
-//! A window is halved again and again and loses what the bounds exclude, until the slopes differ too little within a part
-//! to tell more. Laid side by side, the parts make one interval that rays are spaced over equally: a density which is
-//! known and positive wherever light can come from, however many panes there are.
+//! A window is halved again and again and loses what the bounds exclude, until the slopes differ too little within a
+//! part to tell more. Laid side by side, the parts make one interval, and rays are spaced over it equally. So their
+//! density is known, and positive wherever light can come from, for any number of panes.
 
 use std::collections::VecDeque;
 
@@ -32,8 +32,8 @@ pub(super) struct Effort {
 }
 
 impl Effort {
-    /// Light at the first diffuse vertex of a path is seen in the picture as it falls; at later vertices the path's other
-    /// choices make most of the noise.
+    /// Light at the first diffuse vertex of a path is seen in the picture as it falls; at later vertices the path's
+    /// other choices make most of the noise.
     pub(super) fn at(point: &ShadingPoint) -> Self {
         match point.bounces {
             0 => Self { rays: 16, parts: 64 },
@@ -195,8 +195,9 @@ impl<'a> View<'a> {
     }
 }
 
-/// Cuts windows into about `most` parts in all: by halves, the parts of all windows in turn, until each is settled or there
-/// are so many. Leaves out those from which no light can reach the source. Each part comes with the index of its window.
+/// Cuts windows into about `most` parts in all: by halves, the parts of all windows in turn, until each is settled or
+/// there are so many. Leaves out those from which no light can reach the source. Each part comes with the index of its
+/// window.
 fn cut(windows: &[Window<'_>], most: usize) -> Vec<(usize, Rect)> {
     let capacity = most.max(windows.len());
     let (mut open, mut done) = (VecDeque::with_capacity(capacity), Vec::with_capacity(capacity));
@@ -224,7 +225,8 @@ fn cut(windows: &[Window<'_>], most: usize) -> Vec<(usize, Rect)> {
 }
 
 impl Patch {
-    /// Expected number of rays for each unit of solid angle, when there is one for each `stride` of the patches' weights.
+    /// Expected number of rays for each unit of solid angle, when there is one for each `stride` of the patches'
+    /// weights.
     fn density(&self, stride: f64, opening: &Opening<'_>, place: DVec2) -> f64 {
         self.weight / (stride * self.rect.area() * solid_angle(&opening.side, opening.origin, place))
     }

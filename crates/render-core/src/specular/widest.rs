@@ -1,7 +1,7 @@
 //! Computations that are compiled more than once, for what processors can do, and run as the one at hand can.
 //!
-//! Wider instructions compute the same bits: sums keep their order, and products and sums are rounded each for itself, or
-//! together in all versions.
+//! Wider instructions compute the same bits: sums keep their order, and products and sums are rounded each for itself,
+//! or together in all versions.
 
 use pulp::{Scalar256b, Simd, WithSimd};
 

@@ -1,8 +1,8 @@
 //! The deflection window: where, on a pane, light can come through from a light to a shading point.
 //!
 //! Along a path O, X1, X2, S through two faces, Snell's law adds to the tangential direction only multiples of the two
-//! slopes. With a the unit direction at O, w the unit direction at S, n the relative index and m the face's unnormalised
-//! normal,
+//! slopes. With a the unit direction at O, w the unit direction at S, n the relative index and m the face's
+//! unnormalised normal,
 //!
 //! ```text
 //! w_t - a_t = -g1 grad h1 + g2 grad h2,    g = (sqrt(n^2 - 1 + c^2) - c) / |m|,    c = cosine in air at that face
@@ -10,9 +10,9 @@
 //!
 //! so bounds on the slopes bound the deflection, and bounds on the deflection bound where the path can cross the pane.
 //! Interval arithmetic (`landing`) turns this into a rectangle that holds every path, and the rectangle into better
-//! bounds on the slopes: a few rounds contract it to the neighbourhood that matters. The same arithmetic contracts any
-//! part of the window further. The rectangle is a true bound (no path that [`super::coverage`] owns lies outside), which
-//! makes sampling inside it unbiased.
+//! bounds on the slopes. A few rounds contract it. The same arithmetic contracts any part of the window further. The
+//! rectangle is a true bound (no path that [`super::coverage`] owns lies outside), which makes sampling inside it
+//! unbiased.
 
 use glam::{DVec2, DVec3};
 

@@ -1,7 +1,7 @@
 //! Sources: a SQLite file or a PostgreSQL database, and connections to them.
 //!
-//! Both run the same statements. Only this module and the two engines know which one it is: settings of connections,
-//! the begin of a transaction, turns of the writers of several coordinators, and notifications between them.
+//! Both run the same statements. Only this module and the two engines know which one it is. They differ in the settings
+//! of connections, the begin of a transaction, the turns of several coordinators' writers, and notifications.
 
 use std::fmt;
 use std::path::{Path, PathBuf};

@@ -3,13 +3,13 @@
 //! The writer has a thread of its own: statements of SQLite run on it, and a commit waits for the disk.
 //!
 //! A commit costs a sync of the disk, whatever it holds. So the writes that arrive during one commit form the next
-//! transaction, each in a savepoint of its own, so that a failing write rolls back alone. A caller is answered after
+//! transaction. Each has a savepoint of its own, so that a failing write rolls back alone. A caller is answered after
 //! the commit, never before. The write of a caller that disconnects is carried out all the same, unless it is a
 //! [claim](Turn::Claim).
 //!
-//! A transaction takes no more writes after [some time](GROUPED), because later writes wait for all of it and a server
-//! steps over every row that it has replaced so far. This time grows with the last commit. Otherwise a slow disk would
-//! get few writes for each commit, and spend most of its time on commits.
+//! A transaction takes no more writes after [some time](GROUPED). Later writes wait for all of it, and a server steps
+//! over every row that it has replaced so far. This time grows with the last commit. Otherwise a slow disk would get
+//! few writes for each commit, and spend most of its time on commits.
 //!
 //! Some writes have a [turn](Turn) of their own. Claims alternate with the usual writes, so that an idle worker does
 //! not wait for everything that others uploaded while the disk paused. Renewals, heartbeats and film leases go first,

@@ -1,14 +1,14 @@
 //! Expired leases, and the conclusions about their nodes.
 //!
 //! A scene may kill its workers: it needs more memory than a machine has, or triggers a fault of the renderer. An
-//! expired lease counts as a death under three conditions: it brought no node, its worker was not heard of afterwards,
+//! expired lease counts as a death under three conditions. It brought no node, its worker sent no heartbeat afterwards,
 //! and the coordinator listened all the time. The death is recorded on the node that the worker rendered first. From
 //! then on that node is leased alone ([`suspects`](crate::store::queue::suspects)), so that the next death tells more.
 //!
 //! A job is held when [enough machines](super::attempts) died with one of its nodes: it gets no leases. It is released
-//! by hand, or when one of those workers is heard of again, which was cut off or suspended. Until a job has brought a
-//! node, the deaths with all of its nodes count together, because its scene may kill every worker that builds it.
-//! Later they do not, so that machines that come and go do not hold a long job.
+//! by hand, or when one of those workers is heard of again, which was cut off or suspended. Until a job has an accepted
+//! node, the deaths with all of its nodes count together: its scene may kill every worker that builds it. Later they do
+//! not, so that machines that come and go do not hold a long job.
 
 use std::collections::BTreeSet;
 

@@ -1,7 +1,7 @@
 //! Splits of nodes in the queue.
 //!
-//! A node is the sum of its two halves, so a row can become two at any moment before it is accepted, as often as the
-//! rates of the workers ask for. A worker that was leased the whole node may still bring it:
+//! A node is the sum of its two halves. So a row can become two at any moment before it is accepted, as the rates of
+//! the workers require. A worker that was leased the whole node may still bring it:
 //! [acceptance](crate::store::results::acceptance) takes all of its parts.
 
 use clerestory_film::NodeAddress;

@@ -1,9 +1,9 @@
 //! Stragglers: leases of other workers that are taken over.
 //!
-//! A worker for whom nothing is free takes over nodes that another has held for longer than it would need itself,
-//! beyond the time for which that one may keep rendered nodes. [Overdue](crate::model::MeasuredRate::overdue_seconds)
-//! nodes are taken over before other work, however often their lease is renewed. The other lease goes on while it has
-//! nodes left, and the first result wins.
+//! A worker that finds no free nodes takes over nodes of another. That other has held them for longer than the first
+//! would need, and longer than it may keep rendered nodes. [Overdue](crate::model::MeasuredRate::overdue_seconds) nodes
+//! are taken over before other work, however often their lease is renewed. The other lease goes on while it has nodes
+//! left, and the first result wins.
 //!
 //! A single node is split for that: its second half goes to the other worker.
 

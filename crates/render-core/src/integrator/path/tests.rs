@@ -42,7 +42,8 @@ fn two_panes(gap: f64, at: f64) -> Value {
     };
     json!({
         "version": 1, "name": "two panes", "film": {"width": EDGE, "height": EDGE},
-        "camera": {"orthographic": {"position": [0, 0, at - 1.0], "look_at": [0, 0, at], "up": [0, 1, 0], "height": 0.1}},
+        "camera": {"orthographic": {
+            "position": [0, 0, at - 1.0], "look_at": [0, 0, at], "up": [0, 1, 0], "height": 0.1}},
         "integrator": {"path": {"max_depth": 1000}},
         "sampling": {"samples_per_pass": SAMPLES, "samples_per_block": SAMPLES},
         "panes": [pane("near", 0.0), pane("far", thickness + gap)],
@@ -83,7 +84,8 @@ fn a_lamp_that_lies_on_the_ceiling_shines_as_one_just_below_it_does() {
             "materials": {"plaster": {"diffuse": {"reflectance": {"colour": [0.5, 0.5, 0.5]}}}},
             "meshes": [mesh("floor", 0.0), mesh("ceiling", 2.7)],
             "lights": [{"rectangle": {
-                "name": "lamp", "centre": [0.13, 0.21, 2.7 - gap], "edge_u": [0, 1, 0], "edge_v": [1, 0, 0], "radiance": [1, 1, 1]
+                "name": "lamp", "centre": [0.13, 0.21, 2.7 - gap], "edge_u": [0, 1, 0], "edge_v": [1, 0, 0],
+                "radiance": [1, 1, 1]
             }}]
         })
     };

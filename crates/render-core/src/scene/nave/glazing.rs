@@ -1,8 +1,8 @@
 //! The panes: crown, cylinder-blown and hammered glass and bullions, mixed over the windows.
 //!
-//! Under the sun, a caustic 11 m behind a pane is blurred by 11 cm, so what is seen of it are waves longer than that, whose
-//! focal lengths are about as long as the way. The other faces have shorter waves: they are blurred away, but every
-//! method has to find its way through them. Slopes are 1e-3 to 6e-3, those of old glass.
+//! Under the sun, a caustic 11 m behind a pane is blurred by 11 cm. So only longer waves are visible, with focal
+//! lengths of about that distance. The other faces have shorter waves: they are blurred away, but every method has to
+//! find its way through them. Slopes are 1e-3 to 6e-3, those of old glass.
 
 use super::leading::GAP;
 use super::stonework::{GLASS_DEPTH, OPENING};

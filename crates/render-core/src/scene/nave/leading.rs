@@ -51,8 +51,8 @@ pub(super) fn cames(cuts: u32) -> MeshDescription {
     triangles.into_mesh("cames", "lead")
 }
 
-/// A strip from border to border of a window, between two depths from the middle of the glass. Strips at the border are half
-/// in the stone.
+/// A strip from border to border of a window, between two depths from the middle of the glass. Strips at the border are
+/// half in the stone.
 fn add_strip(triangles: &mut Triangles, window: u32, run: Run, half_width: f64, depths: [f64; 2]) {
     let (centre, [near, far]) = (window_centre(window), depths.map(|depth| depth - GLASS_DEPTH));
     let ([y0, y1], [z0, z1]) = match run {

@@ -1,9 +1,9 @@
 //! A scene to measure how methods scale with the number of panes: a stone nave whose clerestory lets the sun in.
 //!
-//! Whatever the number of panes, stone, sun, camera and the four openings of the clerestory are the same: the openings are
-//! cut into ever smaller panes, as in leaded lights, with cames between them (`leading`), and the waves of the glass keep
-//! their lengths (`glazing`). So the receiver gets about the same light, from more panes. The walls are closed
-//! (`stonework`): the sun comes in through glass alone.
+//! Stone, sun, camera and the four openings of the clerestory are the same for any number of panes. The openings are
+//! cut into smaller panes, as in leaded lights, with cames between them (`leading`). The waves of the glass keep their
+//! lengths (`glazing`). So the receiver gets about the same light, from more panes. The walls are closed (`stonework`):
+//! the sun comes in through glass alone.
 
 mod glazing;
 mod leading;

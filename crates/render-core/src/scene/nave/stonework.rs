@@ -17,8 +17,8 @@ pub(super) const GLASS_DEPTH: f64 = 0.6;
 /// Where the openings hold the glass, metres.
 pub(super) const OPENING: Opening = Opening { half_width: 0.5, sill: 8.0, head: 10.4 };
 
-/// The reveals widen from the glass to the outside, and more to the inside, where the sill falls off more steeply than the
-/// sun shines: next to no sunlight that comes through glass is lost on them.
+/// The reveals widen from the glass to the outside, and more to the inside, where the sill falls off more steeply than
+/// the sun shines: next to no sunlight that comes through glass is lost on them.
 const OUTER_OPENING: Opening = Opening { half_width: 0.6, sill: 7.9, head: 10.6 };
 const INNER_OPENING: Opening = Opening { half_width: 0.85, sill: 7.35, head: 10.5 };
 

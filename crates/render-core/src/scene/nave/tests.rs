@@ -1,5 +1,5 @@
-//! What makes the nave fit for its purpose: the same building for any number of panes, lit through glass alone, and by most
-//! of the glass in sight of the camera.
+//! The nave is the same building for any number of panes. It is lit through glass only, and by most of the glass in
+//! sight of the camera.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,8 +1,8 @@
 //! Triangle meshes from Wavefront OBJ files. Groups become one mesh; materials, lines, points, curves and free-form
 //! surfaces are left out.
 //!
-//! A file is read three times: to count, so that its size is known before memory is taken; for the numbers; and for the
-//! faces, which may name vertices further down.
+//! A file is read three times. The first counts, so that the size is known before memory is allocated. The second reads
+//! the numbers. The third reads the faces, which may name later vertices.
 
 use std::collections::BTreeMap;
 
@@ -33,8 +33,8 @@ impl<'a> ObjFile<'a> {
         self.counts.triangles
     }
 
-    /// A vertex is a position with a texture coordinate and a normal, as corners in one group name them. In each group there are no more than of these
-    /// together, but in files that mix a few of each in all ways.
+    /// A vertex is a position with a texture coordinate and a normal, as corners in one group name them. In each group
+    /// there are no more than of these together, but in files that mix a few of each in all ways.
     pub(super) fn vertices(&self) -> usize {
         let Counts { positions, texture_coordinates, normals, triangles, groups } = self.counts;
         let named = positions + texture_coordinates + normals;

@@ -187,8 +187,8 @@ fn property(words: &[&[u8]]) -> Result<Property, &'static str> {
     Ok(Property { name: String::from_utf8_lossy(name).into_owned(), scalar: scalar(type_name)?, length })
 }
 
-/// What comes after a header. That of a binary file begins behind as much as ends a line of the header: its first byte may
-/// look like the second half of CRLF.
+/// What comes after a header. That of a binary file begins behind as much as ends a line of the header: its first byte
+/// may look like the second half of CRLF.
 fn body(bytes: &[u8], rest: usize, encoding: Encoding) -> &[u8] {
     let first_end = bytes.iter().position(|byte| matches!(byte, b'\n' | b'\r')).unwrap_or(0);
     let lines_end_with_cr = bytes[first_end..].starts_with(b"\r") && !bytes[first_end..].starts_with(b"\r\n");

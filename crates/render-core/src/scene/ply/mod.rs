@@ -153,8 +153,8 @@ impl<'a> PlyFile<'a> {
     }
 }
 
-/// Checks that a file is a mesh, and that nothing of its shape is in elements that are not read. Answers which property of
-/// its faces lists their corners.
+/// Checks that a file is a mesh, and that nothing of its shape is in elements that are not read. Answers which property
+/// of its faces lists their corners.
 fn check_elements(header: &Header<'_>) -> Result<usize, AssetProblem> {
     if let Some(strips) = header.element("tristrips").filter(|strips| strips.count > 0) {
         let count = strips.count;

@@ -168,8 +168,9 @@ fn counts_that_the_file_cannot_hold_are_refused_before_reading() {
         let message = decode(text).unwrap_err().to_string();
         assert!(message.contains("too short to hold"), "{message}");
     }
-    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 0\nproperty int x\nproperty int y\nproperty int z\n\
-                  element face 0\nproperty list uchar int vertex_index\nelement nothing 4000000000\nend_header\n";
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 0\n\
+                  property int x\nproperty int y\nproperty int z\nelement face 0\n\
+                  property list uchar int vertex_index\nelement nothing 4000000000\nend_header\n";
     assert!(decode(header).unwrap_err().to_string().contains("too short to hold"));
 }
 

@@ -1,8 +1,8 @@
-//! Scenes of water, to measure how methods scale with the triangles of its surface, and to look at how caustics move: a pool
-//! (`pool`) and a lagoon (`lagoon`), seen from above, from below the surface, or straight onto the floor.
+//! Scenes of water: a pool (`pool`) and a lagoon (`lagoon`), seen from above, from below the surface, or straight onto
+//! the floor. They show how methods scale with the triangles of the surface, and how caustics move.
 //!
-//! Whatever the number of triangles and the time, basin, floating things, light and cameras are the same. So pictures at times one
-//! twenty-fifth of a second apart are the frames of an animation.
+//! Whatever the number of triangles and the time, basin, floating things, light and cameras are the same. So pictures
+//! at times one twenty-fifth of a second apart are the frames of an animation.
 
 mod lagoon;
 mod pool;

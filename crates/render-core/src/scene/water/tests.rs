@@ -1,5 +1,5 @@
-//! What makes the water fit for its purpose: the same scene for any number of triangles, under water where it should be, with
-//! light on what the cameras see.
+//! The water is the same scene for any number of triangles. Cameras are under water where they should be, and see lit
+//! places.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;

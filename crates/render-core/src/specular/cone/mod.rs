@@ -1,12 +1,12 @@
 //! `cone`: light through glass by forward sampling of the cone from which it can come.
 //!
-//! Rays are sent from the shading point into the deflection window of the whole light, traced exactly through both faces,
-//! and count when they meet the light. No root is sought; weights are bounded by the solid angle of the window; the
-//! estimate is unbiased for every light that can be met, because the window is a true bound. It is the house's own
-//! reference generator. A point light is never met: its light through glass is missing.
+//! Rays start at the shading point and go into the deflection window of the whole light. They are traced exactly
+//! through both faces, and count when they meet the light. No root is sought. The solid angle of the window bounds the
+//! weights. The estimate is unbiased for every light with an extent, because the window is a true bound. It is the
+//! house's own reference generator. A point light is never met: its light through glass is missing.
 //!
-//! Behind rippled glass the sun shows as a few small patches in a large window: the rays are spread over the parts of the
-//! window that may hold one (`view`).
+//! Behind rippled glass the sun shows as a few small patches in a large window. The rays are spread over the parts of
+//! the window that may hold one (`view`).
 
 mod settings;
 

@@ -1,4 +1,5 @@
-//! Tests that whatever chance comes up with, triangles, meshes and scenes of any kind, has an end, and paths that are paths.
+//! Tests that whatever chance comes up with, triangles, meshes and scenes of any kind, has an end, and paths that are
+//! paths.
 
 use super::ConicSearch;
 use std::collections::BTreeMap;
@@ -67,8 +68,8 @@ fn any_corners(random: &mut TrialStream, on_lattice: bool) -> [DVec3; 3] {
     }
 }
 
-/// Normals that are upright, of any direction, within the triangle's plane, or such that what is interpolated between them vanishes on an
-/// edge or within the triangle.
+/// Normals that are upright, of any direction, within the triangle's plane, or such that what is interpolated between
+/// them vanishes on an edge or within the triangle.
 fn any_normals(random: &mut TrialStream, on_lattice: bool, corners: &[DVec3; 3]) -> [DVec3; 3] {
     let mut normals = match (random.next_f64() * 10.0) as u32 {
         0 => [(); 3].map(|()| any_direction(random, on_lattice)),
@@ -228,7 +229,8 @@ fn paths_of_walks_over_any_mesh(chunks: u32) -> usize {
                     let ends = any_ends(&mut random);
                     let triangle = ((random.next_f64() * facets.len() as f64) as u32, pair(&mut random) * 0.5);
                     let crossed = |(k, facet)| Some((k, curve::straight_through(facet, &ends)?));
-                    // From the straight line to the light where that crosses the mesh, as it should be, or from anywhere.
+                    // From the straight line to the light where that crosses the mesh, as it should be, or from
+                    // anywhere.
                     let start = (0u32..).zip(&facets).find_map(crossed).unwrap_or(triangle);
                     let path = first_path(start, |k| facets[k as usize], &neighbours, &ends);
                     if let Some((triangle, weights)) = path {
@@ -359,7 +361,8 @@ fn a_hundred_thousand_calls_of_the_method_end_with_finite_light_over_any_mesh_un
                                 let is_direction = (direction.length() - 1.0).abs() < 1e-9;
                                 assert!(
                                     is_light && is_direction,
-                                    "{number}: {weight} along {direction} at {point:?} from {light}, {event:?}, {search:?}"
+                                    "{number}: {weight} along {direction} at {point:?} from {light}, {event:?}, \
+                                     {search:?}"
                                 );
                                 arrivals += 1;
                                 led += usize::from(leads_to_light(&scene, &point, direction, event, light));

@@ -1,8 +1,8 @@
 //! All paths over a facet by halving and interval arithmetic: slow, and certain. The search along curves is held to it.
 //!
-//! The facet is cut into boxes of weights. A box is dropped where bounds of the misfit exclude zero, and a path in it is known
-//! to be the only one where Krawczyk's operator maps the box into itself (Neumaier, "Interval Methods for Systems of
-//! Equations", 1990, section 5.1). Neither the curves nor the derivatives of the renderer are used.
+//! The facet is cut into boxes of weights. A box is dropped if bounds of the misfit exclude zero. If Krawczyk's
+//! operator maps the box into itself, it holds one path (Neumaier 1990, "Interval Methods for Systems of Equations",
+//! section 5.1). Neither the curves nor the derivatives of the renderer are used.
 
 use std::ops::{Add, Mul, Sub};
 
@@ -313,7 +313,8 @@ pub(super) fn all_paths(facets: &[Facet], ends: &Ends) -> Option<Vec<DVec3>> {
     Some(places)
 }
 
-/// What the published walk finds: at most one path. `None` where it cannot start, since the line to the light passes beside.
+/// What the published walk finds: at most one path. `None` where it cannot start, since the line to the light passes
+/// beside.
 fn published(facets: &[Facet], neighbours: &Neighbours, ends: &Ends) -> Option<Option<DVec3>> {
     let start = (0u32..).zip(facets).find_map(|(k, facet)| Some((k, straight_through(facet, ends)?)))?;
     let found = first_path(start, |k| facets[k as usize], neighbours, ends);
@@ -363,8 +364,8 @@ impl Add for Tally {
     }
 }
 
-/// Requires of random problems over water that the paths that are found are those that are certain, and that the published walk finds
-/// some of them.
+/// Requires of random problems over water that the paths that are found are those that are certain, and that the
+/// published walk finds some of them.
 #[track_caller]
 fn compare(cells: u32, amplitude: f64, problems: u32) -> Tally {
     let facets = water(cells, amplitude);
@@ -397,8 +398,8 @@ fn compare(cells: u32, amplitude: f64, problems: u32) -> Tally {
     let tally = ends.par_iter().map(one).reduce(Tally::default, Tally::add);
     let [missed, missed_of_all] = tally.missed().map(|part| 100.0 * part);
     println!(
-        "{} triangles, waves of {amplitude}: {tally:?}: the published walk misses {missed:.1} percent where it can start, which is not \
-         so in {} of {} problems, and {missed_of_all:.1} percent of all",
+        "{} triangles, waves of {amplitude}: {tally:?}: the published walk misses {missed:.1} percent where it can \
+         start, which is not so in {} of {} problems, and {missed_of_all:.1} percent of all",
         facets.len(),
         tally.unstarted,
         tally.refracted
@@ -420,7 +421,8 @@ fn the_paths_over_water_are_those_that_are_certain_and_no_others() {
     assert_eq!(all.problems, 10_000);
 }
 
-/// Most of these triangles are so small that they hold one path at the most, which no triangle of the coarser water is; the tree has five levels.
+/// Most of these triangles are so small that they hold one path at the most, which no triangle of the coarser water is;
+/// the tree has five levels.
 #[test]
 fn the_paths_over_fine_water_are_those_that_are_certain_and_no_others() {
     let tally = compare(100, 0.05, 160) + compare(100, 0.1, 160);

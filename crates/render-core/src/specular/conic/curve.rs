@@ -1,15 +1,16 @@
 //! The curve on a facet along which the shading point, the light and the normal are coplanar, and all paths on it.
 //!
-//! In the weights `b` of the corners it is the conic `b^T S b = 0` (Granizo-Hidalgo and Holzschuch 2024, equation 10). Its six
-//! coefficients are those of a quadratic Bernstein polynomial over the triangle: where all have one sign there is no curve.
-//! Between two of its points `p` and `q` it is one of two rational arcs,
+//! In the weights `b` of the corners it is the conic `b^T S b = 0` (Granizo-Hidalgo and Holzschuch 2024, equation 10).
+//! Its six coefficients are those of a quadratic Bernstein polynomial over the triangle: where all have one sign there
+//! is no curve. Between two of its points `p` and `q` it is one of two rational arcs,
 //!
 //! ```text
 //! b(t) = (1 - t)^2 p +- 2 t (1 - t) c + t^2 q,        c along (S p) x (S q), the pole of the line through both.
 //! ```
 //!
-//! Those between crossings of edges on which no weight is negative are the curve's parts in the triangle. Along an arc, the squares of both
-//! sides of Snell's law are polynomials of degree 12. Isolating their roots (`geometry::bernstein`) finds all paths.
+//! Those between crossings of edges on which no weight is negative are the curve's parts in the triangle. Along an arc,
+//! the squares of both sides of Snell's law are polynomials of degree 12. Isolating their roots (`geometry::bernstein`)
+//! finds all paths.
 
 use arrayvec::ArrayVec;
 use glam::{DMat3, DVec2, DVec3};
@@ -23,7 +24,8 @@ const NOTHING: f64 = 1e-13;
 /// How far outside paths are looked for, in weights.
 const GROWTH: f64 = 1e-7;
 
-/// Values at corners that are smaller than this part of all others are zero where the curve is followed beyond the triangle.
+/// Values at corners that are smaller than this part of all others are zero where the curve is followed beyond the
+/// triangle.
 const BESIDE_CORNER: f64 = 1e-12;
 
 /// Where the conic is too close to a pair of crossing lines to be followed, the triangle is cut in four so many times.
@@ -47,7 +49,8 @@ const SHARPEST: f64 = 1e5;
 /// An arc is most of an ellipse where the sum of its weights half way is less than this.
 const LARGE_PART: f64 = 0.2;
 
-/// A conic is a line between two of its points where what it is half way is less than this part of the largest entry times the square of their distance.
+/// A conic is a line between two of its points where what it is half way is less than this part of the largest entry
+/// times the square of their distance.
 const STRAIGHT: f64 = 1e-8;
 
 /// Hands the weights of all paths on a facet to `found`; some more than once, and some just outside.
@@ -128,8 +131,8 @@ fn quarters(part: &DMat3) -> [DMat3; 4] {
     [[a, ab, ca], [ab, b, bc], [ca, bc, c], [bc, ca, ab]].map(|[a, b, c]| DMat3::from_cols(a, b, c))
 }
 
-/// Weights of the corners where the conic crosses edges, one of them zero (Granizo-Hidalgo and Holzschuch 2024, equation 22 with E for
-/// D, 23 with D for C, and 24).
+/// Weights of the corners where the conic crosses edges, one of them zero (Granizo-Hidalgo and Holzschuch 2024,
+/// equation 22 with E for D, 23 with D for C, and 24).
 pub(super) fn crossings(form: &DMat3) -> ArrayVec<DVec3, 6> {
     let mut crossings = ArrayVec::new();
     for edge in 0..3 {
@@ -141,9 +144,9 @@ pub(super) fn crossings(form: &DMat3) -> ArrayVec<DVec3, 6> {
     crossings
 }
 
-/// The parts of the conic within the triangle, each from one crossing of an edge to the next along it; of an ellipse within the
-/// triangle, both halves. What is a hair beside a corner goes through it. `None` where the conic is too close to a pair of lines to be
-/// told from one, and not close enough to be followed as one.
+/// The parts of the conic within the triangle, each from one crossing of an edge to the next along it; of an ellipse
+/// within the triangle, both halves. What is a hair beside a corner goes through it. `None` where the conic is too
+/// close to a pair of lines to be told from one, and not close enough to be followed as one.
 pub(super) fn arcs_within(form: &DMat3) -> Option<ArrayVec<Arc, MOST_ARCS>> {
     let largest = largest_entry(form);
     let at_corners = DVec3::new(form.x_axis.x, form.y_axis.y, form.z_axis.z);
@@ -192,8 +195,8 @@ fn apart(a: DVec3, b: DVec3) -> f64 {
     (a - b).abs().max_element()
 }
 
-/// An arc that is most of an ellipse, in two: from its ends, which are close together, to the opposite point. By itself its weights all
-/// but vanish half way, and its polynomials with them. `None` for other arcs.
+/// An arc that is most of an ellipse, in two: from its ends, which are close together, to the opposite point. By itself
+/// its weights all but vanish half way, and its polynomials with them. `None` for other arcs.
 fn in_two(form: &DMat3, arc: &Arc) -> Option<ArrayVec<Arc, 4>> {
     let [p, _, q] = *arc;
     if value(arc, 0.5).element_sum() > LARGE_PART {
@@ -211,7 +214,8 @@ fn centre(form: &DMat3) -> Option<DVec3> {
     Some(centre / centre.element_sum()).filter(|centre| centre.is_finite())
 }
 
-/// Two points of a conic that crosses edges at one place at the most, as far apart as is easily had; `None` when there are none.
+/// Two points of a conic that crosses edges at one place at the most, as far apart as is easily had; `None` when there
+/// are none.
 fn two_points(form: &DMat3, crossing: Option<&DVec3>) -> Option<[DVec3; 2]> {
     if let Some(&p) = crossing {
         // It enters and leaves at one place: the other end of a chord from there.
@@ -262,7 +266,8 @@ pub(super) fn value(arc: &Arc, t: f64) -> DVec3 {
     arc[0] * ((1.0 - t) * (1.0 - t)) + arc[1] * (2.0 * t * (1.0 - t)) + arc[2] * (t * t)
 }
 
-/// Hands the weights of all paths on a piece of an arc to `found`. The arc's weights are those of the corners of `part`.
+/// Hands the weights of all paths on a piece of an arc to `found`. The arc's weights are those of the corners of
+/// `part`.
 fn paths_on_arc(ends: &Ends, corners: &DMat3, normals: &DMat3, part: &DMat3, arc: &Arc, found: &mut impl FnMut(DVec2)) {
     let to_light = DMat3::from_cols(
         ends.offset_to_light(corners.x_axis),

@@ -60,8 +60,8 @@ fn crossings(facet: &Facet, ends: &Ends) -> Option<[usize; 3]> {
     Some([0, 1, 2].map(|edge: usize| met.iter().filter(|weights| weights[(edge + 2) % 3] == 0.0).count()))
 }
 
-/// Whether the arcs of the curve are all of it within the triangle, end where it crosses edges, and are on it. False where there are none,
-/// since it is too close to a pair of lines.
+/// Whether the arcs of the curve are all of it within the triangle, end where it crosses edges, and are on it. False
+/// where there are none, since it is too close to a pair of lines.
 #[track_caller]
 fn check_arcs(form: &DMat3) -> bool {
     const PARTS: u32 = 200;
@@ -303,8 +303,8 @@ fn both_lines_of_a_pair_are_followed_where_they_go_through_corners() {
     }
 }
 
-/// Squares of two triangles each with waves along one of their diagonals, that which is no edge, so that straight curves along it go
-/// through a corner of every triangle.
+/// Squares of two triangles each with waves along one of their diagonals, that which is no edge, so that straight
+/// curves along it go through a corner of every triangle.
 fn waves_along_diagonals(cells: u32) -> Vec<Facet> {
     let corner = |i: u32, j: u32| {
         let place = (DVec2::new(f64::from(i), f64::from(j)) / f64::from(cells)) * 2.0 - 1.0;

@@ -11,20 +11,21 @@ pub(super) struct Ends {
     pub(super) point: DVec3,
     /// The light's point L, metres, or the unit direction to it.
     pub(super) light: DVec3,
-    /// One for a light at a point, zero for one at infinity: the vector from a place M to the light is `light - near M`.
+    /// One for a light at a point, zero for one at infinity: the vector from a place M to the light is
+    /// `light - near M`.
     pub(super) near: f64,
     /// Indices of refraction where the shading point and where the light is; one for a mirror.
     pub(super) indices: [f64; 2],
-    /// One where normals point to the shading point's side of the interface, minus one where they point to the other, zero
-    /// for a mirror, whose sides are alike.
+    /// One where normals point to the shading point's side of the interface, minus one where they point to the other,
+    /// zero for a mirror, whose sides are alike.
     pub(super) side: f64,
     /// How far points of the light are from L at the most, metres, or the chord between unit directions.
     pub(super) spread: f64,
 }
 
 impl Ends {
-    /// The ends of paths that are refracted at the boundary between air, on the side to which normals point, and something
-    /// with this index of refraction; `outside` says whether the shading point is in the air.
+    /// The ends of paths that are refracted at the boundary between air, on the side to which normals point, and
+    /// something with this index of refraction; `outside` says whether the shading point is in the air.
     pub(super) fn refracted(point: DVec3, source: Source, index: f64, outside: bool) -> Self {
         if outside { Self::new(point, source, [1.0, index], 1.0) } else { Self::new(point, source, [index, 1.0], -1.0) }
     }
@@ -42,7 +43,8 @@ impl Ends {
         Self { point, light, near, indices, side, spread: 0.0 }
     }
 
-    /// The same for all points of a light as far as `spread` from this one, metres, or the chord between unit directions.
+    /// The same for all points of a light as far as `spread` from this one, metres, or the chord between unit
+    /// directions.
     pub(super) fn spread(self, spread: f64) -> Self {
         Self { spread, ..self }
     }
@@ -67,8 +69,9 @@ impl Ends {
         self.light - place * self.near
     }
 
-    /// The direction of the straight line from the shading point to the light, of any length: with it, the places M with
-    /// `n . (across x PM) = 0` are those at which P, L and the normal are coplanar (Granizo-Hidalgo and Holzschuch 2024, equation 9).
+    /// The direction of the straight line from the shading point to the light, of any length: with it, the places M
+    /// with `n . (across x PM) = 0` are those at which P, L and the normal are coplanar (Granizo-Hidalgo and Holzschuch
+    /// 2024, equation 9).
     pub(super) fn across(&self) -> DVec3 {
         self.offset_to_light(self.point)
     }

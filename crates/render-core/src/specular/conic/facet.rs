@@ -1,9 +1,9 @@
 //! A triangle with interpolated normals: where on it light goes from one end to another.
 //!
-//! Places are given by the weights of the three corners, which sum to one. A path obeys the law of refraction where the
-//! generalised half vector `h = n_P w_P + n_L w_L` is along the normal, `w_P` and `w_L` being the unit directions to the
-//! shading point and to the light and `n_P`, `n_L` the indices there (Walter et al. 2007). Both indices are one for a
-//! mirror. The three components of `h x n` vanish together.
+//! Places are given by the weights of the three corners, which sum to one. A path obeys the law of refraction if the
+//! generalised half vector `h = n_P w_P + n_L w_L` is along the normal (Walter et al. 2007). Here `w_P` and `w_L` are
+//! the unit directions to the shading point and to the light, and `n_P`, `n_L` the indices there. Both indices are one
+//! for a mirror. The three components of `h x n` vanish together.
 
 use std::f64::consts::SQRT_2;
 
@@ -88,9 +88,10 @@ impl Facet {
         paths
     }
 
-    /// The path on a triangle so small that it holds one at the most. With G the misfit and K its derivative in the middle, a path at
-    /// x has `|G + K (x - middle)|` at most half of what the second derivatives of G can be, times `|x - middle|^2`; and two, at x and
-    /// y, would make `|K (x - y)|` at most what the derivative changes between them times `|x - y|`.
+    /// The path on a triangle so small that it holds one at the most. With G the misfit and K its derivative in the
+    /// middle, a path at x has `|G + K (x - middle)|` at most half of what the second derivatives of G can be, times
+    /// `|x - middle|^2`; and two, at x and y, would make `|K (x - y)|` at most what the derivative changes between them
+    /// times `|x - y|`.
     fn only_path(&self, ends: &Ends) -> Only {
         const MIDDLE: DVec2 = DVec2::splat(1.0 / 3.0);
         let misfit = self.misfit(ends, MIDDLE);
@@ -138,8 +139,8 @@ impl Facet {
         bend * (self.normal(weights).length() + extent * turn) + 2.0 * speed * turn
     }
 
-    /// By how much the ray from the shading point through a place misses the light: the cross product of its direction behind the interface
-    /// and that to the light (equation 19). `None` where light is totally reflected.
+    /// By how much the ray from the shading point through a place misses the light: the cross product of its direction
+    /// behind the interface and that to the light (equation 19). `None` where light is totally reflected.
     pub(super) fn missed(&self, ends: &Ends, weights: DVec2) -> Option<DVec3> {
         let (place, normal) = (self.place(weights), self.normal(weights).normalize());
         let direction = (place - ends.point).normalize();
@@ -151,10 +152,11 @@ impl Facet {
         Some(behind.cross(ends.offset_to_light(place).normalize()))
     }
 
-    /// The sine of the angle by which the ray through a place of the curve misses the light, within the plane of incidence. Its sign is that
-    /// of a turn about the normal of that plane, which is across the straight line from the shading point to the light; it changes where a
-    /// path is, and where the curve crosses that line. Equation 20 takes the sign from the curve's tangent, which is of no use wherever the
-    /// curve runs along the plane of incidence, on all of a flat surface. `None` where light is totally reflected.
+    /// The sine of the angle by which the ray through a place of the curve misses the light, within the plane of
+    /// incidence. Its sign is that of a turn about the normal of that plane, which is across the straight line from the
+    /// shading point to the light; it changes where a path is, and where the curve crosses that line. Equation 20 takes
+    /// the sign from the curve's tangent, which is of no use wherever the curve runs along the plane of incidence, on
+    /// all of a flat surface. `None` where light is totally reflected.
     pub(super) fn defect(&self, ends: &Ends, weights: DVec2) -> Option<f64> {
         let across = ends.across().cross(self.place(weights) - ends.point);
         Some(across.normalize_or_zero().dot(self.missed(ends, weights)?))
@@ -166,8 +168,8 @@ impl Facet {
             .filter(|weights| is_within(*weights) && self.takes_sides(ends, *weights))
     }
 
-    /// Where Newton's method from a place leads on the triangle's plane, if that is a path; `tolerance` is the step with which it
-    /// ends.
+    /// Where Newton's method from a place leads on the triangle's plane, if that is a path; `tolerance` is the step
+    /// with which it ends.
     fn stationary(&self, ends: &Ends, start: DVec2, tolerance: f64) -> Option<DVec2> {
         let mut weights = start;
         for _ in 0..STEPS {
@@ -219,8 +221,8 @@ impl Facet {
     }
 }
 
-/// `h x n` at a place, which vanishes at a path, and its derivatives by the weights of the second and third corner. What of them is
-/// along n does not matter.
+/// `h x n` at a place, which vanishes at a path, and its derivatives by the weights of the second and third corner.
+/// What of them is along n does not matter.
 struct Misfit {
     normal: DVec3,
     value: DVec3,

@@ -1,9 +1,9 @@
 //! Triangles that are looked at eight at a time, to see on which of them a path may be.
 //!
-//! On a triangle, place and normal are linear in the weights x of its corners, counted from the middle. So is the defect h x n (see
-//! `facet_tree`), but for little that is bounded: `g + K x` with a matrix K of two columns. At a path it is not larger than that
-//! bound, and Cramer's rule says how far outside each edge that can be, by the two coordinates of the defect across the axis along which
-//! normals are longest.
+//! On a triangle, place and normal are linear in the weights x of its corners, counted from the middle. So is the
+//! defect h x n (see `facet_tree`), but for little that is bounded: `g + K x` with a matrix K of two columns. At a path
+//! it is not larger than that bound. Cramer's rule says how far outside each edge that can be. It uses the two
+//! coordinates of the defect across the axis along which normals are longest.
 
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
@@ -103,8 +103,8 @@ impl FacetLeaf {
         self.holding(simd, &self.middles(simd, ends, &point, to_light))
     }
 
-    /// On which triangles a path may be to one point of a whole light, `drawn`, and which of those that may hold a path to any of its points
-    /// may focus it more than `strongly` (see [`Facet::focus`]).
+    /// On which triangles a path may be to one point of a whole light, `drawn`, and which of those that may hold a path
+    /// to any of its points may focus it more than `strongly` (see [`Facet::focus`]).
     #[inline(always)]
     pub(super) fn may_hold_and_focus<S: Instructions, const NEAR: bool>(
         &self,
@@ -194,8 +194,8 @@ impl FacetLeaf {
         let rest = speed * reach * away + bent * longest + rounding * (size + Singles::splat(simd, 1.0)) * longest;
         // Where the linear part vanishes, as weights from the middle times the determinant, the sign turned.
         let weights = [defect.determinant(second), first.determinant(defect)];
-        // Outside an edge, all times the squared determinant: the middle is a third of the way to the opposite corner. What the rest makes
-        // of a weight is at most what the other column makes of it.
+        // Outside an edge, all times the squared determinant: the middle is a third of the way to the opposite corner.
+        // What the rest makes of a weight is at most what the other column makes of it.
         let third = determinant * determinant * Singles::splat(simd, 1.0 / 3.0);
         let scale = determinant.abs();
         let slack = rest * scale;
@@ -208,8 +208,8 @@ impl FacetLeaf {
         !(beyond | self.missing) & ALL
     }
 
-    /// What [`Facet::focus`] computes, with slack for rounding. Longer edges and normals that turn more than these do make bends larger
-    /// and nothing else.
+    /// What [`Facet::focus`] computes, with slack for rounding. Longer edges and normals that turn more than these do
+    /// make bends larger and nothing else.
     #[inline(always)]
     fn focusing<S: Instructions, const NEAR: bool>(
         &self,
@@ -240,9 +240,9 @@ impl FacetLeaf {
         let bending = bend * (normal_length + turn) + speed * turn * Singles::splat(simd, 2.0);
         let most = (by[0].dot(by[0]) + by[1].dot(by[1])).sqrt() * normal_length;
         let plane = normal.dot(half_by[0].cross(half_by[1])).abs() * normal_length * normal_length;
-        // More than twice the length of a column: the half vector is off by `grain` times both indices at the most, what it moves by and
-        // normals by some `grain` of their own length. Of a determinant that makes at most 3, of the plane's at most 1, `grain` times the
-        // squared length, and times that of the normal.
+        // More than twice the length of a column: the half vector is off by `grain` times both indices at the most,
+        // what it moves by and normals by some `grain` of their own length. Of a determinant that makes at most 3, of
+        // the plane's at most 1, `grain` times the squared length, and times that of the normal.
         let column = middles.speed * edge * normal_length * Singles::splat(simd, 5.0)
             + (ends.indices[0] + ends.indices[1]) * turn * Singles::splat(simd, 2.0);
         let strongly = Singles::splat(simd, strongly as f32);

@@ -1,17 +1,19 @@
-//! The hierarchy of triangles in which only boxes that may hold a path are opened. What its leaves hold is looked at triangle by
-//! triangle (`facet_leaf`).
+//! The hierarchy of triangles in which only boxes that may hold a path are opened. What its leaves hold is looked at
+//! triangle by triangle (`facet_leaf`).
 //!
-//! A box bounds places M = c + d, and normals by a linear function of the place, n = m + J d + v, with small v. The half
-//! vector at M is h = g + H d + r, with g that at the middle, H its derivative, and r of second order. At a path
+//! A box bounds places M = c + d, and normals by a linear function of the place, n = m + J d + v, with small v. The
+//! half vector at M is h = g + H d + r, with g that at the middle, H its derivative, and r of second order. At a path
 //!
 //! ```text
 //! h x n  =  g x m  +  (H d) x m + g x (J d)  +  (H d) x (J d) + r x n + (g + H d) x v
 //! ```
 //!
-//! vanishes in each component: those that say how far P, L and the normal are from one plane, and how far from Snell's law,
-//! alike. The misfit is across n: two coordinates are enough. The first term is known, the next two are linear in d, and the rest is small and bounded. It vanishes
-//! as well along each direction in which the linear terms do not depend on one coordinate of d: waves that run askew to the axes are told
-//! apart there, by the two coordinates across the normals. So about as many boxes are opened as touch the places where the linear terms say that a path is, whatever their size.
+//! vanishes in each component: those that say how far P, L and the normal are from one plane, and how far from Snell's
+//! law, alike. The misfit is across n: two coordinates are enough. The first term is known, the next two are linear in
+//! d, and the rest is small and bounded. It also vanishes along each direction in which the linear terms do not depend
+//! on one coordinate of d. There the two coordinates across the normals distinguish waves that run askew to the axes.
+//! So about as many boxes are opened as touch the places where the linear terms say that a path is, whatever their
+//! size.
 
 use std::ops::Range;
 
@@ -114,13 +116,14 @@ impl FacetTree {
         Some(tree)
     }
 
-    /// Hands the numbers of all triangles that may hold a path to `open`, and returns how many nodes and leaves it looked at.
+    /// Hands the numbers of all triangles that may hold a path to `open`, and returns how many nodes and leaves it
+    /// looked at.
     pub(super) fn visit(&self, ends: &Ends, mut open: impl FnMut(u32)) -> usize {
         widest::run(Visit { tree: self, ends, of_whole: None, open: |triangle, _| open(triangle) })
     }
 
-    /// The same for one point of a `whole` light, `drawn`; what may hold a path to another of its points is opened where it may focus
-    /// the light more than `strongly`.
+    /// The same for one point of a `whole` light, `drawn`; what may hold a path to another of its points is opened
+    /// where it may focus the light more than `strongly`.
     pub(super) fn visit_whole(&self, whole: &Ends, drawn: &Ends, strongly: f64, open: impl FnMut(u32, May)) -> usize {
         widest::run(Visit { tree: self, ends: whole, of_whole: Some((drawn, strongly)), open })
     }
@@ -210,8 +213,8 @@ impl FacetTree {
         looks
     }
 
-    /// Makes the node or leaf over `order`, and all below it, behind those that are `made`, and appends the corners of its triangles to
-    /// `corners`. Returns its number, as those of children.
+    /// Makes the node or leaf over `order`, and all below it, behind those that are `made`, and appends the corners of
+    /// its triangles to `corners`. Returns its number, as those of children.
     fn build(
         &mut self,
         order: &mut [(u32, DVec3)],
@@ -505,8 +508,8 @@ struct Sides {
     right: u32,
 }
 
-/// One over how near places in boxes can be to the end at an offset from their middles, by the balls around them and along the axis of
-/// their normals.
+/// One over how near places in boxes can be to the end at an offset from their middles, by the balls around them and
+/// along the axis of their normals.
 #[inline(always)]
 fn closest<S: Instructions>(simd: S, offset: Singles3<S>, edges: Singles3<S>, reach: Singles<S>) -> Singles<S> {
     let (ball, height) = (offset.length() - reach, offset.z.abs() - edges.z);
@@ -514,13 +517,15 @@ fn closest<S: Instructions>(simd: S, offset: Singles3<S>, edges: Singles3<S>, re
     Singles::splat(simd, 1.0).over(nearest.positive_part())
 }
 
-/// The most that a coordinate of the defect changes by within boxes: by the place along each axis, and by what is not linear.
+/// The most that a coordinate of the defect changes by within boxes: by the place along each axis, and by what is not
+/// linear.
 #[inline(always)]
 fn most<S: Instructions>([x, y, z]: [Singles<S>; 3], edges: Singles3<S>, rest: Singles<S>) -> Singles<S> {
     x.abs().times_plus(edges.x, y.abs().times_plus(edges.y, z.abs().times_plus(edges.z, rest)))
 }
 
-/// Whether the defect across a vector is more than two coordinates of the place, and what is not linear, can make up for.
+/// Whether the defect across a vector is more than two coordinates of the place, and what is not linear, can make up
+/// for.
 #[inline(always)]
 fn exceeds_beside<S: Instructions>(
     along: Singles2<S>,

@@ -1,8 +1,8 @@
 //! Rays to where waves focus the light of a whole light.
 //!
-//! The light of a point of a light is infinite on the folds of its caustic. Of a light that has an extent, rays through the
-//! triangles that may focus it find some, the more the stronger the focus is: what both ways find is weighted by how likely
-//! each is to find it (the balance heuristic, Veach and Guibas 1995), and no weight is large.
+//! The light of a point of a light is infinite on the folds of its caustic. Rays through the triangles that may focus a
+//! light with an extent find some of its light, and more where the focus is stronger. The balance heuristic (Veach and
+//! Guibas 1995) weights paths that both ways find, so no weight is large.
 
 use glam::{DVec2, DVec3};
 

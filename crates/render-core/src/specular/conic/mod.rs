@@ -1,10 +1,10 @@
-//! `conic`: all paths over one interface, a triangle mesh with interpolated normals, found on the curves along which the
-//! shading point, the light and the normal lie in one plane (Granizo-Hidalgo and Holzschuch 2024).
+//! `conic`: all paths over one interface, a triangle mesh with interpolated normals (Granizo-Hidalgo and Holzschuch
+//! 2024). They lie on the curves along which the shading point, the light and the normal are in one plane.
 //!
-//! Published is a walk along one curve, from the straight line to the light to the first path. Here all triangles that may hold
-//! a path are opened (`facet_tree`), and all paths on each are found (`curve`): no derivative of a path is needed, no start,
-//! and no random number, so that the light of a point over one interface is without noise, and reflections are found as refractions
-//! are. Where waves focus a light that has an extent, a ray is sent as well (`focus`).
+//! Published is a walk along one curve, from the straight line to the light to the first path. Here all triangles that
+//! may hold a path are opened (`facet_tree`), and all paths on each are found (`curve`). This needs no derivative of a
+//! path, no start, and no random number. So the light of a point over one interface has no noise. Reflections are found
+//! like refractions. Where waves focus a light that has an extent, a ray is sent as well (`focus`).
 
 #[cfg(test)]
 mod any_mesh;
@@ -198,7 +198,8 @@ impl Connection<'_> {
         }
     }
 
-    /// The light along a path that both the search and a ray may find, by the balance heuristic (Veach and Guibas 1995).
+    /// The light along a path that both the search and a ray may find, by the balance heuristic (Veach and Guibas
+    /// 1995).
     fn weighted(
         &self,
         path: &SolvedChain,
@@ -252,12 +253,12 @@ impl Connection<'_> {
 /// Triangles that are opened without allocating memory.
 const USUAL: usize = 16;
 
-/// Lights that look larger than this from the shading point, radians about, get no rays: what they would be sent to is most of the mesh, and
-/// the folds of their caustics are blurred.
+/// Lights that look larger than this from the shading point, radians about, get no rays: what they would be sent to is
+/// most of the mesh, and the folds of their caustics are blurred.
 const LARGE: f64 = 0.2;
 
-/// The middle of a light and how far its points are from there, metres or the chord between unit directions; `None` for points and large
-/// lights.
+/// The middle of a light and how far its points are from there, metres or the chord between unit directions; `None` for
+/// points and large lights.
 fn whole(light: &Light, point: DVec3) -> Option<(Source, f64)> {
     let (source, spread, size) = match light_bounds(light, &Frame::WORLD) {
         SourceBounds::Ball { centre, radius } => (Source::Point(centre), radius, radius / (centre - point).length()),
@@ -283,12 +284,12 @@ fn ways(scene: &Scene, point: &ShadingPoint, source: Source, mesh: u32, event: S
     }
 }
 
-/// Surfaces on the straight line to a light that are passed over in search of a mesh. Without an end, a line through an edge would
-/// meet its two triangles in turn for ever.
+/// Surfaces on the straight line to a light that are passed over in search of a mesh. Without an end, a line through an
+/// edge would meet its two triangles in turn for ever.
 const MOST_PASSED: usize = 32;
 
-/// Where the straight line from `point` to `source` first meets a mesh, whatever else it meets: triangle and weights of its
-/// second and third corner.
+/// Where the straight line from `point` to `source` first meets a mesh, whatever else it meets: triangle and weights of
+/// its second and third corner.
 fn on_straight_line(
     scene: &Scene,
     point: &ShadingPoint,

@@ -21,8 +21,8 @@ pub(crate) struct Neighbours {
 type Edge = [[u64; 3]; 2];
 
 impl Neighbours {
-    /// The neighbours of triangles by their numbers. Corners belong together where they are at the same place; of more than
-    /// two triangles at an edge, the first two do.
+    /// The neighbours of triangles by their numbers. Corners belong together where they are at the same place; of more
+    /// than two triangles at an edge, the first two do.
     pub(crate) fn of(triangles: Range<u32>, facet: impl Fn(u32) -> Facet) -> Self {
         let first = triangles.start;
         let mut edges: Vec<(Edge, u32, u8)> = Vec::with_capacity(3 * triangles.len());

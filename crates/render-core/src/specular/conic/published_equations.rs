@@ -1,5 +1,5 @@
-//! The published equations (Granizo-Hidalgo and Holzschuch 2024) against what they are to compute, found by other means: as they are
-//! corrected they agree, and as they are printed they do not. The list is in `docs/integrators.md`.
+//! The published equations (Granizo-Hidalgo and Holzschuch 2024) against values found by other means. The corrected
+//! equations agree, and the printed ones do not. The list is in `docs/integrators.md`.
 
 use crate::specular::constraint::ManifoldConstraint;
 use crate::specular::manifold::WalkSteps;
@@ -271,8 +271,8 @@ impl Path {
         along_u.cross(along_v).length()
     }
 
-    /// Where rays from one end that are turned a little arrive around the other, across the path: area for each solid angle, by
-    /// finite differences.
+    /// Where rays from one end that are turned a little arrive around the other, across the path: area for each solid
+    /// angle, by finite differences.
     fn spread(&self, from: DVec3, indices: [f64; 2], to: DVec3, arriving: DVec3) -> f64 {
         let towards = (self.place() - from).normalize();
         let landing = |turn: DVec3| {
@@ -308,8 +308,9 @@ fn the_distance_correction_of_equations_28_to_33_is_that_of_rays_beside_the_path
         for (reading, wrong) in [Reading::Printed, Reading::PrintedFromPoint].into_iter().zip(&mut printed_wrong) {
             *wrong += usize::from((path.correction(reading) / spread - 1.0).abs() > 1e-2);
         }
-        // The lamp's rays arrive in an area that is smaller by the square of the indices' ratio, which equation 25 lacks: etendue is
-        // kept, but for what refraction about normals other than the triangle's own makes of it (Veach 1997, section 5.3).
+        // The lamp's rays arrive in an area that is smaller by the square of the indices' ratio, which equation 25
+        // lacks: etendue is kept, but for what refraction about normals other than the triangle's own makes of it
+        // (Veach 1997, section 5.3).
         let (geometric, normal) = (path.facet.area().normalize(), path.facet.normal(path.at).normalize());
         let tilted = |direction: DVec3| direction.dot(normal) / direction.dot(geometric);
         let kept = tilted(path.to_light) / tilted(path.to_point) * correction / (WATER * WATER);

@@ -1,5 +1,5 @@
-//! Paths over millions of triangles, far from the origin, under far lights and close to the surface: by the tree they are those of all triangles one
-//! by one.
+//! Paths over millions of triangles, far from the origin, under far lights and close to the surface. The tree finds the
+//! same ones as a test of all triangles one by one.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -59,8 +59,8 @@ fn paths_over_two_million_triangles_are_those_of_each_triangle_and_certain() {
     assert!(paths > 36 && opened < 2 * paths, "{paths} {opened}");
 }
 
-/// Ends of paths over water around `middle`, by the number of the case: as usual, with a light as far as a star or a lamp at the
-/// horizon, and with the shading point a hair below the surface.
+/// Ends of paths over water around `middle`, by the number of the case: as usual, with a light as far as a star or a
+/// lamp at the horizon, and with the shading point a hair below the surface.
 fn extreme(random: &mut TrialStream, facets: &[Facet], middle: DVec3, case: u32) -> Ends {
     let mut place =
         |extent: f64, height: f64| middle + (pair(random) * 2.0 - 1.0).extend(height) * DVec3::new(extent, extent, 1.0);

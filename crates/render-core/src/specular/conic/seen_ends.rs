@@ -1,8 +1,9 @@
-//! The ends of a path, as the boxes and triangles of the hierarchy see them: eight at a time, in single precision, relative to the
-//! middle of the mesh.
+//! The ends of a path for boxes and triangles of the hierarchy: eight at a time, in single precision, relative to the
+//! mesh's middle.
 //!
-//! Nodes and leaves have their coordinates in cyclic order with that axis last along which their normals are longest. The misfit h x n is
-//! across n, so that its other two coordinates say all where n is not across that axis, and where it is, one of them says less.
+//! Nodes and leaves have their coordinates in cyclic order with that axis last along which their normals are longest.
+//! The misfit h x n is across n. So its other two coordinates suffice where n is not across that axis. Where it is, one
+//! of them says less.
 
 use glam::DVec3;
 
@@ -92,16 +93,16 @@ impl<S: Instructions, const NEAR: bool> SeenEnds<S, NEAR> {
 }
 
 impl<S: Instructions, const NEAR: bool> SeenEnds<S, NEAR> {
-    /// The vectors from middles, whose coordinates along `axis` come last, to both ends; towards a light at infinity, its part of the half
-    /// vector.
+    /// The vectors from middles, whose coordinates along `axis` come last, to both ends; towards a light at infinity,
+    /// its part of the half vector.
     #[inline(always)]
     pub(super) fn offsets(&self, middles: Singles3<S>, axis: u32) -> [Singles3<S>; 2] {
         let (point, light) = (self.point.in_order(self.simd, axis), self.light.in_order(self.simd, axis));
         [point - middles, if NEAR { light - middles } else { light }]
     }
 
-    /// The shading point at an offset from middles around which places go as far as `reach`, and come as near to it as one over
-    /// `closest`.
+    /// The shading point at an offset from middles around which places go as far as `reach`, and come as near to it as
+    /// one over `closest`.
     #[inline(always)]
     pub(super) fn seen_point(&self, offset: Singles3<S>, closest: Singles<S>, reach: Singles<S>) -> SeenEnd<S> {
         self.seen(0, offset, closest, reach)
@@ -171,7 +172,8 @@ pub(super) struct SeenEnd<S> {
 }
 
 impl<S: Instructions> SeenEnd<S> {
-    /// The derivatives of a defect by the place along each axis, and what the half vector's change along itself adds to them.
+    /// The derivatives of a defect by the place along each axis, and what the half vector's change along itself adds to
+    /// them.
     #[inline(always)]
     pub(super) fn lengthened(&self, [x, y, z]: [Singles2<S>; 3], normal: Singles3<S>) -> [Singles2<S>; 3] {
         let across = self.half.cross_xy(normal) * self.lengthening;
@@ -186,12 +188,12 @@ impl<S: Instructions> SeenEnd<S> {
     }
 }
 
-/// Largest second derivative of a unit vector, times the squared length of the vector, halved: |s (4 - 3 s^2)^(1/2)| / 2 at
-/// the worst sine s^2 = 2/3 between vector and motion.
+/// Largest second derivative of a unit vector, times the squared length of the vector, halved: |s (4 - 3 s^2)^(1/2)| /
+/// 2 at the worst sine s^2 = 2/3 between vector and motion.
 pub(super) const BENDING: f64 = 0.578;
 
-/// How far a place in single precision can be from where it is, relative to the largest distance that it was computed from: twice the
-/// rounding of each of three coordinates.
+/// How far a place in single precision can be from where it is, relative to the largest distance that it was computed
+/// from: twice the rounding of each of three coordinates.
 pub(super) const GRAIN: f64 = 4.0 * f32::EPSILON as f64;
 
 /// Slack for rounding, relative: some units in the last place of single precision.

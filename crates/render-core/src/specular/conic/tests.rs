@@ -56,7 +56,8 @@ fn all_paths_over_water_are_found() {
             several += usize::from(ours.len() > theirs.len());
         }
         println!(
-            "{cells} {amplitude}: {opened} triangles opened for {problems} problems, {paths} paths, {several} with more than seeds find"
+            "{cells} {amplitude}: {opened} triangles opened for {problems} problems, {paths} paths, {several} \
+             with more than seeds find"
         );
     }
     assert!(paths > 0);
@@ -172,7 +173,8 @@ fn a_whole_light_opens_what_each_of_its_points_does() {
         may_focus += focusing.len();
     }
     println!(
-        "{all} triangles for whole lights, {may_hold} for points, {with_paths} with paths; {may_focus} may focus, {focus} do"
+        "{all} triangles for whole lights, {may_hold} for points, {with_paths} with paths; {may_focus} may focus, \
+         {focus} do"
     );
     assert!(2 * may_hold < all && with_paths > 300);
     assert!(may_focus < 2 * focus && focus > 300);

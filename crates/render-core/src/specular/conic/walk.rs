@@ -1,11 +1,12 @@
-//! The published search: along the curve from the straight line to the light, from triangle to triangle, to the first path
-//! (Granizo-Hidalgo and Holzschuch 2024, section 3.4), with the printed equations corrected where they are wrong
+//! The published search (Granizo-Hidalgo and Holzschuch 2024, section 3.4). It follows the curve from the straight line
+//! to the light, from triangle to triangle, to the first path. Wrong printed equations are corrected
 //! (`docs/integrators.md`).
 //!
-//! In each triangle the curve enters by one crossing of an edge and leaves by the next along it. Where the defect of Snell's law
-//! changes its sign between them, halving leads to the path; where it does not, the walk goes on behind the second. It finds one path
-//! at most, none on other curves, none where an even number of paths lies between two crossings, and none behind a triangle on which all
-//! places are coplanar with both ends, or on which the curve is too close to a pair of lines to be followed.
+//! In each triangle the curve enters by one crossing of an edge and leaves by the next along it. If the defect of
+//! Snell's law changes its sign between them, bisection leads to the path. If not, the walk continues behind the
+//! second. It finds one path at most, and none on other curves. It finds none if an even number of paths lies between
+//! two crossings. It ends at a triangle whose places are all coplanar with both ends, or whose curve is too close to a
+//! pair of lines.
 
 use std::collections::BTreeSet;
 
@@ -23,8 +24,8 @@ use super::{
 /// Halvings of the curve between two crossings.
 const HALVINGS: usize = 50;
 
-/// Parts of an arc that are looked at for a change of sign where it is half an ellipse within the triangle, and for the place closest
-/// to another.
+/// Parts of an arc that are looked at for a change of sign where it is half an ellipse within the triangle, and for the
+/// place closest to another.
 const PARTS: u32 = 32;
 
 /// Steps that close in on that place, each to two thirds.
@@ -60,8 +61,8 @@ struct Exit {
     end: usize,
 }
 
-/// The first path along the curve from where the straight line to the light meets a triangle, given by the weights of its second and third
-/// corner: the path's triangle and weights.
+/// The first path along the curve from where the straight line to the light meets a triangle, given by the weights of
+/// its second and third corner: the path's triangle and weights.
 pub(super) fn first_path(
     start: (u32, DVec2),
     facet: impl Fn(u32) -> Facet,
@@ -112,8 +113,8 @@ fn along_curve(
     }
 }
 
-/// The arc that the curve goes on with behind a crossing; `None` at the border of the mesh, and where a closed curve has been followed
-/// back to its start.
+/// The arc that the curve goes on with behind a crossing; `None` at the border of the mesh, and where a closed curve
+/// has been followed back to its start.
 fn next(
     exit: &Exit,
     visited: &BTreeSet<(u32, usize)>,
@@ -194,7 +195,8 @@ impl Crossed {
         self.facet.place(weights.yz())
     }
 
-    /// The place of an arc that is closest to another: the distance between their weights, squared, and how far along the arc it is.
+    /// The place of an arc that is closest to another: the distance between their weights, squared, and how far along
+    /// the arc it is.
     fn closest(&self, arc: usize, place: DVec3) -> (f64, f64) {
         let distance = |t: f64| (self.weights(arc, t) - place).length_squared();
         let part = |number: u32| f64::from(number) / f64::from(PARTS);
@@ -213,7 +215,8 @@ impl Crossed {
         self.facet.defect(ends, self.weights(arc, t).yz())
     }
 
-    /// The path on an arc, if the defect has two signs at its ends; on half an ellipse, at the ends of any of its parts.
+    /// The path on an arc, if the defect has two signs at its ends; on half an ellipse, at the ends of any of its
+    /// parts.
     fn path_on(&self, arc: usize, ends: &Ends) -> Option<DVec2> {
         let crosses = [0, 1].iter().any(|&end| self.end(arc, end).min_element() < ON_EDGE);
         let parts = if crosses { 1 } else { PARTS };
@@ -255,7 +258,8 @@ mod tests {
         },
     };
 
-    /// Where an arc may be cut so that the defect has a sign all along each piece but for paths: at the straight line's place.
+    /// Where an arc may be cut so that the defect has a sign all along each piece but for paths: at the straight line's
+    /// place.
     fn pieces(here: &Crossed, arc: usize, straight: Option<DVec2>) -> Vec<(f64, f64)> {
         let close = straight.map(|at| here.closest(arc, DVec3::new(1.0 - at.element_sum(), at.x, at.y)));
         match close {

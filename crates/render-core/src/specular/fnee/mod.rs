@@ -1,20 +1,21 @@
 //! `fnee`: Fermat next event estimation (Huan et al. 2023).
 //!
-//! A point S is drawn on the light. A seed starts Newton's method on the optical length of the path O, X1, X2, S; where
-//! it converges, the path carries light weighted by the generalised geometry factor and by the inverse of the
-//! probability with which a seed leads to this path. That inverse is estimated without bias by counting how many
-//! independent seeds it takes to find the same path again (Booth 2007; Zeltner et al. 2020, section 4.3).
+//! A point S is drawn on the light. A seed starts Newton's method on the optical length of the path O, X1, X2, S. If it
+//! converges, the path carries light with two weights. One is the generalised geometry factor, the other the inverse of
+//! the probability that a seed leads to this path. The number of independent seeds until the same path is found again
+//! estimates that inverse without bias (Booth 2007; Zeltner et al. 2020, section 4.3).
 //!
 //! [`FneeSolver::Published`] follows the paper: uniform seeds over both faces, backtracking on the optical length.
-//! [`FneeSolver::Complete`] finds minima, saddles and maxima alike. It first enumerates the paths in the deflection window
-//! ([`super::enumeration`]): what that finds is a function of the problem, so it counts with weight one. One random seed
-//! follows, whose path is weighted by trials if the enumeration missed it, which keeps the estimate unbiased: always where
-//! the enumeration cannot tell whether it is complete, near a fold of the caustic, and one time in sixteen elsewhere.
+//! [`FneeSolver::Complete`] finds minima, saddles and maxima alike. It first enumerates the paths in the deflection
+//! window ([`super::enumeration`]): what that finds is a function of the problem, so it counts with weight one. One
+//! random seed follows, whose path is weighted by trials if the enumeration missed it. This keeps the estimate
+//! unbiased. It always follows near a fold of the caustic, where the enumeration cannot tell whether it is complete.
+//! Elsewhere it follows one time in sixteen.
 //!
-//! Under a light with an extent, the geometry factor of a point on it has no finite mean square where the caustic of that
-//! point folds. There, paths are found better by rays towards the light (`view`); both ways are combined by the
-//! balance heuristic, with the density of the search being that of S over the geometry factor. The search is unbiased for
-//! each path by itself, so any weights that sum to one keep the whole unbiased.
+//! Under a light with an extent, the geometry factor of a point has no finite mean square where the caustic of that
+//! point folds. There, rays towards the light (`view`) find paths better. The balance heuristic combines both ways. The
+//! density of the search is that of S over the geometry factor. The search is unbiased for each path by itself, so any
+//! weights that sum to one keep the whole unbiased.
 //!
 //! Light that the outside of a pane reflects is found in the same way, in two unknowns, when `reflected` is set
 //! (`reflection`).
@@ -233,8 +234,8 @@ struct SampledLight<'a> {
     view: Option<&'a View<'a>>,
 }
 
-/// Density per solid angle with which the search would have found the path of a glimpse: that of its point on the light,
-/// over the geometry factor.
+/// Density per solid angle with which the search would have found the path of a glimpse: that of its point on the
+/// light, over the geometry factor.
 fn density_of_glimpse(scene: &Scene, light: u32, glimpse: &Glimpse, opening: &Opening<'_>) -> f64 {
     let source = &scene.lights()[light as usize];
     let (met, cosine) = source.source_at(&glimpse.exit, &glimpse.hit);
@@ -249,8 +250,8 @@ fn density_of_glimpse(scene: &Scene, light: u32, glimpse: &Glimpse, opening: &Op
 }
 
 impl Fnee {
-    /// Whether rays towards the light are combined with the search. The other selections leave paths out by the straight
-    /// line to the source, and the published method knows no rays.
+    /// Whether rays towards the light are combined with the search. The other selections leave paths out by the
+    /// straight line to the source, and the published method knows no rays.
     fn combines(&self) -> bool {
         self.solver == FneeSolver::Complete && self.selection == PaneSelection::All
     }

@@ -8,15 +8,15 @@
 //! ```
 //!
 //! and in a direction of tangent T when `T = p + (q - p)`. In both cases `q - p = B (g2 grad h2 - g1 grad h1)` with a
-//! bounded matrix B and bounded strengths g of refraction, so that the place x = O_t + near p where the path crosses the
+//! bounded matrix B and bounded strengths g of refraction. So the place x = O_t + near p where the path crosses the
 //! near plane solves
 //!
 //! ```text
 //! x = x0 + L1 grad h1(X1) + L2 grad h2(X2)
 //! ```
 //!
-//! with a vector x0 and matrices L that hardly vary. They are bounded once over the whole window; slopes and curvatures,
-//! which decide, are read for each part.
+//! with a vector x0 and matrices L that hardly vary. They are bounded once over the whole window; slopes and
+//! curvatures, which decide, are read for each part.
 
 mod stretch;
 
@@ -269,8 +269,8 @@ impl<'a> Landing<'a> {
         (!entry.is_empty() && !exit.is_empty()).then_some([entry, exit])
     }
 
-    /// The places of a part from which light can reach the source when the slopes of each face are within a radius of their
-    /// middle.
+    /// The places of a part from which light can reach the source when the slopes of each face are within a radius of
+    /// their middle.
     #[inline(always)]
     fn reached(&self, part: &Rect, slopes: impl Iterator<Item = (DVec2, DVec2)>) -> Option<Part> {
         let (mut centre, mut radius, mut spread) = (self.flat, self.flat_radius, DVec2::ZERO);

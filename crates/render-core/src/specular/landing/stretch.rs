@@ -1,5 +1,5 @@
-//! The map of the landing over four parts of the window at once: what of them matters, how it stretches them, and where
-//! in them a path can be when a shot from their middles is known.
+//! The map of the landing over four parts of the window at once. It contracts the parts, bounds their stretch, and
+//! bounds the places of a path from the traced path of their middles.
 
 use glam::{DMat2, DVec2};
 
@@ -11,11 +11,11 @@ use crate::{
 };
 use clerestory_film::counters::Counters;
 
-/// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part: terms of
-/// the size of a slope times the sine of an angle of incidence times what is kept. This multiple of it is an estimate and
-/// no bound, so that what rests on it has to be checked at random. It also stands for using x0, the matrices L and the levers
-/// a little outside the window that they are bounded for: by the slack of a shot, and by the height of the relief where the
-/// shot goes through it.
+/// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part:
+/// terms of the size of a slope times the sine of an angle of incidence times what is kept. This multiple of it is an
+/// estimate and no bound, so that what rests on it has to be checked at random. It also stands for using x0, the
+/// matrices L and the levers a little outside the window that they are bounded for: by the slack of a shot, and by the
+/// height of the relief where the shot goes through it.
 const LEFT_OUT: f64 = 1.5;
 
 /// A part is injective when its defect is below 1; this much below, so that rounding cannot matter.
@@ -29,7 +29,8 @@ struct Matrices<S> {
     y_axis: Lanes2<S>,
 }
 
-/// How the map stretches four parts of the window: the derivatives of the landing by the place, on the near plane's scale.
+/// How the map stretches four parts of the window: the derivatives of the landing by the place, on the near plane's
+/// scale.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::specular) struct Stretch<S> {
     /// Middles of the derivatives' bounds.
@@ -52,7 +53,8 @@ impl<'a> Landing<'a> {
         entry.is_beside(outline).or(exit.is_beside(outline)).not()
     }
 
-    /// The shapes of both faces where light from four rectangles of the near plane goes through, also beyond the outline.
+    /// The shapes of both faces where light from four rectangles of the near plane goes through, also beyond the
+    /// outline.
     #[inline(always)]
     pub(in crate::specular) fn shapes<S: Instructions>(
         &self,
@@ -72,8 +74,8 @@ impl<'a> Landing<'a> {
         ]
     }
 
-    /// The places of four parts from which light can reach the source, where the faces have the given shapes; empty where
-    /// there are none.
+    /// The places of four parts from which light can reach the source, where the faces have the given shapes; empty
+    /// where there are none.
     #[inline(always)]
     pub(in crate::specular) fn shaped_parts<S: Instructions>(
         &self,
@@ -137,8 +139,8 @@ impl<'a> Landing<'a> {
 }
 
 impl<S: Instructions> Stretch<S> {
-    /// Where a path is, predicted from a shot that misses by so much, and by how much that may be off if it is within `away`
-    /// of the shot, coordinate by coordinate, and the shot is off by `error` in each component.
+    /// Where a path is, predicted from a shot that misses by so much, and by how much that may be off if it is within
+    /// `away` of the shot, coordinate by coordinate, and the shot is off by `error` in each component.
     #[inline(always)]
     pub(in crate::specular) fn prediction(
         &self,
@@ -151,11 +153,11 @@ impl<S: Instructions> Stretch<S> {
         (shot + self.inverse.times(miss), self.inverse.magnitude().times(unsure))
     }
 
-    /// The places of parts that can land nearer than `slack` to the source, when shots from `start` miss it by `miss`; empty
-    /// where there are none.
+    /// The places of parts that can land nearer than `slack` to the source, when shots from `start` miss it by `miss`;
+    /// empty where there are none.
     ///
-    /// Near a fold the landing moves hardly at all in one direction, however the place moves: that direction tells most.
-    /// Across it, the landing moves like nowhere else, which bounds the places to a strip.
+    /// Near a fold the landing moves hardly at all in one direction, however the place moves: that direction tells
+    /// most. Across it, the landing moves like nowhere else, which bounds the places to a strip.
     #[inline(always)]
     pub(in crate::specular) fn reaching(
         &self,
@@ -165,7 +167,8 @@ impl<S: Instructions> Stretch<S> {
         slack: f64,
     ) -> LaneRects<S> {
         let Matrices { x_axis, y_axis } = self.derivative;
-        // The derivative times its transpose. Near a fold, all columns are along the direction in which the landing moves most.
+        // The derivative times its transpose. Near a fold, all columns are along the direction in which the landing
+        // moves most.
         let squares = [
             x_axis.x * x_axis.x + y_axis.x * y_axis.x,
             x_axis.x * x_axis.y + y_axis.x * y_axis.y,

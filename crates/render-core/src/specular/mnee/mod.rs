@@ -1,9 +1,9 @@
 //! `mnee`: manifold next event estimation (Hanika, Droske, Fascione 2015).
 //!
-//! One manifold walk (`manifold`) on half vectors starts from the straight line to the light and finds one path at most, over
-//! as many refractions as there are surfaces on that line. It is a function of the shading point and the point on the light,
-//! so its light counts with weight one. What it misses is either left to chance, which is unbiased (a path that chance finds
-//! counts if the walk from its own ends does not lead to it), or dropped.
+//! One manifold walk (`manifold`) on half vectors starts from the straight line to the light. It finds one path at
+//! most, over as many refractions as that line has surfaces. It is a function of the shading point and the point on the
+//! light, so its light counts with weight one. Missed paths are either left to chance or dropped. Chance is unbiased: a
+//! path that it finds counts if the walk from its own ends does not lead to it.
 
 mod settings;
 

@@ -1,8 +1,8 @@
 //! `sms`: specular manifold sampling (Zeltner et al. 2020).
 //!
-//! Seeds are uniform over each caster, a pane or a smooth mesh; manifold walks (`manifold`) lead from them to paths, whose
-//! light is estimated from how often they are found (`trials`). Every caster gets an estimate of its own, as in the authors'
-//! code, unless the selection of panes says otherwise; a path belongs to the caster that it meets first.
+//! Seeds are uniform over each caster, a pane or a smooth mesh. Manifold walks (`manifold`) lead from them to paths.
+//! Their light is estimated from how often they are found (`trials`). Every caster gets an estimate of its own, as in
+//! the authors' code, unless the selection of panes says otherwise. A path belongs to the caster that it meets first.
 
 mod settings;
 
