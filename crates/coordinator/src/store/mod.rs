@@ -6,9 +6,9 @@
 //! milliseconds, `returning`, times bound by the caller. One suite of tests holds both engines to the same behaviour.
 //! Bytes live in the [blob store](crate::blobs); a row here makes a blob part of the farm.
 //!
-//! What each folder keeps: `engine` the connections and the writer, `workers` who renders, `films` nodes and rounds,
-//! `leases` what workers hold, `queue` pending work and claims, `results` what follows from the nodes that workers
-//! bring. `jobs`, `checks`, `assets` and `events` are one file each.
+//! The folders: `engine` has the connections and the writer, `workers` the registered workers, and `films` nodes and
+//! rounds. `leases` has leases, `queue` pending work and claims, and `results` the acceptance of nodes and its
+//! consequences. `jobs`, `checks`, `assets` and `events` are one file each.
 
 mod assets;
 mod checks;

@@ -1,8 +1,8 @@
 //! Grants: the nodes that a [claim](crate::store::queue::claim) has chosen become a lease.
 //!
-//! A lease gets a fencing token beyond all that there are, and its nodes are marked as leased where they lie: in the
-//! queue, or among the [checks](crate::store::checks). The first grant of a job starts it, and pins it to the build
-//! fingerprint of the worker.
+//! A lease gets a fencing token above all others. Its nodes are marked as leased in the queue, or among the
+//! [checks](crate::store::checks). The first grant of a job starts it, and pins it to the build fingerprint of the
+//! worker.
 
 use clerestory_film::NodeAddress;
 

@@ -1,5 +1,5 @@
-//! How PostgreSQL finds rows: by indexes, whatever it believes of the size of tables. It looks at that when it plans a
-//! statement, which is once, and would read all of a table that was small then, or all rows of a job.
+//! How PostgreSQL finds rows: by indexes, whatever it believes of the size of tables. It reads that once, when it plans
+//! a statement. Then it would scan a table that was small at that time, or all rows of a job.
 
 use std::time::Duration;
 

@@ -1,6 +1,6 @@
 //! Pins: which workers may render a job.
 //!
-//! An image has the bits of one build, so a job is pinned to the build fingerprint of the first worker that gets a
+//! An image has the bits of one build. So a job is pinned to the build fingerprint of the first worker that gets a
 //! lease on it. The fingerprint is the digest of the probe by the job's own method. Other workers render the job only
 //! if they registered the same digest. A worker registers a digest for each number of probe cases of a method, so that
 //! a build with one more case still matches.
