@@ -33,8 +33,10 @@ const SCRIPTS: [&str; 2] = ["tests/run", ".ci/run"];
 const ABBREVIATIONS: [&str; 5] = ["al.", "e.g.", "i.e.", "cf.", "vs."];
 
 /// Files and folders whose findings are still to be mended, with the reason. The list may only shrink.
-const STILL_TO_MEND: [(&str, &str); 2] =
-    [("crates/render-core/src/scene/", "its modules move"), ("crates/render-core/src/specular/", "its modules move")];
+const STILL_TO_MEND: [(&str, &str); 2] = [
+    ("crates/render-core/src/scene/missing_light.rs", "its methods change"),
+    ("crates/render-core/src/specular/mod.rs", "its methods change"),
+];
 
 #[test]
 fn files_are_short_lines_are_narrow_and_sentences_are_short() {

@@ -107,7 +107,8 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Checks what [`Self::build`] would stumble over, in less time and memory: nothing is sorted into hierarchies. What is left to building is that triangles may be too unevenly distributed for any hierarchy.
+    /// Checks what [`Self::build`] would stumble over, in less time and memory: nothing is sorted into hierarchies.
+    /// What is left to building is that triangles may be too unevenly distributed for any hierarchy.
     ///
     /// # Errors
     ///
@@ -129,8 +130,9 @@ impl Scene {
         Ok(CheckedScene { sampling: sampling(description)?, left_to_chance })
     }
 
-    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the integrator, the seed and the sampling differ, all that takes
-    /// time to build is kept. Whether the camera and the lights may stand where they do then, [`Obstacles::check`] tells.
+    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the integrator, the seed and the
+    /// sampling differ, all that takes time to build is kept. Whether the camera and the lights may stand where they do
+    /// then, [`Obstacles::check`] tells.
     ///
     /// # Errors
     ///

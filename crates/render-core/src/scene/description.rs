@@ -1,8 +1,8 @@
 //! The scene file, version 1: the types that its JSON is read into.
 //!
-//! A choice is written as an object with one member named after it (`{"sphere": {...}}`), so that every error can name
-//! the exact JSON path; a choice without parameters is a string (`"flat"`). Unknown members are errors. Ranges that a
-//! JSON Schema can express stand here; `validate` checks them and everything else.
+//! A choice is an object with one member named after it (`{"sphere": {...}}`), so that every error can name the exact
+//! JSON path. A choice without parameters is a string (`"flat"`). Unknown members are errors. Ranges that a JSON Schema
+//! can express stand here; `validate` checks them and everything else.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -191,7 +191,7 @@ pub enum MeshSource {
     Waves(WaveDescription),
 }
 
-/// A rectangle about the origin with waves in z: 16 plane waves of equal height in random directions, moving as on deep water.
+/// A rectangle about the origin with 16 plane waves in random directions, moving as on deep water.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WaveDescription {

@@ -1,8 +1,8 @@
-//! What an image of a scene will lack: the light that the chosen integrator and its settings leave out. And what it will show late:
-//! the light of small lights that they leave to chance.
+//! What an image of a scene will lack: the light that the chosen integrator and its settings leave out. And what it
+//! will show late: the light of small lights that they leave to chance.
 //!
-//! These are classes of paths. How much light there is in them depends on the scene. A class without a path that the path filter lets
-//! through is not named.
+//! These are classes of paths. How much light there is in them depends on the scene. A class without a path that the
+//! path filter lets through is not named.
 
 use std::f64::consts::PI;
 

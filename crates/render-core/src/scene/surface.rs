@@ -43,7 +43,8 @@ impl MeshSurface {
         self.triangles
     }
 
-    /// How many triangles of its file are not in the scene, because their corners lie on one line: no ray can meet them.
+    /// How many triangles of its file are not in the scene, because their corners lie on one line: no ray can meet
+    /// them.
     pub fn omitted_triangles(&self) -> u32 {
         self.omitted_triangles
     }
@@ -140,7 +141,8 @@ impl Scene {
         }
     }
 
-    /// The triangles of a smooth mesh by place and normal, sorted when they are asked for first; `None` when it has none.
+    /// The triangles of a smooth mesh by place and normal, sorted when they are asked for first; `None` when it has
+    /// none.
     pub(crate) fn facets(&self, mesh: u32) -> Option<&FacetTree> {
         let range = self.meshes()[mesh as usize].triangle_range();
         self.facet_trees[mesh as usize]

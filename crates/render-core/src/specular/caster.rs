@@ -104,8 +104,8 @@ impl SeenCaster {
         }
     }
 
-    /// The nearest point at which a chain can go through a pane, to one of its near face's plane that is beside it or so near
-    /// to its border that what enters there leaves by the edge; `None` where there is no other.
+    /// The nearest point at which a chain can go through a pane, to one of its near face's plane that is beside it or
+    /// so near to its border that what enters there leaves by the edge; `None` where there is no other.
     pub(super) fn brought_within(&self, scene: &Scene, target: DVec3) -> Option<DVec3> {
         let Self::Face { pane, .. } = *self else { return None };
         let pane = &scene.panes()[pane as usize];

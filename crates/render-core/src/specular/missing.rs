@@ -103,8 +103,8 @@ pub(super) fn unmarked(of: &str, casters: Option<&[String]>, receivers: Option<&
     casters.into_iter().chain(receivers).collect()
 }
 
-/// What a search by chance loses. A path that a seed finds with probability p is weighted by the number of seeds until the
-/// next success, cut off at N: on average by (1 - (1 - p)^N) / p instead of 1 / p.
+/// What a search by chance loses. A path that a seed finds with probability p is weighted by the number of seeds until
+/// the next success, cut off at N: on average by (1 - (1 - p)^N) / p instead of 1 / p.
 pub(super) fn cut_off(max_trials: u32) -> String {
     format!("finds with a small probability p, by up to the part (1 - p)^{max_trials} of their light (max_trials)")
 }
@@ -121,8 +121,8 @@ pub(super) fn unowned_by_panes(of: &str, glass: Glass, selection: PaneSelection,
     if glass.has_panes {
         let outside = if reflected { "" } else { "on its outside or " };
         let text = format!(
-            "light of {of} that a pane reflects, {outside}between its faces, or that passes through more than one pane, on \
-             its way to a surface"
+            "light of {of} that a pane reflects, {outside}between its faces, or that passes through more than one \
+             pane, on its way to a surface"
         );
         classes.push(PathClass::new(text, OTHER_THAN_TT));
         classes.push(between_the_faces(of, Some(libm::asin(GRAZING_COSINE).to_degrees())));

@@ -1,5 +1,5 @@
-//! Which paths the manifold methods look for: over which chains of specular vertices, beginning on which casters, from which
-//! receivers. What is not named is marked by what it is: panes and smooth meshes cast, everything else receives.
+//! Which paths the manifold methods look for: over which chains of specular vertices, beginning on which casters, from
+//! which receivers. What is not named is marked by what it is: panes and smooth meshes cast, everything else receives.
 
 use super::{ShadingPoint, SpecularEvent, SpecularPath, caster::Caster, caster::casters};
 use crate::settings::check::Quoted;
@@ -46,8 +46,8 @@ impl Scope {
         self
     }
 
-    /// The point of `light` (an index into the scene) to which paths from `point` are looked for; `None` where no light is
-    /// gathered.
+    /// The point of `light` (an index into the scene) to which paths from `point` are looked for; `None` where no light
+    /// is gathered.
     pub(super) fn light_sample(
         &self,
         scene: &Scene,

@@ -108,8 +108,8 @@ impl MethodSettings for SmsSettings {
                 format!("paths over {chains} (chains) that a random seed {}", cut_off(max_trials))
             }
             ManifoldEstimator::Biased { trials } => format!(
-                "the part (1 - p)^{trials} of the light of each path over {chains} (chains), p being the probability with \
-                 which a random seed finds it (trials)"
+                "the part (1 - p)^{trials} of the light of each path over {chains} (chains), p being the probability \
+                 with which a random seed finds it (trials)"
             ),
         };
         vec![PathClass::new(text, over(&self.chains))]
