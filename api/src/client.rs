@@ -16,9 +16,10 @@ use serde::de::DeserializeOwned;
 use crate::client_error::ClientError;
 use crate::{
     ACCEPTED_NODES_HEADER, API_PREFIX, CORE_MILLISECONDS_HEADER, ContentHash, ConvergenceSeries, EXR_MEDIA_TYPE,
-    EventStream, FENCING_TOKEN_HEADER, JobId, JobScene, JobSubmission, JobView, Lease, LeaseId, LeaseRenewal,
-    LeaseRequest, LeaseReturn, LeaseToken, LiveMeasurement, PIECE_MEDIA_TYPE, PartialAnswer, PartialPieces,
-    PartialUpload, Preview, PreviewQuery, WorkerActivity, WorkerId, WorkerRegistration, WorkerView, address, answer,
+    EventStream, FENCING_TOKEN_HEADER, IntegratorView, JobId, JobScene, JobSubmission, JobView, Lease, LeaseId,
+    LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken, LiveMeasurement, PIECE_MEDIA_TYPE, PartialAnswer,
+    PartialPieces, PartialUpload, Preview, PreviewQuery, WorkerActivity, WorkerId, WorkerRegistration, WorkerView,
+    address, answer,
 };
 
 /// Longest wait for a connection.
@@ -151,6 +152,11 @@ impl Client {
     /// Submits a job. A problem with code `missing_assets` lists what has to be uploaded first.
     pub async fn submit_job(&self, submission: &JobSubmission) -> Result<JobView, ClientError> {
         self.send_json(Method::POST, "/jobs", submission).await
+    }
+
+    /// The integrators that a scene may name.
+    pub async fn integrators(&self) -> Result<Vec<IntegratorView>, ClientError> {
+        self.get("/integrators").await
     }
 
     /// All jobs, newest first.

@@ -152,6 +152,9 @@ pub struct JobView {
     /// samples.
     #[serde(default)]
     pub left_to_chance: Vec<String>,
+    /// Which method `auto` has chosen for which light, in words; empty for other integrators.
+    #[serde(default)]
+    pub chosen_methods: Vec<String>,
     /// Number of frames.
     pub frames: u32,
     /// Pixels across.

@@ -19,6 +19,7 @@ mod event;
 mod event_stream;
 mod hash;
 mod ids;
+mod integrator;
 mod job;
 mod job_scene;
 mod lease;
@@ -39,6 +40,7 @@ pub use event::{Event, EventBody};
 pub use event_stream::EventStream;
 pub use hash::{ContentHash, InvalidContentHash};
 pub use ids::{JobId, LeaseId, WorkerId};
+pub use integrator::IntegratorView;
 pub use job::{BuildWait, FailedNode, JobHold, JobState, JobView, NamedWorker, StopReason};
 pub use job_scene::JobScene;
 pub use lease::{

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clerestory_film::{FrameImage, ImageMetadata, TileGrid};
 use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};
-use clerestory_render_core::scene::{self, SceneBundle};
+use clerestory_render_core::scene::{self, SceneBundle, SceneDescription};
 
 use crate::failure::Failure;
 use crate::image_file;
@@ -44,7 +44,7 @@ pub(crate) fn recipe(scene: &Path, image: &Path) -> Result<Recipe, Failure> {
     })?;
     let bundle = bundle.with_description(description).map_err(failure)?;
     let found = bundle.scene_hash().to_string();
-    if found != metadata.scene_hash {
+    if found != metadata.scene_hash && !was_version_1(&bundle, &metadata.scene_hash) {
         return Err(Failure::Usage(format!(
             "the scene {} is not the one of {}: with the image's settings it has the hash {found}, expected {}",
             scene.display(),
@@ -53,6 +53,12 @@ pub(crate) fn recipe(scene: &Path, image: &Path) -> Result<Recipe, Failure> {
         )));
     }
     Ok(Recipe { bundle, tile_size: metadata.tile_size, tile_passes: metadata.tile_passes.clone() })
+}
+
+/// Whether a scene had this hash before its file said `"version": 2`.
+fn was_version_1(bundle: &SceneBundle, hash: &str) -> bool {
+    let old = SceneDescription { version: 1, ..bundle.description().clone() };
+    bundle.clone().with_description(old).is_ok_and(|old| old.scene_hash().to_string() == hash)
 }
 
 /// Checks that the tiles are those of the image: the metadata may come from anyone.

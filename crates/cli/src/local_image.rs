@@ -115,6 +115,7 @@ impl RenderTask {
             let (name, omitted) = (mesh.name(), mesh.omitted_triangles());
             progress.note(&format!("Triangles without an area that are left out of the mesh {name:?}: {omitted}"));
         }
+        progress.chosen_methods(&self.scene.chosen_methods());
         progress.missing_light(&self.scene.description().missing_light(), &self.scene.left_to_chance());
         self.absence.iter().for_each(|absence| progress.note(absence));
         let gaps = self.reference.as_ref().and_then(standard_error::reference_gaps);

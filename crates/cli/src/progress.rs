@@ -85,6 +85,11 @@ impl Progress {
         });
     }
 
+    /// Lists which method `auto` has chosen for which light.
+    pub(crate) fn chosen_methods(&self, chosen: &[String]) {
+        self.list("Methods that auto has chosen:", chosen);
+    }
+
     /// Lists the light that the image lacks, and the light that is left to chance.
     pub(crate) fn missing_light(&self, missing: &[String], left_to_chance: &[String]) {
         self.list("Light that this image lacks:", missing);

@@ -108,6 +108,7 @@ mod tests {
                 worker_builds: Vec::new(),
                 missing_light: Vec::new(),
                 left_to_chance: Vec::new(),
+                chosen_methods: Vec::new(),
                 counters: Counters::default(),
                 elapsed_seconds: None,
             };

@@ -122,7 +122,8 @@ function MissingLight({ job }) {
   return html`
     <${LightList} id="missing-heading" heading="Light that this image lacks" texts=${job.missing_light} />
     <${LightList} id="chance-heading" heading="Light left to chance, which comes as rare bright samples"
-      texts=${job.left_to_chance} />`;
+      texts=${job.left_to_chance} />
+    <${LightList} id="chosen-heading" heading="Methods that auto has chosen" texts=${job.chosen_methods} />`;
 }
 
 function LightList({ id, heading, texts }) {

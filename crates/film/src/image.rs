@@ -42,6 +42,9 @@ pub struct ImageMetadata {
     /// Light that comes by chance and rarely, in words.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_to_chance: Vec<String>,
+    /// Which method `auto` has chosen for which light, in words.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub chosen_methods: Vec<String>,
     /// What was done.
     pub counters: Counters,
     /// Time that it took, seconds.
@@ -218,6 +221,7 @@ pub(super) mod tests {
             worker_builds: vec!["old".to_owned(), "test".to_owned()],
             missing_light: vec!["light \u{201c}key\u{201d}: reflections inside the pane".to_owned()],
             left_to_chance: vec!["light of the small light \"sun\" that a pane reflects".to_owned()],
+            chosen_methods: vec!["cone finds light of \"sun\" through panes".to_owned()],
             counters: Counters { rays: 12, ..Counters::default() },
             elapsed_seconds: Some(0.1),
         }

@@ -44,6 +44,7 @@ pub fn image(
         worker_builds: Vec::new(),
         missing_light: description.missing_light(),
         left_to_chance: scene.left_to_chance(),
+        chosen_methods: scene.chosen_methods(),
         counters: provenance.counters,
         elapsed_seconds: provenance.elapsed.map(|elapsed| elapsed.as_secs_f64()),
     };

@@ -53,7 +53,7 @@ const ORDERED_CRATES: [&str; 5] =
 const ORDER_EXCEPTIONS: [(&str, &str, &str, &str); 0] = [];
 
 /// What the coordinator may use of the render core: it merges and validates, and never renders.
-const RENDER_CORE_MODULES_OF_COORDINATOR: [&str; 1] = ["scene"];
+const RENDER_CORE_MODULES_OF_COORDINATOR: [&str; 2] = ["document", "scene"];
 
 fn workspace_root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()

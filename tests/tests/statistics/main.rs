@@ -1,6 +1,7 @@
 //! Light against independent ground truth, closed forms and laws of physics: the tests that draw random numbers and
 //! weigh them.
 
+mod auto;
 mod bias;
 mod connections;
 mod laws;

@@ -57,7 +57,7 @@ struct Method {
 /// The methods that apply to a scene, each with each of its settings that has code of its own.
 fn methods(scene: &SceneDescription) -> Vec<Method> {
     let few = json!({"biased": {"trials": 2}});
-    let (mut fast, mut slow) = (vec![json!({"path": {}})], Vec::new());
+    let (mut fast, mut slow) = (vec![json!({"path": {}}), json!({"auto": {}})], Vec::new());
     if !scene.panes.is_empty() {
         fast.extend([
             json!({"cone": {}}),

@@ -127,6 +127,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     let rendering = async {
         let job = submit(&connection, &bundle, settings).await?;
         progress.note(&format!("The job's page:  {}", connection.job_page(job.id)));
+        progress.chosen_methods(&job.chosen_methods);
         progress.missing_light(&job.missing_light, &job.left_to_chance);
         let job = follow(&connection, job.id, &mut progress).await?;
         check_image(&job)?;

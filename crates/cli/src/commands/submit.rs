@@ -107,6 +107,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         let _ = submitted.set(job.id);
         let mut progress = Progress::new();
         progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
+        progress.chosen_methods(&job.chosen_methods);
         progress.missing_light(&job.missing_light, &job.left_to_chance);
         absence.iter().for_each(|absence| progress.note(absence));
         if !arguments.wait {

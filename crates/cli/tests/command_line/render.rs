@@ -25,6 +25,16 @@ fn an_image_is_made_again_from_what_it_says_of_itself() {
     folder.succeeds(&["render", "scene.json", "--like", "first.exr", "-o", "again.exr"]);
     assert_eq!(folder.comparison("again.exr", "first.exr")["bit_identical"], true);
 
+    // The file has moved on to the next version of the format, and with it the hash of its scene.
+    let mut scene: Value = serde_json::from_slice(&fs::read(folder.path("scene.json")).unwrap()).unwrap();
+    assert_eq!(scene["version"], 1);
+    scene["version"] = json!(2);
+    fs::write(folder.path("newer.json"), scene.to_string()).unwrap();
+    for [like, image] in [["first.exr", "newer.exr"], ["newer.exr", "newest.exr"]] {
+        folder.succeeds(&["render", "newer.json", "--like", like, "-o", image]);
+        assert_eq!(folder.comparison(image, "first.exr")["bit_identical"], true);
+    }
+
     folder.write_scene("other.json", [1.0, 1.0, 1.9]);
     folder.fails(
         &["render", "other.json", "--like", "first.exr", "-o", "no.exr"],

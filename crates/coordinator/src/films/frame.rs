@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use clerestory_film::{ImageMetadata, ImageRows, LayerChoice, Node, ROWS_PER_BLOCK, SumError, TileGrid, TileSum};
+use clerestory_render_core::scene::SceneHeader;
 
 use super::batches::{batches, film_tile, runs};
 use super::error::FilmError;
@@ -141,16 +142,16 @@ impl Frame<'_> {
     /// The metadata of the image, once all of it has been read.
     pub(crate) async fn metadata(&self, reading: Reading, build: &str) -> Result<ImageMetadata, FilmError> {
         let job = self.job;
-        let scene: serde_json::Value = match self.reader.store.job_scene(job.id).await? {
-            Some((scene, _)) => serde_json::from_str(&scene)?,
-            None => serde_json::Value::Null,
+        let header = match self.reader.store.job_scene(job.id).await? {
+            Some((scene, _)) => SceneHeader::read(&scene)?,
+            None => SceneHeader::default(),
         };
         let elapsed_ms = job.started_ms.zip(job.finished_ms).map(|(started_ms, finished_ms)| finished_ms - started_ms);
         let mut metadata = ImageMetadata {
             scene_hash: job.scene_hash.clone(),
             frame: self.frame,
-            seed: scene.get("seed").and_then(serde_json::Value::as_u64).unwrap_or(0),
-            integrator: scene.get("integrator").cloned().unwrap_or_default(),
+            seed: header.seed,
+            integrator: serde_json::to_value(header.integrator)?,
             sampling: job.sampling()?,
             tile_size: job.grid.tile_size,
             tile_passes: Vec::new(),
@@ -159,6 +160,7 @@ impl Frame<'_> {
             worker_builds: Vec::new(),
             missing_light: job.missing_light.clone(),
             left_to_chance: job.left_to_chance.clone(),
+            chosen_methods: job.chosen_methods.clone(),
             counters: reading.work.counters,
             elapsed_seconds: elapsed_ms.map(|elapsed_ms| elapsed_ms as f64 / 1000.0),
         };

@@ -19,6 +19,7 @@ mod encoding;
 mod events;
 mod extract;
 mod images;
+mod integrators;
 mod jobs;
 mod leases;
 mod lingering;

@@ -8,7 +8,7 @@ use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
 
 use crate::http::state::ApiState;
-use crate::http::{assets, auth, events, images, jobs, leases, pieces, workers};
+use crate::http::{assets, auth, events, images, integrators, jobs, leases, pieces, workers};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -21,6 +21,7 @@ use crate::http::{assets, auth, events, images, jobs, leases, pieces, workers};
     components(schemas(Problem)),
     tags(
         (name = "jobs", description = "What is to be rendered."),
+        (name = "integrators", description = "How scenes may be rendered."),
         (name = "images", description = "What has been rendered, at any moment."),
         (name = "events", description = "What happens, as it happens."),
         (name = "assets", description = "Content that scenes name, by its hash."),
@@ -43,6 +44,7 @@ pub(super) fn small() -> OpenApiRouter<ApiState> {
         .routes(routes!(jobs::convergence))
         .routes(routes!(jobs::live_error))
         .routes(routes!(images::exr))
+        .routes(routes!(integrators::list))
         .routes(routes!(events::all))
         .routes(routes!(events::of_job))
         .routes(routes!(workers::list, workers::register))

@@ -136,6 +136,7 @@ impl Submissions {
             integrator: description.integrator.kind().to_owned(),
             missing_light: description.missing_light(),
             left_to_chance: facts.left_to_chance.clone(),
+            chosen_methods: facts.chosen_methods.clone(),
             grid,
             samples_per_pass: sampling.samples_per_pass,
             samples_per_block: sampling.samples_per_block,

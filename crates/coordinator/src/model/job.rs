@@ -27,6 +27,8 @@ pub(crate) struct NewJob {
     pub(crate) missing_light: Vec<String>,
     /// Light of small lights that the integrator leaves to chance.
     pub(crate) left_to_chance: Vec<String>,
+    /// Which method `auto` has chosen for which light.
+    pub(crate) chosen_methods: Vec<String>,
     /// Size of the image and its tiles.
     pub(crate) grid: TileGrid,
     /// Samples per pixel in a pass.
@@ -76,6 +78,8 @@ pub(crate) struct JobRecord {
     pub(crate) missing_light: Vec<String>,
     /// Light of small lights that the integrator leaves to chance.
     pub(crate) left_to_chance: Vec<String>,
+    /// Which method `auto` has chosen for which light.
+    pub(crate) chosen_methods: Vec<String>,
     /// Number of frames.
     pub(crate) frames: u32,
     /// Size of the image and its tiles.

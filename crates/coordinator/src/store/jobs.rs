@@ -18,7 +18,8 @@ use crate::store::events;
 
 /// What [`record`] reads.
 pub(in crate::store) const COLUMNS: &str = "id, name, state, stopped_by, failure, failed_node, hold, priority, \
-                                            scene_hash, integrator, missing_light, left_to_chance, frames, width, \
+                                            scene_hash, integrator, missing_light, left_to_chance, chosen_methods, \
+     frames, width, \
      height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
      target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, \
      cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
@@ -39,6 +40,7 @@ pub(in crate::store) fn record(row: &Row) -> Result<JobRecord, StoreError> {
         integrator: row.text("integrator")?,
         missing_light: row.json("missing_light")?,
         left_to_chance: row.json("left_to_chance")?,
+        chosen_methods: row.json("chosen_methods")?,
         frames: row.number("frames")?,
         grid: TileGrid {
             width: row.number("width")?,
@@ -194,9 +196,9 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     query(
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
-         target_estimated_mse, adaptive, created_ms, left_to_chance) \
+         target_estimated_mse, adaptive, created_ms, left_to_chance, chosen_methods) \
          values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, \
-         $20)",
+         $20, $21)",
     )
     .bind(job.id.to_string())
     .bind(&job.name)
@@ -218,6 +220,7 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(i64::from(job.adaptive))
     .bind(job.created_ms)
     .bind(json(&job.left_to_chance))
+    .bind(json(&job.chosen_methods))
     .execute(&mut *connection)
     .await?;
     for (path, hash) in &job.assets {

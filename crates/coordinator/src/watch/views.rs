@@ -76,6 +76,7 @@ impl Views {
             scene_hash: job.scene_hash,
             missing_light: job.missing_light,
             left_to_chance: job.left_to_chance,
+            chosen_methods: job.chosen_methods,
             frames: job.frames,
             samples_per_pass: job.samples_per_pass,
             passes: job.passes,

@@ -7,6 +7,7 @@ mod backups;
 mod bad_requests;
 mod farm;
 mod frames;
+mod integrators;
 mod live;
 mod lost;
 mod memory;

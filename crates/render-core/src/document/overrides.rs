@@ -8,6 +8,7 @@ use thiserror::Error;
 use super::path::{Step, matches, parse};
 use crate::scene::description::IntegratorDescription;
 use crate::scene::{SceneDescription, SceneError, scene_schema};
+use crate::settings::schema_place::Place;
 
 /// Another value for members of a scene file, such as `lights[sun].direction=[0, 1, 1]`. A value is JSON; text that is
 /// not JSON is taken for a string.
@@ -94,7 +95,7 @@ pub fn apply(changes: &[Override], description: &SceneDescription) -> Result<Sce
     let schema = scene_schema().to_value();
     for change in changes {
         change.check_integrator(&document)?;
-        let root = Place { schema: &schema, root: &schema, path: String::new() };
+        let root = Place::root(&schema);
         change.set(&mut document, root, &change.steps)?;
     }
     SceneDescription::read(document.to_string().as_bytes()).map_err(|source| {
@@ -147,7 +148,7 @@ impl Override {
                 }
                 let known = place.members();
                 if !known.is_empty() && !known.contains(&name.as_str()) {
-                    return Err(self.misplaced(&place.path, &format!("has no member {name}"), &known.join(", ")));
+                    return Err(self.misplaced(place.path(), &format!("has no member {name}"), &known.join(", ")));
                 }
                 // A choice is an object with one member: another choice takes its place.
                 if place.is_choice_of(name) && target.get(name).is_none() {
@@ -155,7 +156,7 @@ impl Override {
                 }
                 let Value::Object(members) = target else {
                     return Err(self.misplaced(
-                        &place.path,
+                        place.path(),
                         &format!("has no member {name}"),
                         "a path that ends there",
                     ));
@@ -163,11 +164,11 @@ impl Override {
                 if !members.contains_key(name) {
                     if place.has_any_members() && !rest.is_empty() {
                         let known: Vec<&str> = members.keys().map(String::as_str).collect();
-                        return Err(self.misplaced(&place.path, &format!("has no member {name}"), &known.join(", ")));
+                        return Err(self.misplaced(place.path(), &format!("has no member {name}"), &known.join(", ")));
                     }
                     if let Some(Step::Element(element)) = rest.first() {
                         let found = format!("is not there, and has no element {element}");
-                        return Err(self.misplaced(&place.member(name).path, &found, "the whole list as the value"));
+                        return Err(self.misplaced(place.member(name).path(), &found, "the whole list as the value"));
                     }
                 }
                 let below = place.member(name);
@@ -176,10 +177,10 @@ impl Override {
             }
             (Step::Member(name), Value::Array(elements)) => {
                 let expected = format!("an element in brackets, by its index from 0 or its name ({})", names(elements));
-                Err(self.misplaced(&place.path, &format!("is a list and has no member {name}"), &expected))
+                Err(self.misplaced(place.path(), &format!("is a list and has no member {name}"), &expected))
             }
             (step, _) => {
-                Err(self.misplaced(&place.path, &format!("has nothing like {step}"), "a path that ends there"))
+                Err(self.misplaced(place.path(), &format!("has nothing like {step}"), "a path that ends there"))
             }
         }
     }
@@ -200,10 +201,10 @@ impl Override {
             _ if pattern == "*" => (0..count).collect(),
             _ => (0..count).filter(|index| is_named(&elements[*index])).collect(),
         };
-        let chosen = place.of_choice(pattern, rest, chosen, |index| place.element(*index), |index| &elements[*index]);
+        let chosen = of_choice(pattern, rest, chosen, |index| place.element(*index), |index| &elements[*index]);
         if chosen.is_empty() {
             let expected = format!("an index below {count}, or a name ({known}), in which * stands for any text");
-            return Err(self.misplaced(&place.path, &format!("has no element {pattern}"), &expected));
+            return Err(self.misplaced(place.path(), &format!("has no element {pattern}"), &expected));
         }
         for index in chosen {
             self.set(&mut elements[index], place.element(index), rest)?;
@@ -220,9 +221,9 @@ impl Override {
     ) -> Result<(), OverrideError> {
         let known: Vec<String> = members.keys().cloned().collect();
         let chosen: Vec<&String> = known.iter().filter(|name| matches(pattern, name)).collect();
-        let chosen = place.of_choice(pattern, rest, chosen, |name| place.member(name), |name| &members[*name]);
+        let chosen = of_choice(pattern, rest, chosen, |name| place.member(name), |name| &members[*name]);
         if chosen.is_empty() {
-            return Err(self.misplaced(&place.path, &format!("has no member {pattern}"), &known.join(", ")));
+            return Err(self.misplaced(place.path(), &format!("has no member {pattern}"), &known.join(", ")));
         }
         for name in chosen {
             let member = members.get_mut(name).expect("it was found there");
@@ -230,6 +231,20 @@ impl Override {
         }
         Ok(())
     }
+}
+
+/// Those things that a pattern has chosen in which the next step of the path stands already, where that names a choice:
+/// a pattern changes settings of many things, and never what they are.
+fn of_choice<'a, 'v, T>(
+    pattern: &str,
+    rest: &[Step],
+    chosen: Vec<T>,
+    place: impl Fn(&T) -> Place<'a>,
+    value: impl Fn(&T) -> &'v Value,
+) -> Vec<T> {
+    let Some(Step::Member(name)) = rest.first().filter(|_| pattern.contains('*')) else { return chosen };
+    let stays = |thing: &T| !place(thing).is_choice_of(name) || value(thing).get(name).is_some();
+    chosen.into_iter().filter(stays).collect()
 }
 
 /// The name of an element: its member `name`, or that of the choice which it is.
@@ -242,93 +257,6 @@ fn name_of(element: &Value) -> Option<&str> {
 fn names(elements: &[Value]) -> String {
     let names: Vec<&str> = elements.iter().filter_map(name_of).collect();
     if names.is_empty() { "none has one".to_owned() } else { names.join(", ") }
-}
-
-/// A place in a scene file, with what its schema says of it.
-struct Place<'a> {
-    schema: &'a Value,
-    root: &'a Value,
-    path: String,
-}
-
-impl<'a> Place<'a> {
-    /// The schema, and behind a choice or a reference the schemas to which it leads.
-    fn schemas(&self) -> Vec<&'a Value> {
-        let mut found = Vec::new();
-        let mut open = vec![self.schema];
-        while let Some(schema) = open.pop() {
-            if let Some(pointer) = schema.get("$ref").and_then(Value::as_str)
-                && let Some(target) = self.root.pointer(pointer.trim_start_matches('#'))
-            {
-                open.push(target);
-            }
-            for choice in ["oneOf", "anyOf", "allOf"] {
-                open.extend(schema.get(choice).and_then(Value::as_array).into_iter().flatten());
-            }
-            found.push(schema);
-        }
-        found
-    }
-
-    /// The members that may stand here; none where any may.
-    fn members(&self) -> Vec<&'a str> {
-        let members = |schema: &'a Value| schema.get("properties").and_then(Value::as_object);
-        let known = self.schemas().into_iter().filter_map(members).flat_map(Map::keys);
-        let mut known: Vec<&str> = known.map(String::as_str).collect();
-        known.sort_unstable();
-        known
-    }
-
-    /// Whether a member is one of several choices.
-    fn is_choice_of(&self, name: &str) -> bool {
-        let is_one = |schema: &Value| {
-            let properties = schema.get("properties").and_then(Value::as_object);
-            properties.is_some_and(|properties| properties.len() == 1 && properties.contains_key(name))
-        };
-        let choices = |schema: &'a Value| schema.get("oneOf").and_then(Value::as_array);
-        self.schemas().into_iter().filter_map(choices).flatten().any(is_one)
-    }
-
-    /// Whether members of any name may stand here.
-    fn has_any_members(&self) -> bool {
-        self.schemas().into_iter().any(|schema| schema.get("additionalProperties").is_some_and(Value::is_object))
-    }
-
-    /// Those things that a pattern has chosen in which the next step of the path stands already, where that names a
-    /// choice: a pattern changes settings of many things, and never what they are.
-    fn of_choice<'v, T>(
-        &self,
-        pattern: &str,
-        rest: &[Step],
-        chosen: Vec<T>,
-        place: impl Fn(&T) -> Self,
-        value: impl Fn(&T) -> &'v Value,
-    ) -> Vec<T> {
-        let Some(Step::Member(name)) = rest.first().filter(|_| pattern.contains('*')) else { return chosen };
-        let stays = |thing: &T| !place(thing).is_choice_of(name) || value(thing).get(name).is_some();
-        chosen.into_iter().filter(stays).collect()
-    }
-
-    /// Where one of several choices stands here, its name and its settings.
-    fn chosen<'v>(&self, value: &'v mut Value) -> Option<(String, &'v mut Value)> {
-        let members = value.as_object_mut().filter(|members| members.len() == 1)?;
-        let (name, settings) = members.iter_mut().next()?;
-        self.is_choice_of(name).then(|| (name.clone(), settings))
-    }
-
-    fn member(&self, name: &str) -> Self {
-        let schemas = self.schemas();
-        let named = |schema: &&'a Value| schema.get("properties").and_then(|members| members.get(name));
-        let any = |schema: &&'a Value| schema.get("additionalProperties").filter(|schema| schema.is_object());
-        let schema = schemas.iter().find_map(named).or_else(|| schemas.iter().find_map(any)).unwrap_or(&Value::Null);
-        let path = if self.path.is_empty() { name.to_owned() } else { format!("{}.{name}", self.path) };
-        Self { schema, path, root: self.root }
-    }
-
-    fn element(&self, index: usize) -> Self {
-        let schema = self.schemas().into_iter().find_map(|schema| schema.get("items")).unwrap_or(&Value::Null);
-        Self { schema, path: format!("{}[{index}]", self.path), root: self.root }
-    }
 }
 
 #[cfg(test)]

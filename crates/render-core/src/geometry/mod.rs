@@ -5,6 +5,7 @@
 
 pub mod accelerator;
 pub(crate) mod bernstein;
+pub(crate) mod closed;
 pub(crate) mod coincidence;
 pub(crate) mod contact;
 mod crossing;

@@ -34,6 +34,10 @@ pub use sun::SunLight;
 
 use crate::settings::{Check, JsonPath};
 
+/// A light is seldom met where its solid angle is below this, steradians. An image of some thousand samples then shows
+/// it as single bright pixels.
+pub(crate) const SELDOM_MET: f64 = std::f64::consts::PI / 1000.0;
+
 /// The settings of a light in the scene file.
 pub trait LightSettings {
     /// Its name.

@@ -1,7 +1,7 @@
 //! From a description and its assets to a scene that can be rendered.
 
 use std::collections::BTreeMap;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::DVec3;
 
@@ -16,11 +16,13 @@ use super::memory::SceneMemory;
 use super::surface::MeshSurface;
 use super::validate_faces::check_faces;
 use super::validate_places::{Obstacles, check_panes};
+use crate::geometry::closed::is_closed;
 use crate::geometry::{Accelerator, Pane};
 use crate::integrator::PathFilter;
 use crate::light::{Light, LightSampler};
 use crate::settings::JsonPath;
 use crate::settings::{AssetProblem, SceneError};
+use crate::specular::auto::{Choice, Surroundings, choose};
 use crate::specular::{conic::FacetTree, conic::Neighbours, pane_tree::PaneTree};
 use clerestory_film::Sampling;
 
@@ -31,6 +33,8 @@ pub struct CheckedScene {
     pub sampling: Sampling,
     /// As [`Scene::left_to_chance`].
     pub left_to_chance: Vec<String>,
+    /// As [`Scene::chosen_methods`].
+    pub chosen_methods: Vec<String>,
 }
 
 /// A scene that can be rendered. It does not change any more.
@@ -49,6 +53,7 @@ pub struct Scene {
     pane_tree: PaneTree,
     pub(super) facet_trees: Vec<OnceLock<Option<FacetTree>>>,
     pub(super) neighbours: Vec<OnceLock<Neighbours>>,
+    choices: OnceLock<Vec<Choice>>,
     lights: Vec<Light>,
     light_sampler: LightSampler,
     meshes: Vec<MeshSurface>,
@@ -95,6 +100,7 @@ impl Scene {
             mesh_bounds,
             facet_trees: surfaces.iter().map(|_| OnceLock::new()).collect(),
             neighbours: surfaces.iter().map(|_| OnceLock::new()).collect(),
+            choices: OnceLock::new(),
             meshes: surfaces,
             accelerator,
             path_filter: description.compiled_path_filter()?,
@@ -119,15 +125,23 @@ impl Scene {
         let corners = |triangle: u32| triangles[triangle as usize].map(|vertex| positions[vertex as usize]);
         check_panes(description, &panes, corners, &surfaces)?;
         check_faces(corners, &surfaces)?;
+        let panes: Arc<[Pane]> = panes.into();
         let smooth = surfaces.iter().filter(|mesh| mesh.is_smooth());
         let glass: Vec<[DVec3; 2]> = (panes.iter().map(Pane::world_bounds))
             .chain(smooth.map(|mesh| mesh_bounds(&positions, &triangles, mesh)))
             .collect();
-        Obstacles::new(panes.into()).check(description)?;
+        Obstacles::new(Arc::clone(&panes)).check(description)?;
         description.compiled_path_filter()?;
         let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
         let left_to_chance = description.left_to_chance_by(&lights, &glass);
-        Ok(CheckedScene { sampling: sampling(description)?, left_to_chance })
+        let chosen_methods = description.integrator.chosen(&Surroundings {
+            lights: &lights,
+            panes: &panes,
+            meshes: &surfaces,
+            bounds: &|mesh| mesh_bounds(&positions, &triangles, &surfaces[mesh as usize]),
+            is_closed: &|mesh| is_closed(surfaces[mesh as usize].triangle_range().map(corners)),
+        });
+        Ok(CheckedScene { sampling: sampling(description)?, left_to_chance, chosen_methods })
     }
 
     /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the integrator, the seed and the
@@ -163,6 +177,7 @@ impl Scene {
             camera: Camera::new(&description.camera, description.film),
             light_sampler,
             lights,
+            choices: OnceLock::new(),
             sampling: sampling(description)?,
             description: description.clone(),
             ..self
@@ -239,6 +254,29 @@ impl Scene {
     /// The choice among the lights.
     pub fn light_sampler(&self) -> &LightSampler {
         &self.light_sampler
+    }
+
+    /// The method that is best for each kind of light, chosen when it is asked for first.
+    pub(crate) fn choices(&self) -> &[Choice] {
+        self.choices.get_or_init(|| self.with_surroundings(choose))
+    }
+
+    /// What the integrator chooses where it chooses among methods, in words.
+    pub fn chosen_methods(&self) -> Vec<String> {
+        self.with_surroundings(|surroundings| self.description.integrator.chosen(surroundings))
+    }
+
+    pub(crate) fn with_surroundings<T>(&self, ask: impl FnOnce(&Surroundings<'_>) -> T) -> T {
+        ask(&Surroundings {
+            lights: &self.lights,
+            panes: self.panes(),
+            meshes: &self.meshes,
+            bounds: &|mesh| self.mesh_bounds(mesh),
+            is_closed: &|mesh| {
+                let triangles = self.meshes[mesh as usize].triangle_range();
+                is_closed(triangles.map(|triangle| *self.accelerator.corners(triangle)))
+            },
+        })
     }
 
     /// The meshes, in the order of the scene file and of their triangles.

@@ -30,8 +30,8 @@ pub use crate::texture::ColourDescription;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneDescription {
-    /// Version of the format; 1.
-    #[schemars(range(min = 1, max = 1))]
+    /// Version of the format: 2, or 1 for scenes whose hash is to be that of earlier builds.
+    #[schemars(range(min = 1, max = 2))]
     pub version: u32,
     /// A short name, shown in lists; at most 200 bytes.
     #[schemars(length(min = 1, max = 200))]
@@ -43,7 +43,9 @@ pub struct SceneDescription {
     pub film: FilmDescription,
     /// The camera.
     pub camera: CameraDescription,
-    /// The integrator and its settings.
+    /// The integrator and its settings, or its name alone.
+    #[serde(default, deserialize_with = "IntegratorDescription::or_name")]
+    #[schemars(schema_with = "IntegratorDescription::schema_or_name")]
     pub integrator: IntegratorDescription,
     /// Light path expression over D (diffuse), R (specular reflection), T (specular transmission) and L (light), from
     /// the camera to the light, for instance `D TT L`: only matching paths are rendered. Default: all paths.

@@ -1,13 +1,13 @@
-//! What identifies a scene: hashes of its assets, its canonical JSON, and the hash over both.
+//! What identifies a scene: hashes of its assets, and the hash over its canonical JSON and these.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use serde_json::Value;
 use thiserror::Error;
 
+use super::canonical::canonical_json;
 use super::description::SceneDescription;
 
 /// BLAKE3 hash of the bytes of an asset.
@@ -34,7 +34,10 @@ impl SceneHash {
     /// The hash of a scene with the assets of these names and hashes.
     pub(super) fn of(description: &SceneDescription, assets: &BTreeMap<&str, ContentHash>) -> Self {
         let json = canonical_json(description);
-        let mut hasher = blake3::Hasher::new_derive_key("clerestory scene hash, version 1");
+        let mut hasher = blake3::Hasher::new_derive_key(match description.version {
+            1 => "clerestory scene hash, version 1",
+            _ => "clerestory scene hash, version 2",
+        });
         hasher.update(&(json.len() as u64).to_le_bytes());
         hasher.update(json.as_bytes());
         for (name, hash) in assets {
@@ -48,45 +51,6 @@ impl SceneHash {
     /// Its bytes.
     pub const fn as_bytes(&self) -> &[u8; 32] {
         &self.0
-    }
-}
-
-/// The one way in which a scene is written when it is hashed: members in alphabetical order, no white space, every
-/// default written out, and the shortest decimal numbers that read back as the same floating-point numbers.
-pub fn canonical_json(description: &SceneDescription) -> String {
-    let value = serde_json::to_value(description).expect("every member of a scene has a form in JSON");
-    let mut json = String::new();
-    write_canonical(&value, &mut json);
-    json
-}
-
-/// Appends `value`. The order of members does not depend on how `serde_json` was configured.
-fn write_canonical(value: &Value, json: &mut String) {
-    match value {
-        Value::Array(elements) => {
-            json.push('[');
-            for (index, element) in elements.iter().enumerate() {
-                if index > 0 {
-                    json.push(',');
-                }
-                write_canonical(element, json);
-            }
-            json.push(']');
-        }
-        Value::Object(members) => {
-            let members: BTreeMap<&String, &Value> = members.iter().collect();
-            json.push('{');
-            for (index, (name, member)) in members.into_iter().enumerate() {
-                if index > 0 {
-                    json.push(',');
-                }
-                json.push_str(&Value::from(name.as_str()).to_string());
-                json.push(':');
-                write_canonical(member, json);
-            }
-            json.push('}');
-        }
-        scalar => json.push_str(&scalar.to_string()),
     }
 }
 
@@ -179,12 +143,5 @@ mod tests {
         assert_eq!(hash.to_string().parse(), Ok(hash));
         assert_eq!(serde_json::from_str::<ContentHash>(&serde_json::to_string(&hash).unwrap()).unwrap(), hash);
         assert!("00".parse::<ContentHash>().unwrap_err().to_string().contains("64 hexadecimal digits"));
-    }
-
-    #[test]
-    fn canonical_numbers_are_the_shortest_that_read_back() {
-        let mut json = String::new();
-        write_canonical(&serde_json::json!({"b": 0.1, "a": [1e-7, 1.0, 3]}), &mut json);
-        assert_eq!(json, r#"{"a":[1e-7,1.0,3],"b":0.1}"#);
     }
 }

@@ -186,8 +186,8 @@ fn what_other_dialects_allow_is_explained() {
 
 #[test]
 fn another_version_is_named_before_anything_else_is_judged() {
-    let future = r#"{"version": 2, "galaxies": [], "name": 7}"#;
-    check(future, "version", &["version 2 is not supported, this build reads 1"]);
+    let future = r#"{"version": 3, "galaxies": [], "name": 7}"#;
+    check(future, "version", &["version 3 is not supported, this build reads 1 to 2"]);
     check(&with("/version", json!(1.5)), "version", &["version 1.5 is not supported"]);
     check(&with("/version", json!("1")), "version", &["invalid type: string \"1\", expected u32"]);
     check(&without("/version"), "$", &["missing field `version`"]);

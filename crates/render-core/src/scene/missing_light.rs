@@ -4,23 +4,17 @@
 //! These are classes of paths. How much light there is in them depends on the scene. A class without a path that the
 //! path filter lets through is not named.
 
-use std::f64::consts::PI;
-
 use glam::DVec3;
 
 use super::Scene;
 use super::description::{MeshDescription, SceneDescription};
 use crate::geometry::Pane;
 use crate::integrator::PathFilter;
-use crate::light::Light;
-use crate::specular::missing::{Glass, LightGroup, PathClass};
+use crate::light::{Light, SELDOM_MET};
+use crate::specular::missing::{Contents, LightGroup, PathClass};
 
 /// Vertices of the shortest path that brings light through a pane to a surface that the camera sees.
 const VERTICES_THROUGH_PANE: u32 = 3;
-
-/// A light is small where less than this of the directions from a surface lead to it: it is met so rarely that an image of some
-/// thousand samples shows it as single bright pixels.
-const SMALL_SOLID_ANGLE: f64 = PI / 1000.0;
 
 /// At most so many lights are named.
 const MOST_NAMES: usize = 3;
@@ -38,7 +32,7 @@ impl Scene {
 impl SceneDescription {
     /// As [`Scene::left_to_chance`], for these lights and boxes around what refracts or mirrors.
     pub(super) fn left_to_chance_by(&self, lights: &[Light], glass: &[[DVec3; 2]]) -> Vec<String> {
-        let is_small = |solid_angle: f64| solid_angle < SMALL_SOLID_ANGLE;
+        let is_small = |solid_angle: f64| solid_angle < SELDOM_MET;
         let small = lights.iter().filter(|light| {
             light.emission().max_element() > 0.0
                 && glass.iter().any(|bounds| light.largest_solid_angle(*bounds).is_some_and(is_small))
@@ -56,14 +50,15 @@ impl SceneDescription {
             missing.push(format!("paths that do not match the path filter {filter}"));
         }
         missing.extend(self.long_paths());
-        if self.panes.is_empty() && !self.has_smooth_meshes() {
+        let contents = self.contents();
+        if contents.panes + contents.meshes == 0 {
             return missing;
         }
-        let mut classes = self.integrator.unfound();
-        if self.lights.iter().any(|light| light.build().is_delta()) {
+        let mut classes = self.integrator.unfound(contents);
+        if contents.has_points {
             classes.extend(
                 self.integrator
-                    .unowned(&LightGroup { name: "point lights".to_owned(), can_be_met: false }, self.glass()),
+                    .unowned(&LightGroup { name: "point lights".to_owned(), can_be_met: false }, self.contents()),
             );
         }
         missing.extend(self.rendered(classes));
@@ -81,7 +76,7 @@ impl SceneDescription {
             count if count <= MOST_NAMES => format!("the small lights {}", quoted.join(", ")),
             count => format!("{count} small lights, {} and so on,", quoted.join(", ")),
         };
-        self.rendered(self.integrator.unowned(&LightGroup { name, can_be_met: true }, self.glass()))
+        self.rendered(self.integrator.unowned(&LightGroup { name, can_be_met: true }, self.contents()))
     }
 
     /// Those classes of which the path filter lets some path through.
@@ -94,13 +89,17 @@ impl SceneDescription {
         classes.into_iter().filter(is_rendered).map(|class| class.text).collect()
     }
 
-    fn glass(&self) -> Glass {
-        Glass { has_panes: !self.panes.is_empty(), has_meshes: self.has_smooth_meshes() }
+    fn contents(&self) -> Contents {
+        Contents { panes: self.panes.len(), meshes: self.smooth_meshes(), has_points: self.has_points() }
     }
 
-    fn has_smooth_meshes(&self) -> bool {
-        let material = |mesh: &MeshDescription| self.materials.get(&mesh.material);
-        self.meshes.iter().any(|mesh| material(mesh).is_some_and(|material| material.is_delta()))
+    fn has_points(&self) -> bool {
+        self.lights.iter().any(|light| light.build().is_delta())
+    }
+
+    fn smooth_meshes(&self) -> usize {
+        let material = |mesh: &&MeshDescription| self.materials.get(&mesh.material);
+        self.meshes.iter().filter(|mesh| material(mesh).is_some_and(|material| material.is_delta())).count()
     }
 
     /// Paths that are cut off, unless the path filter lets none of them through.
@@ -123,6 +122,7 @@ impl SceneDescription {
 mod tests {
     use serde_json::{Value, json};
 
+    use super::super::description::IntegratorDescription;
     use super::super::malformed_scenes::valid_scene;
     use super::*;
 
@@ -192,6 +192,31 @@ mod tests {
         assert!(!reflected.iter().any(|text| text.contains("on its outside")), "{reflected:?}");
         check(&with("sharp"), &[&always[..], &["meets first"]].concat());
         check(&with("bleed"), &[&always[..], &["nothing blocks"]].concat());
+    }
+
+    #[test]
+    fn auto_lacks_what_none_of_its_methods_looks_for() {
+        let long = "more than 16 vertices";
+        let walks = "paths over TTTT or RTT (chains) that a random seed";
+        check(&missing(json!("auto"), 1..4), &[long, walks]);
+        let points = [
+            long,
+            "paths through a pane that the enumeration misses",
+            "paths off the outside of a pane",
+            walks,
+            "two of them in a row (TT, R, TTTT, RTT)",
+            "less than 0.06 degrees",
+        ];
+        check(&missing(json!("auto"), 0..4), &points);
+        let panes = |count: usize| Contents { panes: count, meshes: 0, has_points: true };
+        let group = LightGroup { name: "point lights".to_owned(), can_be_met: false };
+        let of = |contents| IntegratorDescription::default().unowned(&group, contents)[0].text.clone();
+        assert!(of(panes(1)).ends_with("or one of them (TT, R)"), "{}", of(panes(1)));
+        assert!(of(panes(9)).ends_with("or one of them (TT, R)"), "{}", of(panes(9)));
+        assert!(
+            of(Contents { panes: 0, meshes: 1, has_points: true })
+                .ends_with("in a row (TT, R, T, TTTT, RTT, TTT, TTR)")
+        );
     }
 
     #[test]

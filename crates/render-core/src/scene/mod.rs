@@ -10,6 +10,7 @@ mod build_panes;
 mod build_step;
 pub mod bundle;
 pub mod camera;
+mod canonical;
 pub mod description;
 pub mod hash;
 
@@ -49,8 +50,9 @@ pub use build::{CheckedScene, Scene};
 pub use build_step::BuildStep;
 pub use bundle::{Asset, SceneBundle, load};
 pub use camera::Camera;
+pub use canonical::{SceneHeader, canonical_json};
 pub use description::SceneDescription;
-pub use hash::{ContentHash, SceneHash, canonical_json};
+pub use hash::{ContentHash, SceneHash};
 pub use memory::{SceneMemory, SceneUse};
 pub use schema::scene_schema;
 pub use surface::MeshSurface;

@@ -4,11 +4,10 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_json::Value;
 
-use super::description::{FilmDescription, IntegratorDescription, SCENE_FORMAT_VERSION, SceneDescription};
+use super::description::{FilmDescription, IntegratorDescription, SceneDescription};
 use super::syntax::{not_utf_8, refuse_other_formats, with_hint};
-use crate::settings::JsonPath;
-use crate::settings::SceneError;
 use crate::settings::limits::MAX_SCENE_BYTES;
+use crate::settings::{JsonPath, SceneError, is_readable};
 use clerestory_film::file_format::without_byte_order_mark;
 
 impl SceneDescription {
@@ -94,7 +93,7 @@ fn check_syntax_and_version(json: &[u8]) -> Result<(), SceneError> {
     }
     match serde_json::from_slice(json) {
         Ok(VersionOnly { version: Some(version), .. })
-            if version.is_number() && version.as_u64() != Some(u64::from(SCENE_FORMAT_VERSION)) =>
+            if version.is_number() && !version.as_u64().is_some_and(is_readable) =>
         {
             Err(SceneError::UnsupportedVersion { found: version.to_string() })
         }
@@ -120,6 +119,10 @@ fn compare_shapes(found: &Value, expected: &Value, path: &JsonPath<'_>) -> Resul
         (Value::Array(found), Value::Array(expected)) => (0..)
             .zip(found.iter().zip(expected))
             .try_for_each(|(index, (found, expected))| compare_shapes(found, expected, &path.element(index))),
+        // A choice by its name alone, with its usual settings.
+        (Value::String(found), Value::Object(expected)) if expected.len() == 1 && expected.contains_key(found) => {
+            Ok(())
+        }
         (found, Value::Object(_)) => Err(SceneError::value(path, kind(found), "an object")),
         (found, Value::Array(_)) => Err(SceneError::value(path, kind(found), "an array")),
         (Value::Object(_), expected) => Err(SceneError::value(path, "an object", expected)),
@@ -132,5 +135,30 @@ fn kind(value: &Value) -> &'static str {
         Value::Object(_) => "an object",
         Value::Array(_) => "an array",
         _ => "a single value",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::malformed_scenes::valid_scene;
+    use super::*;
+
+    #[test]
+    fn an_integrator_is_named_with_or_without_settings_and_is_auto_without_a_name() {
+        let read = |change: &dyn Fn(&mut Value)| {
+            let mut scene = valid_scene();
+            change(&mut scene);
+            SceneDescription::parse(scene.to_string().as_bytes()).map(|scene| scene.integrator)
+        };
+        let usual = |name: &str| read(&|scene| scene["integrator"] = json!({name: {}})).unwrap();
+        for name in IntegratorDescription::NAMES {
+            assert_eq!(read(&|scene| scene["integrator"] = json!(name)).unwrap(), usual(name));
+        }
+        let without = read(&|scene| _ = scene.as_object_mut().unwrap().remove("integrator"));
+        assert_eq!(without.unwrap(), usual("auto"));
+        let error = read(&|scene| scene["integrator"] = json!("magic")).unwrap_err().to_string();
+        assert!(error.starts_with("integrator: unknown variant `magic`, expected one of `auto`"), "{error}");
     }
 }

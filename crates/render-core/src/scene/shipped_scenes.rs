@@ -25,11 +25,11 @@ fn scene_files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-fn read(file: &Path) -> Value {
+pub(super) fn read(file: &Path) -> Value {
     serde_json::from_slice(&fs::read(file).unwrap()).unwrap()
 }
 
-fn shipped() -> Vec<PathBuf> {
+pub(super) fn shipped() -> Vec<PathBuf> {
     scene_files(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes"))
 }
 

@@ -55,7 +55,7 @@ impl MeshSurface {
     }
 
     /// Whether light goes through its triangles.
-    pub(super) fn is_dielectric(&self) -> bool {
+    pub(crate) fn is_dielectric(&self) -> bool {
         self.surface.bsdf.as_delta().is_some_and(|delta| delta.index_of_refraction().is_some())
     }
 

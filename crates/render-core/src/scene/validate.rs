@@ -6,7 +6,7 @@ use glam::{DVec3, UVec3};
 
 use super::description::{
     CameraDescription, MaterialDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription,
-    SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple, WaveDescription,
+    SamplingDescription, SceneDescription, Triple, WaveDescription,
 };
 use super::mesh::is_degenerate;
 use super::profile;
@@ -19,6 +19,7 @@ use crate::settings::check::{
     MIN_SINE, Names, Number, Numbers, Quoted, check_above, check_asset_name, check_count, check_direction, check_name,
     check_pair, check_range, check_triple,
 };
+use crate::settings::is_readable;
 use crate::settings::limits::{MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHTS, MAX_PANES, MAX_TRIANGLES};
 
 /// A path filter names a few events.
@@ -35,7 +36,7 @@ impl SceneDescription {
     /// The first thing that is wrong, with its place, what stands there and what would be right.
     pub fn validate(&self) -> Result<(), SceneError> {
         let root = JsonPath::Root;
-        if self.version != SCENE_FORMAT_VERSION {
+        if !is_readable(self.version.into()) {
             return Err(SceneError::UnsupportedVersion { found: self.version.to_string() });
         }
         check_name(&self.name, &root.member("name"))?;

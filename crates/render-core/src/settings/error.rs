@@ -19,7 +19,7 @@ pub enum SceneError {
         message: String,
     },
     /// The file is of a version that this build does not read.
-    #[error("version: version {found} is not supported, this build reads {SCENE_FORMAT_VERSION}")]
+    #[error("version: version {found} is not supported, this build reads 1 to {SCENE_FORMAT_VERSION}")]
     UnsupportedVersion {
         /// The version in the file.
         found: String,

@@ -12,7 +12,7 @@ use clerestory_film::counters::Counters;
 
 /// A specular thing, by its index in the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Caster {
+pub(crate) enum Caster {
     /// A pane.
     Pane(u32),
     /// A smooth mesh.

@@ -45,13 +45,15 @@ impl LightGroup {
     }
 }
 
-/// What a scene has that refracts or mirrors.
+/// What a scene has that decides which light is missing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Glass {
-    /// Whether it has panes.
-    pub(crate) has_panes: bool,
-    /// Whether it has specular meshes.
-    pub(crate) has_meshes: bool,
+pub struct Contents {
+    /// Panes.
+    pub(crate) panes: usize,
+    /// Specular meshes.
+    pub(crate) meshes: usize,
+    /// Whether one of its lights is a point.
+    pub(crate) has_points: bool,
 }
 
 /// Paths over one of these chains of specular vertices.
@@ -116,9 +118,14 @@ pub(super) fn over_other(of: &str, chains: &[String]) -> PathClass {
 }
 
 /// Light that a method leaves out which looks for light through one pane.
-pub(super) fn unowned_by_panes(of: &str, glass: Glass, selection: PaneSelection, reflected: bool) -> Vec<PathClass> {
+pub(super) fn unowned_by_panes(
+    of: &str,
+    contents: Contents,
+    selection: PaneSelection,
+    reflected: bool,
+) -> Vec<PathClass> {
     let mut classes = Vec::new();
-    if glass.has_panes {
+    if contents.panes > 0 {
         let outside = if reflected { "" } else { "on its outside or " };
         let text = format!(
             "light of {of} that a pane reflects, {outside}between its faces, or that passes through more than one \
@@ -127,10 +134,10 @@ pub(super) fn unowned_by_panes(of: &str, glass: Glass, selection: PaneSelection,
         classes.push(PathClass::new(text, OTHER_THAN_TT));
         classes.push(between_the_faces(of, Some(libm::asin(GRAZING_COSINE).to_degrees())));
     }
-    if glass.has_meshes {
+    if contents.meshes > 0 {
         classes.push(PathClass::new(format!("light of {of} that comes by way of a smooth mesh to a surface"), ANY));
     }
-    if glass.has_panes {
+    if contents.panes > 0 {
         classes.extend(unselected(of, selection));
     }
     classes

@@ -3,8 +3,9 @@
 //! The path tracer asks [`SpecularMethod::gather`]: which light arrives at this point, from this light, through a pane?
 //! [`cone`] samples directions and sees whether they reach the light; [`fnee`] solves for the paths that do. Both look for them in
 //! the same window ([`window`]). [`sms`] and [`mnee`] walk to them, through panes and over smooth meshes, and [`conic`] finds all
-//! over one mesh. Which paths a method owns, and the path tracer therefore leaves to it, is a function of the path ([`coverage`]).
+//! over one mesh. [`auto`] chooses among them. Which paths a method owns, and the path tracer therefore leaves to it, is a function of the path ([`coverage`]).
 
+pub mod auto;
 mod block_tridiagonal;
 mod caster;
 mod chain;

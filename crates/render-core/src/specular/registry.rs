@@ -1,5 +1,13 @@
 //! The registry of methods.
 
+use std::fmt;
+
+use schemars::generate::SchemaSettings;
+use schemars::{Schema, SchemaGenerator, json_schema};
+use serde::Deserializer;
+use serde::de::{Error, IgnoredAny, MapAccess, Visitor};
+
+use super::auto::AutoSettings;
 use super::cone::ConeSettings;
 use super::conic::ConicSettings;
 use super::fnee::FneeSettings;
@@ -28,6 +36,12 @@ macro_rules! methods {
             pub const PROBES: &'static [(&'static str, &'static [&'static str])] =
                 &[$(($tag, <$settings as Method>::PROBES)),+];
 
+            /// The schemas of all settings, in the order of [`Self::NAMES`].
+            pub(crate) fn schemas() -> Vec<Schema> {
+                let generator = || SchemaSettings::draft2020_12().into_generator();
+                vec![$(generator().into_root_schema_for::<$settings>()),+]
+            }
+
             /// Largest number of vertices between camera and light.
             pub fn max_depth(&self) -> u32 {
                 match self {
@@ -40,6 +54,42 @@ macro_rules! methods {
                 match self {
                     $(Self::$kind(settings) => settings.max_depth = max_depth,)+
                 }
+            }
+
+            /// Reads an integrator with its settings, or the name of one with its usual settings.
+            pub(crate) fn or_name<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                struct OneChoice;
+
+                impl<'de> Visitor<'de> for OneChoice {
+                    type Value = IntegratorDescription;
+
+                    fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+                        formatter.write_str(
+                            "one choice: a string, or an object with exactly one member, named after the choice",
+                        )
+                    }
+
+                    fn visit_str<E: Error>(self, name: &str) -> Result<Self::Value, E> {
+                        let named = IntegratorDescription::default().named(name);
+                        named.ok_or_else(|| E::unknown_variant(name, IntegratorDescription::NAMES))
+                    }
+
+                    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+                        let Some(name) = map.next_key::<String>()? else {
+                            return Err(A::Error::invalid_length(0, &self));
+                        };
+                        let chosen = match name.as_str() {
+                            $($tag => IntegratorDescription::$kind(map.next_value()?),)+
+                            _ => return Err(A::Error::unknown_variant(&name, IntegratorDescription::NAMES)),
+                        };
+                        match map.next_key::<IgnoredAny>()? {
+                            None => Ok(chosen),
+                            Some(_) => Err(A::Error::invalid_length(2, &self)),
+                        }
+                    }
+                }
+
+                deserializer.deserialize_any(OneChoice)
             }
 
             /// The integrator of this name: this one, or another with its usual settings and what describes the scene
@@ -58,7 +108,24 @@ macro_rules! methods {
     };
 }
 
+impl IntegratorDescription {
+    /// The schema of what [`Self::or_name`] reads.
+    pub(crate) fn schema_or_name(generator: &mut SchemaGenerator) -> Schema {
+        let settings = generator.subschema_for::<Self>();
+        json_schema!({
+            "anyOf": [{ "description": "The usual settings.", "enum": Self::NAMES }, settings]
+        })
+    }
+}
+
+impl Default for IntegratorDescription {
+    fn default() -> Self {
+        Self::Auto(AutoSettings::default())
+    }
+}
+
 methods! {
+    "auto" => Auto(AutoSettings),
     "path" => Path(PathSettings),
     "cone" => Cone(ConeSettings),
     "fnee" => Fnee(FneeSettings),

@@ -39,6 +39,12 @@ impl Scope {
         }
     }
 
+    /// The paths over `chains` that begin on these things, to all meshes.
+    pub(super) fn over(scene: &Scene, chains: &[&str], casters: Vec<Caster>) -> Self {
+        let chains = chains.iter().map(|chain| events(chain)).collect();
+        Self { chains, casters, receivers: vec![true; scene.meshes().len()] }
+    }
+
     /// The same paths, but for those that begin on panes.
     #[must_use]
     pub fn over_meshes(mut self) -> Self {
@@ -79,7 +85,7 @@ impl Scope {
 }
 
 /// A chain from its letters.
-fn events(chain: &str) -> Vec<SpecularEvent> {
+pub(super) fn events(chain: &str) -> Vec<SpecularEvent> {
     let event = |letter| if letter == 'R' { SpecularEvent::Reflection } else { SpecularEvent::Transmission };
     chain.chars().map(event).collect()
 }

@@ -1,7 +1,8 @@
 //! What the settings of all methods have in common.
 
 use super::SpecularMethod;
-use super::missing::{Glass, LightGroup, PathClass};
+use super::auto::Surroundings;
+use super::missing::{Contents, LightGroup, PathClass};
 use super::registry::IntegratorDescription;
 use super::scope::ScopeSettings;
 use crate::scene::Scene;
@@ -22,10 +23,15 @@ pub trait MethodSettings {
     fn check(&self, path: &JsonPath<'_>) -> Check;
 
     /// The paths, whatever light they come from, that the path tracer leaves to the method and that it misses.
-    fn unfound(&self) -> Vec<PathClass>;
+    fn unfound(&self, contents: Contents) -> Vec<PathClass>;
 
     /// The paths from a group of lights that the method does not look for.
-    fn unowned(&self, lights: &LightGroup, glass: Glass) -> Vec<PathClass>;
+    fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass>;
+
+    /// Where it chooses among methods: what it chooses, in words.
+    fn chosen(&self, _: &Surroundings<'_>) -> Vec<String> {
+        Vec::new()
+    }
 
     /// The method for a scene; `None` for path tracing alone.
     fn build(&self, scene: &Scene) -> Option<Box<dyn SpecularMethod>>;
@@ -48,6 +54,8 @@ pub trait Method: MethodSettings + Sized {
 }
 
 /// Largest number of vertices between camera and light, unless the scene says otherwise.
+pub(super) const DEFAULT_MAX_DEPTH: u32 = 16;
+
 pub(super) fn default_max_depth() -> u32 {
-    16
+    DEFAULT_MAX_DEPTH
 }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::missing::{ANY, Glass, LightGroup, PathClass, unowned_by_panes};
+use super::super::missing::{ANY, Contents, LightGroup, PathClass, unowned_by_panes};
 use super::super::registry::IntegratorDescription;
 use super::super::selection::PaneSelection;
 use super::super::settings::{Method, MethodSettings, default_max_depth};
@@ -28,13 +28,13 @@ impl MethodSettings for ConeSettings {
         Ok(())
     }
 
-    fn unfound(&self) -> Vec<PathClass> {
+    fn unfound(&self, _: Contents) -> Vec<PathClass> {
         Vec::new()
     }
 
-    fn unowned(&self, lights: &LightGroup, glass: Glass) -> Vec<PathClass> {
+    fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass> {
         if lights.can_be_met {
-            unowned_by_panes(&lights.name, glass, PaneSelection::All, false)
+            unowned_by_panes(&lights.name, contents, PaneSelection::All, false)
         } else {
             vec![PathClass::new(lights.all(), ANY)]
         }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::missing::{ANY, Glass, LightGroup, PathClass, other_than, over, unmarked};
+use super::super::missing::{ANY, Contents, LightGroup, PathClass, other_than, over, unmarked};
 use super::super::registry::IntegratorDescription;
 use super::super::scope::{Scope, ScopeSettings, check_chains};
 use super::super::settings::{Method, MethodSettings, default_max_depth};
@@ -65,7 +65,7 @@ impl MethodSettings for ConicSettings {
         check_chains(&self.chains, "RT", 1, path)
     }
 
-    fn unfound(&self) -> Vec<PathClass> {
+    fn unfound(&self, _: Contents) -> Vec<PathClass> {
         match self.search {
             ConicSearch::Complete | ConicSearch::WithoutRays => Vec::new(),
             ConicSearch::Published => vec![PathClass::new(
@@ -75,10 +75,10 @@ impl MethodSettings for ConicSettings {
         }
     }
 
-    fn unowned(&self, lights: &LightGroup, glass: Glass) -> Vec<PathClass> {
+    fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass> {
         let chains = self.chains.join(", ");
         let text = format!("{}, but for that over one smooth mesh ({chains}; chains)", lights.all());
-        let paths = if glass.has_panes { ANY.to_owned() } else { other_than(&self.chains) };
+        let paths = if contents.panes > 0 { ANY.to_owned() } else { other_than(&self.chains) };
         let mut classes = vec![PathClass::new(text, paths)];
         classes.extend(unmarked(&lights.name, self.casters.as_deref(), self.receivers.as_deref()));
         classes

@@ -4,10 +4,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::missing::{Glass, LightGroup, PathClass, THROUGH_ONE_PANE, cut_off, unowned_by_panes};
+use super::super::missing::{Contents, LightGroup, PathClass, THROUGH_ONE_PANE, cut_off, unowned_by_panes};
 use super::super::registry::IntegratorDescription;
 use super::super::selection::PaneSelection;
-use super::super::settings::{Method, MethodSettings, default_max_depth};
+use super::super::settings::{DEFAULT_MAX_DEPTH, Method, MethodSettings, default_max_depth};
 use super::Fnee;
 use crate::scene::Scene;
 use crate::settings::check::check_range;
@@ -38,7 +38,25 @@ pub struct FneeSettings {
 }
 
 fn default_max_trials() -> u32 {
-    1000
+    FneeSettings::USUAL.max_trials
+}
+
+impl FneeSettings {
+    /// The settings of a scene that names none.
+    pub(in super::super) const USUAL: Self = Self {
+        max_depth: DEFAULT_MAX_DEPTH,
+        solver: FneeSolver::Complete,
+        selection: PaneSelection::All,
+        max_trials: 1000,
+        reflected: false,
+    };
+}
+
+impl From<&FneeSettings> for Fnee {
+    fn from(settings: &FneeSettings) -> Self {
+        let FneeSettings { solver, selection, max_trials, reflected, .. } = *settings;
+        Self { solver, selection, max_trials, reflected }
+    }
 }
 
 /// How Fermat next event estimation searches for stationary paths.
@@ -57,7 +75,7 @@ impl MethodSettings for FneeSettings {
         check_range(self.max_trials, 1, 1_000_000, &path.member("max_trials"))
     }
 
-    fn unfound(&self) -> Vec<PathClass> {
+    fn unfound(&self, _: Contents) -> Vec<PathClass> {
         let cut_off = cut_off(self.max_trials);
         match self.solver {
             FneeSolver::Complete => {
@@ -82,13 +100,12 @@ impl MethodSettings for FneeSettings {
         }
     }
 
-    fn unowned(&self, lights: &LightGroup, glass: Glass) -> Vec<PathClass> {
-        unowned_by_panes(&lights.name, glass, self.selection, self.reflected)
+    fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass> {
+        unowned_by_panes(&lights.name, contents, self.selection, self.reflected)
     }
 
     fn build(&self, _: &Scene) -> Option<Box<dyn SpecularMethod>> {
-        let Self { solver, selection, max_trials, reflected, .. } = *self;
-        Some(Box::new(Fnee { solver, selection, max_trials, reflected }))
+        Some(Box::new(Fnee::from(self)))
     }
 }
 
@@ -99,12 +116,6 @@ impl Method for FneeSettings {
         &[r#"{"fnee": {"reflected": true}}"#, r#"{"fnee": {"solver": "published", "max_trials": 20}}"#];
 
     fn adopting(other: &IntegratorDescription) -> Self {
-        Self {
-            max_depth: other.max_depth(),
-            solver: FneeSolver::default(),
-            selection: PaneSelection::default(),
-            max_trials: default_max_trials(),
-            reflected: false,
-        }
+        Self { max_depth: other.max_depth(), ..Self::USUAL }
     }
 }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::missing::{ANY, Glass, LightGroup, PathClass, over, over_other, unmarked};
+use super::super::missing::{ANY, Contents, LightGroup, PathClass, over, over_other, unmarked};
 use super::super::registry::IntegratorDescription;
 use super::super::scope::{MOST_SPECULAR_VERTICES, Scope, ScopeSettings, check_chains, through_panes};
 use super::super::settings::{Method, MethodSettings, default_max_depth};
@@ -58,7 +58,7 @@ impl MethodSettings for MneeSettings {
         check_chains(&self.chains, "T", MOST_SPECULAR_VERTICES, path)
     }
 
-    fn unfound(&self) -> Vec<PathClass> {
+    fn unfound(&self, _: Contents) -> Vec<PathClass> {
         match self.missed {
             MissedPaths::LeftToChance => Vec::new(),
             MissedPaths::Dropped => vec![PathClass::new(
@@ -68,7 +68,7 @@ impl MethodSettings for MneeSettings {
         }
     }
 
-    fn unowned(&self, lights: &LightGroup, _: Glass) -> Vec<PathClass> {
+    fn unowned(&self, lights: &LightGroup, _: Contents) -> Vec<PathClass> {
         let of = &lights.name;
         let is_named_already = lights.can_be_met && self.missed == MissedPaths::Dropped;
         let first = if is_named_already {

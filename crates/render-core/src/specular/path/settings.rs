@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::missing::{ANY, Glass, LightGroup, PathClass};
+use super::super::missing::{ANY, Contents, LightGroup, PathClass};
 use super::super::registry::IntegratorDescription;
 use super::super::settings::{Method, MethodSettings, default_max_depth};
 use crate::scene::Scene;
@@ -26,11 +26,11 @@ impl MethodSettings for PathSettings {
         Ok(())
     }
 
-    fn unfound(&self) -> Vec<PathClass> {
+    fn unfound(&self, _: Contents) -> Vec<PathClass> {
         Vec::new()
     }
 
-    fn unowned(&self, lights: &LightGroup, _: Glass) -> Vec<PathClass> {
+    fn unowned(&self, lights: &LightGroup, _: Contents) -> Vec<PathClass> {
         vec![PathClass::new(lights.all(), ANY)]
     }
 

@@ -7,7 +7,7 @@ use super::super::SpecularMethod;
 use super::super::constraint::ManifoldConstraint;
 use super::super::manifold::WalkSteps;
 use super::super::missing::{
-    Glass, LightGroup, PathClass, between_the_faces, cut_off, over, over_other, unmarked, unselected,
+    Contents, LightGroup, PathClass, between_the_faces, cut_off, over, over_other, unmarked, unselected,
 };
 use super::super::registry::IntegratorDescription;
 use super::super::scope::{MOST_SPECULAR_VERTICES, Scope, ScopeSettings, check_chains, through_panes};
@@ -71,6 +71,21 @@ pub enum ManifoldEstimator {
     },
 }
 
+impl Default for SmsSettings {
+    fn default() -> Self {
+        Self {
+            max_depth: default_max_depth(),
+            constraint: ManifoldConstraint::default(),
+            steps: WalkSteps::default(),
+            estimator: ManifoldEstimator::default(),
+            selection: PaneSelection::default(),
+            chains: through_panes(),
+            casters: None,
+            receivers: None,
+        }
+    }
+}
+
 impl Default for ManifoldEstimator {
     fn default() -> Self {
         Self::Unbiased { max_trials: default_manifold_trials() }
@@ -101,7 +116,7 @@ impl MethodSettings for SmsSettings {
         }
     }
 
-    fn unfound(&self) -> Vec<PathClass> {
+    fn unfound(&self, _: Contents) -> Vec<PathClass> {
         let chains = self.chains.join(" or ");
         let text = match self.estimator {
             ManifoldEstimator::Unbiased { max_trials } => {
@@ -115,10 +130,10 @@ impl MethodSettings for SmsSettings {
         vec![PathClass::new(text, over(&self.chains))]
     }
 
-    fn unowned(&self, lights: &LightGroup, glass: Glass) -> Vec<PathClass> {
+    fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass> {
         let of = &lights.name;
         let mut classes = vec![over_other(of, &self.chains)];
-        classes.extend(glass.has_panes.then(|| between_the_faces(of, None)));
+        classes.extend((contents.panes > 0).then(|| between_the_faces(of, None)));
         classes.extend(unmarked(of, self.casters.as_deref(), self.receivers.as_deref()));
         classes.extend(unselected(of, self.selection));
         classes
@@ -145,13 +160,10 @@ impl Method for SmsSettings {
         let scope = other.scope();
         Self {
             max_depth: other.max_depth(),
-            constraint: ManifoldConstraint::default(),
-            steps: WalkSteps::default(),
-            estimator: ManifoldEstimator::default(),
-            selection: PaneSelection::default(),
             chains: scope.map_or_else(through_panes, |scope| scope.chains.to_vec()),
             casters: scope.and_then(|scope| scope.casters.map(<[String]>::to_vec)),
             receivers: scope.and_then(|scope| scope.receivers.map(<[String]>::to_vec)),
+            ..Self::default()
         }
     }
 }

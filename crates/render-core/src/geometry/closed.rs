@@ -1,0 +1,72 @@
+//! Whether a surface of triangles is closed: whether it has an inside.
+
+use glam::DVec3;
+
+/// Whether each edge belongs to an even number of triangles, as on a surface without a border. Corners are the same
+/// when their coordinates are.
+///
+/// Each edge gets a random 64-bit number; a surface is closed when all of them cancel. A surface with a border is taken
+/// for a closed one with probability 2^-64.
+pub(crate) fn is_closed(triangles: impl Iterator<Item = [DVec3; 3]>) -> bool {
+    let numbers = triangles.map(|corners| {
+        let [a, b, c] = corners.map(number_of_corner);
+        edge(a, b) ^ edge(b, c) ^ edge(c, a)
+    });
+    numbers.fold(0, |sum, triangle| sum ^ triangle) == 0
+}
+
+/// The same for both directions.
+fn edge(from: u64, to: u64) -> u64 {
+    mix(from.min(to).wrapping_add(mix(from.max(to))))
+}
+
+fn number_of_corner(corner: DVec3) -> u64 {
+    // Zero has two signs.
+    corner.to_array().into_iter().fold(0, |state, coordinate| mix(state ^ (coordinate + 0.0).to_bits()))
+}
+
+/// SplitMix64 (Steele, Lea and Flood 2014).
+fn mix(value: u64) -> u64 {
+    let value = value.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let value = (value ^ (value >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let value = (value ^ (value >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    value ^ (value >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box around the origin, with corners of its own for each triangle.
+    fn block() -> Vec<[DVec3; 3]> {
+        let corner = |bits: [i32; 3]| DVec3::from(bits.map(|bit| if bit == 0 { -0.5 } else { 0.5 }));
+        let sides = (0..3).flat_map(|axis| [0, 1].map(|side| (axis, side)));
+        let quads = sides.map(|(axis, side)| {
+            [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[u, v]| {
+                let mut bits = [0; 3];
+                (bits[axis], bits[(axis + 1) % 3], bits[(axis + 2) % 3]) = (side, u, v);
+                corner(bits)
+            })
+        });
+        quads.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect()
+    }
+
+    #[test]
+    fn a_box_is_closed_and_one_without_a_triangle_is_not() {
+        let block = block();
+        assert!(is_closed(block.iter().copied()));
+        for missing in 0..block.len() {
+            let rest = block.iter().enumerate().filter(|(index, _)| *index != missing);
+            assert!(!is_closed(rest.map(|(_, triangle)| *triangle)), "{missing}");
+        }
+    }
+
+    #[test]
+    fn winding_and_the_sign_of_zero_do_not_matter() {
+        let shifted = block().into_iter().map(|triangle| triangle.map(|corner| corner + 0.5));
+        let odd = shifted.enumerate().map(|(index, [a, b, c])| if index % 2 == 0 { [a, c, b] } else { [a, b, c] });
+        let signed =
+            odd.map(|triangle| triangle.map(|corner| DVec3::select(corner.cmpeq(DVec3::ZERO), -corner, corner)));
+        assert!(is_closed(signed));
+    }
+}

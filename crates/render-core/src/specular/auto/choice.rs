@@ -1,0 +1,337 @@
+//! Which method finds which light: the one place that decides it.
+//!
+//! Rays towards a light are best until it is tiny, and a search takes over there; a point can only be searched for. One
+//! vertex on a mesh is found without noise, whatever the light is. Manifold walks search bodies of glass. They also search
+//! several things in a row, for lights that chance seldom meets. Each walk begins on one thing: so where there are many
+//! things, light over several is left to chance (docs/decisions/0037-auto.md).
+
+use glam::DVec3;
+
+use super::super::caster::Caster;
+use super::super::missing::Contents;
+use crate::geometry::Pane;
+use crate::light::{Light, SELDOM_MET};
+use crate::scene::MeshSurface;
+
+/// A light through panes is searched for where its solid angle is below this from every pane, steradians.
+const TINY: f64 = 1e-7;
+
+/// Of more panes and smooth meshes than this, light over several in a row is left to chance.
+const MOST_IN_A_ROW: usize = 8;
+
+/// At most so many names are listed.
+const MOST_NAMES: usize = 3;
+
+/// What a choice depends on.
+pub struct Surroundings<'a> {
+    pub(crate) lights: &'a [Light],
+    pub(crate) panes: &'a [Pane],
+    pub(crate) meshes: &'a [MeshSurface],
+    /// Corners of a box around a mesh, metres.
+    pub(crate) bounds: &'a dyn Fn(u32) -> [DVec3; 2],
+    /// Whether a mesh has an inside.
+    pub(crate) is_closed: &'a dyn Fn(u32) -> bool,
+}
+
+/// The methods among which is chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Best {
+    /// Rays towards the light.
+    Cone,
+    /// A search through and off panes.
+    Fnee,
+    /// All paths over one mesh.
+    Conic,
+    /// Manifold walks.
+    Sms,
+}
+
+/// A method, and the paths that it finds.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Choice {
+    pub(crate) method: Best,
+    /// For each light of the scene, whether it is found.
+    pub(crate) lights: Vec<bool>,
+    /// What happens from the surface to the light, as words of R and T.
+    pub(crate) chains: Vec<&'static str>,
+    /// The first things that paths meet; empty where the method looks at all panes.
+    pub(crate) casters: Vec<Caster>,
+}
+
+/// The methods for a scene. No path is looked for by two of them.
+pub(crate) fn choose(surroundings: &Surroundings<'_>) -> Vec<Choice> {
+    let Surroundings { lights, panes, meshes, .. } = *surroundings;
+    let mut choices = Vec::new();
+    if !panes.is_empty() {
+        let boxes: Vec<_> = panes.iter().map(Pane::world_bounds).collect();
+        // A light at infinity fills as much of the view from everywhere.
+        let is_tiny = |light: &Light| light.bounding_box().is_some() && is_below(TINY, light, &boxes);
+        let is_searched: Vec<bool> = lights.iter().map(|light| light.is_delta() || is_tiny(light)).collect();
+        let is_met = is_searched.iter().map(|searched| !searched).collect();
+        choices.push(Choice { method: Best::Cone, lights: is_met, chains: vec!["TT"], casters: Vec::new() });
+        choices.push(Choice { method: Best::Fnee, lights: is_searched, chains: vec!["TT", "R"], casters: Vec::new() });
+    }
+    let mut add = |method, lights: &[bool], chains: &[&'static str], casters: &[Caster]| {
+        let (lights, chains, casters) = (lights.to_vec(), chains.to_vec(), casters.to_vec());
+        choices.push(Choice { method, lights, chains, casters });
+    };
+    let all = vec![true; lights.len()];
+    let smooth = (0u32..).zip(meshes).filter(|(_, mesh)| mesh.is_smooth());
+    let (glass, mirrors): (Vec<_>, Vec<_>) = smooth.partition(|(_, mesh)| mesh.is_dielectric());
+    let (closed, open): (Vec<_>, Vec<_>) = glass.into_iter().partition(|(index, _)| (surroundings.is_closed)(*index));
+    let [closed, open, mirrors]: [Vec<Caster>; 3] =
+        [closed, open, mirrors].map(|meshes| meshes.into_iter().map(|(index, _)| Caster::Mesh(index)).collect());
+    add(Best::Conic, &all, &["T", "R"], &open);
+    add(Best::Conic, &all, &["R"], &[&closed[..], &mirrors].concat());
+    add(Best::Sms, &all, &["TT"], &closed);
+
+    let panes = (0..panes.len() as u32).map(Caster::Pane);
+    if panes.len() + closed.len() + open.len() + mirrors.len() <= MOST_IN_A_ROW {
+        let bodies: Vec<Caster> = panes.chain(closed).collect();
+        let things: Vec<_> =
+            [&bodies[..], &open, &mirrors].concat().into_iter().map(|thing| around(surroundings, thing)).collect();
+        let seldom: Vec<bool> = lights.iter().map(|light| is_below(SELDOM_MET, light, &things)).collect();
+        let faces = [&open[..], &mirrors].concat();
+        let goes_on = |first: &&Caster| bodies.iter().any(|next| is_in_a_row(surroundings, **first, *next));
+        let (first, last): (Vec<Caster>, Vec<Caster>) = bodies.iter().partition(goes_on);
+        let behind_a_body: &[&str] = match (open.is_empty(), faces.is_empty()) {
+            (false, _) => &["TTT", "TTR"],
+            (true, false) => &["TTR"],
+            (true, true) => &[],
+        };
+        add(Best::Sms, &seldom, &[&["TTTT", "RTT"], behind_a_body].concat(), &first);
+        add(Best::Sms, &seldom, behind_a_body, &last);
+        add(Best::Sms, &seldom, if bodies.is_empty() { &["TT"] } else { &["TT", "TTT", "RTT"] }, &open);
+        add(Best::Sms, &seldom, if bodies.is_empty() { &[] } else { &["RTT"] }, &mirrors);
+    }
+    choices.retain(|choice| {
+        let has_things = !choice.casters.is_empty() || matches!(choice.method, Best::Cone | Best::Fnee);
+        has_things && !choice.chains.is_empty() && choice.lights.contains(&true)
+    });
+    choices
+}
+
+/// Whether light over several things in a row is looked for.
+pub(super) fn looks_for_several(contents: Contents) -> bool {
+    (contents.meshes > 0 || contents.panes > 1) && contents.panes + contents.meshes <= MOST_IN_A_ROW
+}
+
+/// The chains that are looked for in a scene with such glass, whatever the shapes of its meshes are.
+pub(super) fn words(contents: Contents) -> Vec<String> {
+    let mut words = Vec::new();
+    if contents.panes + contents.meshes > 0 {
+        words.extend(["TT", "R"]);
+    }
+    if contents.meshes > 0 {
+        words.push("T");
+    }
+    if looks_for_several(contents) {
+        words.extend(["TTTT", "RTT"]);
+        if contents.meshes > 0 {
+            words.extend(["TTT", "TTR"]);
+        }
+    }
+    words.into_iter().map(str::to_owned).collect()
+}
+
+/// Whether a light's solid angle is below a limit from everywhere in all boxes; that of a point is.
+fn is_below(limit: f64, light: &Light, boxes: &[[DVec3; 2]]) -> bool {
+    boxes.iter().all(|bounds| light.largest_solid_angle(*bounds).is_none_or(|angle| angle < limit))
+}
+
+/// Whether light may go through one body and then through another: not where both lie in one plane.
+fn is_in_a_row(surroundings: &Surroundings<'_>, first: Caster, next: Caster) -> bool {
+    if first == next {
+        return false;
+    }
+    let flat = |one: Caster, other: Caster| {
+        let Caster::Pane(pane) = one else { return false };
+        let pane = &surroundings.panes[pane as usize];
+        let [low, high] = pane.local_bounds();
+        let corners = corners(surroundings, other).map(|corner| pane.frame.point_to_local(corner).z);
+        // As thick again is what the rounding of a window's description may come to.
+        corners.into_iter().all(|z| (low.z - pane.thickness..=high.z + pane.thickness).contains(&z))
+    };
+    !flat(first, next) && !flat(next, first)
+}
+
+/// A box around a thing.
+fn around(surroundings: &Surroundings<'_>, thing: Caster) -> [DVec3; 2] {
+    match thing {
+        Caster::Pane(pane) => surroundings.panes[pane as usize].world_bounds(),
+        Caster::Mesh(mesh) => (surroundings.bounds)(mesh),
+    }
+}
+
+/// Corners of a box around a body.
+fn corners(surroundings: &Surroundings<'_>, body: Caster) -> [DVec3; 8] {
+    let of = |[low, high]: [DVec3; 2]| {
+        [0, 1, 2, 3, 4, 5, 6, 7].map(|bits: usize| {
+            DVec3::from([0, 1, 2].map(|axis| if bits >> axis & 1 == 0 { low[axis] } else { high[axis] }))
+        })
+    };
+    match body {
+        Caster::Pane(pane) => {
+            let pane = &surroundings.panes[pane as usize];
+            of(pane.local_bounds()).map(|corner| pane.frame.point_to_world(corner))
+        }
+        Caster::Mesh(mesh) => of((surroundings.bounds)(mesh)),
+    }
+}
+
+impl Choice {
+    /// In words, for the image's metadata.
+    pub(super) fn describe(&self, surroundings: &Surroundings<'_>) -> String {
+        let lit = surroundings.lights.iter().zip(&self.lights).filter(|(_, found)| **found);
+        let lights: Vec<&str> = lit.map(|(light, _)| light.name.as_str()).collect();
+        let lights = list(&lights, surroundings.lights.len(), "lights");
+        let (method, over) = match self.method {
+            Best::Cone => ("cone", "through panes".to_owned()),
+            Best::Fnee => ("fnee", "through panes and off their outside".to_owned()),
+            Best::Conic => ("conic", self.over(surroundings)),
+            Best::Sms => ("sms", self.over(surroundings)),
+        };
+        format!("{method} finds light of {lights} {over}")
+    }
+
+    fn over(&self, surroundings: &Surroundings<'_>) -> String {
+        let Surroundings { panes, meshes, .. } = surroundings;
+        let names: Vec<&str> = (self.casters.iter())
+            .map(|caster| match *caster {
+                Caster::Pane(pane) => panes[pane as usize].name.as_str(),
+                Caster::Mesh(mesh) => meshes[mesh as usize].name(),
+            })
+            .collect();
+        format!("over {} ({})", list(&names, usize::MAX, "things"), self.chains.join(", "))
+    }
+}
+
+/// Names, or their number where they are many, of `count` things in all.
+fn list(names: &[&str], count: usize, kind: &str) -> String {
+    if names.len() == count && count > 1 {
+        format!("all {kind}")
+    } else if names.len() > MOST_NAMES {
+        format!("{} {kind}", names.len())
+    } else {
+        names.iter().map(|name| format!("\"{name}\"")).collect::<Vec<_>>().join(", ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use serde_json::{Value, json};
+
+    use super::*;
+    use crate::scene::{Scene, SceneBundle, SceneDescription};
+
+    /// Two panes in one plane, one behind them, a closed box, a sheet of water and a mirror, under lights of all sizes.
+    fn scene(panes: &[Value]) -> Scene {
+        let corners: Vec<[f64; 3]> =
+            (0..8).map(|bits| [0, 1, 2].map(|axis| if bits >> axis & 1 == 0 { -0.1 } else { 0.1 })).collect();
+        let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let triangles: Vec<[u32; 3]> = sides.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+        let sheet = json!({"inline": {
+            "positions": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "triangles": [[0, 1, 2], [0, 2, 3]]
+        }});
+        let sphere = |name: &str, radius: f64| json!({"sphere": {"name": name, "centre": [0, 0, 4], "radius": radius, "radiance": [1, 1, 1]}});
+        let scene = json!({
+            "version": 1, "name": "things", "film": {"width": 4, "height": 4},
+            "camera": {"orthographic": {"position": [0, 0, 0.5], "look_at": [0, 0, 0], "up": [0, 1, 0], "height": 1}},
+            "lights": [
+                sphere("globe", 1.0), sphere("candle", 0.005), sphere("spark", 1e-4),
+                {"sun": {"name": "sun", "direction": [0, 0, 1], "angular_radius": 0.27, "radiance": [1, 1, 1]}},
+                {"point": {"name": "point", "position": [0, 0, 3], "intensity": [1, 1, 1]}}
+            ],
+            "materials": {
+                "glass": {"dielectric": {"index_of_refraction": 1.5}},
+                "silver": {"mirror": {"reflectance": [0.9, 0.9, 0.9]}}
+            },
+            "meshes": [
+                {"name": "box", "material": "glass", "translate": [0, 0, 0.3],
+                    "source": {"inline": {"positions": corners, "triangles": triangles}}},
+                {"name": "water", "material": "glass", "translate": [0.5, 0.5, 0.1], "source": sheet},
+                {"name": "mirror", "material": "silver", "translate": [0.5, -1.5, 0.1], "source": sheet}
+            ],
+            "panes": panes
+        });
+        let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+        Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()
+    }
+
+    fn pane(name: &str, [x, z]: [f64; 2]) -> Value {
+        json!({
+            "name": name, "centre": [x, 0, z], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 0.5, "height": 0.5,
+            "thickness": 0.003, "index_of_refraction": 1.5, "front": "flat", "back": "flat"
+        })
+    }
+
+    /// The methods that look for a chain from a thing to a light.
+    fn methods(scene: &Scene, light: usize, thing: Caster, chain: &str) -> Vec<Best> {
+        let looks = |choice: &&Choice| {
+            let begins = match (choice.casters.is_empty(), thing) {
+                (true, Caster::Pane(_)) => true,
+                (true, Caster::Mesh(_)) => false,
+                (false, _) => choice.casters.contains(&thing),
+            };
+            begins && choice.lights[light] && choice.chains.contains(&chain)
+        };
+        scene.choices().iter().filter(looks).map(|choice| choice.method).collect()
+    }
+
+    const GLOBE: usize = 0;
+    const CANDLE: usize = 1;
+    const SPARK: usize = 2;
+    const SUN: usize = 3;
+    const POINT: usize = 4;
+
+    #[test]
+    fn no_path_is_looked_for_twice_and_each_has_the_method_that_is_best() {
+        let scene = scene(&[pane("left", [0.0, 1.0]), pane("right", [0.6, 1.0]), pane("behind", [0.0, 1.5])]);
+        let things = (0..3).map(Caster::Pane).chain((0..3).map(Caster::Mesh));
+        for thing in things {
+            for light in [GLOBE, CANDLE, SPARK, SUN, POINT] {
+                for chain in ["T", "R", "TT", "TTT", "TTR", "RTT", "TTTT"] {
+                    assert!(methods(&scene, light, thing, chain).len() <= 1, "{light}, {thing:?}, {chain}");
+                }
+            }
+        }
+        let [pane, closed, water, mirror] = [Caster::Pane(0), Caster::Mesh(0), Caster::Mesh(1), Caster::Mesh(2)];
+        let through = |light| methods(&scene, light, pane, "TT");
+        assert_eq!([GLOBE, CANDLE, SUN].map(through), [[Best::Cone]; 3]);
+        assert_eq!([SPARK, POINT].map(through), [[Best::Fnee]; 2]);
+        for light in [GLOBE, CANDLE, SPARK, SUN, POINT] {
+            assert_eq!(methods(&scene, light, water, "T"), [Best::Conic]);
+            assert_eq!([closed, water, mirror].map(|thing| methods(&scene, light, thing, "R")), [[Best::Conic]; 3]);
+            assert_eq!(methods(&scene, light, closed, "TT"), [Best::Sms]);
+            let several = if light == GLOBE { &[][..] } else { &[Best::Sms] };
+            for (thing, chain) in [(pane, "TTTT"), (closed, "TTTT"), (water, "TTT"), (pane, "TTR"), (mirror, "RTT")] {
+                assert_eq!(methods(&scene, light, thing, chain), several, "{light}, {thing:?}, {chain}");
+            }
+        }
+    }
+
+    #[test]
+    fn panes_in_one_plane_are_not_in_a_row_and_many_things_are_left_to_chance() {
+        let two = [pane("left", [0.0, 1.0]), pane("right", [0.6, 1.0])];
+        let beside = scene(&two);
+        let surroundings = |first, next| beside.with_surroundings(|all| is_in_a_row(all, first, next));
+        assert!(!surroundings(Caster::Pane(0), Caster::Pane(1)));
+        assert!(surroundings(Caster::Pane(0), Caster::Mesh(0)));
+        let many: Vec<Value> =
+            (0..6).map(|number| pane(&number.to_string(), [0.0, 1.0 + 0.1 * f64::from(number)])).collect();
+        assert!(methods(&scene(&many[..5]), POINT, Caster::Pane(0), "TTTT") == [Best::Sms]);
+        assert!(methods(&scene(&many), POINT, Caster::Pane(0), "TTTT").is_empty());
+    }
+
+    #[test]
+    fn what_is_chosen_is_told_with_names() {
+        let scene = scene(&[pane("left", [0.0, 1.0])]);
+        let told = scene.chosen_methods();
+        assert_eq!(told[0], "cone finds light of \"globe\", \"candle\", \"sun\" through panes");
+        assert_eq!(told[1], "fnee finds light of \"spark\", \"point\" through panes and off their outside");
+        assert!(told.contains(&"conic finds light of all lights over \"water\" (T, R)".to_owned()), "{told:#?}");
+        assert!(told.contains(&"sms finds light of all lights over \"box\" (TT)".to_owned()), "{told:#?}");
+    }
+}

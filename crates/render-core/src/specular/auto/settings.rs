@@ -1,0 +1,93 @@
+//! The settings of `auto`.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::super::SpecularMethod;
+use super::super::missing::{Contents, LightGroup, PathClass, between_the_faces, other_than};
+use super::super::registry::IntegratorDescription;
+use super::super::settings::{Method, MethodSettings, default_max_depth};
+use super::super::side::GRAZING_COSINE;
+use super::super::sms::SmsSettings;
+use super::choice::{Surroundings, choose, words};
+use super::{Auto, FNEE, choice, prepare};
+use crate::scene::Scene;
+use crate::settings::{Check, JsonPath};
+
+/// Path tracing, with each kind of light over glass, water and mirrors found by the method that is best for it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct AutoSettings {
+    /// Largest number of vertices between camera and light, 1 to 1000.
+    #[serde(default = "default_max_depth")]
+    #[schemars(range(min = 1, max = 1000))]
+    pub max_depth: u32,
+}
+
+impl Default for AutoSettings {
+    fn default() -> Self {
+        Self { max_depth: default_max_depth() }
+    }
+}
+
+impl MethodSettings for AutoSettings {
+    fn check(&self, _: &JsonPath<'_>) -> Check {
+        Ok(())
+    }
+
+    fn unfound(&self, contents: Contents) -> Vec<PathClass> {
+        let panes = (contents.panes > 0 && contents.has_points).then(|| FNEE.unfound(contents));
+        // One vertex belongs to `conic`; without meshes, two belong to panes.
+        let shortest = if contents.meshes > 0 { 2 } else { 3 };
+        let chains: Vec<String> = words(contents).into_iter().filter(|word| word.len() >= shortest).collect();
+        let walks = (!chains.is_empty()).then(|| SmsSettings { chains, ..SmsSettings::default() }.unfound(contents));
+        panes.into_iter().chain(walks).flatten().collect()
+    }
+
+    fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass> {
+        let of = &lights.name;
+        let words = words(contents);
+        let several = if choice::looks_for_several(contents) { "two of them in a row" } else { "one of them" };
+        let text = format!(
+            "light of {of} over other specular vertices than those of a pane, a body of glass, water or a mirror, or \
+             {several} ({})",
+            words.join(", ")
+        );
+        let mut classes = vec![PathClass::new(text, other_than(&words))];
+        if contents.panes > 0 {
+            classes.push(between_the_faces(of, Some(libm::asin(GRAZING_COSINE).to_degrees())));
+            if lights.can_be_met {
+                let text = format!("light of {of} that a pane reflects, where cone looks for what comes through");
+                classes.push(PathClass::new(text, ".*DRL"));
+            }
+        }
+        if contents.meshes > 0 {
+            let text = format!("light of {of} to a surface in a body of glass");
+            classes.push(PathClass::new(text, ".*DTL"));
+        }
+        classes
+    }
+
+    fn chosen(&self, surroundings: &Surroundings<'_>) -> Vec<String> {
+        choose(surroundings).iter().map(|choice| choice.describe(surroundings)).collect()
+    }
+
+    fn build(&self, scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
+        Some(Box::new(Auto::new(scene)))
+    }
+
+    fn prepare(&self, scene: &Scene) {
+        prepare(scene);
+    }
+}
+
+impl Method for AutoSettings {
+    const SUMMARY: &'static str = "Each kind of light over glass, water and mirrors by the method that is best for it.";
+
+    const PROBES: &'static [&'static str] = &[r#"{"auto": {}}"#];
+
+    fn adopting(other: &IntegratorDescription) -> Self {
+        Self { max_depth: other.max_depth() }
+    }
+}
