@@ -32,31 +32,12 @@ const SCRIPTS: [&str; 2] = ["tests/run", ".ci/run"];
 /// Words with a full stop that end no sentence.
 const ABBREVIATIONS: [&str; 5] = ["al.", "e.g.", "i.e.", "cf.", "vs."];
 
-/// Files and folders whose findings are still to be mended, with the reason. The list may only shrink.
-const STILL_TO_MEND: [(&str, &str); 2] = [
-    ("crates/render-core/src/scene/missing_light.rs", "its methods change"),
-    ("crates/render-core/src/specular/mod.rs", "its methods change"),
-];
-
 #[test]
 fn files_are_short_lines_are_narrow_and_sentences_are_short() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-    let mut findings: Vec<String> = files(root).iter().flat_map(|file| check(file, &read(root, file))).collect();
-    let mut mended = Vec::new();
-    for (path, reason) in STILL_TO_MEND {
-        let count = findings.len();
-        findings.retain(|finding| !finding.starts_with(path));
-        println!("{path}: {} findings: {reason}", count - findings.len());
-        if findings.len() == count {
-            mended.push(path);
-        }
-    }
+    let findings: Vec<String> =
+        files(root).iter().flat_map(|file| check(file, &std::fs::read_to_string(root.join(file)).unwrap())).collect();
     assert!(findings.is_empty(), "{} findings:\n{}", findings.len(), findings.join("\n"));
-    assert!(mended.is_empty(), "without findings, so no longer to be listed: {mended:?}");
-}
-
-fn read(root: &Path, file: &str) -> String {
-    std::fs::read_to_string(root.join(file)).unwrap()
 }
 
 /// The checked files, by their paths from the root.

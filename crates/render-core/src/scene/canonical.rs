@@ -11,8 +11,8 @@ use super::schema::scene_schema;
 use crate::settings::schema_place::Place;
 
 /// The one way in which a scene is written when it is hashed. Members are in alphabetical order, without white space.
-/// Numbers are the shortest decimals that read back as the same floating-point numbers. Version 1 writes out every default.
-/// From version 2 on, members at their default are left out, so that new members change no hash.
+/// Numbers are the shortest decimals that read back as the same floating-point numbers. Version 1 writes out every
+/// default. From version 2 on, members at their default are left out, so that new members change no hash.
 pub fn canonical_json(description: &SceneDescription) -> String {
     static SCHEMA: LazyLock<Value> = LazyLock::new(|| scene_schema().to_value());
     let mut value = serde_json::to_value(description).expect("every member of a scene has a form in JSON");

@@ -1,9 +1,10 @@
 //! How light reaches a shading point through glass: one question, one file for each method that answers it.
 //!
 //! The path tracer asks [`SpecularMethod::gather`]: which light arrives at this point, from this light, through a pane?
-//! [`cone`] samples directions and sees whether they reach the light; [`fnee`] solves for the paths that do. Both look for them in
-//! the same window ([`window`]). [`sms`] and [`mnee`] walk to them, through panes and over smooth meshes, and [`conic`] finds all
-//! over one mesh. [`auto`] chooses among them. Which paths a method owns, and the path tracer therefore leaves to it, is a function of the path ([`coverage`]).
+//! [`cone`] samples directions and sees whether they reach the light; [`fnee`] solves for the paths that do. Both look
+//! for them in the same window ([`window`]). [`sms`] and [`mnee`] walk to them, through panes and over smooth meshes,
+//! and [`conic`] finds all over one mesh. [`auto`] chooses among them. Which paths a method owns, and the path tracer
+//! therefore leaves to it, is a function of the path ([`coverage`]).
 
 pub mod auto;
 mod block_tridiagonal;
@@ -80,8 +81,8 @@ pub trait SpecularMethod: Send + Sync {
     fn chains(&self) -> Vec<Vec<SpecularEvent>>;
 
     /// Estimates the light of `light` (an index into the scene) that arrives at `point` by the paths over the chain
-    /// `events` that the method owns, and hands each piece to `arrive`. The expectation of the sum over all pieces is the
-    /// light that arrives.
+    /// `events` that the method owns, and hands each piece to `arrive`. The expectation of the sum over all pieces is
+    /// the light that arrives.
     #[expect(clippy::too_many_arguments, reason = "one estimate depends on all of them, and none belong together")]
     fn gather(
         &self,

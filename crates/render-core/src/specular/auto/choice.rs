@@ -1,9 +1,9 @@
 //! Which method finds which light: the one place that decides it.
 //!
 //! Rays towards a light are best until it is tiny, and a search takes over there; a point can only be searched for. One
-//! vertex on a mesh is found without noise, whatever the light is. Manifold walks search bodies of glass. They also search
-//! several things in a row, for lights that chance seldom meets. Each walk begins on one thing: so where there are many
-//! things, light over several is left to chance (docs/decisions/0037-auto.md).
+//! vertex on a mesh is found without noise, whatever the light is. Manifold walks search bodies of glass. They also
+//! search several things in a row, for lights that chance seldom meets. Each walk begins on one thing: so where there
+//! are many things, light over several is left to chance (docs/decisions/0037-auto.md).
 
 use glam::DVec3;
 
@@ -235,7 +235,10 @@ mod tests {
         let sheet = json!({"inline": {
             "positions": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], "triangles": [[0, 1, 2], [0, 2, 3]]
         }});
-        let sphere = |name: &str, radius: f64| json!({"sphere": {"name": name, "centre": [0, 0, 4], "radius": radius, "radiance": [1, 1, 1]}});
+        let sphere = |name: &str, radius: f64| {
+            let radiance = [1, 1, 1];
+            json!({"sphere": {"name": name, "centre": [0, 0, 4], "radius": radius, "radiance": radiance}})
+        };
         let scene = json!({
             "version": 1, "name": "things", "film": {"width": 4, "height": 4},
             "camera": {"orthographic": {"position": [0, 0, 0.5], "look_at": [0, 0, 0], "up": [0, 1, 0], "height": 1}},

@@ -1,7 +1,7 @@
 //! `auto`: each kind of light by the method that is best for it.
 //!
 //! `choice` says which method finds which light over which things. Here, they are made and asked. The paths of the
-//! methods are disjoint by light, chain and first thing, so their light adds up, and a path is owned when one of them owns
+//! methods are disjoint by light, chain and first thing, so their light adds up. A path is owned when one of them owns
 //! it ([`super::coverage`]).
 
 mod choice;
