@@ -7,6 +7,8 @@
 
 mod dielectric;
 mod diffuse;
+#[cfg(test)]
+mod example;
 pub mod fresnel;
 mod mirror;
 mod registry;

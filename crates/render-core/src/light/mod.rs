@@ -6,6 +6,8 @@ mod cap;
 mod cone;
 mod disk;
 mod emitter;
+#[cfg(test)]
+mod example;
 mod flat;
 mod point;
 mod receiver;

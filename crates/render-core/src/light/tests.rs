@@ -48,7 +48,20 @@ fn lights() -> Vec<Light> {
         }),
     ]
     .map(light)
-    .into()
+    .into_iter()
+    .chain([example()])
+    .collect()
+}
+
+/// The light of docs/extending.md, read as scene files are.
+fn example() -> Light {
+    let description: example::EllipseLight = serde_json::from_value(serde_json::json!({
+        "name": "ellipse", "centre": [0.1, -0.3, 1.4], "normal": [0.1, 0.2, -1], "half_axes": [0.3, 0.5],
+        "radiance": [1, 2, 1]
+    }))
+    .unwrap();
+    assert!(description.check(&JsonPath::Root).is_ok());
+    Light { name: description.name().to_owned(), emitter: description.build() }
 }
 
 fn grid(n: u32) -> impl Iterator<Item = DVec2> {
@@ -313,7 +326,7 @@ fn the_tree_finds_the_lights_on_a_ray() {
 #[test]
 fn few_lights_are_all_asked_without_a_random_number() {
     let lights = lights();
-    let sampler = LightSampler::new(&lights);
+    let sampler = LightSampler::new(&lights[..MOST_ASKED]);
     let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
     let mut stream = SampleStream::new(&settings, 0, [3, 4], 0);
     let first = stream.clone().next_1d();
