@@ -147,7 +147,7 @@ fn bad_descriptions() -> Vec<BadScene> {
     let whole = |what, scene, path, says| BadScene { what, scene, files: sound_files(), path, says };
     vec![
         whole("a list instead of a scene", json!([1, 2]), "$", &["found JSON that is no object", "must be an object"]),
-        with("a version of the future", "/version", json!(2), "version", &["version 2", "this build reads 1"]),
+        with("a version of the future", "/version", json!(3), "version", &["version 3", "this build reads 1 to 2"]),
         without("no camera", "", "camera", "$", &["missing field `camera`"]),
         without("a pane without a width", "/panes/0", "width", "panes[0]", &["missing field `width`"]),
         with("a misspelt member", "/integrater", json!({}), "integrater", &["`integrater`", "`integrator`", "`panes`"]),

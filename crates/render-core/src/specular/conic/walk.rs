@@ -272,7 +272,7 @@ mod tests {
     fn an_arc_holds_an_odd_number_of_paths_where_the_defect_has_two_signs_at_its_ends() {
         let mut random = random(51);
         let (mut odd, mut even, mut several, mut ellipses, mut crossed) = (0, 0, 0, 0, 0);
-        for _ in 0..200_000 {
+        for _ in 0..50_000 {
             let facet = any_facet(&mut random, 0.8);
             let mut end = |height: f64| {
                 DVec3::new(
@@ -324,6 +324,6 @@ mod tests {
             }
         }
         println!("{odd} odd, {even} even, {several} several, {ellipses} ellipses, {crossed} with more arcs than one");
-        assert!(odd > 3000 && even > 3000 && several > 3 && ellipses > 100 && crossed > 500);
+        assert!(odd > 750 && even > 750 && several > 0 && ellipses > 25 && crossed > 125);
     }
 }
