@@ -245,6 +245,8 @@ fn launch(
     let mut server = watched::command(&programs.join("postgres"));
     server.arg("-D").arg(folder.join("data"));
     server.args(["-p", &port.to_string(), "-c", "listen_addresses=127.0.0.1", "-c", "unix_socket_directories="]);
+    // Killed servers leave nothing behind in the system's shared memory.
+    server.args(["-c", "dynamic_shared_memory_type=mmap"]);
     server.envs(faults.into_iter().flat_map(Faults::environment));
     Watched::start(owned(server.stderr(Stdio::null()), owner, folder))
 }

@@ -14,7 +14,11 @@ const WATCH: &str = r#"
 exec 3<&0
 "$0" "$@" 3<&- >/dev/null & server=$!
 echo $server
-{ read -r _ <&3; kill -INT $server; } >/dev/null 2>&1 & reader=$!
+{
+    read -r _ <&3
+    kill -CONT $server $(cat /proc/$server/task/$server/children)
+    kill -INT $server
+} >/dev/null 2>&1 & reader=$!
 wait $server
 kill $reader 2>/dev/null"#;
 

@@ -18,7 +18,7 @@ const MOST_COLUMNS: usize = 120;
 const MOST_WORDS: usize = 25;
 
 /// Folders with files that people of this project write. The files of the root are added.
-const FOLDERS: [&str; 8] = [".cargo", ".ci", "api", "crates", "deploy", "docs", "scenes", "tests"];
+const FOLDERS: [&str; 7] = [".ci", "api", "crates", "deploy", "docs", "scenes", "tests"];
 
 /// Folders with files that others wrote, that commands write, or that are test data.
 const FOREIGN_FOLDERS: [&str; 3] = ["target", "tests/data", "crates/coordinator/dashboard/vendor"];
