@@ -97,6 +97,11 @@ pub fn apply(changes: &[Override], description: &SceneDescription) -> Result<Sce
         change.check_integrator(&document)?;
         let root = Place::root(&schema);
         change.set(&mut document, root, &change.steps)?;
+        // A name alone stands for the usual settings, which later changes may name.
+        let named = document["integrator"].as_str().and_then(|name| IntegratorDescription::default().named(name));
+        if let Some(usual) = named {
+            document["integrator"] = serde_json::to_value(usual).expect("settings have a form in JSON");
+        }
     }
     SceneDescription::read(document.to_string().as_bytes()).map_err(|source| {
         let texts: Vec<String> = changes.iter().map(|change| format!("`{}`", change.text)).collect();
@@ -312,6 +317,18 @@ mod tests {
         {
             assert!(message.contains(fragment), "no {fragment:?} in: {message}");
         }
+    }
+
+    #[test]
+    fn an_integrator_that_is_set_by_its_name_has_settings_to_be_set() {
+        let scene = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
+        let changes = ["integrator=sms", "integrator.sms.chains=[\"T\"]", "integrator.max_depth=5"];
+        let changes: Vec<Override> = changes.iter().map(|change| change.parse().unwrap()).collect();
+        let set = serde_json::to_value(apply(&changes, &scene).unwrap().integrator).unwrap();
+        assert_eq!((&set["sms"]["chains"][0], &set["sms"]["max_depth"]), (&"T".into(), &5.into()));
+        let long = format!("path_filter{}=1", ".a".repeat(30_000));
+        let message = long.parse::<Override>().unwrap_err().to_string();
+        assert!(message.contains("at most 64"), "{message:.200}");
     }
 
     #[test]

@@ -24,6 +24,9 @@ impl fmt::Display for Step {
     }
 }
 
+/// Most steps of a path; no scene goes so deep.
+const MOST_STEPS: usize = 64;
+
 /// The steps of a path; an error says what is wrong with it.
 pub(super) fn parse(path: &str) -> Result<Vec<Step>, String> {
     let mut steps = Vec::new();
@@ -48,7 +51,11 @@ pub(super) fn parse(path: &str) -> Result<Vec<Step>, String> {
         }
         is_first = false;
     }
-    if steps.is_empty() { Err("the path of a member".to_owned()) } else { Ok(steps) }
+    match steps.len() {
+        0 => Err("the path of a member".to_owned()),
+        1..=MOST_STEPS => Ok(steps),
+        _ => Err(format!("a path of at most {MOST_STEPS} steps")),
+    }
 }
 
 /// Whether a name matches a pattern in which `*` stands for any text.

@@ -251,6 +251,10 @@ impl<'a> PathTracer<'a> {
         } else {
             Source::Direction(walk.ray.direction)
         };
+        // Methods gather light on the side of the normal alone: what a BSDF transmits from behind is left to chance.
+        if walk.stretch.links[0].direction.dot(point.normal) <= 0.0 {
+            return carried;
+        }
         let path = SpecularPath { light, source, last_direction: walk.ray.direction, links: &walk.stretch.links };
         if !walk.stretch.too_long && method.owns(self.scene, &point, &path, counters) { DVec3::ZERO } else { carried }
     }

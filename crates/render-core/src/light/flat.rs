@@ -101,9 +101,13 @@ impl<S: FlatShape> Emitter for FlatLight<S> {
         let distance = distance_squared.sqrt();
         let direction = offset / distance;
         let cosine = -direction.dot(self.frame.axes.z_axis);
-        (cosine > 0.0).then(|| {
-            let solid_angle = self.shape.area() * cosine / distance_squared;
-            LiSample { direction, distance, weight: self.radiance * solid_angle, pdf: Some(1.0 / solid_angle) }
+        let solid_angle = self.shape.area() * cosine / distance_squared;
+        // A light that is too far or too small for a density sends nothing.
+        (solid_angle.is_normal() && solid_angle > 0.0).then(|| LiSample {
+            direction,
+            distance,
+            weight: self.radiance * solid_angle,
+            pdf: Some(1.0 / solid_angle),
         })
     }
 

@@ -143,6 +143,10 @@ impl Emitter for Sphere {
     fn sample_li(&self, point: DVec3, random: DVec2) -> Option<LiSample> {
         let (axis, cos_radius, sin_radius) = self.subtended_cap(point)?;
         let (direction, solid_angle) = cap::sample(axis, cos_radius, sin_radius, random);
+        // A light that is too far or too small for a density sends nothing.
+        if !solid_angle.is_normal() {
+            return None;
+        }
         let hit = self.intersect(&Ray::new(point, direction));
         // Rounding can push a direction at the limb past the sphere: the limb is then at the tangent length.
         let offset = self.centre - point;

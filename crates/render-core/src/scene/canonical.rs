@@ -11,8 +11,9 @@ use super::schema::scene_schema;
 use crate::settings::schema_place::Place;
 
 /// The one way in which a scene is written when it is hashed. Members are in alphabetical order, without white space.
-/// Numbers are the shortest decimals that read back as the same floating-point numbers. Version 1 writes out every
-/// default. From version 2 on, members at their default are left out, so that new members change no hash.
+/// Numbers are the shortest decimals that read back as the same floating-point numbers. Version 1 writes out the
+/// defaults of the members that it had at first. From version 2 on, members at their default are left out, so that new
+/// members change no hash.
 pub fn canonical_json(description: &SceneDescription) -> String {
     static SCHEMA: LazyLock<Value> = LazyLock::new(|| scene_schema().to_value());
     let mut value = serde_json::to_value(description).expect("every member of a scene has a form in JSON");
@@ -76,7 +77,7 @@ fn leave_out_defaults(value: &mut Value, place: &Place<'_>) {
 }
 
 /// What an image says of the scene from which it comes.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 pub struct SceneHeader {
     /// The seed.
     #[serde(default)]
@@ -128,6 +129,48 @@ mod tests {
         assert_eq!(canonical(&scene)["integrator"], scene["integrator"]);
         scene["version"] = json!(1);
         assert_eq!(canonical(&scene)["seed"], 0);
+    }
+
+    /// Each default in the schema, with the places to which it belongs.
+    fn defaults(schema: &Value, path: &str, found: &mut Vec<String>) {
+        let Some(members) = schema.as_object() else {
+            for (index, element) in schema.as_array().into_iter().flatten().enumerate() {
+                defaults(element, &format!("{path}/{index}"), found);
+            }
+            return;
+        };
+        for (name, member) in members {
+            if name == "default" && !path.ends_with("/properties") {
+                found.push(format!("{path} {member}"));
+            } else {
+                // What a choice is called says where it is; its number does not.
+                defaults(member, &format!("{path}/{name}"), found);
+            }
+        }
+    }
+
+    /// A scene says nothing of a member that is at its default, so a default is part of what its hash means.
+    #[test]
+    fn the_defaults_of_version_2_never_change() {
+        let mut found = Vec::new();
+        defaults(&scene_schema().to_value(), "", &mut found);
+        let of_members: Vec<String> = found.iter().map(|line| member_of(line)).collect();
+        for line in include_str!("defaults_of_version_2.txt").lines() {
+            assert!(
+                of_members.iter().any(|found| found == line),
+                "a default of version 2 has changed: {line}. Scenes of version 2 would keep their hash and change \
+                 their image: raise the version of the format instead"
+            );
+        }
+        assert!(found.len() > 30, "{found:#?}");
+    }
+
+    /// A default without the numbers of the choices on the way to it.
+    fn member_of(line: &str) -> String {
+        let (path, value) = line.split_once(' ').unwrap_or((line, ""));
+        let is_name =
+            |part: &&str| !["", "properties", "oneOf", "anyOf", "$defs"].contains(part) && part.parse::<u32>().is_err();
+        format!("{} {value}", path.split('/').filter(is_name).collect::<Vec<_>>().join("."))
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! The scene file, version 1: the types that its JSON is read into.
+//! The scene file: the types that its JSON is read into.
 //!
 //! A choice is an object with one member named after it (`{"sphere": {...}}`), so that every error can name the exact
 //! JSON path. A choice without parameters is a string (`"flat"`). Unknown members are errors. Ranges that a JSON Schema

@@ -8,7 +8,6 @@
 use glam::DVec3;
 
 use super::super::caster::Caster;
-use super::super::missing::Contents;
 use crate::geometry::Pane;
 use crate::light::{Light, SELDOM_MET};
 use crate::scene::MeshSurface;
@@ -68,8 +67,13 @@ pub(crate) fn choose(surroundings: &Surroundings<'_>) -> Vec<Choice> {
         let is_tiny = |light: &Light| light.bounding_box().is_some() && is_below(TINY, light, &boxes);
         let is_searched: Vec<bool> = lights.iter().map(|light| light.is_delta() || is_tiny(light)).collect();
         let is_met = is_searched.iter().map(|searched| !searched).collect();
-        choices.push(Choice { method: Best::Cone, lights: is_met, chains: vec!["TT"], casters: Vec::new() });
-        choices.push(Choice { method: Best::Fnee, lights: is_searched, chains: vec!["TT", "R"], casters: Vec::new() });
+        let is_seldom_met = lights.iter().map(|light| is_below(SELDOM_MET, light, &boxes)).collect();
+        let mut add = |method, lights, chain| {
+            choices.push(Choice { method, lights, chains: vec![chain], casters: Vec::new() });
+        };
+        add(Best::Cone, is_met, "TT");
+        add(Best::Fnee, is_searched, "TT");
+        add(Best::Fnee, is_seldom_met, "R");
     }
     let mut add = |method, lights: &[bool], chains: &[&'static str], casters: &[Caster]| {
         let (lights, chains, casters) = (lights.to_vec(), chains.to_vec(), casters.to_vec());
@@ -81,8 +85,11 @@ pub(crate) fn choose(surroundings: &Surroundings<'_>) -> Vec<Choice> {
     let (closed, open): (Vec<_>, Vec<_>) = glass.into_iter().partition(|(index, _)| (surroundings.is_closed)(*index));
     let [closed, open, mirrors]: [Vec<Caster>; 3] =
         [closed, open, mirrors].map(|meshes| meshes.into_iter().map(|(index, _)| Caster::Mesh(index)).collect());
-    add(Best::Conic, &all, &["T", "R"], &open);
-    add(Best::Conic, &all, &["R"], &[&closed[..], &mirrors].concat());
+    // One vertex on a body leads to or from what is inside it.
+    let (filled, hollow): (Vec<_>, Vec<_>) =
+        closed.iter().copied().partition(|body| holds_something(surroundings, *body));
+    add(Best::Conic, &all, &["T", "R"], &[&open[..], &filled].concat());
+    add(Best::Conic, &all, &["R"], &[&hollow[..], &mirrors].concat());
     add(Best::Sms, &all, &["TT"], &closed);
 
     let panes = (0..panes.len() as u32).map(Caster::Pane);
@@ -111,48 +118,46 @@ pub(crate) fn choose(surroundings: &Surroundings<'_>) -> Vec<Choice> {
     choices
 }
 
-/// Whether light over several things in a row is looked for.
-pub(super) fn looks_for_several(contents: Contents) -> bool {
-    (contents.meshes > 0 || contents.panes > 1) && contents.panes + contents.meshes <= MOST_IN_A_ROW
-}
-
-/// The chains that are looked for in a scene with such glass, whatever the shapes of its meshes are.
-pub(super) fn words(contents: Contents) -> Vec<String> {
-    let mut words = Vec::new();
-    if contents.panes + contents.meshes > 0 {
-        words.extend(["TT", "R"]);
-    }
-    if contents.meshes > 0 {
-        words.push("T");
-    }
-    if looks_for_several(contents) {
-        words.extend(["TTTT", "RTT"]);
-        if contents.meshes > 0 {
-            words.extend(["TTT", "TTR"]);
-        }
-    }
-    words.into_iter().map(str::to_owned).collect()
-}
-
 /// Whether a light's solid angle is below a limit from everywhere in all boxes; that of a point is.
 fn is_below(limit: f64, light: &Light, boxes: &[[DVec3; 2]]) -> bool {
     boxes.iter().all(|bounds| light.largest_solid_angle(*bounds).is_none_or(|angle| angle < limit))
 }
 
-/// Whether light may go through one body and then through another: not where both lie in one plane.
+/// Whether light may go through one body and then through another: not where they lie beside each other in one plane. A
+/// mesh may be hollow, and light may go through both of its walls.
 fn is_in_a_row(surroundings: &Surroundings<'_>, first: Caster, next: Caster) -> bool {
     if first == next {
-        return false;
+        return matches!(first, Caster::Mesh(_));
     }
-    let flat = |one: Caster, other: Caster| {
+    let is_beside = |one: Caster, other: Caster| {
         let Caster::Pane(pane) = one else { return false };
         let pane = &surroundings.panes[pane as usize];
         let [low, high] = pane.local_bounds();
-        let corners = corners(surroundings, other).map(|corner| pane.frame.point_to_local(corner).z);
-        // As thick again is what the rounding of a window's description may come to.
-        corners.into_iter().all(|z| (low.z - pane.thickness..=high.z + pane.thickness).contains(&z))
+        let corners = corners(surroundings, other).map(|corner| pane.frame.point_to_local(corner));
+        let [other_low, other_high] = around_points(&corners);
+        // What the rounding of a window's description may come to.
+        let slack = pane.thickness.min(other_high.z - other_low.z);
+        let is_in_plane = other_low.z >= low.z - slack && other_high.z <= high.z + slack;
+        let is_apart =
+            other_low.truncate().cmpge(high.truncate()).any() || other_high.truncate().cmple(low.truncate()).any();
+        is_in_plane && is_apart
     };
-    !flat(first, next) && !flat(next, first)
+    !is_beside(first, next) && !is_beside(next, first)
+}
+
+/// Whether a light or a surface that scatters light may be in a body.
+fn holds_something(surroundings: &Surroundings<'_>, body: Caster) -> bool {
+    let Surroundings { lights, meshes, bounds, .. } = *surroundings;
+    let [low, high] = around(surroundings, body);
+    let overlaps = |[other_low, other_high]: [DVec3; 2]| other_low.cmplt(high).all() && other_high.cmpgt(low).all();
+    let mut scattering = (0u32..).zip(meshes).filter(|(_, mesh)| !mesh.is_smooth());
+    scattering.any(|(index, _)| overlaps(bounds(index)))
+        || lights.iter().filter_map(|light| light.bounding_box()).any(overlaps)
+}
+
+fn around_points(points: &[DVec3]) -> [DVec3; 2] {
+    let empty = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    points.iter().fold(empty, |[low, high], point| [low.min(*point), high.max(*point)])
 }
 
 /// A box around a thing.
@@ -187,7 +192,8 @@ impl Choice {
         let lights = list(&lights, surroundings.lights.len(), "lights");
         let (method, over) = match self.method {
             Best::Cone => ("cone", "through panes".to_owned()),
-            Best::Fnee => ("fnee", "through panes and off their outside".to_owned()),
+            Best::Fnee if self.chains == ["R"] => ("fnee", "off the outside of panes".to_owned()),
+            Best::Fnee => ("fnee", "through panes".to_owned()),
             Best::Conic => ("conic", self.over(surroundings)),
             Best::Sms => ("sms", self.over(surroundings)),
         };
@@ -333,7 +339,8 @@ mod tests {
         let scene = scene(&[pane("left", [0.0, 1.0])]);
         let told = scene.chosen_methods();
         assert_eq!(told[0], "cone finds light of \"globe\", \"candle\", \"sun\" through panes");
-        assert_eq!(told[1], "fnee finds light of \"spark\", \"point\" through panes and off their outside");
+        assert_eq!(told[1], "fnee finds light of \"spark\", \"point\" through panes");
+        assert_eq!(told[2], "fnee finds light of 4 lights off the outside of panes");
         assert!(told.contains(&"conic finds light of all lights over \"water\" (T, R)".to_owned()), "{told:#?}");
         assert!(told.contains(&"sms finds light of all lights over \"box\" (TT)".to_owned()), "{told:#?}");
     }

@@ -9,8 +9,8 @@ use super::super::registry::IntegratorDescription;
 use super::super::settings::{Method, MethodSettings, default_max_depth};
 use super::super::side::GRAZING_COSINE;
 use super::super::sms::SmsSettings;
-use super::choice::{Surroundings, choose, words};
-use super::{Auto, FNEE, choice, prepare};
+use super::choice::{Surroundings, choose};
+use super::{Auto, FNEE, prepare};
 use crate::scene::Scene;
 use crate::settings::{Check, JsonPath};
 
@@ -38,33 +38,22 @@ impl MethodSettings for AutoSettings {
 
     fn unfound(&self, contents: Contents) -> Vec<PathClass> {
         let panes = (contents.panes > 0 && contents.has_points).then(|| FNEE.unfound(contents));
-        // One vertex belongs to `conic`; without meshes, two belong to panes.
-        let shortest = if contents.meshes > 0 { 2 } else { 3 };
-        let chains: Vec<String> = words(contents).into_iter().filter(|word| word.len() >= shortest).collect();
-        let walks = (!chains.is_empty()).then(|| SmsSettings { chains, ..SmsSettings::default() }.unfound(contents));
+        let several = ["TT", "TTTT", "RTT", "TTT", "TTR"].map(str::to_owned).to_vec();
+        let walks = SmsSettings { chains: several, ..SmsSettings::default() };
+        let walks = (contents.meshes > 0 || contents.panes > 1).then(|| walks.unfound(contents));
         panes.into_iter().chain(walks).flatten().collect()
     }
 
     fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass> {
         let of = &lights.name;
-        let words = words(contents);
-        let several = if choice::looks_for_several(contents) { "two of them in a row" } else { "one of them" };
         let text = format!(
-            "light of {of} over other specular vertices than those of a pane, a body of glass, water or a mirror, or \
-             {several} ({})",
-            words.join(", ")
+            "light of {of} over several panes, bodies of glass, water or mirrors in a row, where no chosen method \
+             looks for it"
         );
-        let mut classes = vec![PathClass::new(text, other_than(&words))];
+        let single = ["T", "R", "TT"].map(str::to_owned);
+        let mut classes = vec![PathClass::new(text, other_than(&single))];
         if contents.panes > 0 {
             classes.push(between_the_faces(of, Some(libm::asin(GRAZING_COSINE).to_degrees())));
-            if lights.can_be_met {
-                let text = format!("light of {of} that a pane reflects, where cone looks for what comes through");
-                classes.push(PathClass::new(text, ".*DRL"));
-            }
-        }
-        if contents.meshes > 0 {
-            let text = format!("light of {of} to a surface in a body of glass");
-            classes.push(PathClass::new(text, ".*DTL"));
         }
         classes
     }
