@@ -15,6 +15,9 @@ use clerestory_film::{NodeAddress, TileGrid, store};
 /// The scene, without an integrator.
 const SCENE: &str = include_str!("probe.json");
 
+/// A scene with lights of every kind, more than are all asked, and a mirror. What all methods share is in each digest.
+const LIGHTS: &str = include_str!("probe_lights.json");
+
 /// The cases of the first probe, which had one digest for all methods. This list never changes, because jobs that older
 /// builds began are pinned to its digest.
 const FIRST_PROBE: [&str; 12] = [
@@ -64,8 +67,9 @@ pub struct ProbeDigests {
 pub fn digests() -> Result<ProbeDigests, ProbeError> {
     let mut images = Images::default();
     let mut methods = BTreeMap::new();
+    let lights = image(serde_json::from_str(LIGHTS)?)?;
     for (name, cases) in IntegratorDescription::PROBES {
-        methods.insert((*name).to_owned(), images.digests_of_method(name, cases)?);
+        methods.insert((*name).to_owned(), images.digests_of_method(name, &lights, cases)?);
     }
     let mut hasher = blake3::Hasher::new();
     for case in FIRST_PROBE {
@@ -81,11 +85,18 @@ struct Images {
 }
 
 impl Images {
-    /// The digest of the first case of a method, of its first two, and so on.
-    fn digests_of_method(&mut self, name: &str, cases: &[&'static str]) -> Result<Vec<String>, ProbeError> {
+    /// The digest of the first case of a method, of its first two, and so on, each with an image that all methods
+    /// share.
+    fn digests_of_method(
+        &mut self,
+        name: &str,
+        shared: &[u8],
+        cases: &[&'static str],
+    ) -> Result<Vec<String>, ProbeError> {
         // With its name, no two methods have the same digests.
         let mut hasher = blake3::Hasher::new();
         hasher.update(name.as_bytes());
+        hasher.update(shared);
         let mut digests = Vec::new();
         for case in cases {
             hasher.update(self.image(case)?);
@@ -107,6 +118,11 @@ impl Images {
 fn rendered(integrator: &str) -> Result<Vec<u8>, ProbeError> {
     let mut scene: serde_json::Value = serde_json::from_str(SCENE)?;
     scene["integrator"] = serde_json::from_str(integrator)?;
+    image(scene)
+}
+
+/// The bytes of the first node of a scene.
+fn image(scene: serde_json::Value) -> Result<Vec<u8>, ProbeError> {
     let bundle = SceneBundle::from_parts(SceneDescription::parse(scene.to_string().as_bytes())?, BTreeMap::new())?;
     let film = bundle.description().film;
     let grid = TileGrid { width: film.width, height: film.height, tile_size: film.width.max(film.height) };
@@ -143,7 +159,7 @@ mod tests {
     #[test]
     fn an_appended_case_keeps_the_digests_before_it() {
         let mut images = Images::default();
-        let [before, after] = [1, 2].map(|cases| images.digests_of_method("path", &FIRST_PROBE[..cases]).unwrap());
+        let [before, after] = [1, 2].map(|cases| images.digests_of_method("path", &[], &FIRST_PROBE[..cases]).unwrap());
         assert_eq!((before.len(), after.len(), &before[0]), (1, 2, &after[0]));
         assert_ne!(after[0], after[1]);
     }

@@ -58,7 +58,8 @@ fn state_text(job: &JobView) -> &'static str {
 fn row(job: &JobView) -> String {
     let mse = job.latest.as_ref().map_or_else(|| "-".to_owned(), mse_text);
     let (id, done) = (job.id.to_string(), format!("{:.1}%", job.progress * 100.0));
-    let is_building = job.samples == 0 && job.building_workers > 0;
+    let is_held_up = job.hold.is_some() || job.waits_for_build.is_some();
+    let is_building = job.samples == 0 && job.building_workers > 0 && !is_held_up;
     let state = if is_building { "building" } else { state_text(job) };
     let (method, name) = (printable(&job.integrator), printable(&job.name));
     line([&id, state, &done, &samples_text(job, ""), &mse, &method, &name])

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use clerestory_film::{ImageMetadata, ImageRows, LayerChoice, Node, ROWS_PER_BLOCK, SumError, TileGrid, TileSum};
 use clerestory_render_core::scene::SceneHeader;
+use serde_json::Value;
 
 use super::batches::{batches, film_tile, runs};
 use super::error::FilmError;
@@ -143,15 +144,15 @@ impl Frame<'_> {
     pub(crate) async fn metadata(&self, reading: Reading, build: &str) -> Result<ImageMetadata, FilmError> {
         let job = self.job;
         let header = match self.reader.store.job_scene(job.id).await? {
-            Some((scene, _)) => SceneHeader::read(&scene)?,
-            None => SceneHeader::default(),
+            Some((scene, _)) => Some(SceneHeader::read(&scene)?),
+            None => None,
         };
         let elapsed_ms = job.started_ms.zip(job.finished_ms).map(|(started_ms, finished_ms)| finished_ms - started_ms);
         let mut metadata = ImageMetadata {
             scene_hash: job.scene_hash.clone(),
             frame: self.frame,
-            seed: header.seed,
-            integrator: serde_json::to_value(header.integrator)?,
+            seed: header.as_ref().map_or(0, |header| header.seed),
+            integrator: header.map_or(Ok(Value::Null), |header| serde_json::to_value(header.integrator))?,
             sampling: job.sampling()?,
             tile_size: job.grid.tile_size,
             tile_passes: Vec::new(),

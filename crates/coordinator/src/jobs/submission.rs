@@ -20,7 +20,7 @@ use crate::clock::Clock;
 use crate::films::FilmError;
 use crate::films::assets::Assets;
 use crate::films::convergence::FrameMetrics;
-use crate::model::{NewJob, check_name};
+use crate::model::{NewJob, check_name, is_read_by_first};
 use crate::store::{Store, StoreError};
 use crate::tasks::to_completion;
 use crate::watch::notifications::{Notification, Notifications};
@@ -134,6 +134,7 @@ impl Submissions {
             scene: scene::canonical_json(description),
             scene_hash: hash.to_string(),
             integrator: description.integrator.kind().to_owned(),
+            is_read_by_first: is_read_by_first(description.version, description.integrator.kind()),
             missing_light: description.missing_light(),
             left_to_chance: facts.left_to_chance.clone(),
             chosen_methods: facts.chosen_methods.clone(),

@@ -8,6 +8,14 @@ use clerestory_film::{
     Adaptation, NodeAddress, PILOT_ROUND, PassRange, Rounds, Sampling, SamplingError, Targets, TileGrid,
 };
 
+/// The methods that workers know which register a single digest. They read version 1 of the scene format.
+const FIRST_METHODS: [&str; 6] = ["path", "cone", "fnee", "sms", "mnee", "conic"];
+
+/// Whether workers that register a single digest can read a scene of this version with this method.
+pub(crate) fn is_read_by_first(version: u32, method: &str) -> bool {
+    version == 1 && FIRST_METHODS.contains(&method)
+}
+
 /// A job to be stored.
 #[derive(Clone, Debug)]
 pub(crate) struct NewJob {
@@ -23,6 +31,8 @@ pub(crate) struct NewJob {
     pub(crate) scene_hash: String,
     /// Name of the integrator.
     pub(crate) integrator: String,
+    /// Whether workers of builds that register a single digest can read the scene.
+    pub(crate) is_read_by_first: bool,
     /// Light that the integrator cannot bring.
     pub(crate) missing_light: Vec<String>,
     /// Light of small lights that the integrator leaves to chance.

@@ -196,9 +196,10 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     query(
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
-         target_estimated_mse, adaptive, created_ms, left_to_chance, chosen_methods) \
+         target_estimated_mse, adaptive, created_ms, left_to_chance, chosen_methods, \
+         read_by_first) \
          values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, \
-         $20, $21)",
+         $20, $21, $22)",
     )
     .bind(job.id.to_string())
     .bind(&job.name)
@@ -221,6 +222,7 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(job.created_ms)
     .bind(json(&job.left_to_chance))
     .bind(json(&job.chosen_methods))
+    .bind(i64::from(job.is_read_by_first))
     .execute(&mut *connection)
     .await?;
     for (path, hash) in &job.assets {

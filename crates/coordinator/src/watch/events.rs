@@ -191,7 +191,7 @@ impl EventFeed {
             }
             // Workers that come and go change which jobs wait for a build.
             let waiting = self.views.jobs_that_wait_for_a_build().await?;
-            pending.jobs.extend(waiting.union(&sent.waiting));
+            pending.jobs.extend(waiting.symmetric_difference(&sent.waiting));
             sent.waiting = waiting;
             (pending.workers, sent.workers) = (false, now + WORKERS_INTERVAL);
         }

@@ -182,6 +182,7 @@ pub(crate) fn some_job() -> NewJob {
         integrator: "path".to_owned(),
         missing_light: Vec::new(),
         left_to_chance: Vec::new(),
+        is_read_by_first: true,
         chosen_methods: Vec::new(),
         grid: TileGrid { width: 70, height: 40, tile_size: 16 },
         samples_per_pass: 4,

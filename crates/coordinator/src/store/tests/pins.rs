@@ -113,3 +113,17 @@ pub(super) async fn a_job_whose_method_has_changed_waits_and_names_the_two_ways_
     assert_eq!(wait(&farm, job, 0).await, None);
     assert_eq!(claimed(&farm, back).await, Some(job));
 }
+
+pub(super) async fn a_job_that_older_workers_cannot_read_is_left_to_newer_ones(farm: Farm) {
+    let job = farm.job_like(|job| NewJob { integrator: "auto".to_owned(), is_read_by_first: false, ..job }).await;
+    let older = worker(&farm, "older", "first", &[]).await;
+    assert_eq!(claimed(&farm, older).await, None);
+    let other = worker(&farm, "other", "first", &[("path", &["p"])]).await;
+    assert_eq!(claimed(&farm, other).await, None, "a newer build that lacks the method");
+    let reason = wait(&farm, job, 0).await.unwrap().reason;
+    assert!(reason.contains("no `auto`") && reason.contains("update the workers"), "{reason}");
+    let newer = worker(&farm, "newer", "first", &[("path", &["p"]), ("auto", &["a"])]).await;
+    assert_eq!(wait(&farm, job, 0).await, None);
+    assert_eq!(claimed(&farm, newer).await, Some(job));
+    assert_eq!(pin(&farm, job).await, "a");
+}

@@ -19,11 +19,16 @@ use crate::store::engine::lists::{Kind, rows_of, to_json};
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 
-/// SQL condition on rows of `jobs` and `workers`: the worker has the build fingerprint that the job is pinned to.
-pub(in crate::store) const MATCHES_PIN: &str = "(jobs.probe_digest is null \
+/// SQL condition on rows of `jobs` and `workers`: the worker can read the job's scene, and has the build fingerprint
+/// that the job is pinned to.
+pub(in crate::store) const MATCHES_PIN: &str = "(((select 1 from method_digests as own \
+     where own.worker = workers.id and own.method = jobs.integrator limit 1) is not null \
+     or (jobs.read_by_first = 1 \
+     and (select 1 from method_digests as own where own.worker = workers.id limit 1) is null)) \
+     and (jobs.probe_digest is null \
      or jobs.probe_digest = coalesce(workers.probe_digest, '') \
      or (select 1 from method_digests as own where own.worker = workers.id and own.digest = jobs.probe_digest \
-     limit 1) is not null)";
+     limit 1) is not null))";
 
 /// SQL condition on a row of `workers`: it may get leases, and was heard of since parameter `$1`.
 const IS_THERE: &str = "workers.seen_ms >= $1 and workers.ended_ms is null and workers.quarantine is null";
@@ -43,11 +48,11 @@ pub(in crate::store) fn pin_of(worker: &str) -> String {
     )
 }
 
-/// SQL condition on a row of `jobs`: no worker matches its pin, though workers were heard of since parameter `$1`. A
+/// SQL condition on a row of `jobs`: no worker can render it, though workers were heard of since parameter `$1`. A
 /// job with an active lease does not wait.
 fn waits() -> String {
     format!(
-        "jobs.state in ('queued', 'running') and jobs.probe_digest is not null \
+        "jobs.state in ('queued', 'running') \
          and (select 1 from leases where leases.job = jobs.id and leases.state = 'active' limit 1) is null \
          and (select 1 from workers where {IS_THERE} and {MATCHES_PIN} limit 1) is null \
          and (select 1 from workers where {IS_THERE} limit 1) is not null"
@@ -123,7 +128,7 @@ impl Store {
     /// Why a job waits for a worker with its build fingerprint, while others were heard of since `since_ms`; `None`
     /// when it does not wait.
     pub(crate) async fn build_wait(&self, job: &JobRecord, since_ms: i64) -> Result<Option<BuildWait>, StoreError> {
-        if job.state.is_final() || job.probe_digest.is_none() {
+        if job.state.is_final() {
             return Ok(None);
         }
         let waiting = query(format!("select 1 from jobs where jobs.id = $2 and {}", waits()));
@@ -131,15 +136,26 @@ impl Store {
         if waiting.fetch_optional(&self.readers).await?.is_none() {
             return Ok(None);
         }
+        if job.probe_digest.is_none() {
+            return Ok(Some(BuildWait { reason: unread(&job.integrator), build: None, machine: None }));
+        }
         let last = query(format!(
             "select workers.name, workers.build from workers join jobs on jobs.id = $1 where {MATCHES_PIN} \
-             order by workers.registered_ms desc, workers.id desc limit 1"
+             order by (workers.quarantine is not null), workers.registered_ms desc, workers.id desc limit 1"
         ));
         let last = last.bind(job.id.to_string()).fetch_optional(&self.readers).await?;
         let build = last.as_ref().map(|row| row.text("build")).transpose()?;
         let machine = last.as_ref().map(|row| row.text("name")).transpose()?;
         Ok(Some(BuildWait { reason: reason(&job.integrator, build.as_deref(), machine.as_deref()), build, machine }))
     }
+}
+
+/// Why a job waits that no worker can read.
+fn unread(method: &str) -> String {
+    format!(
+        "the workers that are there are of older builds, which know no `{method}` or no version 2 of the scene format; \
+         update the workers, or submit the scene as version 1 with another integrator"
+    )
 }
 
 /// Why a job waits, and the two ways out.
