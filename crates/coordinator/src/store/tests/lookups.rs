@@ -77,6 +77,7 @@ async fn claims_and_results_read_what_they_are_about_and_little_else() {
     }
     let mut workers = Vec::new();
     for number in 0..WORKERS {
+        // As many as a worker has: their names do not matter, so methods that came later need not be here.
         let methods = ["path", "cone", "fnee", "sms", "mnee", "conic"];
         let digests = methods.map(|method| [format!("{method} 1"), format!("{method} 2")]);
         let digests = digests.each_ref().map(|digests| digests.each_ref().map(String::as_str));
