@@ -1,8 +1,8 @@
 //! `auto`: several methods in one picture bring the light that single methods bring, all of it and none twice.
 //!
 //! Large lights are compared with path tracing, which shares no search with `auto`. Points are compared with the
-//! methods of which `auto` is made. That tests how the paths are split among these methods. It does not test their bias,
-//! which tests of their own do.
+//! methods of which `auto` is made. That tests how the paths are split among these methods. It does not test their
+//! bias, which tests of their own do.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
