@@ -18,8 +18,8 @@ use crate::{
     ACCEPTED_NODES_HEADER, API_PREFIX, CORE_MILLISECONDS_HEADER, ContentHash, ConvergenceSeries, EXR_MEDIA_TYPE,
     EventStream, FENCING_TOKEN_HEADER, IntegratorView, JobId, JobScene, JobSubmission, JobView, Lease, LeaseId,
     LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken, LiveMeasurement, PIECE_MEDIA_TYPE, PartialAnswer,
-    PartialPieces, PartialUpload, Preview, PreviewQuery, WorkerActivity, WorkerId, WorkerRegistration, WorkerView,
-    address, answer,
+    PartialPieces, PartialUpload, Preview, PreviewQuery, SceneReport, WorkerActivity, WorkerId, WorkerRegistration,
+    WorkerView, address, answer,
 };
 
 /// Longest wait for a connection.
@@ -266,6 +266,12 @@ impl Client {
     /// Keeps a lease for another term.
     pub async fn renew_lease(&self, lease: LeaseId, token: u64) -> Result<LeaseRenewal, ClientError> {
         self.send_json(Method::POST, &format!("/leases/{lease}/renew"), &LeaseToken { token }).await
+    }
+
+    /// Reports how building the scene of a lease's job ended.
+    pub async fn report_scene(&self, lease: LeaseId, report: &SceneReport) -> Result<(), ClientError> {
+        let request = self.request(Method::POST, &format!("/leases/{lease}/scene"));
+        self.send_for_nothing(request.json(report)).await
     }
 
     /// Uploads complete nodes of a lease. The answer comes when they are safe on disk.

@@ -149,12 +149,13 @@ pub struct JobView {
     /// What light the chosen integrator cannot bring, in words; empty when nothing is missing.
     pub missing_light: Vec<String>,
     /// What light of small lights the chosen integrator leaves to chance, in words: it comes rarely, as single bright
-    /// samples.
-    #[serde(default)]
-    pub left_to_chance: Vec<String>,
-    /// Which method `auto` has chosen for which light, in words; empty for other integrators.
-    #[serde(default)]
-    pub chosen_methods: Vec<String>,
+    /// samples. Absent until a worker has built the scene and said so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_to_chance: Option<Vec<String>>,
+    /// Which method `auto` has chosen for which light, in words; empty for other integrators. Absent until a worker has
+    /// built the scene and said so.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chosen_methods: Option<Vec<String>>,
     /// Number of frames.
     pub frames: u32,
     /// Pixels across.

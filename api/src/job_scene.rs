@@ -24,4 +24,41 @@ pub struct JobScene {
     pub tile_size: u32,
     /// Passes that each tile gets.
     pub passes: u32,
+    /// Whether no worker has reported yet how building the scene ended: the next one that builds it does.
+    #[serde(default)]
+    pub wants_report: bool,
+}
+
+/// A worker reports how building the scene of its lease's job ended. The first report of a job counts, and later ones
+/// change nothing.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SceneReport {
+    /// The lease's fencing token.
+    pub token: u64,
+    /// How building ended.
+    pub outcome: BuildOutcome,
+}
+
+/// How building a scene ended.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum BuildOutcome {
+    /// The scene can be rendered.
+    Built(BuiltScene),
+    /// No machine can build the scene, for a reason that lies in the scene. The job fails.
+    Refused {
+        /// What is wrong: the place in the scene, its value and what would be right. At most 2000 characters.
+        reason: String,
+    },
+}
+
+/// What is known of a scene once it is built.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct BuiltScene {
+    /// What light of small lights the integrator leaves to chance, in words. At most 1000 lines.
+    pub left_to_chance: Vec<String>,
+    /// Which method `auto` has chosen for which light, in words. At most 1000 lines.
+    pub chosen_methods: Vec<String>,
 }

@@ -42,7 +42,7 @@ pub use hash::{ContentHash, InvalidContentHash};
 pub use ids::{JobId, LeaseId, WorkerId};
 pub use integrator::IntegratorView;
 pub use job::{BuildWait, FailedNode, JobHold, JobState, JobView, NamedWorker, StopReason};
-pub use job_scene::JobScene;
+pub use job_scene::{BuildOutcome, BuiltScene, JobScene, SceneReport};
 pub use lease::{
     CORE_MILLISECONDS_HEADER, FENCING_TOKEN_HEADER, Lease, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken,
     NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialPieces, PartialUpload,

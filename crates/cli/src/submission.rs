@@ -101,9 +101,9 @@ pub(crate) async fn submit(
     asked(connection, &submission).await.map_err(|error| connection.failure(error))
 }
 
-/// Submits a job. The coordinator checks the whole scene before it answers.
+/// Submits a job. The coordinator reads all files of the scene before it answers.
 async fn asked(connection: &Connection, submission: &JobSubmission) -> Result<JobView, ClientError> {
-    let activity = Activity::begin("Waiting for the coordinator, which checks the scene");
+    let activity = Activity::begin("Waiting for the coordinator, which validates the scene");
     let answer = send(connection, submission).await;
     if answer.is_ok() {
         activity.done("The coordinator has taken the job");

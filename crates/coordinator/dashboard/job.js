@@ -126,7 +126,8 @@ function MissingLight({ job }) {
     <${LightList} id="chosen-heading" heading="Methods that auto has chosen" texts=${job.chosen_methods} />`;
 }
 
-function LightList({ id, heading, texts }) {
+// Lists are absent until a worker has built the scene.
+function LightList({ id, heading, texts = [] }) {
   if (texts.length === 0) return null;
   return html`
     <section class="card missing" aria-labelledby=${id}>

@@ -43,12 +43,6 @@ impl MemoryBudget {
         Arc::clone(&self.semaphore).try_acquire_many_owned(self.permits(bytes)).ok()
     }
 
-    /// Reserves these bytes but for `held` permits that the caller has already, or `None` when they are not free now.
-    pub(crate) fn try_reserve_more(&self, bytes: u64, held: u32) -> Option<OwnedSemaphorePermit> {
-        let missing = self.permits(bytes).saturating_sub(held);
-        Arc::clone(&self.semaphore).try_acquire_many_owned(missing).ok()
-    }
-
     /// Permits that are free now.
     #[cfg(test)]
     pub(crate) fn available_permits(&self) -> usize {

@@ -1,11 +1,16 @@
 //! The scenes of the last few jobs, built or being built, and the assets they are made of.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
-use clerestory_api::{Client, ClientError, ContentHash, JobId, JobScene, ProblemCode, SceneBuilding, WorkerActivity};
+use clerestory_api::{
+    BuildOutcome, BuiltScene, Client, ClientError, ContentHash, JobId, JobScene, ProblemCode, SceneBuilding,
+    WorkerActivity,
+};
 use clerestory_film::{OpenExrError, PartialHeader, TileGrid, partial};
+use clerestory_render_core::scene::description::FilmDescription;
 use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneError, SceneMemory, SceneUse};
 use tokio::sync::{Mutex, watch};
 use tokio_util::task::AbortOnDropHandle;
@@ -21,6 +26,9 @@ const KEPT_JOBS: usize = 4;
 /// Bytes of assets that are kept for later scenes, which often use the same ones.
 const KEPT_ASSET_BYTES: usize = 256 << 20;
 
+/// Longest reason for which a scene cannot be built that a coordinator accepts, in characters.
+const LONGEST_REFUSAL: usize = 2000;
+
 /// Largest edge of a tile that a job may ask for.
 const LARGEST_TILE: u32 = 1024;
 
@@ -32,11 +40,24 @@ pub(crate) struct JobPlan {
     pub(crate) scene: Scene,
     /// How its image is cut into tiles.
     pub(crate) grid: TileGrid,
+    /// The report on the scene, if the coordinator wants one.
+    report: Option<BuiltScene>,
+    is_reported: AtomicBool,
     /// The memory of the scene, released when the scene is dropped.
     _memory: Reservation,
 }
 
 impl JobPlan {
+    /// The report on the scene, while the coordinator wants one.
+    pub(crate) fn report(&self) -> Option<BuildOutcome> {
+        self.report.clone().filter(|_| !self.is_reported.load(Ordering::Relaxed)).map(BuildOutcome::Built)
+    }
+
+    /// Notes that the coordinator has the report.
+    pub(crate) fn set_reported(&self) {
+        self.is_reported.store(true, Ordering::Relaxed);
+    }
+
     /// The partial with these nodes.
     pub(crate) fn encode_partial(&self, nodes: &[RenderedNode], build: &str) -> Result<Vec<u8>, OpenExrError> {
         let header = PartialHeader {
@@ -59,8 +80,16 @@ pub(crate) enum PlanError {
     WrongScene { found: String, expected: String },
     #[error("the job has tiles of {found} pixels, expected 1 to {LARGEST_TILE}")]
     TileSize { found: u32 },
+    #[error("this build cannot read the scene")]
+    Unreadable(#[source] SceneError),
+    #[error("the scene takes too much memory for this worker")]
+    TooLarge(#[source] SceneError),
     #[error("the scene cannot be built")]
-    Scene(#[from] SceneError),
+    Scene {
+        /// Whether the coordinator wants a report on the scene.
+        wants_report: bool,
+        source: SceneError,
+    },
     #[error("building the scene failed")]
     Panic(#[from] tokio::task::JoinError),
     #[error("building the scene was given up")]
@@ -72,6 +101,16 @@ impl PlanError {
     pub(crate) fn is_of_lost_asset(&self) -> bool {
         let Self::Fetch(failure) = self else { return false };
         failure.problem().is_some_and(|problem| problem.code == ProblemCode::UnknownAsset)
+    }
+
+    /// The report on a scene that no machine can build, while the coordinator wants one.
+    pub(crate) fn report(&self) -> Option<BuildOutcome> {
+        match self {
+            Self::Scene { wants_report: true, source } => {
+                Some(BuildOutcome::Refused { reason: source.to_string().chars().take(LONGEST_REFUSAL).collect() })
+            }
+            _ => None,
+        }
     }
 }
 
@@ -238,12 +277,22 @@ impl PlanBuilder {
         for (name, hash) in &order.assets {
             assets.insert(name.clone(), self.asset(&mut cache, name, hash).await?);
         }
-        let (limit, tile_size) = (self.budget.limit(), order.tile_size);
+        let (limit, tile_size, wants_report) = (self.budget.limit(), order.tile_size, order.wants_report);
         let (bundle, bytes) = tokio::task::spawn_blocking(move || bundle(&order, assets, limit)).await??;
         let drop_plan = || self.plans.upgrade().is_some_and(|plans| plans.drop_oldest());
         let memory = self.budget.reserve(bytes, drop_plan).await;
         cache.keep(usize::try_from(self.budget.spare()).unwrap_or(usize::MAX));
-        let plan = tokio::task::spawn_blocking(move || build(job, &bundle, tile_size, memory)).await??;
+        let built = tokio::task::spawn_blocking(move || build(&bundle, wants_report)).await?;
+        let (scene, report) = built.map_err(|source| PlanError::Scene { wants_report, source })?;
+        let FilmDescription { width, height } = scene.description().film;
+        let plan = JobPlan {
+            job,
+            scene,
+            grid: TileGrid { width, height, tile_size },
+            report,
+            is_reported: AtomicBool::new(false),
+            _memory: memory,
+        };
         info!(%job, scene = %plan.scene.hash(), seconds = begun.elapsed().as_secs_f64(), "built a scene");
         Ok(plan)
     }
@@ -270,23 +319,25 @@ fn bundle(
     assets: BTreeMap<String, Asset>,
     limit: Option<MemoryLimit>,
 ) -> Result<(SceneBundle, u64), PlanError> {
-    let description = SceneDescription::parse(order.scene.to_string().as_bytes())?;
-    let bundle = SceneBundle::from_parts(description, assets)?;
+    let description = SceneDescription::parse(order.scene.to_string().as_bytes()).map_err(PlanError::Unreadable)?;
+    let bundle = SceneBundle::from_parts(description, assets).map_err(PlanError::Unreadable)?;
     let found = bundle.scene_hash().to_string();
     if found != order.scene_hash {
         return Err(PlanError::WrongScene { found, expected: order.scene_hash.clone() });
     }
     let memory = SceneMemory::of(&bundle);
     if let Some(limit) = limit {
-        memory.check(SceneUse::Build, limit.bytes, limit.way_out)?;
+        memory.check(SceneUse::Build, limit.bytes, limit.way_out).map_err(PlanError::TooLarge)?;
     }
     Ok((bundle, memory.bytes(SceneUse::Build)))
 }
 
-fn build(job: JobId, bundle: &SceneBundle, tile_size: u32, memory: Reservation) -> Result<JobPlan, PlanError> {
-    let film = bundle.description().film;
-    let grid = TileGrid { width: film.width, height: film.height, tile_size };
-    Ok(JobPlan { job, scene: Scene::build(bundle)?, grid, _memory: memory })
+/// Builds a scene, and makes the report on it where one is wanted.
+fn build(bundle: &SceneBundle, wants_report: bool) -> Result<(Scene, Option<BuiltScene>), SceneError> {
+    let scene = Scene::build(bundle)?;
+    let report = wants_report
+        .then(|| BuiltScene { left_to_chance: scene.left_to_chance(), chosen_methods: scene.chosen_methods() });
+    Ok((scene, report))
 }
 
 /// Assets by content hash, the least recently used dropped first.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use clerestory_api::{Client, ClientError, Lease, LeaseReturn};
+use clerestory_api::{BuildOutcome, Client, ClientError, Lease, LeaseReturn, SceneReport};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -89,14 +89,44 @@ impl LeaseWork {
                 warn!(lease = %self.lease.id, reason = with_causes(&*failure), "a file of the job is lost");
                 Ending::Over
             }
-            Some(Err(failure)) => Ending::Failed(with_causes(&*failure)),
-            Some(Ok(plan)) => self.render_nodes(plan, renderer).await,
+            Some(Err(failure)) => match self.report(failure.report()).await {
+                Some(ending) => ending,
+                None => Ending::Failed(with_causes(&*failure)),
+            },
+            Some(Ok(plan)) => match self.report(plan.report()).await {
+                Some(ending) => ending,
+                None => {
+                    plan.set_reported();
+                    self.render_nodes(plan, renderer).await
+                }
+            },
         };
         let failure = match &ending {
             Ending::Failed(reason) => Some(reason.clone()),
             _ => None,
         };
         (ending, self.settle(failure))
+    }
+
+    /// Reports how building the scene ended, until the coordinator answers. Returns an ending when the lease is over
+    /// or the worker must end meanwhile. A coordinator that refuses the report for another reason gets no more of it.
+    async fn report(&self, outcome: Option<BuildOutcome>) -> Option<Ending> {
+        let report = SceneReport { token: self.lease.token, outcome: outcome? };
+        let call = until_answered("report a scene", || self.client.report_scene(self.lease.id, &report));
+        match self.stop.run_until_cancelled(call).await {
+            None => Some(self.interruption()),
+            Some(Ok(())) => None,
+            Some(Err(error)) if is_lease_over(&error) => {
+                info!(lease = %self.lease.id, reason = with_causes(&error), "the lease is over");
+                self.over.cancel();
+                Some(Ending::Over)
+            }
+            Some(Err(error)) => {
+                let reason = with_causes(&error);
+                warn!(lease = %self.lease.id, reason, "the coordinator refuses the report on a scene");
+                None
+            }
+        }
     }
 
     async fn render_nodes(&mut self, plan: Arc<JobPlan>, renderer: &Arc<Renderer>) -> Ending {

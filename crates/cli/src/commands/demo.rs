@@ -11,6 +11,7 @@ use clerestory_render_core::scene::SceneDescription;
 use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};
 use tempfile::TempDir;
 
+use crate::activity::Activity;
 use crate::child::Environment;
 use crate::connection::Connection;
 use crate::download::download;
@@ -19,6 +20,7 @@ use crate::follow::follow;
 use crate::image_file;
 use crate::job_end::{check_done, check_image};
 use crate::local_farm::{FarmPlan, LocalFarm, share_of_cores, share_of_memory};
+use crate::local_scene::Rehearsal;
 use crate::outage::until_answered;
 use crate::output::{print_json, print_line};
 use crate::progress::Progress;
@@ -90,6 +92,9 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     let description = SceneDescription { sampling: SAMPLING, ..bundle.description().clone() };
     let failure = |source| Failure::scene(&scene, source);
     let bundle = bundle.with_description(description).map_err(failure)?;
+    let activity = Activity::begin("Building the scene");
+    let rehearsal = Rehearsal::of(&bundle, &activity).map_err(failure)?;
+    activity.done("The scene can be built");
     let reference = match arguments.scene {
         Some(_) => arguments.reference,
         None => shipped_reference(bundle.description().film, &progress)?,
@@ -127,8 +132,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     let rendering = async {
         let job = submit(&connection, &bundle, settings).await?;
         progress.note(&format!("The job's page:  {}", connection.job_page(job.id)));
-        progress.chosen_methods(&job.chosen_methods);
-        progress.missing_light(&job.missing_light, &job.left_to_chance);
+        rehearsal.announce(&job.missing_light, &progress);
         let job = follow(&connection, job.id, &mut progress).await?;
         check_image(&job)?;
         let series = until_answered(&connection, &progress, || connection.client.convergence(job.id)).await?;

@@ -13,6 +13,7 @@ use crate::download::download;
 use crate::failure::Failure;
 use crate::follow::follow;
 use crate::job_end::{check_done, check_image};
+use crate::local_scene::Rehearsal;
 use crate::numbers::whole;
 use crate::output::{print_json, print_line};
 use crate::output_file::{check_image_name, check_outputs, png_beside, write_stats};
@@ -83,7 +84,8 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     arguments.limits.check_targets(arguments.reference.is_some(), None)?;
     let activity = Activity::begin("Reading the scene and its files");
     let bundle = arguments.overrides.load(&arguments.scene, arguments.sampling)?;
-    activity.done("The scene is read");
+    let rehearsal = Rehearsal::of(&bundle, &activity).map_err(|source| Failure::scene(&arguments.scene, source))?;
+    activity.done("The scene can be built");
     let settings = JobSettings {
         name: arguments.name,
         samples_per_pixel: arguments.limits.samples_per_pixel(),
@@ -107,8 +109,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         let _ = submitted.set(job.id);
         let mut progress = Progress::new();
         progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
-        progress.chosen_methods(&job.chosen_methods);
-        progress.missing_light(&job.missing_light, &job.left_to_chance);
+        rehearsal.announce(&job.missing_light, &progress);
         absence.iter().for_each(|absence| progress.note(absence));
         if !arguments.wait {
             return Ok(job);

@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use bytes::Bytes;
-use clerestory_api::{LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, Quarantine};
+use clerestory_api::{BuildOutcome, LeaseId, NodeAnswer, NodeVerdict, PartialAnswer, Quarantine};
 use clerestory_film::{Expectation, Rendered, SamplingError, partial};
 use tokio::task::JoinError;
 
@@ -17,8 +17,8 @@ use crate::clock::Clock;
 use crate::films::reader::FilmReader;
 use crate::memory::MemoryBudget;
 use crate::model::{
-    BlobRange, CheckKey, CheckOutcome, DeliveredNode, Delivery, JobRecord, LeaseRecord, WorkFailure, is_selected,
-    wire_address,
+    BlobRange, CheckKey, CheckOutcome, DeliveredNode, Delivery, JobRecord, LeaseRecord, SceneReport, WorkFailure,
+    is_selected, wire_address,
 };
 use crate::store::{LeaseError, Store, StoreError};
 use crate::tasks::to_completion;
@@ -155,6 +155,25 @@ impl Acceptance {
             Ok::<_, LeaseError>(())
         });
         Ok(failed.await??)
+    }
+
+    /// Records how a worker's building of a scene ended. The first report of a job counts.
+    pub(crate) async fn report_scene(
+        &self,
+        lease: LeaseId,
+        token: u64,
+        outcome: BuildOutcome,
+    ) -> Result<(), AcceptanceError> {
+        let report = SceneReport { lease, token, outcome, now_ms: self.clock.now_ms() };
+        let (store, notifications) = (self.store.clone(), Arc::clone(&self.notifications));
+        let recorded = to_completion(async move {
+            if let Some(job) = store.report_scene(report).await? {
+                tracing::info!(%job, "a worker has reported on the scene of the job");
+                notifications.publish(Notification::Job(job));
+            }
+            Ok::<_, LeaseError>(())
+        });
+        Ok(recorded.await??)
     }
 
     /// Takes back a lease whose worker does no more of it.

@@ -6,6 +6,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use clerestory_api::BuiltScene;
 use clerestory_film::{ImageMetadata, ImageRows, LayerChoice, Node, ROWS_PER_BLOCK, SumError, TileGrid, TileSum};
 use clerestory_render_core::scene::SceneHeader;
 use serde_json::Value;
@@ -147,6 +148,7 @@ impl Frame<'_> {
             Some((scene, _)) => Some(SceneHeader::read(&scene)?),
             None => None,
         };
+        let BuiltScene { left_to_chance, chosen_methods } = job.built_scene.clone().unwrap_or_default();
         let elapsed_ms = job.started_ms.zip(job.finished_ms).map(|(started_ms, finished_ms)| finished_ms - started_ms);
         let mut metadata = ImageMetadata {
             scene_hash: job.scene_hash.clone(),
@@ -160,8 +162,8 @@ impl Frame<'_> {
             build: build.to_owned(),
             worker_builds: Vec::new(),
             missing_light: job.missing_light.clone(),
-            left_to_chance: job.left_to_chance.clone(),
-            chosen_methods: job.chosen_methods.clone(),
+            left_to_chance,
+            chosen_methods,
             counters: reading.work.counters,
             elapsed_seconds: elapsed_ms.map(|elapsed_ms| elapsed_ms as f64 / 1000.0),
         };

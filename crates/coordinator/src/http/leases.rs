@@ -7,8 +7,8 @@ use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use clerestory_api::{
-    CORE_MILLISECONDS_HEADER, EXR_MEDIA_TYPE, FENCING_TOKEN_HEADER, Lease, LeaseId, LeaseRenewal, LeaseRequest,
-    LeaseReturn, LeaseToken, PartialAnswer, ProblemCode,
+    BuildOutcome, CORE_MILLISECONDS_HEADER, EXR_MEDIA_TYPE, FENCING_TOKEN_HEADER, Lease, LeaseId, LeaseRenewal,
+    LeaseRequest, LeaseReturn, LeaseToken, PartialAnswer, ProblemCode, SceneReport,
 };
 
 use crate::films::acceptance::Acceptance;
@@ -31,6 +31,12 @@ const MOST_BUILT: usize = 64;
 
 /// Longest reason for returning a lease.
 const LONGEST_REASON: usize = 500;
+
+/// Longest reason for which a scene cannot be built.
+const LONGEST_REFUSAL: usize = 2000;
+
+/// Most lines about a built scene, in each list.
+const MOST_LINES: usize = 1000;
 
 /// Longest time of a partial, in milliseconds of one core: thirty years. A longer one was not measured.
 const MOST_CORE_MS: u64 = 1_000_000_000_000;
@@ -126,6 +132,45 @@ pub(super) fn check_core_ms(field: &'static str, core_ms: u64) -> Result<(), Api
         return Ok(());
     }
     Err(ApiError::invalid_field(field, core_ms, format!("at most {MOST_CORE_MS} milliseconds")))
+}
+
+/// Reports how building the scene of the lease's job ended. A scene that cannot be built ends the job. The first report
+/// of a job counts, and later ones change nothing.
+#[utoipa::path(
+    post, path = "/leases/{lease}/scene", tag = "leases", params(("lease" = LeaseId, Path)),
+    request_body = SceneReport, responses((status = 204, description = "The coordinator knows how building ended."))
+)]
+pub(super) async fn report_scene(
+    State(acceptance): State<Arc<Acceptance>>,
+    PathParameter(lease): PathParameter<LeaseId>,
+    StrictJson(SceneReport { token, outcome }): StrictJson<SceneReport>,
+) -> Result<StatusCode, ApiError> {
+    acceptance.report_scene(lease, token, checked(outcome)?).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// The outcome, if it is not too long.
+fn checked(outcome: BuildOutcome) -> Result<BuildOutcome, ApiError> {
+    match outcome {
+        BuildOutcome::Refused { reason } => {
+            if reason.chars().count() > LONGEST_REFUSAL {
+                let expected = format!("at most {LONGEST_REFUSAL} characters");
+                return Err(ApiError::invalid_field("outcome.refused.reason", reason, expected));
+            }
+            // PostgreSQL holds no NUL.
+            Ok(BuildOutcome::Refused { reason: reason.replace('\0', "\u{fffd}") })
+        }
+        BuildOutcome::Built(scene) => {
+            let lists = [("left_to_chance", &scene.left_to_chance), ("chosen_methods", &scene.chosen_methods)];
+            for (name, lines) in lists {
+                if lines.len() > MOST_LINES {
+                    let expected = format!("at most {MOST_LINES} lines");
+                    return Err(ApiError::invalid_field(format!("outcome.built.{name}"), lines.len(), expected));
+                }
+            }
+            Ok(BuildOutcome::Built(scene))
+        }
+    }
 }
 
 /// Gives the rest of a lease back.

@@ -54,6 +54,7 @@ pub(super) fn small() -> OpenApiRouter<ApiState> {
         .routes(routes!(leases::claim))
         .routes(routes!(leases::renew))
         .routes(routes!(leases::give_back))
+        .routes(routes!(leases::report_scene))
         .routes(routes!(pieces::assemble))
 }
 

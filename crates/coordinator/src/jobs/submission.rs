@@ -1,16 +1,15 @@
-//! Submissions: checked for everything that a worker would stumble over, then stored as jobs.
+//! Submissions: validated, then stored as jobs.
+//!
+//! The coordinator validates the scene's document and counts what its files hold. It decodes and builds nothing, because
+//! a scene can take more memory and time to build than a coordinator has. The first worker that builds the scene reports
+//! what only building shows.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::num::NonZeroUsize;
 use std::sync::Arc;
-use std::thread::available_parallelism;
 
 use clerestory_api::{ContentHash, JobId, JobSubmission};
-use clerestory_film::{ImageError, LARGEST_TILE, OpenExrError, Targets, TileGrid, smallest_tile};
-use clerestory_render_core::scene::{
-    self, Asset, CheckedScene, Scene, SceneBundle, SceneDescription, SceneHash, SceneMemory, SceneUse,
-};
-use rayon::ThreadPoolBuilder;
+use clerestory_film::{ImageError, LARGEST_TILE, OpenExrError, Sampling, Targets, TileGrid, smallest_tile};
+use clerestory_render_core::scene::{self, Asset, SceneBundle, SceneDescription, SceneMemory};
 use uuid::Uuid;
 
 use super::submission_error::SubmissionError;
@@ -34,7 +33,7 @@ const LONGEST_TIME_MS: i64 = 10 * 365 * 24 * 3600 * 1000;
 /// Most samples per pixel: the sampler counts no further.
 const MOST_SAMPLES: u32 = 1 << 24;
 
-/// What an operator can do for a scene that takes too much memory.
+/// What an operator can do for a scene whose files take too much memory.
 const WAY_OUT: &str = "a larger `submission_bytes` in the coordinator's configuration";
 
 /// Makes jobs of submissions.
@@ -47,12 +46,12 @@ pub(crate) struct Submissions {
     notifications: Arc<Notifications>,
     clock: Clock,
     memory: SubmissionMemory,
-    /// Memory that one scene may take.
+    /// Memory that the files of one scene may take.
     limit: u64,
 }
 
 impl Submissions {
-    /// Submissions of which large ones take `limit` bytes together.
+    /// Submissions whose large scenes have files of `limit` bytes together.
     pub(crate) fn new(
         store: Store,
         blobs: Blobs,
@@ -76,7 +75,7 @@ impl Submissions {
         self.memory.for_parsing(bytes).await
     }
 
-    /// Checks a submission that was parsed in `room`, and stores it as a job.
+    /// Validates a submission that was parsed in `room`, and stores it as a job.
     pub(crate) async fn submit(&self, submission: JobSubmission, room: ParsingRoom) -> Result<JobId, SubmissionError> {
         let job = self.job(submission, room).await?;
         let id = job.id;
@@ -117,14 +116,15 @@ impl Submissions {
             };
             targets.check(true, noise)?;
         }
-        let scene = self.check_scene(description, &named).await?;
-        let Checked { description, facts, hash } = &scene;
+        let (bundle, _files_room) = self.validated(description, &named).await?;
+        let description = bundle.description();
         let sampling = description.sampling;
         let name = submission.name.unwrap_or_else(|| description.name.clone());
         let passes = submission.samples_per_pixel.div_ceil(sampling.samples_per_pass.max(1));
         if submission.adaptive {
+            let sampling = Sampling::new(sampling.samples_per_pass, sampling.samples_per_block)?;
             targets
-                .adaptation(facts.sampling, passes)
+                .adaptation(sampling, passes)
                 .map_err(|fewest| too_few_to_share(submission.samples_per_pixel, fewest))?;
         }
         Ok(NewJob {
@@ -132,12 +132,10 @@ impl Submissions {
             name: name.chars().take(LONGEST_NAME).collect(),
             priority: submission.priority,
             scene: scene::canonical_json(description),
-            scene_hash: hash.to_string(),
+            scene_hash: bundle.scene_hash().to_string(),
             integrator: description.integrator.kind().to_owned(),
             is_read_by_first: is_read_by_first(description.version, description.integrator.kind()),
             missing_light: description.missing_light(),
-            left_to_chance: facts.left_to_chance.clone(),
-            chosen_methods: facts.chosen_methods.clone(),
             grid,
             samples_per_pass: sampling.samples_per_pass,
             samples_per_block: sampling.samples_per_block,
@@ -169,13 +167,12 @@ impl Submissions {
         Ok(self.metrics.reference(grid, hash).await.map_err(refused)?.noise())
     }
 
-    /// Checks a scene with the contents of its assets. Memory is reserved before assets are read, and again before they
-    /// are decoded, when their decoded size is known.
-    async fn check_scene(
+    /// The scene with its files, which hold no more than a scene may have, and the memory that the files take.
+    async fn validated(
         &self,
         description: SceneDescription,
         named: &BTreeMap<String, ContentHash>,
-    ) -> Result<Checked, SubmissionError> {
+    ) -> Result<(SceneBundle, Room), SubmissionError> {
         let limit = self.limit;
         let asset_bytes = self.store.asset_bytes(named.values().copied()).await?;
         if asset_bytes > limit {
@@ -186,32 +183,11 @@ impl Submissions {
                 expected: Some(format!("at most {limit} bytes in all assets; or {WAY_OUT}")),
             });
         }
-        let description = Arc::new(description);
-        let mut room = self.memory.for_scene(asset_bytes).await?;
-        let mut bundle = self.read(&description, named).await?;
-        let memory = {
-            let bundle = Arc::clone(&bundle);
-            blocking(move || Ok(SceneMemory::of(&bundle))).await?
-        };
-        memory.check(SceneUse::Check, limit, WAY_OUT)?;
-        let needed = memory.bytes(SceneUse::Check);
-        room = match self.memory.grow(room, needed) {
-            Some(room) => room,
-            None => {
-                // Its memory is free meanwhile: two submissions that wait for each other would wait in vain.
-                drop(bundle);
-                let room = self.memory.for_scene(needed).await?;
-                bundle = self.read(&description, named).await?;
-                room
-            }
-        };
-        // It has threads of its own, so that no other submission or image waits for a large scene.
-        let threads = if room.is_small { 1 } else { available_parallelism().map_or(1, NonZeroUsize::get) };
+        let room = self.memory.for_scene(asset_bytes).await?;
+        let bundle = self.read(description, named).await?;
         blocking(move || {
-            let _room = room;
-            let pool = ThreadPoolBuilder::new().num_threads(threads).build()?;
-            let facts = pool.install(|| Scene::check(&bundle))?;
-            Ok(Checked { description: bundle.description().clone(), facts, hash: bundle.scene_hash() })
+            SceneMemory::of(&bundle).check_counts()?;
+            Ok((bundle, room))
         })
         .await
     }
@@ -219,9 +195,9 @@ impl Submissions {
     /// Reads the assets of a scene into memory.
     async fn read(
         &self,
-        description: &Arc<SceneDescription>,
+        description: SceneDescription,
         named: &BTreeMap<String, ContentHash>,
-    ) -> Result<Arc<SceneBundle>, SubmissionError> {
+    ) -> Result<SceneBundle, SubmissionError> {
         let (mut assets, mut damaged) = (BTreeMap::new(), Vec::new());
         for (name, hash) in named {
             let content = self.blobs.asset(*hash).await.map_err(|error: BlobError| FilmError::from(error))?;
@@ -235,8 +211,7 @@ impl Submissions {
         if !damaged.is_empty() {
             return Err(SubmissionError::MissingAssets(damaged));
         }
-        let description = SceneDescription::clone(description);
-        blocking(move || Ok(SceneBundle::from_parts(description, assets).map(Arc::new)?)).await
+        blocking(move || Ok(SceneBundle::from_parts(description, assets)?)).await
     }
 }
 
@@ -299,13 +274,6 @@ fn too_few_to_share(samples_per_pixel: u32, fewest: u32) -> SubmissionError {
         fewest.saturating_sub(1)
     );
     SubmissionError::invalid_field("samples_per_pixel", samples_per_pixel, expected)
-}
-
-/// A scene that can be built.
-struct Checked {
-    description: SceneDescription,
-    facts: CheckedScene,
-    hash: SceneHash,
 }
 
 async fn blocking<T: Send + 'static>(

@@ -1,7 +1,7 @@
 //! Why a submission is refused: each reason names the field, its value and what would be right.
 
 use clerestory_api::ContentHash;
-use clerestory_film::InvalidTarget;
+use clerestory_film::{InvalidTarget, SamplingError};
 use clerestory_render_core::scene::{self, SceneError};
 use tokio::task::JoinError;
 
@@ -60,9 +60,9 @@ pub(crate) enum SubmissionError {
     /// The scene cannot be written as JSON.
     #[error("the scene cannot be written as JSON")]
     Json(#[from] serde_json::Error),
-    /// No threads for the check.
-    #[error("the system has no threads for the check")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
+    /// The sampling of a valid scene is impossible.
+    #[error("the scene's sampling is impossible")]
+    Sampling(#[from] SamplingError),
     /// The computation was stopped.
     #[error("the computation was stopped")]
     Stopped(#[from] JoinError),

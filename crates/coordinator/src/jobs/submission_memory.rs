@@ -1,4 +1,4 @@
-//! Memory for submissions that are checked, and the queue for it.
+//! Memory for submissions that are validated, and the queue for it.
 //!
 //! The memory of a submission is known before it is taken. Small submissions have memory of their own, so that they do
 //! not wait for a large one that takes seconds. The queue is short, and waits in it are short: a caller that is turned
@@ -26,7 +26,7 @@ const BODIES: [u64; 2] = [16 << 20, 64 << 20];
 /// Memory for submissions that are parsed, and for what they are parsed to.
 const PARSED: [u64; 2] = [64 << 20, 256 << 20];
 
-/// Memory for small scenes that are checked.
+/// Memory for the files of small scenes.
 const SMALL_SCENES: u64 = 64 << 20;
 
 /// Most submissions that wait for memory.
@@ -35,9 +35,9 @@ const MOST_WAITING: usize = 64;
 /// Longest wait for memory: proxies give up after half a minute or a minute.
 const LONGEST_WAIT: Duration = Duration::from_secs(20);
 
-/// The coordinator is checking other submissions, and has no memory for this one yet.
+/// The coordinator validates other submissions, and has no memory for this one yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the coordinator is checking other submissions, and has no memory for this one yet; try again")]
+#[error("the coordinator validates other submissions, and has no memory for this one yet; try again")]
 pub(crate) struct Busy;
 
 impl Busy {
@@ -77,9 +77,6 @@ impl Pool {
 #[derive(Debug)]
 pub(crate) struct Room {
     permit: OwnedSemaphorePermit,
-    bytes: u64,
-    /// Whether it comes from the pool of small submissions.
-    pub(crate) is_small: bool,
 }
 
 impl Room {
@@ -87,7 +84,6 @@ impl Room {
     pub(crate) fn shrink(&mut self, bytes: u64) {
         let surplus = self.permit.num_permits().saturating_sub(permits(bytes) as usize);
         drop(self.permit.split(surplus));
-        self.bytes = self.bytes.min(bytes);
     }
 }
 
@@ -107,7 +103,7 @@ impl ParsingRoom {
 }
 
 impl SubmissionMemory {
-    /// Memory in which large scenes take `bytes` together. Small ones have a pool of their own.
+    /// Memory in which the files of large scenes take `bytes` together. Small ones have a pool of their own.
     pub(crate) fn new(bytes: u64) -> Self {
         Self {
             bodies: Pool::new(BODIES),
@@ -130,35 +126,20 @@ impl SubmissionMemory {
         Ok(ParsingRoom { room: self.wait(&self.parsed, bytes, bytes <= SMALL).await?, described })
     }
 
-    /// Waits for memory for a scene of these bytes.
+    /// Waits for memory for the files of a scene, of these bytes.
     pub(crate) async fn for_scene(&self, bytes: u64) -> Result<Room, Busy> {
         self.wait(&self.scenes, bytes, bytes <= SMALL).await
-    }
-
-    /// Extends the memory of a scene to these bytes, or frees it and answers `None` when they are not free now.
-    pub(crate) fn grow(&self, room: Room, bytes: u64) -> Option<Room> {
-        if bytes <= room.bytes {
-            return Some(room);
-        }
-        let is_small = bytes <= SMALL;
-        let is_same_pool = is_small == room.is_small;
-        let held = if is_same_pool { permits(room.bytes) } else { 0 };
-        let mut permit = self.scenes.of(is_small).try_reserve_more(bytes, held)?;
-        if held > 0 {
-            permit.merge(room.permit);
-        }
-        Some(Room { permit, bytes, is_small })
     }
 
     async fn wait(&self, pool: &Pool, bytes: u64, is_small: bool) -> Result<Room, Busy> {
         let memory = pool.of(is_small);
         if let Some(permit) = memory.try_reserve(bytes) {
-            return Ok(Room { permit, bytes, is_small });
+            return Ok(Room { permit });
         }
         let queued = Queued::enter(&self.waiting).ok_or(Busy)?;
         let permit = tokio::time::timeout(self.longest_wait, memory.reserve_owned(bytes)).await.map_err(|_| Busy)?;
         drop(queued);
-        Ok(Room { permit, bytes, is_small })
+        Ok(Room { permit })
     }
 }
 
@@ -191,9 +172,8 @@ mod tests {
         let submissions = SubmissionMemory::new(LARGE);
         let large = submissions.for_scene(LARGE).await.unwrap();
         let small = submissions.for_scene(1).await.unwrap();
-        assert!(small.is_small && !large.is_small);
-        assert!(submissions.grow(small, LARGE).is_none(), "there is no memory for two");
-        drop(large);
+        assert_eq!(submissions.scenes.large.available_permits(), 0, "there is no memory for two large ones");
+        drop((small, large));
         submissions.for_scene(LARGE).await.unwrap();
     }
 
@@ -216,20 +196,6 @@ mod tests {
         drop(described);
         let [_, most] = PARSED;
         assert_eq!(submissions.parsed.large.available_permits(), permits(most) as usize);
-    }
-
-    #[tokio::test]
-    async fn memory_grows_by_what_is_missing_and_all_of_it_is_free_again() {
-        let submissions = SubmissionMemory::new(2 * LARGE);
-        let room = submissions.for_scene(LARGE).await.unwrap();
-        let room = submissions.grow(room, 2 * LARGE).unwrap();
-        assert!(submissions.grow(submissions.for_scene(1).await.unwrap(), LARGE).is_none());
-        drop(room);
-        let room = submissions.grow(submissions.for_scene(1).await.unwrap(), 2 * LARGE).unwrap();
-        assert!(!room.is_small);
-        drop(room);
-        assert_eq!(submissions.scenes.large.available_permits(), permits(2 * LARGE) as usize);
-        assert_eq!(submissions.scenes.small.available_permits(), permits(SMALL_SCENES) as usize);
     }
 
     #[tokio::test]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_api::{ContentHash, FailedNode, JobHold, JobId, JobState, StopReason};
+use clerestory_api::{BuiltScene, ContentHash, FailedNode, JobHold, JobId, JobState, StopReason};
 use clerestory_film::counters::Counters;
 use clerestory_film::{
     Adaptation, NodeAddress, PILOT_ROUND, PassRange, Rounds, Sampling, SamplingError, Targets, TileGrid,
@@ -35,10 +35,6 @@ pub(crate) struct NewJob {
     pub(crate) is_read_by_first: bool,
     /// Light that the integrator cannot bring.
     pub(crate) missing_light: Vec<String>,
-    /// Light of small lights that the integrator leaves to chance.
-    pub(crate) left_to_chance: Vec<String>,
-    /// Which method `auto` has chosen for which light.
-    pub(crate) chosen_methods: Vec<String>,
     /// Size of the image and its tiles.
     pub(crate) grid: TileGrid,
     /// Samples per pixel in a pass.
@@ -86,10 +82,8 @@ pub(crate) struct JobRecord {
     pub(crate) integrator: String,
     /// Light that the integrator cannot bring.
     pub(crate) missing_light: Vec<String>,
-    /// Light of small lights that the integrator leaves to chance.
-    pub(crate) left_to_chance: Vec<String>,
-    /// Which method `auto` has chosen for which light.
-    pub(crate) chosen_methods: Vec<String>,
+    /// What a worker that built the scene has reported; `None` until then.
+    pub(crate) built_scene: Option<BuiltScene>,
     /// Number of frames.
     pub(crate) frames: u32,
     /// Size of the image and its tiles.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_api::{ContentHash, JobId, StopReason};
+use clerestory_api::{BuiltScene, ContentHash, JobId, StopReason};
 use clerestory_film::counters::Counters;
 use clerestory_film::{Targets, TileGrid};
 
@@ -18,9 +18,8 @@ use crate::store::events;
 
 /// What [`record`] reads.
 pub(in crate::store) const COLUMNS: &str = "id, name, state, stopped_by, failure, failed_node, hold, priority, \
-                                            scene_hash, integrator, missing_light, left_to_chance, chosen_methods, \
-     frames, width, \
-     height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
+                                            scene_hash, integrator, missing_light, scene_is_built, \
+     left_to_chance, chosen_methods, frames, width, height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, \
      target_mse, target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, \
      cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, \
      redone_nodes, samples, core_ms, counters";
@@ -39,8 +38,7 @@ pub(in crate::store) fn record(row: &Row) -> Result<JobRecord, StoreError> {
         scene_hash: row.text("scene_hash")?,
         integrator: row.text("integrator")?,
         missing_light: row.json("missing_light")?,
-        left_to_chance: row.json("left_to_chance")?,
-        chosen_methods: row.json("chosen_methods")?,
+        built_scene: built_scene(row)?,
         frames: row.number("frames")?,
         grid: TileGrid {
             width: row.number("width")?,
@@ -72,6 +70,15 @@ pub(in crate::store) fn record(row: &Row) -> Result<JobRecord, StoreError> {
         core_ms: row.integer("core_ms")?,
         counters: row.json("counters")?,
     })
+}
+
+/// What is known of a job's scene that a worker has built.
+fn built_scene(row: &Row) -> Result<Option<BuiltScene>, StoreError> {
+    if row.integer("scene_is_built")? == 0 {
+        return Ok(None);
+    }
+    let (left_to_chance, chosen_methods) = (row.json("left_to_chance")?, row.json("chosen_methods")?);
+    Ok(Some(BuiltScene { left_to_chance, chosen_methods }))
 }
 
 /// One job, as the transaction reads it.
@@ -192,14 +199,12 @@ impl Store {
 }
 
 async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreError> {
-    let json = |texts: &[String]| serde_json::Value::from(texts.to_vec()).to_string();
     query(
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
-         target_estimated_mse, adaptive, created_ms, left_to_chance, chosen_methods, \
-         read_by_first) \
+         target_estimated_mse, adaptive, created_ms, read_by_first, scene_is_built) \
          values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, \
-         $20, $21, $22)",
+         $20, 0)",
     )
     .bind(job.id.to_string())
     .bind(&job.name)
@@ -207,7 +212,7 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(&job.scene)
     .bind(&job.scene_hash)
     .bind(&job.integrator)
-    .bind(json(&job.missing_light))
+    .bind(to_json(&job.missing_light)?)
     .bind(i64::from(job.grid.width))
     .bind(i64::from(job.grid.height))
     .bind(i64::from(job.grid.tile_size))
@@ -220,8 +225,6 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(job.targets.estimated_mse)
     .bind(i64::from(job.adaptive))
     .bind(job.created_ms)
-    .bind(json(&job.left_to_chance))
-    .bind(json(&job.chosen_methods))
     .bind(i64::from(job.is_read_by_first))
     .execute(&mut *connection)
     .await?;

@@ -28,6 +28,7 @@ mod migrations;
 mod model;
 mod pins;
 mod refused;
+mod scene_reports;
 mod several;
 mod silence;
 mod stragglers;
@@ -98,6 +99,10 @@ use pins::{
     a_job_whose_method_has_changed_waits_and_names_the_two_ways_out, a_new_probe_case_strands_no_job,
 };
 use refused::a_database_of_another_program_is_refused_and_left_as_it_is;
+use scene_reports::{
+    a_report_needs_a_valid_lease, a_scene_that_cannot_be_built_fails_its_job_and_counts_against_nobody,
+    the_first_report_on_a_scene_counts_and_survives,
+};
 use stragglers::{
     a_node_is_not_leased_again_without_end, a_single_node_is_taken_over_by_its_passes,
     held_nodes_are_taken_over_and_the_first_result_wins,
@@ -507,6 +512,9 @@ on_both! {
     a_lease_that_has_brought_a_node_is_no_death
     a_worker_that_dies_with_a_node_that_another_took_over_counts_too
     a_check_that_workers_die_with_again_and_again_is_given_up
+    the_first_report_on_a_scene_counts_and_survives
+    a_scene_that_cannot_be_built_fails_its_job_and_counts_against_nobody
+    a_report_needs_a_valid_lease
     a_worker_that_ends_gives_all_back_and_leaves_the_list
     a_silent_worker_is_listed_for_a_day_or_until_its_machine_is_back
     workers_that_nothing_refers_to_are_forgotten_and_quarantined_ones_stay

@@ -55,11 +55,14 @@ impl Views {
         let building_workers =
             if is_running { self.store.building_workers(job.id, self.liveness.silent_before_ms()).await? } else { 0 };
         let waits_for_build = self.store.build_wait(&job, self.liveness.silent_before_ms()).await?;
+        let (progress, total_samples) = (progress(&job, expected_samples, now_ms), job.total_samples());
+        let (left_to_chance, chosen_methods) =
+            job.built_scene.map(|scene| (scene.left_to_chance, scene.chosen_methods)).unzip();
         Ok(JobView {
             building_workers,
             waits_for_build,
-            progress: progress(&job, expected_samples, now_ms),
-            total_samples: job.total_samples(),
+            progress,
+            total_samples,
             tiles: job.grid.len(),
             width: job.grid.width,
             height: job.grid.height,
@@ -75,8 +78,8 @@ impl Views {
             integrator: job.integrator,
             scene_hash: job.scene_hash,
             missing_light: job.missing_light,
-            left_to_chance: job.left_to_chance,
-            chosen_methods: job.chosen_methods,
+            left_to_chance,
+            chosen_methods,
             frames: job.frames,
             samples_per_pass: job.samples_per_pass,
             passes: job.passes,

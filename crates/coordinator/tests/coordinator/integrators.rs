@@ -23,12 +23,6 @@ async fn integrators_are_listed_with_schemas_and_a_scene_without_one_gets_the_de
     }]);
     let job = farm.client.submit_job(&submission).await.unwrap();
     assert_eq!(job.integrator, "auto");
-    assert_eq!(
-        job.chosen_methods,
-        ["cone finds light of \"globe\" through panes", "fnee finds light of \"globe\" off the outside of panes"]
-    );
-    let shown = farm.client.job(job.id).await.unwrap();
-    assert_eq!(shown.chosen_methods, job.chosen_methods);
     for integrator in &listed {
         submission.scene["integrator"] = json!(integrator.name);
         let by_name = farm.client.submit_job(&submission).await.unwrap();

@@ -12,6 +12,7 @@ mod live;
 mod lost;
 mod memory;
 mod pieces;
+mod scene_reports;
 mod support;
 mod targets;
 mod trouble;

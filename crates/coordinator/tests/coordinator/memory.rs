@@ -1,11 +1,9 @@
 //! What a submission may cost a coordinator.
 
-use std::io::Cursor;
 use std::time::Duration;
 
 use bytes::Bytes;
 use clerestory_api::{Client, ClientError, JobSubmission, JobView, Problem, ProblemCode};
-use image::{ImageFormat, RgbImage};
 use serde_json::{Value, json};
 use tokio::io::AsyncWriteExt;
 use tokio::net::TcpStream;
@@ -40,73 +38,9 @@ async fn with_asset(client: &Client, submission: JobSubmission, name: &str, cont
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_scene_that_takes_more_memory_than_a_submission_may_is_refused_with_what_takes_most() {
-    let farm = TestFarm::start_with(|config| config.submission_bytes = 20 << 20).await;
-    let client = &farm.client;
-    client.submit_job(&with_source(waves(100))).await.unwrap();
-
-    let problem = refused(client.submit_job(&with_source(waves(1000))).await, "scene.meshes[0].source.waves.cells");
-    assert!(problem.value.as_ref().unwrap().contains("2000000 triangles"), "{problem}");
-    let expected = problem.expected.unwrap();
-    assert!(expected.contains("20 MiB") && expected.contains("`submission_bytes`"), "{expected}");
-    // What it says fits.
-    let most: f64 = expected.split_whitespace().nth(2).unwrap().parse().unwrap();
-    let cells = (most / 2.0).sqrt() as u32;
-    assert!(cells > 50);
-    client.submit_job(&with_source(waves(cells))).await.unwrap();
-
-    let mut panes = scene();
-    panes["panes"] = (0..8)
-        .map(|index| {
-            json!({"name": format!("pane {index}"), "centre": [index, 0, 3], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
-                "width": 0.9, "height": 0.9, "thickness": 0.004,
-                "front": {"hammered": {"wavelength": 0.03, "amplitude": 1e-6}}, "back": "flat"})
-        })
-        .collect();
-    let glazed = JobSubmission { scene: panes, ..submission(1) };
-    let problem = refused(client.submit_job(&glazed).await, "scene.panes[7].front");
-    assert!(problem.value.unwrap().contains("spline coefficients"));
-
-    // A place that cannot be is found without hierarchies.
-    let mut touching = scene();
-    touching["panes"] = json!([0, 1])
-        .as_array()
-        .unwrap()
-        .iter()
-        .map(|index| {
-            json!({"name": format!("pane {index}"), "centre": [0, 0, 3], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
-            "width": 0.9, "height": 0.9, "thickness": 0.004, "front": "flat", "back": "flat"})
-        })
-        .collect();
-    let touching = JobSubmission { scene: touching, ..submission(1) };
-    refused(client.submit_job(&touching).await, "scene.panes[1].centre");
-
-    // The farm goes on.
-    client.submit_job(&submission(1)).await.unwrap();
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn files_are_counted_by_their_headers_before_they_are_decoded() {
-    let farm = TestFarm::start_with(|config| config.submission_bytes = 20 << 20).await;
-    let client = &farm.client;
-    let mut painted = scene();
-    painted["materials"]["stone"]["diffuse"]["reflectance"] = json!({"texture": {"file": "black.png"}});
-    painted["meshes"][0]["source"]["inline"]["texture_coordinates"] = json!([[0, 0], [1, 0], [1, 1], [0, 1]]);
-    let painted = JobSubmission { scene: painted, ..submission(1) };
-    // A few kilobytes that decode to twelve megabytes, and to forty-eight as texels.
-    let mut black = Cursor::new(Vec::new());
-    RgbImage::new(2000, 2000).write_to(&mut black, ImageFormat::Png).unwrap();
-    let painted = with_asset(client, painted, "black.png", black.into_inner()).await;
-    let problem = refused(client.submit_job(&painted).await, "scene.materials.stone.diffuse.reflectance.texture.file");
-    assert!(problem.value.unwrap().contains("4000000 texels"));
-
-    let corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned();
-    let obj = with_source(json!({"obj": {"file": "a.obj"}}));
-    let large = with_asset(client, obj.clone(), "a.obj", (corners.clone() + &"f 1 2 3\n".repeat(200_000)).into()).await;
-    let problem = refused(client.submit_job(&large).await, "scene.meshes[0].source.obj.file");
-    assert!(problem.value.unwrap().contains("200000 triangles"));
-    let small = with_asset(client, obj, "a.obj", (corners + "f 1 2 3\n").into()).await;
-    client.submit_job(&small).await.unwrap();
+async fn a_scene_that_takes_much_memory_to_build_is_accepted_in_little() {
+    let farm = TestFarm::start_with(|config| config.submission_bytes = 1 << 20).await;
+    farm.client.submit_job(&with_source(waves(3162))).await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -121,7 +55,7 @@ async fn files_that_would_not_even_fit_as_they_are_are_not_read() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn what_would_kill_a_coordinator_is_refused_by_its_usual_limits() {
+async fn a_scene_of_more_than_any_has_is_refused_with_the_number() {
     let farm = TestFarm::start().await;
     let mut lakes = scene();
     lakes["meshes"] = (0..8)
@@ -129,9 +63,6 @@ async fn what_would_kill_a_coordinator_is_refused_by_its_usual_limits() {
         .collect();
     let submitted = farm.client.submit_job(&JobSubmission { scene: lakes, ..submission(1) }).await;
     refused(submitted, "scene.meshes");
-    let submitted = farm.client.submit_job(&with_source(waves(3162))).await;
-    let problem = refused(submitted, "scene.meshes[0].source.waves.cells");
-    assert!(problem.value.unwrap().contains("19996488 triangles"));
 
     // A picture of 16384 pixels by 16384, all black, is a small file. What its header says is enough.
     let mut header = b"IHDR\0\0\x40\0\0\0\x40\0\x08\x02\0\0\0".to_vec();

@@ -148,7 +148,11 @@ impl SceneMemory {
     }
 
     /// Refuses a scene of more triangles, texels or coefficients than any has.
-    pub(super) fn check_counts(&self) -> Result<(), SceneError> {
+    ///
+    /// # Errors
+    ///
+    /// [`SceneError::Value`] with the number that is too large.
+    pub fn check_counts(&self) -> Result<(), SceneError> {
         let count = |kind: Kind| {
             let counts = self.parts.iter().filter(|part| part.kind == kind).map(|part| part.count);
             usize::try_from(counts.fold(0, u64::saturating_add)).unwrap_or(usize::MAX)

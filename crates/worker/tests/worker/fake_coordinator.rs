@@ -11,8 +11,8 @@ use axum::routing::{delete, get, post, put};
 use axum::{Json, Router};
 use clerestory_api::{
     FENCING_TOKEN_HEADER, JobId, JobScene, Lease, LeaseId, LeaseRenewal, LeaseReturn, NodeAddress, NodeAnswer,
-    NodeVerdict, PROBLEM_MEDIA_TYPE, PartialAnswer, PartialPieces, WorkerActivity, WorkerId, WorkerRegistration,
-    WorkerState, WorkerView,
+    NodeVerdict, PROBLEM_MEDIA_TYPE, PartialAnswer, PartialPieces, SceneReport, WorkerActivity, WorkerId,
+    WorkerRegistration, WorkerState, WorkerView,
 };
 use clerestory_film::{DecodeBudget, Expectation, Rendered, Sampling, TileGrid, partial};
 use clerestory_render_core::scene::{self, SceneBundle, SceneDescription};
@@ -51,6 +51,12 @@ pub(crate) struct FakeState {
     /// Whether requests for the scene wait.
     pub(crate) holds_scene: bool,
     pub(crate) scenes: u32,
+    /// Whether requests for the scene are answered that a report on it is wanted.
+    pub(crate) wants_report: bool,
+    /// Answers to reports on the scene, first to last. After these all reports are taken.
+    pub(crate) failing_reports: VecDeque<Response>,
+    /// Reports that were taken, each with the number of nodes uploaded before.
+    pub(crate) reports: Vec<(LeaseId, SceneReport, usize)>,
     pub(crate) heartbeats: Vec<WorkerActivity>,
     /// Edge of the image in pixels. The edge of a tile is half of it.
     pub(crate) edge: u32,
@@ -105,6 +111,15 @@ impl FakeCoordinator {
         tokio::time::timeout(TIMEOUT, waiting).await.expect("the worker did not make the expected calls");
     }
 
+    /// Changes the scene, and its hash with it.
+    pub(crate) fn set_scene(&self, change: impl FnOnce(&mut Value)) {
+        let mut state = self.lock();
+        change(&mut state.scene);
+        let description = SceneDescription::parse(state.scene.to_string().as_bytes()).unwrap();
+        let bundle = SceneBundle::from_parts(description, BTreeMap::new()).unwrap();
+        state.scene_hash = bundle.scene_hash().to_string();
+    }
+
     /// Starts the coordinator and a worker.
     pub(crate) async fn start(&self) -> RunningWorker {
         self.start_with(None).await
@@ -118,6 +133,7 @@ impl FakeCoordinator {
             .route("/api/v1/workers/{id}/heartbeat", post(heartbeat))
             .route("/api/v1/leases", post(claim))
             .route("/api/v1/leases/{id}/renew", post(renew))
+            .route("/api/v1/leases/{id}/scene", post(report_scene))
             .route("/api/v1/leases/{id}/partial", put(upload))
             .route("/api/v1/leases/{id}/pieces/{hash}", put(upload_piece))
             .route("/api/v1/leases/{id}/pieces", post(assemble))
@@ -152,12 +168,9 @@ pub(crate) fn coordinator_of_image(edge: u32) -> FakeCoordinator {
         }}}],
         "lights": [{"point": {"name": "lamp", "position": [1, 1, 2], "intensity": [5, 5, 5]}}]
     });
-    let description = SceneDescription::parse(text.to_string().as_bytes()).unwrap();
-    let bundle = SceneBundle::from_parts(description, BTreeMap::new()).unwrap();
     let coordinator = FakeCoordinator::default();
     coordinator.lock().edge = edge;
-    coordinator.lock().scene = text;
-    coordinator.lock().scene_hash = bundle.scene_hash().to_string();
+    coordinator.set_scene(|scene| *scene = text);
     coordinator
 }
 
@@ -283,7 +296,23 @@ async fn scene(State(coordinator): State<FakeCoordinator>, Path(job): Path<Strin
         assets: BTreeMap::new(),
         tile_size: state.edge / 2,
         passes: 1 << 20,
+        wants_report: state.wants_report,
     })
+}
+
+async fn report_scene(
+    State(coordinator): State<FakeCoordinator>,
+    Path(id): Path<String>,
+    Json(report): Json<SceneReport>,
+) -> Response {
+    let mut state = coordinator.lock();
+    if let Some(failure) = state.failing_reports.pop_front() {
+        return failure;
+    }
+    let uploaded = state.uploads.iter().map(|upload| upload.nodes.len()).sum();
+    state.reports.push((id.parse().unwrap(), report, uploaded));
+    coordinator.changed.notify_waiters();
+    StatusCode::NO_CONTENT.into_response()
 }
 
 async fn upload(

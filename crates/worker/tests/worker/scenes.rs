@@ -2,14 +2,17 @@
 
 use std::collections::VecDeque;
 
-use clerestory_api::{JobId, Lease};
+use axum::http::StatusCode;
+use axum::response::IntoResponse;
+use clerestory_api::{BuildOutcome, BuiltScene, JobId, Lease};
 use serde_json::json;
 
-use crate::fake_coordinator::{Claim, all_tiles, coordinator, lease, uploaded};
+use crate::fake_coordinator::{Claim, all_tiles, coordinator, lease, problem, uploaded};
 
 #[tokio::test]
-async fn a_scene_that_cannot_be_built_is_reported_and_the_worker_goes_on() {
+async fn a_scene_that_this_build_cannot_read_is_given_back_and_the_worker_goes_on() {
     let coordinator = coordinator();
+    coordinator.lock().wants_report = true;
     let (broken, next) = (lease(1, all_tiles(0, 0)), lease(2, all_tiles(0, 0)));
     coordinator.lock().claims = VecDeque::from([Claim::Lease(broken.clone()), Claim::Lease(next.clone())]);
     let good = std::mem::replace(&mut coordinator.lock().scene["meshes"][0]["material"], json!("gold"));
@@ -22,18 +25,83 @@ async fn a_scene_that_cannot_be_built_is_reported_and_the_worker_goes_on() {
     let (id, returned) = &state.returns[0];
     assert_eq!(*id, broken.id);
     assert!(returned.failure.as_ref().is_some_and(|failure| failure.contains("gold")), "{returned:?}");
+    assert!(state.reports.iter().all(|(lease, ..)| *lease == next.id), "another build may read it");
+}
+
+#[tokio::test]
+async fn a_built_scene_is_reported_once_before_its_nodes_until_the_coordinator_answers() {
+    for wants_report in [true, false] {
+        let coordinator = coordinator();
+        let (first, second) = (lease(1, all_tiles(0, 0)), lease(2, all_tiles(0, 1)));
+        coordinator.lock().claims = VecDeque::from([Claim::Lease(first.clone()), Claim::Lease(second.clone())]);
+        coordinator.lock().wants_report = wants_report;
+        coordinator.lock().failing_reports = VecDeque::from([StatusCode::SERVICE_UNAVAILABLE.into_response()]);
+        let worker = coordinator.start().await;
+        coordinator
+            .until(|state| uploaded(state, &first) == first.nodes && uploaded(state, &second) == second.nodes)
+            .await;
+        worker.stop().await;
+        let state = coordinator.lock();
+        if !wants_report {
+            assert_eq!(state.reports, []);
+            continue;
+        }
+        let [(id, report, uploaded)] = state.reports.as_slice() else { panic!("{:?}", state.reports) };
+        assert_eq!((*id, report.token, *uploaded), (first.id, first.token, 0));
+        assert_eq!(report.outcome, BuildOutcome::Built(BuiltScene::default()), "nothing is chosen or left to chance");
+    }
+}
+
+#[tokio::test]
+async fn a_scene_that_no_machine_can_build_is_reported_with_its_place_and_value() {
+    let coordinator = coordinator();
+    let broken = lease(1, all_tiles(0, 0));
+    coordinator.lock().claims.push_back(Claim::Lease(broken.clone()));
+    coordinator.lock().wants_report = true;
+    coordinator.set_scene(|scene| {
+        let pane = |name: &str| {
+            json!({"name": name, "centre": [0, 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 0.5,
+                "height": 0.5, "thickness": 0.004, "front": "flat", "back": "flat"})
+        };
+        scene["panes"] = json!([pane("one"), pane("other")]);
+    });
+    let worker = coordinator.start().await;
+    coordinator.until(|state| !state.reports.is_empty() && !state.returns.is_empty()).await;
+    worker.stop().await;
+    let state = coordinator.lock();
+    let (id, report, _) = &state.reports[0];
+    assert_eq!((*id, report.token), (broken.id, broken.token));
+    let BuildOutcome::Refused { reason } = &report.outcome else { panic!("{report:?}") };
+    assert!(reason.starts_with("panes[1].centre: found "), "{reason}");
+}
+
+#[tokio::test]
+async fn a_report_under_a_lease_that_is_over_is_made_under_the_next() {
+    let coordinator = coordinator();
+    let (over, next) = (lease(1, all_tiles(0, 0)), lease(2, all_tiles(0, 0)));
+    coordinator.lock().claims = VecDeque::from([Claim::Lease(over.clone()), Claim::Lease(next.clone())]);
+    coordinator.lock().wants_report = true;
+    coordinator.lock().failing_reports = VecDeque::from([problem(409, "lease_expired")]);
+    let worker = coordinator.start().await;
+    coordinator.until(|state| uploaded(state, &next) == next.nodes).await;
+    worker.stop().await;
+    let state = coordinator.lock();
+    assert_eq!(state.reports.iter().map(|(lease, ..)| *lease).collect::<Vec<_>>(), [next.id]);
+    assert_eq!((uploaded(&state, &over), state.scenes), (Vec::new(), 1));
 }
 
 #[tokio::test]
 async fn a_scene_that_takes_more_than_the_worker_may_have_is_given_back_with_a_way_out() {
     let coordinator = coordinator();
     coordinator.lock().claims.push_back(Claim::Lease(lease(1, all_tiles(0, 0))));
+    coordinator.lock().wants_report = true;
     let worker = coordinator.start_with(Some(10 << 10)).await;
     coordinator.until(|state| !state.returns.is_empty()).await;
     worker.stop().await;
     let state = coordinator.lock();
     let reason = state.returns[0].1.failure.as_deref().unwrap_or_default();
     assert!(reason.contains("to build") && reason.contains("a worker that may take more memory"), "{reason}");
+    assert_eq!(state.reports, [], "a larger machine may build it");
 }
 
 #[tokio::test]

@@ -1,7 +1,8 @@
-//! What follows from the nodes that workers bring: acceptance, votes on checked nodes, and nodes that are rendered
-//! again.
+//! What follows from what workers bring: acceptance of nodes, votes on checked nodes, nodes that are rendered again, and
+//! reports on scenes.
 
 pub(in crate::store) mod acceptance;
 pub(in crate::store) mod answers;
 pub(in crate::store) mod lost_nodes;
 pub(in crate::store) mod redo;
+pub(in crate::store) mod scene_reports;

@@ -1,0 +1,119 @@
+//! Scenes that a worker judges when it builds them.
+
+use bytes::Bytes;
+use clerestory_api::{BuildOutcome, BuiltScene, ClientError, JobState, JobSubmission, Lease, ProblemCode, SceneReport};
+use serde_json::json;
+
+use crate::support::*;
+
+impl TestWorker {
+    async fn report(&self, lease: &Lease, outcome: BuildOutcome) -> Result<(), ClientError> {
+        self.client.report_scene(lease.id, &SceneReport { token: lease.token, outcome }).await
+    }
+}
+
+fn built(method: &str) -> BuiltScene {
+    BuiltScene { left_to_chance: vec!["light of the globe".to_owned()], chosen_methods: vec![method.to_owned()] }
+}
+
+/// Two panes in one place.
+fn touching_panes() -> JobSubmission {
+    let pane = |name: &str| {
+        json!({"name": name, "centre": [0, 0, 3], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 0.9,
+            "height": 0.9, "thickness": 0.004, "front": "flat", "back": "flat"})
+    };
+    let mut touching = scene();
+    touching["panes"] = json!([pane("one"), pane("other")]);
+    JobSubmission { scene: touching, ..submission(1) }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_only_building_shows_is_known_after_the_first_report() {
+    let farm = TestFarm::start_with(|config| config.lease_nodes = Some(2)).await;
+    let job = farm.submit(1).await;
+    assert_eq!((job.left_to_chance, job.chosen_methods), (None, None));
+    let [first, second] = [farm.worker_named("first").await, farm.worker_named("second").await];
+    let leases = [first.claim().await.unwrap(), second.claim().await.unwrap()];
+    assert!(farm.client.job_scene(job.id).await.unwrap().wants_report);
+
+    let mut known = Box::pin(farm.until(job.id, |job| job.chosen_methods.is_some()));
+    assert!(futures::poll!(&mut known).is_pending());
+    first.report(&leases[0], BuildOutcome::Built(built("cone"))).await.unwrap();
+    let known = known.await;
+    assert_eq!(known.left_to_chance, Some(built("cone").left_to_chance));
+    assert!(!farm.client.job_scene(job.id).await.unwrap().wants_report);
+
+    let refused = BuildOutcome::Refused { reason: "meshes: too many".to_owned() };
+    for outcome in [BuildOutcome::Built(built("fnee")), refused] {
+        second.report(&leases[1], outcome).await.unwrap();
+    }
+    let farm = farm.restarted().await;
+    let shown = farm.client.job(job.id).await.unwrap();
+    assert_eq!((shown.state, shown.chosen_methods), (JobState::Running, Some(built("cone").chosen_methods)));
+
+    // The image says what the first report said.
+    for (worker, lease) in [(&first, &leases[0]), (&second, &leases[1])] {
+        let worker = TestWorker { client: farm.client.clone(), id: worker.id };
+        worker.upload(lease, noise_partial(lease, &addresses(lease))).await.unwrap();
+        worker.drain().await;
+    }
+    assert_eq!(farm.finished(job.id).await.state, JobState::Done);
+    let image = farm.image(job.id).await;
+    assert_eq!(image.metadata().unwrap().chosen_methods, built("cone").chosen_methods);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_scene_that_cannot_be_built_is_accepted_and_fails_its_job_on_the_first_worker() {
+    let farm = TestFarm::start().await;
+    let job = farm.client.submit_job(&touching_panes()).await.unwrap();
+    let worker = farm.worker_named("nave").await;
+    let lease = worker.claim().await.unwrap();
+    let reason = "panes[1].centre: found a pane in another, must be a place of its own".to_owned();
+    worker.report(&lease, BuildOutcome::Refused { reason: reason.clone() }).await.unwrap();
+    let failed = farm.finished(job.id).await;
+    assert_eq!((failed.state, failed.failed_node), (JobState::Failed, None));
+    assert_eq!(failed.failure, Some(format!("worker `nave` cannot build the scene: {reason}")));
+
+    // The worker did not fail: it gets the next lease at once.
+    let next = farm.submit(1).await;
+    worker.drain().await;
+    assert_eq!(farm.finished(next.id).await.state, JobState::Done);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_report_is_refused_without_a_valid_lease_and_with_too_much_to_say() {
+    let farm = TestFarm::start().await;
+    let job = farm.submit(1).await;
+    let worker = farm.worker().await;
+    let lease = worker.claim().await.unwrap();
+    let refused = |characters: usize| BuildOutcome::Refused { reason: "x".repeat(characters) };
+    let lines = vec![String::new(); 1001];
+    let long = BuiltScene { left_to_chance: Vec::new(), chosen_methods: lines };
+    let unknown = Lease { id: "00000000-0000-7000-8000-000000000001".parse().unwrap(), ..lease.clone() };
+    let calls = [
+        (Lease { token: lease.token + 1, ..lease.clone() }, refused(1), ProblemCode::StaleToken),
+        (unknown, refused(1), ProblemCode::UnknownLease),
+        (lease.clone(), refused(2001), ProblemCode::InvalidField),
+        (lease.clone(), BuildOutcome::Built(long), ProblemCode::InvalidField),
+    ];
+    for (lease, outcome, code) in calls {
+        let problem = worker.report(&lease, outcome).await.unwrap_err().problem().unwrap().clone();
+        assert_eq!(problem.code, code, "{problem}");
+    }
+    let shown = farm.client.job(job.id).await.unwrap();
+    assert_eq!((shown.state, shown.chosen_methods), (JobState::Running, None));
+    worker.report(&lease, refused(2000)).await.unwrap();
+    assert_eq!(farm.finished(job.id).await.state, JobState::Failed);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_file_that_cannot_be_read_is_left_to_the_first_worker() {
+    let farm = TestFarm::start().await;
+    let content = Bytes::from_static(b"no mesh");
+    let hash = hash(&content);
+    farm.client.upload_asset(&hash, content, |_| ()).await.unwrap();
+    let mut scene = scene();
+    scene["meshes"][0]["source"] = json!({"ply": {"file": "floor.ply"}});
+    let submission = JobSubmission { scene, assets: [("floor.ply".to_owned(), hash)].into(), ..submission(1) };
+    assert_eq!(farm.client.submit_job(&submission).await.unwrap().state, JobState::Queued);
+}
