@@ -1,7 +1,7 @@
 //! Scenes that are built in this process.
 
 use clerestory_api::BuiltScene;
-use clerestory_render_core::scene::{BuildStep, Scene, SceneBundle, SceneError, SceneMemory, SceneUse};
+use clerestory_render_core::scene::{BuildStep, Scene, SceneBundle, SceneError, SceneMemory};
 use clerestory_worker::machine_memory;
 
 use crate::activity::Activity;
@@ -16,7 +16,7 @@ pub(crate) fn build(bundle: &SceneBundle, begin: &mut dyn FnMut(BuildStep<'_>)) 
 
 fn check_memory(bundle: &SceneBundle) -> Result<(), SceneError> {
     match machine_memory() {
-        Some(memory) => SceneMemory::of(bundle).check(SceneUse::Build, memory, "a machine with more memory"),
+        Some(memory) => SceneMemory::of(bundle).check(memory, "a machine with more memory"),
         None => Ok(()),
     }
 }

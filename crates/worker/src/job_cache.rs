@@ -11,7 +11,7 @@ use clerestory_api::{
 };
 use clerestory_film::{OpenExrError, PartialHeader, TileGrid, partial};
 use clerestory_render_core::scene::description::FilmDescription;
-use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneError, SceneMemory, SceneUse};
+use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneError, SceneMemory};
 use tokio::sync::{Mutex, watch};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, info};
@@ -327,9 +327,9 @@ fn bundle(
     }
     let memory = SceneMemory::of(&bundle);
     if let Some(limit) = limit {
-        memory.check(SceneUse::Build, limit.bytes, limit.way_out).map_err(PlanError::TooLarge)?;
+        memory.check(limit.bytes, limit.way_out).map_err(PlanError::TooLarge)?;
     }
-    Ok((bundle, memory.bytes(SceneUse::Build)))
+    Ok((bundle, memory.bytes()))
 }
 
 /// Builds a scene, and makes the report on it where one is wanted.

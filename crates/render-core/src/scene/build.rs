@@ -1,7 +1,7 @@
 //! From a description and its assets to a scene that can be rendered.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 use glam::DVec3;
 
@@ -25,17 +25,6 @@ use crate::settings::{AssetProblem, SceneError};
 use crate::specular::auto::{Choice, Surroundings, choose};
 use crate::specular::{conic::FacetTree, conic::Neighbours, pane_tree::PaneTree};
 use clerestory_film::Sampling;
-
-/// What is known of a scene that has been checked and not built.
-#[derive(Clone, Debug)]
-pub struct CheckedScene {
-    /// How samples are grouped.
-    pub sampling: Sampling,
-    /// As [`Scene::left_to_chance`].
-    pub left_to_chance: Vec<String>,
-    /// As [`Scene::chosen_methods`].
-    pub chosen_methods: Vec<String>,
-}
 
 /// A scene that can be rendered. It does not change any more.
 #[derive(Debug)]
@@ -111,37 +100,6 @@ impl Scene {
         begin(BuildStep::SmoothMeshes);
         scene.prepare();
         Ok(scene)
-    }
-
-    /// Checks what [`Self::build`] would stumble over, in less time and memory: nothing is sorted into hierarchies.
-    /// What is left to building is that triangles may be too unevenly distributed for any hierarchy.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::build`].
-    pub fn check(bundle: &SceneBundle) -> Result<CheckedScene, SceneError> {
-        let description = bundle.description();
-        let Parts { panes, positions, triangles, surfaces } = Parts::decode(bundle, &mut |_| ())?;
-        let corners = |triangle: u32| triangles[triangle as usize].map(|vertex| positions[vertex as usize]);
-        check_panes(description, &panes, corners, &surfaces)?;
-        check_faces(corners, &surfaces)?;
-        let panes: Arc<[Pane]> = panes.into();
-        let smooth = surfaces.iter().filter(|mesh| mesh.is_smooth());
-        let glass: Vec<[DVec3; 2]> = (panes.iter().map(Pane::world_bounds))
-            .chain(smooth.map(|mesh| mesh_bounds(&positions, &triangles, mesh)))
-            .collect();
-        Obstacles::new(Arc::clone(&panes)).check(description)?;
-        description.compiled_path_filter()?;
-        let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
-        let left_to_chance = description.left_to_chance_by(&lights, &glass);
-        let chosen_methods = description.integrator.chosen(&Surroundings {
-            lights: &lights,
-            panes: &panes,
-            meshes: &surfaces,
-            bounds: &|mesh| mesh_bounds(&positions, &triangles, &surfaces[mesh as usize]),
-            is_closed: &|mesh| is_closed(surfaces[mesh as usize].triangle_range().map(corners)),
-        });
-        Ok(CheckedScene { sampling: sampling(description)?, left_to_chance, chosen_methods })
     }
 
     /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the integrator, the seed and the

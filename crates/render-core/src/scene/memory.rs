@@ -2,8 +2,8 @@
 //! files.
 //!
 //! A scene file of a few lines can request millions of triangles. A file of a few kilobytes can hold a picture of
-//! gigabytes. The numbers here are upper bounds of what building takes at its peak, and of what checking takes, which
-//! sorts nothing into hierarchies. The test `allocations` compares both with what is allocated.
+//! gigabytes. The number here is an upper bound of what building takes at its peak. The test `allocations` compares it
+//! with what is allocated.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -24,15 +24,6 @@ use crate::texture::picture_size::{PictureSize, picture_size};
 /// Bytes of all that is not counted: names, materials, lights.
 const SMALL_THINGS: u64 = 64 << 10;
 
-/// What is done with a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SceneUse {
-    /// Its parts are decoded and checked, as a coordinator does.
-    Check,
-    /// It is built, to be rendered.
-    Build,
-}
-
 /// What a scene is made of, and how much memory that takes.
 #[derive(Clone, Debug)]
 pub struct SceneMemory {
@@ -48,10 +39,8 @@ struct Part {
     kind: Kind,
     /// Bytes while it is decoded, which are free again before the next is.
     decoding: u64,
-    /// Bytes for as long as the scene is checked.
-    checked: u64,
-    /// Bytes that building takes besides.
-    sorted: u64,
+    /// Bytes until the scene is built.
+    kept: u64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,29 +81,22 @@ impl SceneMemory {
         Self { asset_bytes: bundle.assets().values().map(|asset| asset.bytes().len() as u64).sum(), parts }
     }
 
-    /// Bytes that a use of the scene takes at its peak, its files among them.
-    pub fn bytes(&self, scene_use: SceneUse) -> u64 {
-        let kept = |part: &Part| match scene_use {
-            SceneUse::Check => part.checked,
-            SceneUse::Build => part.checked + part.sorted,
-        };
+    /// Bytes that building the scene takes at its peak, its files among them.
+    pub fn bytes(&self) -> u64 {
         let decoding = self.parts.iter().map(|part| part.decoding).max().unwrap_or(0);
-        self.parts.iter().map(kept).fold(SMALL_THINGS + self.asset_bytes + decoding, u64::saturating_add)
+        self.parts.iter().map(|part| part.kept).fold(SMALL_THINGS + self.asset_bytes + decoding, u64::saturating_add)
     }
 
-    /// Refuses a scene whose use would take more than `limit` bytes. `way_out` says what can be done about the limit,
-    /// as an alternative to a smaller scene.
+    /// Refuses a scene that takes more than `limit` bytes to build. `way_out` says what can be done about the limit, as
+    /// an alternative to a smaller scene.
     ///
     /// # Errors
     ///
     /// [`SceneError::Value`] with the place of what takes most, or with what there are more of than any scene may have.
-    pub fn check(&self, scene_use: SceneUse, limit: u64, way_out: &str) -> Result<(), SceneError> {
+    pub fn check(&self, limit: u64, way_out: &str) -> Result<(), SceneError> {
         self.check_counts()?;
-        let needed = self.bytes(scene_use);
-        let of_part = |part: &Part| match scene_use {
-            SceneUse::Check => part.checked + part.decoding,
-            SceneUse::Build => part.checked + part.decoding + part.sorted,
-        };
+        let needed = self.bytes();
+        let of_part = |part: &Part| part.kept + part.decoding;
         if needed <= limit {
             return Ok(());
         }
@@ -125,10 +107,6 @@ impl SceneMemory {
                 found: format!("files of {found}"),
                 expected: format!("at most {limit}, or {way_out}"),
             });
-        };
-        let verb = match scene_use {
-            SceneUse::Check => "check",
-            SceneUse::Build => "build",
         };
         let name = largest.kind.name();
         let Part { path, count, .. } = largest;
@@ -142,7 +120,7 @@ impl SceneMemory {
         };
         Err(SceneError::Value {
             path: path.clone(),
-            found: format!("{count} {name}: the scene takes {} to {verb}", Bytes(needed)),
+            found: format!("{count} {name}: the scene takes {} to build", Bytes(needed)),
             expected: format!("{at_most}, with which it takes {} at most; or {way_out}", Bytes(limit)),
         })
     }
@@ -197,14 +175,7 @@ fn textures<'a>(files: &mut Files<'a>) -> Vec<Part> {
     let textures = texture_uses(files.bundle.description()).filter(|(_, file)| seen.insert(*file));
     let part = |(path, file): (String, &'a str)| {
         let PictureSize { pixels, decoded_bytes } = files.picture(file);
-        Part {
-            path,
-            count: pixels,
-            kind: Kind::Texels,
-            decoding: decoded_bytes,
-            checked: TEXEL_BYTES * pixels,
-            sorted: 0,
-        }
+        Part { path, count: pixels, kind: Kind::Texels, decoding: decoded_bytes, kept: TEXEL_BYTES * pixels }
     };
     textures.map(part).collect()
 }
@@ -249,10 +220,9 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
         count: triangles,
         kind: Kind::Triangles,
         decoding: decoding + passing,
-        checked: kept_file
+        kept: kept_file
             + GROWTH * (PLACED_VERTEX * vertices + PLACED_TRIANGLE * triangles)
-            + (surface + compared) * triangles,
-        sorted: SORTED_TRIANGLE * triangles,
+            + (surface + compared + SORTED_TRIANGLE) * triangles,
     }
 }
 
@@ -318,8 +288,8 @@ fn pane_parts<'a>(
                 (path, coefficients as u64, 0, 0)
             }
         };
-        let checked = map + COEFFICIENT_BYTES * count;
-        Part { path, count, kind: Kind::Coefficients, decoding, checked, sorted: 0 }
+        let kept = map + COEFFICIENT_BYTES * count;
+        Part { path, count, kind: Kind::Coefficients, decoding, kept }
     };
     faces(pane).into_iter().map(part).collect()
 }
@@ -382,7 +352,7 @@ mod tests {
         let bundle = of_one_file(1000, "stone");
         let memory = SceneMemory::of(&bundle);
         assert!(memory.parts.iter().all(|part| part.count == 1));
-        let decoded = memory.parts.iter().filter(|part| part.checked > memory.parts[1].checked);
+        let decoded = memory.parts.iter().filter(|part| part.kept > memory.parts[1].kept);
         assert_eq!(decoded.map(|part| part.path.as_str()).collect::<Vec<_>>(), ["meshes[0].source.obj.file"]);
         let mut files =
             Files { bundle: &bundle, have_smooth_meshes: false, meshes: BTreeMap::new(), pictures: BTreeMap::new() };
@@ -393,7 +363,7 @@ mod tests {
     #[test]
     fn triangles_are_compared_only_where_something_refracts_or_mirrors() {
         let [stone, glass] = ["stone", "glass"].map(|material| SceneMemory::of(&of_one_file(1000, material)));
-        let more = glass.bytes(SceneUse::Check) - stone.bytes(SceneUse::Check);
+        let more = glass.bytes() - stone.bytes();
         assert!(more >= 1000 * (COMPARED_TRIANGLE + SMOOTH_TRIANGLE), "{more}");
     }
 }

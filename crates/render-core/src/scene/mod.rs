@@ -46,14 +46,14 @@ mod waves;
 
 pub use crate::settings::{AssetProblem, SceneError, limits};
 pub use assets::asset_names;
-pub use build::{CheckedScene, Scene};
+pub use build::Scene;
 pub use build_step::BuildStep;
 pub use bundle::{Asset, SceneBundle, load};
 pub use camera::Camera;
 pub use canonical::{SceneHeader, canonical_json};
 pub use description::SceneDescription;
 pub use hash::{ContentHash, SceneHash};
-pub use memory::{SceneMemory, SceneUse};
+pub use memory::SceneMemory;
 pub use schema::scene_schema;
 pub use surface::MeshSurface;
 pub use validate_places::Obstacles;
