@@ -108,26 +108,26 @@ pub struct BadScene {
 
 impl BadScene {
     /// The submission of the scene, once its files have been uploaded.
-    pub fn call(&self) -> BadCall {
+    pub fn submission(&self) -> Value {
         let assets: BTreeMap<&str, String> =
             self.files.iter().map(|(name, content)| (*name, content_hash(content).to_string())).collect();
-        let submission = json!({"scene": self.scene, "assets": assets, "samples_per_pixel": 4});
+        json!({"name": self.what, "scene": self.scene, "assets": assets, "samples_per_pixel": 4})
+    }
+
+    /// The submission, which the coordinator refuses.
+    pub fn call(&self) -> BadCall {
         let field = if self.path == "$" { "scene".to_owned() } else { format!("scene.{}", self.path) };
         BadCall {
             what: self.what,
             uploads: self.files.values().cloned().collect(),
-            call: Call::json("/jobs", submission.to_string()),
+            call: Call::json("/jobs", self.submission().to_string()),
             refusal: refused(422, InvalidScene, field, self.says),
         }
     }
 }
 
-/// All bad scenes: first what the scene file alone shows, then what only its files show.
-pub fn bad_scenes() -> Vec<BadScene> {
-    [bad_descriptions(), bad_files()].concat()
-}
-
-fn bad_descriptions() -> Vec<BadScene> {
+/// Scenes of which the scene file alone shows the fault.
+pub fn bad_descriptions() -> Vec<BadScene> {
     let with = |what, pointer: &str, value: Value, path, says| {
         let mut scene = sound_scene();
         let (parent, name) = pointer.rsplit_once('/').expect("a JSON pointer");
@@ -250,7 +250,8 @@ fn bad_descriptions() -> Vec<BadScene> {
     ]
 }
 
-fn bad_files() -> Vec<BadScene> {
+/// Scenes of which only their files show the fault.
+pub fn bad_files() -> Vec<BadScene> {
     const FLOOR: &str = "meshes[0].source.ply.file";
     const FRONT: &str = "panes[0].front.height_map.file";
     const PLASTER: &str = "materials.plaster.diffuse.reflectance.texture.file";

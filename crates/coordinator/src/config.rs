@@ -39,7 +39,7 @@ pub struct Config {
     pub max_asset_bytes: u64,
     /// Largest partial.
     pub max_partial_bytes: u64,
-    /// Memory in which submitted scenes are checked, of all large ones together.
+    /// Memory for the files of submitted scenes, of all large ones together.
     pub submission_bytes: u64,
     /// Memory for the cache of decoded nodes.
     pub node_cache_bytes: usize,

@@ -12,7 +12,7 @@ use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, info, warn};
 
 use crate::error::with_causes;
-use crate::job_cache::{JobCache, JobPlan};
+use crate::job_cache::{JobCache, JobPlan, PlanError};
 use crate::renderer::{LeaseError, RenderedNode, Renderer};
 use crate::retry::{repeat_while, until_answered};
 use crate::uploader::{BatchOutcome, UploadBatch, UploadQueue, is_lease_over};
@@ -37,6 +37,8 @@ pub(crate) enum Ending {
     Stopped,
     /// The nodes cannot be rendered here, for this reason.
     Failed(String),
+    /// No machine can build the scene, for this reason, and the coordinator knows.
+    Unbuildable(String),
 }
 
 /// A lease that is being rendered. A background task renews it until it is settled.
@@ -89,29 +91,40 @@ impl LeaseWork {
                 warn!(lease = %self.lease.id, reason = with_causes(&*failure), "a file of the job is lost");
                 Ending::Over
             }
-            Some(Err(failure)) => match self.report(failure.report()).await {
+            Some(Err(failure)) => self.give_up(&failure).await,
+            Some(Ok(plan)) => match self.report_built(&plan).await {
                 Some(ending) => ending,
-                None => Ending::Failed(with_causes(&*failure)),
-            },
-            Some(Ok(plan)) => match self.report(plan.report()).await {
-                Some(ending) => ending,
-                None => {
-                    plan.set_reported();
-                    self.render_nodes(plan, renderer).await
-                }
+                None => self.render_nodes(plan, renderer).await,
             },
         };
         let failure = match &ending {
-            Ending::Failed(reason) => Some(reason.clone()),
+            Ending::Failed(reason) | Ending::Unbuildable(reason) => Some(reason.clone()),
             _ => None,
         };
         (ending, self.settle(failure))
     }
 
-    /// Reports how building the scene ended, until the coordinator answers. Returns an ending when the lease is over
-    /// or the worker must end meanwhile. A coordinator that refuses the report for another reason gets no more of it.
-    async fn report(&self, outcome: Option<BuildOutcome>) -> Option<Ending> {
-        let report = SceneReport { token: self.lease.token, outcome: outcome? };
+    /// The ending of a lease whose scene is not built. Reports a scene that no machine can build.
+    async fn give_up(&self, failure: &PlanError) -> Ending {
+        let reason = with_causes(failure);
+        let Some(outcome) = failure.report() else { return Ending::Failed(reason) };
+        self.report(outcome).await.unwrap_or(Ending::Unbuildable(reason))
+    }
+
+    /// Reports a scene that is built, unless the coordinator has the report. Returns an ending when the lease is over or
+    /// the worker must end.
+    async fn report_built(&self, plan: &JobPlan) -> Option<Ending> {
+        let ending = self.report(plan.report()?).await;
+        if ending.is_none() {
+            plan.set_reported();
+        }
+        ending
+    }
+
+    /// Reports how building the scene ended, until the coordinator answers. Returns an ending when the lease is over or
+    /// the worker must end meanwhile. A report that the coordinator refuses for another reason is not repeated.
+    async fn report(&self, outcome: BuildOutcome) -> Option<Ending> {
+        let report = SceneReport { token: self.lease.token, outcome };
         let call = until_answered("report a scene", || self.client.report_scene(self.lease.id, &report));
         match self.stop.run_until_cancelled(call).await {
             None => Some(self.interruption()),

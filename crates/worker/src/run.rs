@@ -116,6 +116,10 @@ impl Worker {
             while settling.try_join_next().is_some() {}
             match ending {
                 Ending::Complete | Ending::Over | Ending::Stopped => penalty = pauses().build(),
+                Ending::Unbuildable(reason) => {
+                    warn!(reason, "the scene of a job cannot be built");
+                    penalty = pauses().build();
+                }
                 Ending::Failed(reason) => {
                     error!(reason, "could not render a lease, giving it back");
                     // The next lease may fail as fast, so do not spin.

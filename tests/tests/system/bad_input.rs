@@ -11,7 +11,9 @@ use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::hand_worker::{Delivery, HandWorker};
 use clerestory_tests::malformed_calls::bad_calls;
 use clerestory_tests::malformed_partials::{BadDelivery, bad_deliveries};
-use clerestory_tests::malformed_scenes::{bad_scenes, sound_files, sound_scene, write_scene};
+use clerestory_tests::malformed_scenes::{
+    BadScene, bad_descriptions, bad_files, sound_files, sound_scene, write_scene,
+};
 use serde_json::Value;
 
 /// Memory for decoded nodes that the farm may keep.
@@ -75,7 +77,7 @@ fn bad_input_is_refused_clearly_and_the_farm_goes_on_working() {
     let claimed = Instant::now();
     let before = farm.coordinator_memory();
 
-    let (scenes, calls, deliveries) = (bad_scenes(), bad_calls(job), bad_deliveries());
+    let (scenes, calls, deliveries) = (bad_descriptions(), bad_calls(job), bad_deliveries());
     assert!(scenes.len() >= 15 && deliveries.len() >= 15 && calls.len() >= 10);
     let mut faults = Faults::default();
     scenes.iter().for_each(|scene| faults.note(caller.check(&scene.call())));
@@ -140,11 +142,38 @@ fn deliver(caller: &Caller, worker: &HandWorker<'_>, deliveries: &[BadDelivery],
 }
 
 #[test]
+fn a_scene_whose_files_are_bad_fails_its_job_on_the_first_worker_with_the_place_and_the_value() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut farm = start_farm(folder.path());
+    let caller = Caller::new(&farm);
+    let bad = bad_files();
+    assert!(bad.len() >= 10);
+    for scene in &bad {
+        scene.files.values().for_each(|content| _ = caller.upload(content));
+        let submission = serde_json::from_value(scene.submission()).expect("a submission");
+        caller.wait(caller.client().submit_job(&submission)).expect("a document without a fault");
+    }
+    farm.start_worker("judge");
+    let mut faults = Faults::default();
+    farm.wait_until_all_have_ended();
+    let jobs = caller.wait(caller.client().jobs()).expect("a list");
+    for BadScene { what, path, says, .. } in bad {
+        let job = jobs.iter().find(|job| job.name == what).expect("a job of each scene");
+        let failure = job.failure.clone().unwrap_or_default();
+        let place = format!("worker `judge` cannot build the scene: {path}: ");
+        let missing = [place.as_str()].into_iter().chain(says.iter().copied()).find(|part| !failure.contains(part));
+        faults.note(missing.map_or(Ok(()), |part| Err(format!("{what}: no {part:?} in: {failure}"))));
+        assert_eq!((job.state, &job.failed_node), (JobState::Failed, &None), "{what}");
+    }
+    faults.assert_none();
+}
+
+#[test]
 fn render_and_submit_name_what_is_wrong_with_a_scene_alike() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let farm = start_farm(folder.path());
     let mut faults = Faults::default();
-    for bad in bad_scenes() {
+    for bad in [bad_descriptions(), bad_files()].concat() {
         let file = write_scene(folder.path(), &bad.scene, &bad.files);
         let mut render = clerestory();
         render.args(["render", "-o"]).arg(folder.path().join("image.exr"));

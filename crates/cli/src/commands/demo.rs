@@ -94,7 +94,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     let bundle = bundle.with_description(description).map_err(failure)?;
     let activity = Activity::begin("Building the scene");
     let rehearsal = Rehearsal::of(&bundle, &activity).map_err(failure)?;
-    activity.done("The scene can be built");
+    activity.done("The scene is built");
     let reference = match arguments.scene {
         Some(_) => arguments.reference,
         None => shipped_reference(bundle.description().film, &progress)?,

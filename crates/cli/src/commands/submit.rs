@@ -84,8 +84,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
     arguments.limits.check_targets(arguments.reference.is_some(), None)?;
     let activity = Activity::begin("Reading the scene and its files");
     let bundle = arguments.overrides.load(&arguments.scene, arguments.sampling)?;
-    let rehearsal = Rehearsal::of(&bundle, &activity).map_err(|source| Failure::scene(&arguments.scene, source))?;
-    activity.done("The scene can be built");
+    activity.done("The scene is read");
     let settings = JobSettings {
         name: arguments.name,
         samples_per_pixel: arguments.limits.samples_per_pixel(),
@@ -96,6 +95,9 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         priority: arguments.priority,
         reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
     };
+    let activity = Activity::begin("Building the scene");
+    let rehearsal = Rehearsal::of(&bundle, &activity).map_err(|source| Failure::scene(&arguments.scene, source))?;
+    activity.done("The scene is built");
     let sampling = bundle.description().sampling;
     // The coordinator refuses a scene with others.
     let sampling = Sampling::new(sampling.samples_per_pass, sampling.samples_per_block).ok();

@@ -295,6 +295,20 @@ fn a_reference_of_another_size_is_refused_by_the_sizes() {
 }
 
 #[test]
+fn a_scene_that_cannot_be_built_is_refused_before_anything_is_sent() {
+    let folder = Folder::new();
+    let mut scene: Value = serde_json::from_slice(&fs::read(folder.path("scene.json")).unwrap()).unwrap();
+    let pane = |name: &str| {
+        json!({"name": name, "centre": [0, 0, 1], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0], "width": 0.5, "height": 0.5,
+            "thickness": 0.004, "front": "flat", "back": "flat"})
+    };
+    scene["panes"] = json!([pane("one"), pane("other")]);
+    fs::write(folder.path("touching.json"), scene.to_string()).unwrap();
+    let nobody = ["submit", "touching.json", "--coordinator", "http://127.0.0.1:1"];
+    folder.fails(&nobody, 1, &["cannot use the scene touching.json", "panes[1].centre: found "]);
+}
+
+#[test]
 fn who_lacks_the_token_is_told_where_to_put_it() {
     let folder = Folder::new();
     let farm = folder.coordinator("127.0.0.1:0", Some("0123456789abcdef"));

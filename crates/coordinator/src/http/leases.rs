@@ -195,8 +195,8 @@ pub(super) async fn give_back(
         Some(reason) => {
             // PostgreSQL holds no NUL.
             let reason = reason.replace('\0', "\u{fffd}");
+            acceptance.fail(lease, request.token, reason.clone(), 0).await?;
             tracing::warn!(%lease, reason, "a worker could not do its work");
-            acceptance.fail(lease, request.token, reason, 0).await?;
         }
     }
     Ok(StatusCode::NO_CONTENT)
