@@ -30,6 +30,7 @@ mod numbers;
 mod outage;
 mod output;
 mod output_file;
+mod preflight;
 mod preview;
 mod progress;
 mod render_limits;

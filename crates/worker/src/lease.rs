@@ -111,8 +111,8 @@ impl LeaseWork {
         self.report(outcome).await.unwrap_or(Ending::Unbuildable(reason))
     }
 
-    /// Reports a scene that is built, unless the coordinator has the report. Returns an ending when the lease is over or
-    /// the worker must end.
+    /// Reports a scene that is built, unless the coordinator has the report. Returns an ending when the lease is over
+    /// or the worker must end.
     async fn report_built(&self, plan: &JobPlan) -> Option<Ending> {
         let ending = self.report(plan.report()?).await;
         if ending.is_none() {

@@ -20,9 +20,9 @@ use crate::follow::follow;
 use crate::image_file;
 use crate::job_end::{check_done, check_image};
 use crate::local_farm::{FarmPlan, LocalFarm, share_of_cores, share_of_memory};
-use crate::local_scene::Rehearsal;
 use crate::outage::until_answered;
 use crate::output::{print_json, print_line};
+use crate::preflight::Preflight;
 use crate::progress::Progress;
 use crate::render_limits::RenderLimits;
 use crate::scene_overrides::{SamplingOverrides, SceneOverrides, Size};
@@ -93,7 +93,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     let failure = |source| Failure::scene(&scene, source);
     let bundle = bundle.with_description(description).map_err(failure)?;
     let activity = Activity::begin("Building the scene");
-    let rehearsal = Rehearsal::of(&bundle, &activity).map_err(failure)?;
+    let preflight = Preflight::of(&bundle, &activity).map_err(failure)?;
     activity.done("The scene is built");
     let reference = match arguments.scene {
         Some(_) => arguments.reference,
@@ -132,7 +132,7 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     let rendering = async {
         let job = submit(&connection, &bundle, settings).await?;
         progress.note(&format!("The job's page:  {}", connection.job_page(job.id)));
-        rehearsal.announce(&job.missing_light, &progress);
+        preflight.announce(&job.missing_light, &progress);
         let job = follow(&connection, job.id, &mut progress).await?;
         check_image(&job)?;
         let series = until_answered(&connection, &progress, || connection.client.convergence(job.id)).await?;

@@ -13,10 +13,10 @@ use crate::download::download;
 use crate::failure::Failure;
 use crate::follow::follow;
 use crate::job_end::{check_done, check_image};
-use crate::local_scene::Rehearsal;
 use crate::numbers::whole;
 use crate::output::{print_json, print_line};
 use crate::output_file::{check_image_name, check_outputs, png_beside, write_stats};
+use crate::preflight::Preflight;
 use crate::progress::Progress;
 use crate::render_limits::RenderLimits;
 use crate::scene_overrides::{SamplingOverrides, SceneOverrides};
@@ -96,7 +96,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
     };
     let activity = Activity::begin("Building the scene");
-    let rehearsal = Rehearsal::of(&bundle, &activity).map_err(|source| Failure::scene(&arguments.scene, source))?;
+    let preflight = Preflight::of(&bundle, &activity).map_err(|source| Failure::scene(&arguments.scene, source))?;
     activity.done("The scene is built");
     let sampling = bundle.description().sampling;
     // The coordinator refuses a scene with others.
@@ -111,7 +111,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         let _ = submitted.set(job.id);
         let mut progress = Progress::new();
         progress.note(&format!("Job {}: {}", job.id, connection.job_page(job.id)));
-        rehearsal.announce(&job.missing_light, &progress);
+        preflight.announce(&job.missing_light, &progress);
         absence.iter().for_each(|absence| progress.note(absence));
         if !arguments.wait {
             return Ok(job);

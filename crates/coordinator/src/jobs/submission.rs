@@ -1,7 +1,7 @@
 //! Submissions: validated, then stored as jobs.
 //!
-//! The coordinator validates the scene's document and counts what its files hold. It decodes and builds nothing, because
-//! a scene can take more memory and time to build than a coordinator has. The first worker that builds the scene reports
+//! The coordinator validates the scene's document and counts what its files hold. It decodes and builds nothing: a
+//! scene can take more memory and time to build than a coordinator has. The first worker that builds the scene reports
 //! what only building shows.
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -1,5 +1,5 @@
-//! What follows from what workers bring: acceptance of nodes, votes on checked nodes, nodes that are rendered again, and
-//! reports on scenes.
+//! What follows from what workers bring: acceptance of nodes, votes on checked nodes, nodes that are rendered again,
+//! and reports on scenes.
 
 pub(in crate::store) mod acceptance;
 pub(in crate::store) mod answers;
