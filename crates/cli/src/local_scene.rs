@@ -3,17 +3,14 @@
 use clerestory_render_core::scene::{BuildStep, Scene, SceneBundle, SceneError, SceneMemory};
 use clerestory_worker::machine_memory;
 
+/// What can be done for a scene that takes more memory than this machine has.
+pub(crate) const WAY_OUT: &str = "a machine with more memory";
+
 /// Builds a scene, unless the machine has less memory than that takes: the system would end the process without a word.
 /// Tells of each step before it begins.
 pub(crate) fn build(bundle: &SceneBundle, begin: &mut dyn FnMut(BuildStep<'_>)) -> Result<Scene, SceneError> {
-    check_memory(bundle)?;
-    Scene::build_step_by_step(bundle, begin)
-}
-
-/// Refuses a scene that takes more memory to build than this machine has.
-pub(crate) fn check_memory(bundle: &SceneBundle) -> Result<(), SceneError> {
-    match machine_memory() {
-        Some(memory) => SceneMemory::of(bundle).check(memory, "a machine with more memory"),
-        None => Ok(()),
+    if let Some(memory) = machine_memory() {
+        SceneMemory::of(bundle).check(memory, WAY_OUT)?;
     }
+    Scene::build_step_by_step(bundle, begin)
 }

@@ -2,9 +2,10 @@
 
 use clerestory_api::BuiltScene;
 use clerestory_render_core::scene::{SceneBundle, SceneError, SceneMemory};
+use clerestory_worker::machine_memory;
 
 use crate::activity::Activity;
-use crate::local_scene;
+use crate::local_scene::WAY_OUT;
 use crate::progress::Progress;
 
 /// What building a scene on this machine shows.
@@ -18,8 +19,13 @@ pub(crate) enum Preflight {
 impl Preflight {
     /// Builds a scene and drops it again. The user hears at once what a worker would refuse.
     pub(crate) fn of(bundle: &SceneBundle, activity: &Activity) -> Result<Self, SceneError> {
-        SceneMemory::of(bundle).check_counts()?;
-        if let Err(error) = local_scene::check_memory(bundle) {
+        Self::within(machine_memory(), bundle, activity)
+    }
+
+    fn within(machine: Option<u64>, bundle: &SceneBundle, activity: &Activity) -> Result<Self, SceneError> {
+        let memory = SceneMemory::of(bundle);
+        memory.check_counts()?;
+        if let Some(Err(error)) = machine.map(|machine| memory.check(machine, WAY_OUT)) {
             return Ok(Self::TooLarge(error));
         }
         let scene = activity.build(bundle)?;
@@ -41,6 +47,51 @@ impl Preflight {
                      whether it can be rendered: {error}"
                 ));
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use clerestory_render_core::scene::SceneDescription;
+    use serde_json::{Value, json};
+
+    use super::*;
+
+    /// A scene with panes at these places.
+    fn glazed(places: &[f64]) -> SceneBundle {
+        let pane = |(index, z): (usize, &f64)| {
+            json!({"name": format!("pane {index}"), "centre": [0, 0, z], "x_axis": [1, 0, 0], "y_axis": [0, 1, 0],
+                "width": 0.5, "height": 0.5, "thickness": 0.004, "front": "flat", "back": "flat"})
+        };
+        let scene = json!({
+            "version": 2,
+            "name": "panes",
+            "film": {"width": 8, "height": 8},
+            "camera": {"orthographic": {"position": [0, 0, 3], "look_at": [0, 0, 0], "up": [0, 1, 0], "height": 1}},
+            "panes": places.iter().enumerate().map(pane).collect::<Vec<Value>>(),
+            "lights": [{"sun": {
+                "name": "sun", "direction": [0, 0.2, 1], "angular_radius": 0.267, "radiance": [1, 1, 1]
+            }}]
+        });
+        let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
+        SceneBundle::from_parts(description, BTreeMap::new()).unwrap()
+    }
+
+    #[test]
+    fn a_scene_is_built_where_there_is_memory_and_otherwise_left_to_a_worker() {
+        let preflight = |machine, places: &[f64]| {
+            Preflight::within(machine, &glazed(places), &Activity::begin("Building the scene"))
+        };
+        let built = preflight(None, &[1.0]).unwrap();
+        assert!(matches!(built, Preflight::Built(scene) if !scene.chosen_methods.is_empty()));
+        let error = preflight(None, &[1.0, 1.0]).err().unwrap();
+        assert_eq!(error.path(), "panes[1].centre");
+        for places in [&[1.0][..], &[1.0, 1.0]] {
+            let left = preflight(Some(1), places).unwrap();
+            assert!(matches!(left, Preflight::TooLarge(error) if error.to_string().contains(WAY_OUT)));
         }
     }
 }

@@ -128,6 +128,7 @@ fn the_coordinator_never_names_an_integrator_or_a_specular_method() {
                 file.display()
             );
         }
+        assert!(!source.contains("Scene::build"), "{} builds a scene, which is the work of workers", file.display());
     }
 }
 

@@ -68,21 +68,25 @@ fn farms_of_any_size_make_the_same_bits_as_one_process() {
 #[test]
 fn submit_brings_the_same_files_as_render() {
     let folder = tempfile::tempdir().unwrap();
-    let files = |name: &str, words: &mut Command| {
+    let files = |name: &str, integrator: &str, words: &mut Command| {
         let [image, stats] = [".exr", ".json"].map(|ending| folder.path().join(format!("{name}{ending}")));
-        let words = words.arg(WITH_FNEE.scene()).args(["--size", "40x40", "--spp", "48", "--integrator", "fnee"]);
+        let words = words.arg(WITH_FNEE.scene()).args(["--size", "40x40", "--spp", "48", "--integrator", integrator]);
         succeeded(words.arg("--png").arg("-o").arg(&image).arg("--stats").arg(&stats));
         (image, stats)
     };
     let mut farm = Farm::start(None, &["--lease-nodes", "1"]);
     farm.start_worker("nave");
-    let alone = files("alone", clerestory().arg("render"));
-    let together = files("together", &mut farm.command(&["submit", "--wait", "--tile", "16"]));
-    assert_made_alike(&together.0, &alone.0);
-    let read = |file: &Path| std::fs::read(file).expect("a file");
-    assert_eq!(String::from_utf8_lossy(&read(&together.1)), String::from_utf8_lossy(&read(&alone.1)));
-    let png = |image: &Path| read(&image.with_extension("png"));
-    assert!(png(&together.0) == png(&alone.0), "the same light looks different");
+    for integrator in ["fnee", "auto"] {
+        let alone = files("alone", integrator, clerestory().arg("render"));
+        let together = files("together", integrator, &mut farm.command(&["submit", "--wait", "--tile", "16"]));
+        assert_made_alike(&together.0, &alone.0);
+        let read = |file: &Path| std::fs::read(file).expect("a file");
+        assert_eq!(String::from_utf8_lossy(&read(&together.1)), String::from_utf8_lossy(&read(&alone.1)));
+        let png = |image: &Path| read(&image.with_extension("png"));
+        assert!(png(&together.0) == png(&alone.0), "the same light looks different");
+        let chosen = farm.newest_job().chosen_methods.expect("a report of the worker");
+        assert_eq!(chosen.is_empty(), integrator != "auto", "{chosen:?}");
+    }
 }
 
 #[test]
