@@ -5,7 +5,8 @@
 
 use std::collections::BTreeMap;
 
-use clerestory_render_core::scene::{Scene, SceneBundle, SceneDescription};
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::integrator::PreparedScene;
 use serde_json::{Value, json};
 
 use crate::estimate::Estimate;
@@ -50,7 +51,7 @@ impl ClosedRoom {
     /// # Panics
     ///
     /// When the scene is not valid.
-    pub fn build(&self, samples: u32) -> Scene {
+    pub fn build(&self, samples: u32) -> PreparedScene {
         let relief = |wavelength: f64, seed: u32| {
             let hammered = json!({"wavelength": wavelength, "amplitude": 1.2e-4, "seed": seed});
             json!({"hammered": hammered})
@@ -83,7 +84,7 @@ impl ClosedRoom {
         }
         let description = SceneDescription::parse(description.to_string().as_bytes()).expect("a valid scene");
         let bundle = SceneBundle::from_parts(description, BTreeMap::new()).expect("a complete scene");
-        Scene::build(&bundle).expect("a scene that can be built")
+        PreparedScene::build(&bundle).expect("a scene that can be built")
     }
 
     /// Radiance of the red channel in every pixel, row by row, from `passes` independent passes.

@@ -9,12 +9,13 @@ use std::sync::atomic::AtomicBool;
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{NodeAddress, TileGrid};
+use clerestory_render_core::document::{SamplingDescription, SceneDescription};
+use clerestory_render_core::document::{SceneBundle, load};
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::integrator::render_node;
+use clerestory_render_core::light::LightDescription;
 use clerestory_render_core::light::{DiskLight, RectangleLight, SphereLight, SunLight};
-use clerestory_render_core::scene::description::{
-    CameraDescription, LightDescription, SamplingDescription, SceneDescription,
-};
-use clerestory_render_core::scene::{Scene, SceneBundle, load};
+use clerestory_render_core::scene::description::CameraDescription;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -264,11 +265,11 @@ fn seeded_picture(
     let mut description = bundle.description().clone().with_seed(seed);
     description.sampling = SamplingDescription { samples_per_pass: samples, samples_per_block: samples };
     let bundle = bundle.clone().with_description(description).expect("another seed is valid");
-    picture(&Scene::build(&bundle).expect("the scene can be built"), passes)
+    picture(&PreparedScene::build(&bundle).expect("the scene can be built"), passes)
 }
 
 /// The mean of `passes` passes in each tile.
-fn picture(scene: &Scene, passes: &(dyn Fn(usize) -> u32 + Sync)) -> (Image, Counters) {
+fn picture(scene: &PreparedScene, passes: &(dyn Fn(usize) -> u32 + Sync)) -> (Image, Counters) {
     let film = scene.description().film;
     let grid = TileGrid { width: film.width, height: film.height, tile_size: TILE as u32 };
     let tiles: Vec<(Vec<DVec3>, Counters)> = (0..grid.len())

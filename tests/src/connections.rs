@@ -9,14 +9,20 @@ use std::time::{Duration, Instant};
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
+use clerestory_render_core::document::load;
 use clerestory_render_core::geometry::Leaving;
-use clerestory_render_core::scene::description::{
-    FneeSolver, ManifoldConstraint, ManifoldEstimator, PaneSelection, ProfileDescription, WalkSteps,
-};
-use clerestory_render_core::scene::{Scene, load};
-use clerestory_render_core::specular::{
-    ShadingPoint, SpecularMethod, THROUGH_PANE, fnee::Fnee, scope::Scope, sms::Sms,
-};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::scene::description::ProfileDescription;
+use clerestory_render_core::specular::constraint::ManifoldConstraint;
+use clerestory_render_core::specular::fnee::Fnee;
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::manifold::WalkSteps;
+use clerestory_render_core::specular::scope::Scope;
+use clerestory_render_core::specular::selection::PaneSelection;
+use clerestory_render_core::specular::sms::ManifoldEstimator;
+use clerestory_render_core::specular::sms::Sms;
+use clerestory_render_core::specular::{SpecularMethod, THROUGH_PANE};
 use glam::DVec3;
 
 use crate::comparisons::reference_folder;
@@ -37,7 +43,7 @@ const SAME_PATH: i64 = 3;
 
 /// The problems of one kind of glass.
 pub struct Problems {
-    scene: Scene,
+    scene: PreparedScene,
     points: Vec<[f64; 3]>,
 }
 
@@ -71,14 +77,14 @@ pub fn problems(glass: &str) -> Problems {
 }
 
 /// The pane of the case `crown` with hammered faces: dimples of less than a centimetre.
-fn fine_glass() -> Scene {
+fn fine_glass() -> PreparedScene {
     let bundle = load(&reference_folder().join("crown-point.json")).expect("the scene ships");
     let mut description = bundle.description().clone();
     let hammered = |seed| ProfileDescription::Hammered { wavelength: 0.008, amplitude: 3e-6, seed };
     (description.panes[0].front, description.panes[0].back) = (hammered(1), hammered(2));
     // The height maps are used no more, and those of a bundle are just those which its description names.
     let bundle = bundle.with_description(description).expect("the description is valid");
-    Scene::build(&bundle).expect("the scene is valid")
+    PreparedScene::build(&bundle).expect("the scene is valid")
 }
 
 impl Problems {
@@ -97,7 +103,7 @@ impl Problems {
                 steps: WalkSteps::default(),
                 estimator: ManifoldEstimator::Unbiased { max_trials: 1000 },
                 selection: PaneSelection::All,
-                scope: Scope::new(&self.scene, &["TT".to_owned()], None, None),
+                scope: Scope::new(self.scene.scene(), &["TT".to_owned()], None, None),
             }),
             _ => panic!("no method is called {name}"),
         }
@@ -106,19 +112,19 @@ impl Problems {
     /// Lets a method seek the paths of all points, with the random numbers of `samples` camera samples each.
     pub fn solve(&self, method: &dyn SpecularMethod, samples: u32) -> Found {
         let settings = SamplerSettings { seed: 11, samples_per_block: 256 };
-        let frame = self.scene.accelerator().panes()[0].frame;
+        let frame = self.scene.scene().accelerator().panes()[0].frame;
         let mut found = Found { paths: Vec::new(), light: 0, counters: Counters::default(), time: Duration::default() };
         let mut arrivals = Vec::new();
         for (index, origin) in self.points.iter().enumerate() {
             let position = DVec3::from(*origin);
-            let normal = self.scene.triangle_normal(0);
+            let normal = self.scene.scene().triangle_normal(0);
             let normal = if normal.dot(frame.origin - position) > 0.0 { normal } else { -normal };
             let point = ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 };
             let start = Instant::now();
             for sample in 0..samples {
                 let mut stream = SampleStream::new(&settings, 0, [index as u32, 0], sample);
                 let arrive = &mut |arrival| arrivals.push(arrival);
-                method.gather(&self.scene, &point, 0, &THROUGH_PANE, &mut stream, &mut found.counters, arrive);
+                method.gather(self.scene.scene(), &point, 0, &THROUGH_PANE, &mut stream, &mut found.counters, arrive);
             }
             found.time += start.elapsed();
             let origin = frame.point_to_local(position);

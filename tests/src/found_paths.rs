@@ -5,13 +5,13 @@ use clerestory_film::counters::Counters;
 use clerestory_render_core::bsdf::fresnel::{reflect, refract};
 use clerestory_render_core::geometry::{Face, Leaving, PaneBoundary, Ray, Surface};
 use clerestory_render_core::light::{Source, SourceSample};
-use clerestory_render_core::scene::{Scene, description::FneeSolver};
-use clerestory_render_core::specular::{
-    Link, ShadingPoint, SpecularEvent, SpecularPath,
-    fnee::PathSearch,
-    newton::Root,
-    side::{PaneSide, unit_normal},
-};
+use clerestory_render_core::scene::Scene;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::fnee::PathSearch;
+use clerestory_render_core::specular::newton::Root;
+use clerestory_render_core::specular::side::{PaneSide, unit_normal};
+use clerestory_render_core::specular::{Link, SpecularEvent, SpecularPath};
 use glam::DVec3;
 
 /// A path from a shading point over panes to a light, with nothing in the way.

@@ -5,9 +5,11 @@ use std::sync::atomic::AtomicBool;
 
 use clerestory_api::{ClientError, JobId, Lease, LeaseRequest, LeaseReturn, WorkerId, WorkerRegistration};
 use clerestory_film::{Node, NodeAddress, PartialHeader, Rendered, TileGrid, partial};
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::integrator::render_node;
 use clerestory_render_core::probe;
-use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
+use clerestory_render_core::scene::Asset;
 
 use crate::calls::Caller;
 
@@ -24,7 +26,7 @@ pub struct Delivery {
 pub struct HandWorker<'a> {
     caller: &'a Caller,
     id: WorkerId,
-    scene: Scene,
+    scene: PreparedScene,
     grid: TileGrid,
     flips_bits: bool,
 }
@@ -56,7 +58,13 @@ impl<'a> HandWorker<'a> {
         let bundle = SceneBundle::from_parts(description, assets).expect("a scene with its files");
         let film = bundle.description().film;
         let grid = TileGrid { width: film.width, height: film.height, tile_size: order.tile_size };
-        Self { caller, id, scene: Scene::build(&bundle).expect("a scene that can be built"), grid, flips_bits: false }
+        Self {
+            caller,
+            id,
+            scene: PreparedScene::build(&bundle).expect("a scene that can be built"),
+            grid,
+            flips_bits: false,
+        }
     }
 
     /// The same worker, with a memory that has lost the last bit of one number in each node before it is sent.

@@ -4,13 +4,16 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::light::SourceSample;
-use clerestory_render_core::scene::{
-    Scene,
-    description::{FneeSolver, ManifoldConstraint, WalkSteps},
-};
-use clerestory_render_core::specular::{
-    ShadingPoint, SpecularMethod, fnee::PathSearch, newton::Root, side::PaneSide, sms::ManifoldSearch,
-};
+use clerestory_render_core::scene::Scene;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::SpecularMethod;
+use clerestory_render_core::specular::constraint::ManifoldConstraint;
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::fnee::PathSearch;
+use clerestory_render_core::specular::manifold::WalkSteps;
+use clerestory_render_core::specular::newton::Root;
+use clerestory_render_core::specular::side::PaneSide;
+use clerestory_render_core::specular::sms::ManifoldSearch;
 use glam::{DVec2, DVec3};
 
 use crate::found_paths::{FoundPath, search_through};

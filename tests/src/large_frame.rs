@@ -6,8 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clerestory_film::{FilmTile, ImageRows, LayerChoice, NodeAddress, Sampling, TileGrid, TileSum};
+use clerestory_render_core::document;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::integrator::render_node;
-use clerestory_render_core::scene::{self, Scene};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -56,7 +57,7 @@ pub fn scene(folder: &Path, edge: u32) -> PathBuf {
 ///
 /// When the file is no image, or the scene cannot be rendered.
 pub fn check(image: &Path, scene_file: &Path, tile_size: u32, tiles: &[u32]) -> Result<(), String> {
-    let scene = Scene::build(&scene::load(scene_file).expect("a scene")).expect("a scene that can be built");
+    let scene = PreparedScene::build(&document::load(scene_file).expect("a scene")).expect("a scene that can be built");
     let film = scene.description().film;
     let grid = TileGrid { width: film.width, height: film.height, tile_size };
     let found = metadata(image);
@@ -94,7 +95,7 @@ pub fn check(image: &Path, scene_file: &Path, tile_size: u32, tiles: &[u32]) -> 
 }
 
 /// What this process renders of a tile.
-fn tile_sum(scene: &Scene, grid: &TileGrid, tile: u32) -> TileSum {
+fn tile_sum(scene: &PreparedScene, grid: &TileGrid, tile: u32) -> TileSum {
     let sampling: Sampling = scene.sampling();
     let mut film = FilmTile::new(0, tile, grid.tile(tile).expect("a tile of the image"), sampling);
     for index in 0..PASSES {

@@ -1,6 +1,6 @@
 //! Integrators with settings, by the names that comparisons and tests of laws call them.
 
-use clerestory_render_core::scene::description::IntegratorDescription;
+use clerestory_render_core::specular::registry::IntegratorDescription;
 use serde_json::{Value, json};
 
 /// The integrators that find all light that comes through panes without bias; of `fnee, published`, all that its seeds

@@ -1,7 +1,9 @@
 //! A pane as a smooth mesh: both faces as triangles with interpolated normals.
 
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::geometry::{Face, Pane};
-use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::Asset;
 use glam::{DVec2, DVec3};
 use serde_json::json;
 
@@ -10,8 +12,8 @@ use serde_json::json;
 /// # Panics
 ///
 /// When the scene cannot be built that way.
-pub fn as_mesh(original: &Scene, cells: u32) -> Scene {
-    let pane = &original.panes()[0];
+pub fn as_mesh(original: &PreparedScene, cells: u32) -> PreparedScene {
+    let pane = &original.scene().panes()[0];
     let mut description = serde_json::to_value(original.description()).expect("a description is JSON");
     description["panes"] = json!([]);
     description["materials"]["glass"] = json!({"dielectric": {"index_of_refraction": pane.index_of_refraction}});
@@ -20,7 +22,7 @@ pub fn as_mesh(original: &Scene, cells: u32) -> Scene {
     let description = SceneDescription::parse(description.to_string().as_bytes()).expect("a valid scene");
     let assets = [("pane.ply".to_owned(), Asset::new(tessellated(pane, cells)))];
     let bundle = SceneBundle::from_parts(description, assets.into()).expect("no assets are missing");
-    Scene::build(&bundle).expect("a scene that can be built")
+    PreparedScene::build(&bundle).expect("a scene that can be built")
 }
 
 /// A PLY file of a pane as a mesh of both faces with the normals of their height fields.

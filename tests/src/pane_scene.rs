@@ -9,10 +9,11 @@ use std::f64::consts::PI;
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::geometry::Leaving;
-use clerestory_render_core::integrator::specular_method;
-use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
-use clerestory_render_core::specular::ShadingPoint;
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::Asset;
+use clerestory_render_core::scene::ShadingPoint;
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage};
 use glam::{DVec2, DVec3};
 use serde_json::{Value, json};
@@ -79,8 +80,8 @@ impl PaneScene {
     /// # Panics
     ///
     /// When the scene is not valid.
-    pub fn build(&self, integrator: &Value, samples: u32) -> Scene {
-        Scene::build(&self.bundle(integrator, samples)).expect("a scene that can be built")
+    pub fn build(&self, integrator: &Value, samples: u32) -> PreparedScene {
+        PreparedScene::build(&self.bundle(integrator, samples)).expect("a scene that can be built")
     }
 
     /// As [`Self::build`], not yet built.
@@ -144,14 +145,14 @@ impl PaneScene {
 /// # Panics
 ///
 /// When the scene's integrator is the path tracer alone.
-pub fn gather(scene: &Scene, point: &ShadingPoint, stream: u32, counters: &mut Counters) -> Vec<(DVec3, f64)> {
-    let method = specular_method(scene).expect("a specular method");
+pub fn gather(scene: &PreparedScene, point: &ShadingPoint, stream: u32, counters: &mut Counters) -> Vec<(DVec3, f64)> {
+    let method = scene.method().expect("a specular method");
     let settings = SamplerSettings { seed: 5, samples_per_block: 1 };
     let mut stream = SampleStream::new(&settings, 0, [0, 0], stream);
     let mut arrivals = Vec::new();
-    for light in (0u32..).take(scene.lights().len()) {
+    for light in (0u32..).take(scene.scene().lights().len()) {
         for events in method.chains() {
-            method.gather(scene, point, light, &events, &mut stream, counters, &mut |arrival| {
+            method.gather(scene.scene(), point, light, &events, &mut stream, counters, &mut |arrival| {
                 arrivals.push((arrival.direction, arrival.weight.x));
             });
         }

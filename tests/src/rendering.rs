@@ -4,17 +4,14 @@ use std::sync::atomic::AtomicBool;
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{NodeAddress, TileGrid};
-use clerestory_render_core::{
-    integrator::{RenderError, render_node},
-    scene::Scene,
-};
+use clerestory_render_core::integrator::{PreparedScene, RenderError, render_node};
 use glam::DVec3;
 
 use crate::{estimate::Estimate, reference::Image};
 
 /// A scene being rendered: the sums over the passes so far.
 pub struct Rendering<'a> {
-    scene: &'a Scene,
+    scene: &'a PreparedScene,
     grid: TileGrid,
     passes: u32,
     sums: Vec<DVec3>,
@@ -23,7 +20,7 @@ pub struct Rendering<'a> {
 
 impl<'a> Rendering<'a> {
     /// Nothing rendered yet.
-    pub fn new(scene: &'a Scene) -> Self {
+    pub fn new(scene: &'a PreparedScene) -> Self {
         let film = scene.description().film;
         let grid = TileGrid { width: film.width, height: film.height, tile_size: film.width.max(film.height) };
         let pixels = film.width as usize * film.height as usize;
@@ -78,7 +75,7 @@ impl<'a> Rendering<'a> {
 /// # Panics
 ///
 /// When a sample is not finite.
-pub fn block_means(scene: &Scene, passes: u32, blocks: usize) -> Vec<Estimate> {
+pub fn block_means(scene: &PreparedScene, passes: u32, blocks: usize) -> Vec<Estimate> {
     let mut rendering = Rendering::new(scene);
     let mut values = vec![Vec::new(); blocks * blocks];
     let mut before = vec![0.0; blocks * blocks];

@@ -10,10 +10,11 @@ use std::collections::BTreeMap;
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::geometry::{Leaving, Ray, Surface};
-use clerestory_render_core::integrator::specular_method;
-use clerestory_render_core::scene::{Scene, SceneBundle, SceneDescription};
-use clerestory_render_core::specular::{ShadingPoint, SpecularEvent, SpecularMethod};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::{SpecularEvent, SpecularMethod};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -79,8 +80,8 @@ pub struct SheetConnections {
     pub name: String,
     sheet: SheetScene,
     /// With the method, and with `conic`.
-    ours: Scene,
-    theirs: Scene,
+    ours: PreparedScene,
+    theirs: PreparedScene,
 }
 
 /// Sums over connections.
@@ -108,7 +109,7 @@ impl SheetConnections {
         for settings in settings.as_object_mut().into_iter().flat_map(|integrator| integrator.values_mut()) {
             settings["chains"] = json!(["T"]);
         }
-        let build = |integrator| Scene::build(&bundle(&sheet, integrator, 1)).expect("the scene can be built");
+        let build = |integrator| PreparedScene::build(&bundle(&sheet, integrator, 1)).expect("the scene can be built");
         let (ours, theirs) = (build(&settings), build(&json!({"conic": {"chains": ["T"]}})));
         Self { name: Self::name(waves, method), sheet, ours, theirs }
     }
@@ -124,7 +125,7 @@ impl SheetConnections {
     ///
     /// When the method is path tracing alone, there is no floor, or the method finds light where there is none.
     pub fn relative_light(&self, count: u32, seed: u64) -> RelativeLight {
-        let [ours, theirs] = [&self.ours, &self.theirs].map(|scene| specular_method(scene).expect("a specular method"));
+        let [ours, theirs] = [&self.ours, &self.theirs].map(|scene| scene.method().expect("a specular method"));
         let each = count.div_ceil(REPLICATES);
         let sums: Vec<Sums> = (0..REPLICATES)
             .into_par_iter()
@@ -165,7 +166,7 @@ impl SheetConnections {
         let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * self.sheet.edge;
         let counters = &mut Counters::default();
         let down = Ray::new(place.extend(self.sheet.floor + ABOVE_FLOOR), DVec3::NEG_Z);
-        let hit = self.theirs.accelerator().closest_hit(&down, 2.0 * ABOVE_FLOOR, Leaving::Nothing, counters);
+        let hit = self.theirs.scene().accelerator().closest_hit(&down, 2.0 * ABOVE_FLOOR, Leaving::Nothing, counters);
         let Some((Surface::Triangle { index, .. }, position)) = hit.map(|hit| (hit.surface, down.at(hit.distance)))
         else {
             panic!("no floor at {place}");
@@ -180,7 +181,7 @@ impl SheetConnections {
             });
             arrivals
         };
-        let (listed, found) = (gather(theirs, &self.theirs), gather(ours, &self.ours));
+        let (listed, found) = (gather(theirs, self.theirs.scene()), gather(ours, self.ours.scene()));
         let whole: f64 = listed.iter().map(|(_, light)| light).sum();
         if whole == 0.0 {
             assert!(found.is_empty(), "light where there is none: {found:?} at {place}");
@@ -199,7 +200,7 @@ impl SheetConnections {
     /// Whether light from a direction comes by a place of the water beside which it lands the other way round.
     fn is_saddle(&self, point: &ShadingPoint, direction: DVec3) -> bool {
         let ray = Ray::new(point.position, direction);
-        let accelerator = self.theirs.accelerator();
+        let accelerator = self.theirs.scene().accelerator();
         let hit = accelerator.closest_hit(&ray, f64::INFINITY, point.leaving, &mut Counters::default());
         hit.is_some_and(|hit| self.sheet.reverses_at(ray.at(hit.distance).truncate()))
     }

@@ -25,16 +25,16 @@ use std::fmt;
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving, Ray, Surface};
-use clerestory_render_core::integrator::specular_method;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightBounds;
 use clerestory_render_core::light::Source;
-use clerestory_render_core::scene::{
-    Scene,
-    description::{FneeSolver, IntegratorDescription, ManifoldEstimator},
-};
+use clerestory_render_core::scene::ShadingPoint;
 use clerestory_render_core::specular::fnee::FneeSettings;
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::registry::IntegratorDescription;
+use clerestory_render_core::specular::sms::ManifoldEstimator;
 use clerestory_render_core::specular::sms::SmsSettings;
-use clerestory_render_core::specular::{ShadingPoint, SpecularMethod, THROUGH_PANE};
+use clerestory_render_core::specular::{SpecularMethod, THROUGH_PANE};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use statrs::distribution::{Beta, ContinuousCDF};
@@ -131,7 +131,7 @@ impl fmt::Display for RelativeLight {
 pub struct Connections {
     /// Name of the method, of the case and of the light.
     pub name: String,
-    scene: Scene,
+    scene: PreparedScene,
     /// Index of the light.
     light: u32,
     held_to: HeldTo,
@@ -217,9 +217,9 @@ impl Connections {
             _ => HeldTo::All,
         };
         let bundle = bundle.with_description(description).expect("the changed scene is valid");
-        let scene = Scene::build(&bundle).expect("the scene can be built");
+        let scene = PreparedScene::build(&bundle).expect("the scene can be built");
         // The room's lamp shines from inside.
-        let sun = scene.lights().iter().position(|light| matches!(light.bounds(), LightBounds::Cap { .. }));
+        let sun = scene.scene().lights().iter().position(|light| matches!(light.bounds(), LightBounds::Cap { .. }));
         Self { name: connections_name(case, light, method), light: sun.unwrap_or(0) as u32, held_to, scene }
     }
 
@@ -235,7 +235,7 @@ impl Connections {
     ///
     /// When the method is path tracing alone, or a path is found once and never again.
     pub fn relative_light(&self, count: u32, seed: u64) -> RelativeLight {
-        let method = specular_method(&self.scene).expect("a specular method");
+        let method = self.scene.method().expect("a specular method");
         let each = count.div_ceil(REPLICATES);
         let sums: Vec<Sums> = (0..REPLICATES)
             .into_par_iter()
@@ -273,7 +273,7 @@ impl Connections {
 
     /// Where the straight line from a source through a random place of a random pane, or somewhat beside it, ends.
     fn random_point(&self, source: Source, random: &mut Random, counters: &mut Counters) -> Option<ShadingPoint> {
-        let panes = self.scene.panes();
+        let panes = self.scene.scene().panes();
         let index = (random.uniform() * panes.len() as f64) as usize;
         let pane = &panes[index];
         let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size * WIDER;
@@ -284,9 +284,9 @@ impl Connections {
         };
         let ray = Ray::new(through, direction);
         let leaving = Leaving::Pane { index: index as u32, face: Face::Front };
-        let hit = self.scene.accelerator().closest_hit(&ray, f64::INFINITY, leaving, counters)?;
+        let hit = self.scene.scene().accelerator().closest_hit(&ray, f64::INFINITY, leaving, counters)?;
         let Surface::Triangle { index, .. } = hit.surface else { return None };
-        let normal = self.scene.triangle_normal(index);
+        let normal = self.scene.scene().triangle_normal(index);
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
         Some(ShadingPoint { position: ray.at(hit.distance), normal, leaving: Leaving::Triangle(index), bounces: 0 })
     }
@@ -295,13 +295,13 @@ impl Connections {
         let counters = &mut Counters::default();
         let settings = SamplerSettings { seed, samples_per_block: 1 };
         let stream = || SampleStream::new(&settings, 0, number, 0);
-        let (centre, radius) = self.scene.specular_ball();
+        let (centre, radius) = self.scene.scene().specular_ball();
         // The first thing that a method draws is the point of the light.
-        let light = &self.scene.lights()[self.light as usize];
+        let light = &self.scene.scene().lights()[self.light as usize];
         let sample = light.sample_source(centre, radius, stream().next_2d());
         let Some(point) = self.random_point(sample.source, random, counters) else { return };
-        let panes: Vec<ThroughPane<'_>> = (0..self.scene.panes().len() as u32)
-            .filter_map(|pane| ThroughPane::new(&self.scene, method, &point, self.light, &sample, pane))
+        let panes: Vec<ThroughPane<'_>> = (0..self.scene.scene().panes().len() as u32)
+            .filter_map(|pane| ThroughPane::new(self.scene.scene(), method, &point, self.light, &sample, pane))
             .collect();
         // The choice of connections is a function of the connection, and of scouts on which nothing else depends.
         let Some(known) = Known::of(panes, counters) else { return };
@@ -327,7 +327,7 @@ impl Connections {
             return;
         }
         let mut arrivals: Vec<(DVec3, f64)> = Vec::new();
-        method.gather(&self.scene, &point, self.light, &THROUGH_PANE, &mut stream(), counters, &mut |arrival| {
+        method.gather(self.scene.scene(), &point, self.light, &THROUGH_PANE, &mut stream(), counters, &mut |arrival| {
             let light = arrival.weight.x * arrival.direction.dot(point.normal) / known.whole;
             arrivals.push((arrival.direction, light));
         });

@@ -2,7 +2,8 @@
 
 use std::fs;
 
-use clerestory_render_core::scene::{self, Scene};
+use clerestory_render_core::document;
+use clerestory_render_core::integrator::PreparedScene;
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -49,9 +50,9 @@ pub fn load_list(file: &str) -> Vec<ListedPoint> {
 /// # Panics
 ///
 /// When there is no such case.
-pub fn load_case(case: &str) -> Scene {
-    let bundle = scene::load(&reference_folder().join(format!("{case}-point.json"))).expect("the scene ships");
-    Scene::build(&bundle).expect("the scene is valid")
+pub fn load_case(case: &str) -> PreparedScene {
+    let bundle = document::load(&reference_folder().join(format!("{case}-point.json"))).expect("the scene ships");
+    PreparedScene::build(&bundle).expect("the scene is valid")
 }
 
 /// The scene of a case with another integrator, as in a scene file.
@@ -59,10 +60,10 @@ pub fn load_case(case: &str) -> Scene {
 /// # Panics
 ///
 /// When there is no such case or integrator.
-pub fn load_case_for(case: &str, integrator: &Value) -> Scene {
-    let bundle = scene::load(&reference_folder().join(format!("{case}-point.json"))).expect("the scene ships");
+pub fn load_case_for(case: &str, integrator: &Value) -> PreparedScene {
+    let bundle = document::load(&reference_folder().join(format!("{case}-point.json"))).expect("the scene ships");
     let mut description = bundle.description().clone();
     description.integrator = serde_json::from_value(integrator.clone()).expect("settings that the scene format knows");
     let bundle = bundle.with_description(description).expect("the changed scene is valid");
-    Scene::build(&bundle).expect("the scene is valid")
+    PreparedScene::build(&bundle).expect("the scene is valid")
 }

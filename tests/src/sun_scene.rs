@@ -2,14 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use clerestory_render_core::document::{SamplingDescription, SceneBundle};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::integrator::RenderError;
+use clerestory_render_core::light::LightDescription;
 use clerestory_render_core::light::SunLight;
-use clerestory_render_core::{
-    integrator::RenderError,
-    scene::{
-        Scene, SceneBundle, SceneError,
-        description::{LightDescription, SamplingDescription},
-    },
-};
+use clerestory_render_core::scene::SceneError;
 
 use crate::{
     reference::{Image, Reference},
@@ -43,8 +41,8 @@ impl SunScene<'_> {
     /// # Errors
     ///
     /// When a change is not valid, or the scene cannot be built.
-    pub fn build(&self, bundle: &SceneBundle) -> Result<Scene, SceneError> {
-        Scene::build(&self.bundle(bundle)?)
+    pub fn build(&self, bundle: &SceneBundle) -> Result<PreparedScene, SceneError> {
+        PreparedScene::build(&self.bundle(bundle)?)
     }
 
     /// The changed scene, not yet built.
@@ -85,7 +83,7 @@ pub fn reference_file(folder: &Path, angular_radius: f64) -> PathBuf {
 /// # Errors
 ///
 /// When a sample is not finite.
-pub fn render_reference(scene: &Scene, samples: u32, progress: impl Fn(f64)) -> Result<Reference, RenderError> {
+pub fn render_reference(scene: &PreparedScene, samples: u32, progress: impl Fn(f64)) -> Result<Reference, RenderError> {
     let per_batch = samples.div_ceil(SAMPLES_PER_BLOCK * BATCHES).max(1) * SAMPLES_PER_BLOCK;
     let mut rendering = Rendering::new(scene);
     let mut before = rendering.image();

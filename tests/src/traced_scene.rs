@@ -7,12 +7,15 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clerestory_render_core::document::{SceneBundle, load};
 use clerestory_render_core::geometry::Face;
+use clerestory_render_core::light::LightDescription;
 use clerestory_render_core::light::{DiskLight, PointLight, RectangleLight, SphereLight, SunLight};
+use clerestory_render_core::scene::Scene;
+use clerestory_render_core::scene::SceneError;
 use clerestory_render_core::scene::description::{
-    CameraDescription, LightDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription,
+    CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription,
 };
-use clerestory_render_core::scene::{Scene, SceneBundle, SceneError, load};
 use exr::prelude::{FlatSamples, ReadChannels, ReadLayers};
 use glam::{DVec2, DVec3};
 
@@ -262,7 +265,7 @@ impl TracedScene {
     /// A scene that cannot be built, a file that cannot be understood, PLY files and rotated meshes.
     pub fn build(bundle: &SceneBundle, folder: &Path) -> Result<Self, TracedSceneError> {
         let description = bundle.description();
-        let colours = Arc::new(Scene::build(bundle)?);
+        let colours = Arc::new(bundle.build_scene()?);
         let film = [description.film.width as usize, description.film.height as usize];
         let mut triangles = Vec::new();
         for (mesh, surface) in description.meshes.iter().zip(colours.meshes()) {

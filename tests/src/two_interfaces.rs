@@ -13,7 +13,7 @@
 use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Frame, Leaving, Ray, Surface};
 use clerestory_render_core::scene::Scene;
-use clerestory_render_core::specular::ShadingPoint;
+use clerestory_render_core::scene::ShadingPoint;
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 

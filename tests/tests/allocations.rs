@@ -8,12 +8,19 @@ use std::io::Cursor;
 
 use allocation_counter::measure;
 use clerestory_film::counters::Counters;
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::geometry::Leaving;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightBounds;
 use clerestory_render_core::light::Source;
-use clerestory_render_core::scene::description::{FneeSolver, ManifoldConstraint, WalkSteps};
-use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneMemory};
-use clerestory_render_core::specular::{ShadingPoint, fnee::PathSearch, side::PaneSide, sms::ManifoldSearch};
+use clerestory_render_core::scene::Asset;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::constraint::ManifoldConstraint;
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::fnee::PathSearch;
+use clerestory_render_core::specular::manifold::WalkSteps;
+use clerestory_render_core::specular::side::PaneSide;
+use clerestory_render_core::specular::sms::ManifoldSearch;
 use clerestory_tests::random::Random;
 use clerestory_tests::solution_lists::{load_case, load_list};
 use glam::{DVec2, DVec3};
@@ -28,14 +35,16 @@ fn points() -> Vec<DVec3> {
 }
 
 /// Where the light of a case is.
-fn light(scene: &Scene) -> DVec3 {
-    let LightBounds::Ball { centre: position, .. } = scene.lights()[0].bounds() else { panic!("a point light") };
+fn light(scene: &PreparedScene) -> DVec3 {
+    let LightBounds::Ball { centre: position, .. } = scene.scene().lights()[0].bounds() else {
+        panic!("a point light")
+    };
     position
 }
 
 /// The search from a point through the pane, if a path can be there.
-fn search(scene: &Scene, point: DVec3, solver: FneeSolver) -> Option<PathSearch<'_>> {
-    let pane = &scene.accelerator().panes()[0];
+fn search(scene: &PreparedScene, point: DVec3, solver: FneeSolver) -> Option<PathSearch<'_>> {
+    let pane = &scene.scene().accelerator().panes()[0];
     let origin = pane.frame.point_to_local(point);
     let side = PaneSide::facing(pane, origin).expect("receivers lie in front of their pane");
     PathSearch::new(side, origin, Source::Point(pane.frame.point_to_local(light(scene))), solver)
@@ -89,17 +98,18 @@ fn searches_of_stationary_lengths_take_no_memory() {
 #[test]
 fn walks_over_panes_take_no_memory() {
     let scene = load_case("cathedral");
-    let pane = &scene.accelerator().panes()[0];
+    let pane = &scene.scene().accelerator().panes()[0];
     let mut random = Random::new(5, 0);
     let counters = &mut Counters::default();
     for constraint in [ManifoldConstraint::AngleDifference, ManifoldConstraint::HalfVector] {
         let mut runs = Runs::default();
         for position in points() {
-            let normal = scene.triangle_normal(0);
+            let normal = scene.scene().triangle_normal(0);
             let normal = if normal.dot(pane.frame.origin - position) > 0.0 { normal } else { -normal };
             let point = ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 };
             let source = Source::Point(light(&scene));
-            let Some(search) = ManifoldSearch::new(&scene, &point, source, 0, constraint, WalkSteps::default()) else {
+            let Some(search) = ManifoldSearch::new(scene.scene(), &point, source, 0, constraint, WalkSteps::default())
+            else {
                 continue;
             };
             runs.run(&mut random, |seed| {
@@ -246,10 +256,10 @@ fn a_scene_takes_no_more_memory_than_is_counted_before_it_is_decoded_and_not_far
     let mut wrong = Vec::new();
     for (name, bundle) in &scenes {
         let assets: u64 = bundle.assets().values().map(|asset| asset.bytes().len() as u64).sum();
-        let memory = SceneMemory::of(bundle);
-        let taken = pool.install(|| measure(|| drop(black_box(Scene::build(bundle).unwrap())))).bytes_max + assets;
-        let counted = memory.bytes();
-        if taken > counted || counted > 4 * taken {
+        let build = || drop(black_box(PreparedScene::build(bundle).unwrap()));
+        let taken = pool.install(|| measure(build).bytes_max + assets);
+        let counted = bundle.memory().bytes();
+        if !(taken..=4 * taken).contains(&counted) {
             wrong.push(format!("{name}: {taken} bytes taken, {counted} counted"));
         }
     }

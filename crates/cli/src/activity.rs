@@ -5,7 +5,9 @@ use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use clerestory_render_core::scene::{Scene, SceneBundle, SceneError};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::SceneError;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::local_scene;
@@ -54,7 +56,7 @@ impl Activity {
     }
 
     /// Builds a scene, with a step for each of its parts.
-    pub(crate) fn build(&self, bundle: &SceneBundle) -> Result<Scene, SceneError> {
+    pub(crate) fn build(&self, bundle: &SceneBundle) -> Result<PreparedScene, SceneError> {
         local_scene::build(bundle, &mut |step| self.step(step.to_string()))
     }
 

@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use clerestory_film::{FrameImage, ImageMetadata, TileGrid};
-use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};
-use clerestory_render_core::scene::{self, SceneBundle, SceneDescription};
+use clerestory_render_core::document;
+use clerestory_render_core::document::SamplingDescription;
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::scene::description::FilmDescription;
 
 use crate::failure::Failure;
 use crate::image_file;
@@ -31,7 +33,7 @@ pub(crate) fn recipe(scene: &Path, image: &Path) -> Result<Recipe, Failure> {
     };
     check_tiles(image, &picture, metadata)?;
     let failure = |source| Failure::scene(scene, source);
-    let bundle = scene::load(scene).map_err(failure)?;
+    let bundle = document::load(scene).map_err(failure)?;
     let mut description = bundle.description().clone();
     description.seed = metadata.seed;
     description.film = FilmDescription { width: picture.width(), height: picture.height() };

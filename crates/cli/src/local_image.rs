@@ -12,7 +12,7 @@ use clerestory_film::{FrameImage, ImageError, RoundError, Target, Targets, TileS
 use clerestory_local_render::{
     self as local_render, Clocks, Control, LocalRenderError, Outcome, PassPlan, Provenance, Round, Spent,
 };
-use clerestory_render_core::scene::Scene;
+use clerestory_render_core::integrator::PreparedScene;
 use rayon::ThreadPoolBuilder;
 use tokio::sync::mpsc;
 
@@ -28,7 +28,7 @@ const REFRESH_PERIOD: Duration = Duration::from_millis(200);
 
 /// What to render, and when to stop.
 pub(crate) struct RenderTask {
-    pub(crate) scene: Scene,
+    pub(crate) scene: PreparedScene,
     pub(crate) plan: PassPlan,
     pub(crate) reference: Option<FrameImage>,
     pub(crate) threads: NonZeroUsize,
@@ -111,7 +111,7 @@ impl RenderTask {
     /// Tells the user what is known of the image before the render.
     pub(crate) fn announce(&self) {
         let progress = Progress::new();
-        for mesh in self.scene.meshes().iter().filter(|mesh| mesh.omitted_triangles() > 0) {
+        for mesh in self.scene.scene().meshes().iter().filter(|mesh| mesh.omitted_triangles() > 0) {
             let (name, omitted) = (mesh.name(), mesh.omitted_triangles());
             progress.note(&format!("Triangles without an area that are left out of the mesh {name:?}: {omitted}"));
         }

@@ -5,11 +5,11 @@ use std::str::FromStr;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
+use clerestory_render_core::document::SceneBundle;
 use clerestory_render_core::document::{self, Override, OverrideError};
-use clerestory_render_core::scene::description::{
-    FilmDescription, IntegratorDescription, SamplingDescription, SceneDescription,
-};
-use clerestory_render_core::scene::{self, SceneBundle};
+use clerestory_render_core::document::{SamplingDescription, SceneDescription};
+use clerestory_render_core::scene::description::FilmDescription;
+use clerestory_render_core::specular::registry::IntegratorDescription;
 
 use crate::failure::Failure;
 use crate::numbers::whole;
@@ -75,7 +75,7 @@ impl FromStr for Size {
 impl SceneOverrides {
     /// Loads a scene and changes it.
     pub(crate) fn load(&self, file: &Path, sampling: SamplingOverrides) -> Result<SceneBundle, Failure> {
-        let bundle = scene::load(file).map_err(|source| Failure::scene(file, source))?;
+        let bundle = document::load(file).map_err(|source| Failure::scene(file, source))?;
         let mut description = self.apply(bundle.description().clone())?;
         sampling.apply(&mut description.sampling);
         // The scene was valid as it is in its file.

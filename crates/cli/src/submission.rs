@@ -7,7 +7,8 @@ use backon::{ExponentialBuilder, Retryable};
 use bytes::Bytes;
 use clerestory_api::{ClientError, ContentHash, JobSubmission, JobView, ProblemCode};
 use clerestory_film::Targets;
-use clerestory_render_core::scene::{Asset, SceneBundle, canonical_json};
+use clerestory_render_core::document::{SceneBundle, canonical_json};
+use clerestory_render_core::scene::Asset;
 use tracing::{info, warn};
 
 use crate::activity::Activity;

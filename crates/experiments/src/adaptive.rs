@@ -2,8 +2,8 @@
 
 use clerestory_film::compare;
 use clerestory_film::decomposition::{mean, standard_error};
-use clerestory_render_core::scene::SceneBundle;
-use clerestory_render_core::scene::description::SamplingDescription;
+use clerestory_render_core::document::SamplingDescription;
+use clerestory_render_core::document::SceneBundle;
 use serde::Serialize;
 
 use crate::error::ExperimentError;

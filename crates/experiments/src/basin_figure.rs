@@ -3,7 +3,7 @@
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use clerestory_film::{Exposure, FrameImage, PreviewSettings, ToneCurve, encode_png};
-use clerestory_render_core::geometry::Rect;
+use clerestory_render_core::math::Rect;
 use glam::DVec2;
 
 use crate::error::ExperimentError;

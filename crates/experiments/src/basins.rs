@@ -6,13 +6,15 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{FrameImage, ImageLayers, SampleStream, SamplerSettings};
-use clerestory_render_core::geometry::Rect;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::{Source, SourceSample};
-use clerestory_render_core::scene::Scene;
-use clerestory_render_core::scene::description::{FneeSolver, ManifoldConstraint, WalkSteps};
-use clerestory_render_core::specular::ShadingPoint;
+use clerestory_render_core::math::Rect;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::constraint::ManifoldConstraint;
 use clerestory_render_core::specular::fermat::Connection;
+use clerestory_render_core::specular::fnee::FneeSolver;
 use clerestory_render_core::specular::fnee::PathSearch;
+use clerestory_render_core::specular::manifold::WalkSteps;
 use clerestory_render_core::specular::newton::{Root, SearchRegion, solve_complete, solve_published};
 use clerestory_render_core::specular::side::PaneSide;
 use clerestory_render_core::specular::sms::ManifoldSearch;
@@ -54,7 +56,7 @@ const CLOSE_UP: f64 = 1.6;
 /// What is solved for.
 struct Problem<'a> {
     name: &'static str,
-    scene: &'a Scene,
+    scene: &'a PreparedScene,
     point: ShadingPoint,
     sample: SourceSample,
     pane: u32,
@@ -119,7 +121,7 @@ const COLUMNS: [Column; 11] = [
 
 fn run(session: &mut Session) -> Result<Report, ExperimentError> {
     let bundle = FOUR_PANES.bundle([CANDIDATES; 2])?;
-    let scene = Scene::build(&bundle).map_err(|source| FOUR_PANES.failure(source))?;
+    let scene = PreparedScene::build(&bundle).map_err(|source| FOUR_PANES.failure(source))?;
     let problems = problems(&scene);
     session.plan(problems.len() * SOLVERS.len());
     let mut report = Report::default();
@@ -156,7 +158,7 @@ fn run(session: &mut Session) -> Result<Report, ExperimentError> {
 
 /// The places of the paper: a point with three paths, as far from the border of their pane as possible, and a point
 /// with the most paths.
-fn problems(scene: &Scene) -> Vec<Problem<'_>> {
+fn problems(scene: &PreparedScene) -> Vec<Problem<'_>> {
     let candidates = candidates(scene);
     let off_centre = |paths: &[Root]| paths.iter().map(|path| path.theta[0]).sum::<DVec2>().length();
     let three = candidates.iter().filter(|(_, paths)| paths.len() == 3);
@@ -179,12 +181,12 @@ struct Candidate {
 
 /// The points that the camera sees and the pane between each and the light, with the paths that there are; those that
 /// carry most light come first.
-fn candidates(scene: &Scene) -> Vec<(Candidate, Vec<Root>)> {
-    let (centre, radius) = scene.specular_ball();
-    let Some(light) = scene.lights().first() else { return Vec::new() };
+fn candidates(scene: &PreparedScene) -> Vec<(Candidate, Vec<Root>)> {
+    let (centre, radius) = scene.scene().specular_ball();
+    let Some(light) = scene.scene().lights().first() else { return Vec::new() };
     let sample = light.sample_source(centre, radius, DVec2::splat(0.5));
     let candidate = |point: ShadingPoint| {
-        let pane = scene.first_pane_towards(&point, sample.source, &mut Counters::default())?;
+        let pane = scene.scene().first_pane_towards(&point, sample.source, &mut Counters::default())?;
         Some(Candidate { point, sample, pane })
     };
     let with_paths = |candidate: Candidate| {
@@ -201,8 +203,8 @@ fn candidates(scene: &Scene) -> Vec<(Candidate, Vec<Root>)> {
 }
 
 /// The side of the pane, O and S in the pane's frame.
-fn local<'a>(scene: &'a Scene, candidate: &Candidate) -> Option<(PaneSide<'a>, DVec3, Source)> {
-    let pane = &scene.panes()[candidate.pane as usize];
+fn local<'a>(scene: &'a PreparedScene, candidate: &Candidate) -> Option<(PaneSide<'a>, DVec3, Source)> {
+    let pane = &scene.scene().panes()[candidate.pane as usize];
     let origin = pane.frame.point_to_local(candidate.point.position);
     let source = match candidate.sample.source {
         Source::Point(position) => Source::Point(pane.frame.point_to_local(position)),
@@ -213,7 +215,7 @@ fn local<'a>(scene: &'a Scene, candidate: &Candidate) -> Option<(PaneSide<'a>, D
 
 impl Problem<'_> {
     fn words(&self) -> String {
-        let pane = &self.scene.panes()[self.pane as usize].name;
+        let pane = &self.scene.scene().panes()[self.pane as usize].name;
         let [x, y, z] = self.point.position.to_array();
         let kinds: Vec<&str> = self.paths.iter().map(kind).collect();
         let count = |wanted: &str| kinds.iter().filter(|kind| **kind == wanted).count() as u64;
@@ -260,7 +262,7 @@ struct Basins<'a> {
 
 impl Basins<'_> {
     fn outline(&self) -> Rect {
-        self.problem.scene.panes()[self.problem.pane as usize].outline()
+        self.problem.scene.scene().panes()[self.problem.pane as usize].outline()
     }
 
     /// A square around the paths, no larger than the pane.
@@ -272,7 +274,7 @@ impl Basins<'_> {
             Some([min.min(place), max.max(place)])
         });
         let Some([min, max]) = bounds else { return outline };
-        let thickness = self.problem.scene.panes()[self.problem.pane as usize].thickness;
+        let thickness = self.problem.scene.scene().panes()[self.problem.pane as usize].thickness;
         let half = (0.5 * CLOSE_UP * (max - min).max_element()).max(4.0 * thickness);
         let half = half.min(0.5 * (outline.max - outline.min).min_element());
         let middle = ((min + max) * 0.5).clamp(outline.min + half, outline.max - half);
@@ -306,7 +308,8 @@ impl Basins<'_> {
                 let constraint = ManifoldConstraint::AngleDifference;
                 let frame = &side.pane.frame;
                 let height = side.near_base() + side.near_surface().height(place);
-                let search = ManifoldSearch::new(scene, point, sample.source, *pane, constraint, WalkSteps::default())?;
+                let search =
+                    ManifoldSearch::new(scene.scene(), point, sample.source, *pane, constraint, WalkSteps::default())?;
                 let entry = search.walk_towards(frame.point_to_world(place.extend(height)), counters)?;
                 Some(frame.point_to_local(entry).truncate())
             }
@@ -344,7 +347,7 @@ impl Basins<'_> {
 
     fn end(&self, place: &Option<DVec2>) -> End {
         let Some(place) = place else { return End::Nowhere };
-        let limit = SAME_PLACE * self.problem.scene.panes()[self.problem.pane as usize].thickness;
+        let limit = SAME_PLACE * self.problem.scene.scene().panes()[self.problem.pane as usize].thickness;
         let is_here = |path: &Root| (path.theta[0] - *place).length() < limit;
         self.problem.paths.iter().position(is_here).map_or(End::Other, End::Path)
     }

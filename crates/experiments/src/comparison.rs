@@ -4,7 +4,7 @@
 use clerestory_film::counters::Counters;
 use clerestory_film::decomposition::{Decomposition, decompose, mean, standard_error};
 use clerestory_film::{FrameImage, RelativeNoise, compare, relative_noise};
-use clerestory_render_core::scene::SceneBundle;
+use clerestory_render_core::document::SceneBundle;
 use serde::Serialize;
 
 use crate::error::ExperimentError;

@@ -58,7 +58,7 @@ mod tests {
     use std::sync::{Arc, Mutex};
 
     use clerestory_local_render::Control;
-    use clerestory_render_core::scene::Scene;
+    use clerestory_render_core::integrator::PreparedScene;
     use rayon::ThreadPoolBuilder;
 
     use super::*;
@@ -112,7 +112,7 @@ mod tests {
             folder: PathBuf::from("experiment"),
             pool: ThreadPoolBuilder::new().num_threads(1).build().unwrap(),
             control: Arc::new(Control::default()),
-            build_scene: Scene::build,
+            build_scene: PreparedScene::build,
             build: "test",
             host: Box::new(MemoryHost { files: Arc::clone(&files), has_farm }),
         };

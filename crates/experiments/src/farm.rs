@@ -1,7 +1,8 @@
 //! The renders of an experiment as ordinary jobs on a farm.
 
 use clerestory_film::smallest_tile;
-use clerestory_render_core::scene::{Asset, SceneBundle};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::scene::Asset;
 use serde_json::{Value, json};
 
 use crate::error::ExperimentError;

@@ -1,9 +1,12 @@
 //! `fine-detail`: FNEE paper, figure 12. Light that is lost behind finely detailed glass.
 
-use clerestory_render_core::scene::description::{
-    CameraDescription, FneeSolver, PaneSelection, ProfileDescription, SceneDescription,
-};
-use clerestory_render_core::scene::{Scene, SceneBundle, SceneError};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::document::SceneDescription;
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::SceneError;
+use clerestory_render_core::scene::description::{CameraDescription, ProfileDescription};
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::selection::PaneSelection;
 
 use crate::comparison::{Case, Comparison};
 use crate::error::ExperimentError;
@@ -92,7 +95,7 @@ fn fine_pane(window: &SceneBundle, distance: f64) -> Result<SceneBundle, SceneEr
         }
     }
     let bundle = window.clone().with_description(description)?;
-    Scene::build(&bundle)?;
+    PreparedScene::build(&bundle)?;
     Ok(bundle)
 }
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use clerestory_render_core::scene::SceneBundle;
-use clerestory_render_core::scene::water::{TriangleCount, WaterSettings, WaterView};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::document::water::{TriangleCount, WaterSettings, WaterView};
 use serde::Serialize;
 
 use crate::error::ExperimentError;

@@ -5,7 +5,8 @@ use std::sync::atomic::AtomicBool;
 
 use clerestory_api::{ConvergencePoint, WorkerView};
 use clerestory_film::FrameImage;
-use clerestory_render_core::scene::{Asset, SceneBundle};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::scene::Asset;
 
 use crate::error::HostError;
 

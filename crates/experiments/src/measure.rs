@@ -4,8 +4,10 @@ use std::ops::ControlFlow;
 
 use clerestory_film::{Targets, TileGrid, smallest_tile};
 use clerestory_local_render::{self as local_render, Clocks, LocalFilm, Outcome, PassPlan, Provenance, Spent};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::description::FilmDescription;
-use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneError};
+use clerestory_render_core::scene::{Asset, SceneError};
 
 use crate::error::ExperimentError;
 use crate::farm::{self, TILE};
@@ -175,7 +177,7 @@ pub(crate) fn preparation_seconds(session: &Session, bundle: &SceneBundle) -> Re
     Ok((with - without).max(0.0))
 }
 
-fn build(session: &Session, bundle: &SceneBundle) -> Result<Scene, ExperimentError> {
+fn build(session: &Session, bundle: &SceneBundle) -> Result<PreparedScene, ExperimentError> {
     (session.build_scene)(bundle).map_err(|source| scene_error(bundle, source))
 }
 
@@ -183,7 +185,7 @@ fn scene_error(bundle: &SceneBundle, source: SceneError) -> ExperimentError {
     ExperimentError::scene(bundle.description().name.as_ref(), source)
 }
 
-fn plan(scene: &Scene, passes: u32) -> PassPlan {
+fn plan(scene: &PreparedScene, passes: u32) -> PassPlan {
     let film = scene.description().film;
     let tile_size = TILE.max(smallest_tile(film.width, film.height));
     let grid = TileGrid { width: film.width, height: film.height, tile_size };
@@ -191,7 +193,7 @@ fn plan(scene: &Scene, passes: u32) -> PassPlan {
 }
 
 struct Render<'a> {
-    scene: &'a Scene,
+    scene: &'a PreparedScene,
     plan: &'a PassPlan,
     film: LocalFilm<'a>,
     passes: u32,
@@ -200,7 +202,7 @@ struct Render<'a> {
 }
 
 impl<'a> Render<'a> {
-    fn new(scene: &'a Scene, plan: &'a PassPlan) -> Self {
+    fn new(scene: &'a PreparedScene, plan: &'a PassPlan) -> Self {
         Self { scene, plan, film: LocalFilm::new(scene, plan), passes: 0, spent: Spent::default() }
     }
 

@@ -9,7 +9,7 @@ mod measured;
 use clerestory_film::FrameImage;
 use clerestory_film::decomposition::{decompose, mean};
 use clerestory_film::preview::automatic_stops;
-use clerestory_render_core::scene::SceneBundle;
+use clerestory_render_core::document::SceneBundle;
 
 use self::equal::{At, Equal};
 use self::measured::Measured;

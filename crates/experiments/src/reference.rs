@@ -4,11 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clerestory_film::{DecodeBudget, FrameImage, ImageLayers};
+use clerestory_render_core::document::SamplingDescription;
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::light::LightDescription;
 use clerestory_render_core::light::PointLight;
-use clerestory_render_core::scene::description::{IntegratorDescription, LightDescription, SamplingDescription};
-use clerestory_render_core::scene::{Asset, SceneBundle, SceneDescription};
+use clerestory_render_core::scene::Asset;
 use clerestory_render_core::specular::conic::ConicSettings;
 use clerestory_render_core::specular::mnee::MneeSettings;
+use clerestory_render_core::specular::registry::IntegratorDescription;
 use clerestory_render_core::specular::sms::SmsSettings;
 use serde::Serialize;
 

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use clerestory_film::counters::Counters;
 use clerestory_film::{FrameImage, ImageLayers};
 use clerestory_render_core::geometry::{Leaving, Surface};
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::Source;
-use clerestory_render_core::scene::Scene;
-use clerestory_render_core::specular::ShadingPoint;
+use clerestory_render_core::scene::ShadingPoint;
 use glam::DVec2;
 
 use crate::error::ExperimentError;
@@ -41,7 +41,7 @@ impl Region {
     /// The picture cut into the neighbourhoods of the panes' caustics. A pixel belongs to the pane whose straight-line
     /// shadow has the nearest middle (the "approximate caustic area" of Huan et al. 2023, section 3.3). Panes that
     /// throw no light into the picture have no region.
-    pub(crate) fn of_panes(scene: &Scene) -> Vec<Self> {
+    pub(crate) fn of_panes(scene: &PreparedScene) -> Vec<Self> {
         let width = scene.description().film.width;
         let place = |index: usize| DVec2::new((index % width as usize) as f64, (index / width as usize) as f64);
         let mut sums: BTreeMap<u32, (DVec2, f64)> = BTreeMap::new();
@@ -63,13 +63,13 @@ impl Region {
                 regions.entry(*pane).or_default().push(index);
             }
         }
-        let name = |pane: u32| scene.panes()[pane as usize].name.clone();
+        let name = |pane: u32| scene.scene().panes()[pane as usize].name.clone();
         regions.into_iter().map(|(pane, pixels)| Self { name: name(pane), pixels }).collect()
     }
 
     /// The picture cut into the straight-line shadow of the panes and the rest: where light would fall without
     /// refraction, and where it bleeds to.
-    pub(crate) fn by_straight_line(scene: &Scene) -> Vec<Self> {
+    pub(crate) fn by_straight_line(scene: &PreparedScene) -> Vec<Self> {
         let ways = ways(scene);
         let of = |name: &str, is_wanted: fn(&Way) -> bool| Self {
             name: name.to_owned(),
@@ -95,46 +95,47 @@ impl Region {
 }
 
 /// The way of every pixel's middle to the first light that any pixel sees through a pane.
-fn ways(scene: &Scene) -> Vec<Way> {
-    let (centre, radius) = scene.specular_ball();
+fn ways(scene: &PreparedScene) -> Vec<Way> {
+    let (centre, radius) = scene.scene().specular_ball();
     let of_light = |light: &clerestory_render_core::light::Light| {
         // Somewhere on the side that faces the panes: the middle, of most lights.
         let source = light.sample_source(centre, radius, DVec2::splat(0.5)).source;
         points(scene).into_iter().map(|point| way(scene, point.as_ref(), source)).collect::<Vec<Way>>()
     };
-    let mut lights = scene.lights().iter().map(of_light);
+    let mut lights = scene.scene().lights().iter().map(of_light);
     let is_seen = |ways: &Vec<Way>| ways.iter().any(|way| matches!(way, Way::Pane(_)));
     lights.find(is_seen).unwrap_or_else(|| vec![Way::Open; pixels(scene)])
 }
 
-fn pixels(scene: &Scene) -> usize {
+fn pixels(scene: &PreparedScene) -> usize {
     let film = scene.description().film;
     film.width as usize * film.height as usize
 }
 
-fn way(scene: &Scene, point: Option<&ShadingPoint>, source: Source) -> Way {
+fn way(scene: &PreparedScene, point: Option<&ShadingPoint>, source: Source) -> Way {
     let counters = &mut Counters::default();
     let Some(point) = point else { return Way::Open };
-    match scene.first_pane_towards(point, source, counters) {
+    match scene.scene().first_pane_towards(point, source, counters) {
         Some(pane) => Way::Pane(pane),
-        None if scene.is_blocked_towards(point, source, counters) => Way::Blocked,
+        None if scene.scene().is_blocked_towards(point, source, counters) => Way::Blocked,
         None => Way::Open,
     }
 }
 
 /// The surface that the middle of each pixel shows, if it is no pane.
-pub(crate) fn points(scene: &Scene) -> Vec<Option<ShadingPoint>> {
+pub(crate) fn points(scene: &PreparedScene) -> Vec<Option<ShadingPoint>> {
     let film = scene.description().film;
     let middle = |x: u32, y: u32| DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
     let places = (0..film.height).flat_map(|y| (0..film.width).map(move |x| middle(x, y)));
     places.map(|place| point(scene, place)).collect()
 }
 
-fn point(scene: &Scene, pixel: DVec2) -> Option<ShadingPoint> {
-    let ray = scene.camera().ray(pixel);
-    let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, Leaving::Nothing, &mut Counters::default())?;
+fn point(scene: &PreparedScene, pixel: DVec2) -> Option<ShadingPoint> {
+    let ray = scene.scene().camera().ray(pixel);
+    let hit =
+        scene.scene().accelerator().closest_hit(&ray, f64::INFINITY, Leaving::Nothing, &mut Counters::default())?;
     let Surface::Triangle { index, .. } = hit.surface else { return None };
-    let geometric = scene.triangle_normal(index);
+    let geometric = scene.scene().triangle_normal(index);
     let normal = if geometric.dot(ray.direction) > 0.0 { -geometric } else { geometric };
     let leaving = Leaving::Triangle(index);
     Some(ShadingPoint { position: ray.at(hit.distance), normal, leaving, bounces: 0 })

@@ -1,7 +1,7 @@
 //! The report of an experiment: variants, references, statements, figures, tables and pictures.
 
 use clerestory_film::{FrameImage, encode_png, preview};
-use clerestory_render_core::scene::SceneBundle;
+use clerestory_render_core::document::SceneBundle;
 use serde_json::{Value, json};
 
 use crate::basin_figure::LOOK;

@@ -3,9 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use clerestory_render_core::scene::description::{FilmDescription, IntegratorDescription, SamplingDescription};
-use clerestory_render_core::scene::water::{WaterSettings, pool};
-use clerestory_render_core::scene::{Asset, SceneBundle, SceneDescription, SceneError};
+use clerestory_render_core::document::SamplingDescription;
+use clerestory_render_core::document::water::{WaterSettings, pool};
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::scene::description::FilmDescription;
+use clerestory_render_core::scene::{Asset, SceneError};
+use clerestory_render_core::specular::registry::IntegratorDescription;
 
 use crate::error::ExperimentError;
 

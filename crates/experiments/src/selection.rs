@@ -1,7 +1,8 @@
 //! `selection`: FNEE paper, figure 8. What the choice of panes loses, and where.
 
-use clerestory_render_core::scene::Scene;
-use clerestory_render_core::scene::description::{FneeSolver, PaneSelection};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::selection::PaneSelection;
 
 use crate::comparison::{Case, Comparison};
 use crate::error::ExperimentError;
@@ -51,7 +52,7 @@ fn run(session: &mut Session) -> Result<Report, ExperimentError> {
     let mut comparison = Comparison::default();
     for (file, name) in SCENES {
         let bundle = file.bundle(session.settings.size)?;
-        let scene = Scene::build(&bundle).map_err(|source| file.failure(source))?;
+        let scene = PreparedScene::build(&bundle).map_err(|source| file.failure(source))?;
         let reference = reference(session, name, &bundle)?;
         let mut regions = Region::by_straight_line(&scene);
         regions.push(Region::whole(&reference.image));

@@ -6,7 +6,9 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use clerestory_local_render::Control;
-use clerestory_render_core::scene::{Scene, SceneBundle, SceneError};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::SceneError;
 use rayon::ThreadPool;
 use serde::Serialize;
 use serde_json::Value;
@@ -52,7 +54,7 @@ pub struct Session {
 }
 
 /// Builds a scene.
-pub type BuildScene = fn(&SceneBundle) -> Result<Scene, SceneError>;
+pub type BuildScene = fn(&SceneBundle) -> Result<PreparedScene, SceneError>;
 
 /// The program around an experiment: what a [`Session`] is made of besides its settings.
 pub struct Surroundings {

@@ -1,6 +1,6 @@
 //! `solvers`: FNEE paper, figures 9 and 10. Error against time of all methods on panes of four profiles.
 
-use clerestory_render_core::scene::Scene;
+use clerestory_render_core::integrator::PreparedScene;
 
 use crate::comparison::{Case, Comparison};
 use crate::error::ExperimentError;
@@ -48,7 +48,7 @@ fn run(session: &mut Session) -> Result<Report, ExperimentError> {
     ];
     session.plan(1 + Comparison::steps(session, &variants));
     let bundle = FOUR_PANES.bundle(session.settings.size)?;
-    let scene = Scene::build(&bundle).map_err(|source| FOUR_PANES.failure(source))?;
+    let scene = PreparedScene::build(&bundle).map_err(|source| FOUR_PANES.failure(source))?;
     let reference = reference(session, SCENE, &bundle)?;
     let mut regions = Region::of_panes(&scene);
     regions.push(Region::whole(&reference.image));

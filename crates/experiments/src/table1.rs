@@ -1,8 +1,8 @@
 //! `table1`: FNEE paper, table 1. What the solvers do at equal samples.
 
 use clerestory_film::preview;
+use clerestory_render_core::document::SceneBundle;
 use clerestory_render_core::geometry::FaceCrossing;
-use clerestory_render_core::scene::SceneBundle;
 use serde::Serialize;
 
 use crate::error::ExperimentError;

@@ -1,14 +1,18 @@
 //! The variants that experiments compare: integrators with settings, named alike in all figures.
 
-use clerestory_render_core::scene::description::{
-    ConicSearch, FneeSolver, IntegratorDescription, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection,
-    WalkSteps,
-};
 use clerestory_render_core::specular::cone::ConeSettings;
+use clerestory_render_core::specular::conic::ConicSearch;
 use clerestory_render_core::specular::conic::ConicSettings;
+use clerestory_render_core::specular::constraint::ManifoldConstraint;
 use clerestory_render_core::specular::fnee::FneeSettings;
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::manifold::WalkSteps;
+use clerestory_render_core::specular::mnee::MissedPaths;
 use clerestory_render_core::specular::mnee::MneeSettings;
 use clerestory_render_core::specular::path::PathSettings;
+use clerestory_render_core::specular::registry::IntegratorDescription;
+use clerestory_render_core::specular::selection::PaneSelection;
+use clerestory_render_core::specular::sms::ManifoldEstimator;
 use clerestory_render_core::specular::sms::SmsSettings;
 use serde::Serialize;
 

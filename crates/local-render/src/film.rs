@@ -7,8 +7,8 @@ use std::sync::atomic::Ordering;
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{FilmTile, NodeAddress, TileSum};
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::integrator::{RenderError, Rendered, render_node};
-use clerestory_render_core::scene::Scene;
 use rayon::prelude::*;
 
 use crate::FRAME;
@@ -28,7 +28,7 @@ struct LocalTile {
 
 /// The passes of an image that have been rendered. They are rendered on the current rayon pool.
 pub struct LocalFilm<'a> {
-    pub(crate) scene: &'a Scene,
+    pub(crate) scene: &'a PreparedScene,
     pub(crate) plan: &'a PassPlan,
     tiles: Vec<LocalTile>,
     /// The work so far, unfinished passes included.
@@ -37,7 +37,7 @@ pub struct LocalFilm<'a> {
 
 impl<'a> LocalFilm<'a> {
     /// A film without passes.
-    pub fn new(scene: &'a Scene, plan: &'a PassPlan) -> Self {
+    pub fn new(scene: &'a PreparedScene, plan: &'a PassPlan) -> Self {
         let tiles = (0..)
             .zip(&plan.tile_passes)
             .filter_map(|(index, &wanted)| {
@@ -100,7 +100,7 @@ impl<'a> LocalFilm<'a> {
 
 /// Renders a pass of a tile; `None` when `control` stopped it.
 pub(crate) fn render_leaf(
-    scene: &Scene,
+    scene: &PreparedScene,
     plan: &PassPlan,
     tile: u32,
     pass: u32,

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{FrameImage, ImageError, ImageMetadata, TileSum};
-use clerestory_render_core::scene::Scene;
+use clerestory_render_core::integrator::PreparedScene;
 
 use crate::FRAME;
 use crate::plan::PassPlan;
@@ -25,7 +25,7 @@ pub struct Provenance<'a> {
 ///
 /// When the sums are not those of the plan.
 pub fn image(
-    scene: &Scene,
+    scene: &PreparedScene,
     plan: &PassPlan,
     sums: &[TileSum],
     provenance: &Provenance<'_>,

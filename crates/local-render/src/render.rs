@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use clerestory_film::adaptive::{noise, shares};
 use clerestory_film::counters::Counters;
 use clerestory_film::{Adaptation, PILOT_ROUND, Rounds, Share, TileSum};
-use clerestory_render_core::scene::Scene;
+use clerestory_render_core::integrator::PreparedScene;
 use rayon::prelude::*;
 
 use crate::control::Control;
@@ -42,7 +42,7 @@ pub struct Outcome {
 ///
 /// When a pass cannot be rendered.
 pub fn render(
-    scene: &Scene,
+    scene: &PreparedScene,
     plan: &PassPlan,
     control: &Control,
     mut on_round: impl FnMut(&Round<'_>) -> ControlFlow<()>,
@@ -119,9 +119,10 @@ mod tests {
 
     use clerestory_film::decomposition::{mean, standard_error};
     use clerestory_film::{Targets, TileGrid};
-    use clerestory_render_core::scene;
-    use clerestory_render_core::scene::SceneBundle;
-    use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};
+    use clerestory_render_core::document;
+    use clerestory_render_core::document::SamplingDescription;
+    use clerestory_render_core::document::SceneBundle;
+    use clerestory_render_core::scene::description::FilmDescription;
 
     use super::*;
     use crate::image::{Provenance, image};
@@ -131,7 +132,7 @@ mod tests {
     /// The caustic of a crown pane in a few pixels, with small blocks.
     fn bundle(seed: u64) -> SceneBundle {
         let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes/references/crown-sphere.json");
-        let bundle = scene::load(&file).unwrap();
+        let bundle = document::load(&file).unwrap();
         let mut description = bundle.description().clone();
         description.seed = seed;
         description.film = FilmDescription { width: 16, height: 16 };
@@ -140,7 +141,7 @@ mod tests {
     }
 
     /// Mean radiance of the image, with passes shared out or not, and passes of the tiles.
-    fn light(scene: &Scene, is_adaptive: bool) -> (f64, Vec<u32>) {
+    fn light(scene: &PreparedScene, is_adaptive: bool) -> (f64, Vec<u32>) {
         let grid = TileGrid { width: 16, height: 16, tile_size: 4 };
         let adaptation = is_adaptive.then(|| Targets::default().adaptation(scene.sampling(), PASSES).unwrap());
         let plan = PassPlan { grid, sampling: scene.sampling(), tile_passes: vec![PASSES; 16], adaptation };
@@ -159,7 +160,7 @@ mod tests {
         // The two share samples, so that their difference says more than each of them.
         let (mut differences, mut even) = (Vec::new(), Vec::new());
         for seed in 0..48 {
-            let scene = Scene::build(&bundle(seed)).unwrap();
+            let scene = PreparedScene::build(&bundle(seed)).unwrap();
             let ((adaptive, passes), (same, _)) = (light(&scene, true), light(&scene, false));
             assert!(passes.contains(&PASSES) && passes.iter().any(|passes| *passes < PASSES * 3 / 4), "{passes:?}");
             differences.push(adaptive - same);

@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::atomic::AtomicBool;
 
-use crate::integrator::{RenderError, render_node};
-use crate::scene::description::IntegratorDescription;
-use crate::scene::{Scene, SceneBundle, SceneDescription, SceneError};
+use crate::document::{SceneBundle, SceneDescription};
+use crate::integrator::{PreparedScene, RenderError, render_node};
+use crate::scene::SceneError;
+use crate::specular::registry::IntegratorDescription;
 use clerestory_film::{NodeAddress, TileGrid, store};
 
 /// The scene, without an integrator.
@@ -127,7 +128,7 @@ fn image(scene: serde_json::Value) -> Result<Vec<u8>, ProbeError> {
     let film = bundle.description().film;
     let grid = TileGrid { width: film.width, height: film.height, tile_size: film.width.max(film.height) };
     let address = NodeAddress { frame: 0, tile: 0, level: 0, index: 0 };
-    let rendered = render_node(&Scene::build(&bundle)?, &grid, address, &AtomicBool::new(false))?;
+    let rendered = render_node(&PreparedScene::build(&bundle)?, &grid, address, &AtomicBool::new(false))?;
     Ok(store::encode(&rendered.node))
 }
 

@@ -10,8 +10,10 @@ use clerestory_api::{
     WorkerActivity,
 };
 use clerestory_film::{OpenExrError, PartialHeader, TileGrid, partial};
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::description::FilmDescription;
-use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription, SceneError, SceneMemory};
+use clerestory_render_core::scene::{Asset, SceneError};
 use tokio::sync::{Mutex, watch};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, info};
@@ -37,7 +39,7 @@ pub(crate) struct JobPlan {
     /// The job.
     pub(crate) job: JobId,
     /// Its scene.
-    pub(crate) scene: Scene,
+    pub(crate) scene: PreparedScene,
     /// How its image is cut into tiles.
     pub(crate) grid: TileGrid,
     /// The report on the scene, if the coordinator wants one.
@@ -325,7 +327,7 @@ fn bundle(
     if found != order.scene_hash {
         return Err(PlanError::WrongScene { found, expected: order.scene_hash.clone() });
     }
-    let memory = SceneMemory::of(&bundle);
+    let memory = bundle.memory();
     if let Some(limit) = limit {
         memory.check(limit.bytes, limit.way_out).map_err(PlanError::TooLarge)?;
     }
@@ -333,8 +335,8 @@ fn bundle(
 }
 
 /// Builds a scene, and makes the report on it where one is wanted.
-fn build(bundle: &SceneBundle, wants_report: bool) -> Result<(Scene, Option<BuiltScene>), SceneError> {
-    let scene = Scene::build(bundle)?;
+fn build(bundle: &SceneBundle, wants_report: bool) -> Result<(PreparedScene, Option<BuiltScene>), SceneError> {
+    let scene = PreparedScene::build(bundle)?;
     let report = wants_report
         .then(|| BuiltScene { left_to_chance: scene.left_to_chance(), chosen_methods: scene.chosen_methods() });
     Ok((scene, report))

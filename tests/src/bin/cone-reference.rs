@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use clerestory_render_core::scene;
+use clerestory_render_core::document;
 use clerestory_tests::sun_scene::{self, SunScene};
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -42,7 +42,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn std::error::Error>> {
-    let bundle = scene::load(&arguments.scene)?;
+    let bundle = document::load(&arguments.scene)?;
     let [width, height] = arguments.size[..] else { return Err("--size takes WIDTHxHEIGHT".into()) };
     let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} % {elapsed} (about {eta} left)")?;
     for &angular_radius in &arguments.angles {

@@ -13,7 +13,8 @@ use std::{
 
 use clap::Parser;
 use clerestory_film::decomposition::{Decomposition, decompose, mean};
-use clerestory_render_core::scene::{self, Scene};
+use clerestory_render_core::document;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_tests::{
     reference::{Image, Reference},
     rendering::Rendering,
@@ -62,7 +63,7 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {
-    let bundle = scene::load(&arguments.scene)?;
+    let bundle = document::load(&arguments.scene)?;
     println!(
         "{}, {} seeds, {} threads; MSE over pixels and channels, less the reference's noise",
         arguments.scene.display(),
@@ -73,7 +74,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         let file = sun_scene::reference_file(&arguments.references, angle);
         let reference = Reference::read(&file)?;
         let size = [reference.mean.width as u32, reference.mean.height as u32];
-        let variant = |integrator: &str, seed: u64| -> Outcome<Scene> {
+        let variant = |integrator: &str, seed: u64| -> Outcome<PreparedScene> {
             let variant = SunScene { angular_radius: angle, integrator, seed, size, path_filter: None };
             Ok(variant.build(&bundle)?)
         };
@@ -132,7 +133,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
 }
 
 /// Renders to the last of the times; the image, its seconds and its samples at each.
-fn render_until(scene: &Scene, times: &[f64]) -> Outcome<Vec<(Image, f64, u32)>> {
+fn render_until(scene: &PreparedScene, times: &[f64]) -> Outcome<Vec<(Image, f64, u32)>> {
     let mut rendering = Rendering::new(scene);
     let start = Instant::now();
     let mut snapshots = Vec::new();

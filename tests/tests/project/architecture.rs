@@ -46,8 +46,15 @@ const FOREIGN_TO_RENDER_CORE: [&str; 9] =
     ["tokio", "reqwest", "axum", "hyper", "rusqlite", "sqlx", "object_store", "chrono", "time"];
 
 /// Crates whose modules have an order.
-const ORDERED_CRATES: [&str; 5] =
-    ["crates/film", "crates/local-render", "crates/experiments", "crates/coordinator", "crates/cli"];
+const ORDERED_CRATES: [&str; 7] = [
+    "crates/film",
+    "crates/render-core",
+    "crates/local-render",
+    "crates/worker",
+    "crates/experiments",
+    "crates/coordinator",
+    "crates/cli",
+];
 
 /// Imports that break the order: crate, importing module, imported module, reason. At most five.
 const ORDER_EXCEPTIONS: [(&str, &str, &str, &str); 0] = [];

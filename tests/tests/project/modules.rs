@@ -177,7 +177,11 @@ impl ModuleGraph {
     pub(crate) fn orders(&self) -> Result<Vec<(String, Vec<String>)>, String> {
         let folders: BTreeSet<&[String]> =
             self.modules.keys().filter_map(|path| path.split_last()).map(|(_, folder)| folder).collect();
-        folders.into_iter().map(|folder| Ok((folder.join("::"), self.order(folder)?))).collect()
+        let (orders, circles): (Vec<_>, Vec<_>) = (folders.into_iter())
+            .map(|folder| self.order(folder).map(|order| (folder.join("::"), order)))
+            .partition(Result::is_ok);
+        let circles: Vec<String> = circles.into_iter().filter_map(Result::err).collect();
+        if circles.is_empty() { Ok(orders.into_iter().flatten().collect()) } else { Err(circles.join("\n")) }
     }
 
     fn order(&self, folder: &[String]) -> Result<Vec<String>, String> {

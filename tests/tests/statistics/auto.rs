@@ -7,7 +7,8 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
-use clerestory_render_core::scene::{Scene, SceneBundle, SceneDescription};
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_tests::estimate::{Estimate, check_agreement};
 use clerestory_tests::rendering::block_means;
 use serde_json::{Value, json};
@@ -45,7 +46,7 @@ fn quad(corners: [[f64; 3]; 4]) -> Value {
 }
 
 /// A pool and a glass sphere in a court under a roof of four panes.
-fn court(lights: &Value, integrator: &Value, paths: &str) -> Scene {
+fn court(lights: &Value, integrator: &Value, paths: &str) -> PreparedScene {
     let pane = |number: usize| {
         let centre = [0.7 * (number % 2) as f64 - 0.35, 0.7 * (number / 2) as f64 - 0.35, 1.2];
         json!({
@@ -82,7 +83,7 @@ fn court(lights: &Value, integrator: &Value, paths: &str) -> Scene {
     });
     let description = SceneDescription::parse(scene.to_string().as_bytes()).expect("a valid scene");
     let bundle = SceneBundle::from_parts(description, BTreeMap::new()).expect("no assets");
-    Scene::build(&bundle).expect("the court can be built")
+    PreparedScene::build(&bundle).expect("the court can be built")
 }
 
 /// As bright as this many candles, by the sphere's area.
@@ -164,7 +165,7 @@ fn a_closed_box_of_glass_as_a_window_is_as_bright_as_with_manifold_walks() {
         });
         let description = SceneDescription::parse(scene.to_string().as_bytes()).expect("a valid scene");
         let bundle = SceneBundle::from_parts(description, BTreeMap::new()).expect("no assets");
-        Scene::build(&bundle).expect("the room can be built")
+        PreparedScene::build(&bundle).expect("the room can be built")
     };
     let filter = |integrator: Value| block_means(&room(integrator), 32, BLOCKS);
     let auto = filter(json!({"auto": {}}));

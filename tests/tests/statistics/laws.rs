@@ -7,10 +7,14 @@ use std::f64::consts::{PI, TAU};
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Leaving, Pane};
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::Source;
-use clerestory_render_core::scene::{Scene, description::FneeSolver};
+use clerestory_render_core::scene::ShadingPoint;
 use clerestory_render_core::specular::fermat::Connection;
-use clerestory_render_core::specular::{ShadingPoint, fnee::PathSearch, newton::Root, side::PaneSide};
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::fnee::PathSearch;
+use clerestory_render_core::specular::newton::Root;
+use clerestory_render_core::specular::side::PaneSide;
 use clerestory_tests::estimate::{Estimate, check_agreement};
 use clerestory_tests::methods::{biased_sms, unbiased_integrators};
 use clerestory_tests::pane_scene::{INDEX, PaneScene, gather, height_map, pane};
@@ -294,7 +298,7 @@ fn light_of_a_lens_is_singular_at_its_focal_length() {
         [("cylinder", lens(|place| place.x * place.x)), ("sphere", lens(|place| place.length_squared()))]
     {
         let scene = bench.build(&json!({"fnee": {}}), 1);
-        let glass = &scene.panes()[0];
+        let glass = &scene.scene().panes()[0];
         for axis in 0..if name == "sphere" { 2 } else { 1 } {
             let (mut low, mut high) = (0.5 * thin_lens, 2.0 * thin_lens);
             assert!(determinants(glass, low)[axis] > 0.0 && determinants(glass, high)[axis] < 0.0, "{name}");
@@ -340,7 +344,7 @@ fn paths_through_a_lens_turn_from_minima_to_saddles_or_maxima_at_the_focus() {
         [("cylinder", lens(|place| place.x * place.x)), ("sphere", lens(|place| place.length_squared()))]
     {
         let scene = bench.build(&json!({"fnee": {}}), 1);
-        let glass = &scene.panes()[0];
+        let glass = &scene.scene().panes()[0];
         let height = SPLINE_OFFSET * if name == "sphere" { 2.0 } else { 1.0 };
         for part in [0.5, 0.9, 1.1, 2.0] {
             let origin = DVec3::new(0.001, 0.0007, -part * focus(height));
@@ -377,7 +381,7 @@ fn paths_through_a_lens_turn_from_minima_to_saddles_or_maxima_at_the_focus() {
 /// The light that arrives at `to` from a point light of unit intensity at `from`, without a cosine.
 fn received(scene: &PaneScene, integrator: &Value, from: DVec3, to: DVec3) -> f64 {
     let scene = PaneScene { lights: vec![point_light(from.to_array())], ..scene.clone() };
-    let built: Scene = scene.build(integrator, 1);
+    let built: PreparedScene = scene.build(integrator, 1);
     let normal = DVec3::Z * -to.z.signum();
     let point = ShadingPoint { position: to, normal, leaving: Leaving::Nothing, bounces: 0 };
     gather(&built, &point, 0, &mut Counters::default()).iter().map(|(_, weight)| weight).sum()

@@ -8,9 +8,12 @@
 use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Leaving, Pane};
 use clerestory_render_core::light::Source;
-use clerestory_render_core::scene::description::FneeSolver;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::fnee::PathSearch;
+use clerestory_render_core::specular::newton::Root;
+use clerestory_render_core::specular::side::PaneSide;
 use clerestory_render_core::specular::window::{SourceBounds, Window};
-use clerestory_render_core::specular::{ShadingPoint, fnee::PathSearch, newton::Root, side::PaneSide};
 use clerestory_tests::methods::biased_sms;
 use clerestory_tests::pane_scene::{PaneScene, gather, pane};
 use clerestory_tests::random::Random;
@@ -151,7 +154,7 @@ fn check(name: &str, [front, back]: [Value; 2], least_paths: f64, least_found: f
     let light = json!({"point": {"name": "lamp", "position": [0, 0, 1], "intensity": [1, 1, 1]}});
     let scene = PaneScene::new(vec![pane("pane", [0.0; 3], [EDGE; 2], 0.003, [front, back])], light);
     let built = scene.build(&json!({"fnee": {}}), 1);
-    let glass = &built.panes()[0];
+    let glass = &built.scene().panes()[0];
     let counters = &mut Counters::default();
     let mut random = Random::new(37, 0);
     let (mut enumerated, mut sought, mut by_published, mut by_walks) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());

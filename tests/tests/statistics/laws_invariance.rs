@@ -2,8 +2,8 @@
 //! (T10).
 
 use clerestory_film::counters::Counters;
-use clerestory_render_core::scene::Scene;
-use clerestory_render_core::specular::ShadingPoint;
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::ShadingPoint;
 use clerestory_tests::estimate::check_agreement;
 use clerestory_tests::methods::{biased_sms, unbiased_integrators};
 use clerestory_tests::pane_scene::{INDEX, PaneScene, gather, pane};
@@ -202,7 +202,7 @@ fn sure_methods() -> [Value; 3] {
     [json!({"fnee": {}}), biased_sms("angle_difference", 12), json!({"mnee": {"missed": "dropped"}})]
 }
 
-fn total(scene: &Scene, point: &ShadingPoint) -> f64 {
+fn total(scene: &PreparedScene, point: &ShadingPoint) -> f64 {
     let arrivals = gather(scene, point, 0, &mut Counters::default());
     arrivals.iter().map(|(direction, weight)| weight * direction.z).sum()
 }

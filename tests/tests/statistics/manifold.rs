@@ -3,13 +3,19 @@
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
-use clerestory_render_core::scene::Scene;
-use clerestory_render_core::scene::description::{
-    FneeSolver, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection, WalkSteps,
-};
-use clerestory_render_core::specular::{
-    ShadingPoint, SpecularMethod, THROUGH_PANE, fnee::Fnee, mnee::Mnee, scope::Scope, sms::Sms,
-};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::constraint::ManifoldConstraint;
+use clerestory_render_core::specular::fnee::Fnee;
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::manifold::WalkSteps;
+use clerestory_render_core::specular::mnee::MissedPaths;
+use clerestory_render_core::specular::mnee::Mnee;
+use clerestory_render_core::specular::scope::Scope;
+use clerestory_render_core::specular::selection::PaneSelection;
+use clerestory_render_core::specular::sms::ManifoldEstimator;
+use clerestory_render_core::specular::sms::Sms;
+use clerestory_render_core::specular::{SpecularMethod, THROUGH_PANE};
 use clerestory_tests::estimate::Estimate;
 use clerestory_tests::single_connections::Connections;
 use clerestory_tests::solution_lists::{load_case, load_list};
@@ -19,29 +25,29 @@ const CONSTRAINTS: [ManifoldConstraint; 2] = [ManifoldConstraint::AngleDifferenc
 
 /// The irradiance at a receiver point, for a light of unit intensity.
 fn irradiance(
-    scene: &Scene,
+    scene: &PreparedScene,
     origin: [f64; 3],
     method: &dyn SpecularMethod,
     stream: u32,
     counters: &mut Counters,
 ) -> f64 {
-    let normal = scene.triangle_normal(0);
-    let to_pane = scene.accelerator().panes()[0].frame.point_to_world(DVec3::ZERO) - DVec3::from(origin);
+    let normal = scene.scene().triangle_normal(0);
+    let to_pane = scene.scene().accelerator().panes()[0].frame.point_to_world(DVec3::ZERO) - DVec3::from(origin);
     let normal = if normal.dot(to_pane) > 0.0 { normal } else { -normal };
     let point = ShadingPoint { position: origin.into(), normal, leaving: Leaving::Triangle(0), bounces: 0 };
     let settings = SamplerSettings { seed: 5, samples_per_block: 1 };
     let mut stream = SampleStream::new(&settings, 0, [0, 0], stream);
     let mut sum = 0.0;
-    method.gather(scene, &point, 0, &THROUGH_PANE, &mut stream, counters, &mut |arrival| {
+    method.gather(scene.scene(), &point, 0, &THROUGH_PANE, &mut stream, counters, &mut |arrival| {
         sum += arrival.weight.x * arrival.direction.dot(normal);
     });
-    let intensity = scene.lights()[0].emission();
+    let intensity = scene.scene().lights()[0].emission();
     sum / intensity.x
 }
 
 /// Paths that go through one pane.
-fn through_panes(scene: &Scene) -> Scope {
-    Scope::new(scene, &["TT".to_owned()], None, None)
+fn through_panes(scene: &PreparedScene) -> Scope {
+    Scope::new(scene.scene(), &["TT".to_owned()], None, None)
 }
 
 /// Checks that many walks find light of the listed paths only, and almost all of it.
@@ -90,7 +96,13 @@ fn walks_find_the_listed_paths_and_no_others() {
 type Searches<'a> = dyn Fn(u32) -> Box<dyn SpecularMethod> + 'a;
 
 /// The light of each path over many single trials, as its probabilities, by the paths' listed light.
-fn probabilities(scene: &Scene, searches: &Searches<'_>, origin: [f64; 3], listed: &[f64], runs: u32) -> Vec<f64> {
+fn probabilities(
+    scene: &PreparedScene,
+    searches: &Searches<'_>,
+    origin: [f64; 3],
+    listed: &[f64],
+    runs: u32,
+) -> Vec<f64> {
     let method = searches(1);
     let mut found = vec![0.0; listed.len()];
     for stream in 0..runs {

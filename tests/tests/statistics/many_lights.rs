@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use clerestory_render_core::document::load;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::{LightDescription, MOST_ASKED, PointLight, SunLight};
-use clerestory_render_core::scene::{Scene, load};
 use clerestory_tests::estimate::{Estimate, check_agreement};
 use clerestory_tests::rendering::block_means;
 
@@ -11,13 +12,13 @@ use clerestory_tests::rendering::block_means;
 const BLOCKS: usize = 4;
 
 /// The room with its four panes, under other lights.
-fn lit_by(lights: &[LightDescription]) -> Scene {
+fn lit_by(lights: &[LightDescription]) -> PreparedScene {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     let bundle = load(&folder.join("room.json")).expect("the room ships");
     let description = bundle.description().clone().with_integrator_named("fnee").expect("an integrator");
     let mut description = description.with_size(16, 16).expect("a size");
     description.lights = lights.to_vec();
-    Scene::build(&bundle.with_description(description).expect("valid lights")).expect("the room can be built")
+    PreparedScene::build(&bundle.with_description(description).expect("valid lights")).expect("the room can be built")
 }
 
 /// Points in the room and outside of its windows, and suns: none of them stands in another's light.

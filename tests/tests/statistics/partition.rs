@@ -3,15 +3,14 @@
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::{Face, Leaving};
-use clerestory_render_core::integrator::specular_method;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::{Source, SourceSample};
-use clerestory_render_core::scene::{
-    Scene,
-    description::{ManifoldConstraint, WalkSteps},
-};
-use clerestory_render_core::specular::{
-    ShadingPoint, SpecularMethod, THROUGH_PANE, side::PaneSide, sms::ManifoldSearch,
-};
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::constraint::ManifoldConstraint;
+use clerestory_render_core::specular::manifold::WalkSteps;
+use clerestory_render_core::specular::side::PaneSide;
+use clerestory_render_core::specular::sms::ManifoldSearch;
+use clerestory_render_core::specular::{SpecularMethod, THROUGH_PANE};
 use clerestory_tests::found_paths::{FoundPath, listed_paths};
 use clerestory_tests::methods::{biased_sms, selections, settings, unbiased_integrators};
 use clerestory_tests::pane_scene::{PaneScene, pane};
@@ -53,8 +52,7 @@ const OFTEN: u32 = 40;
 /// A scene with a method and one light.
 struct Partition {
     name: String,
-    scene: Scene,
-    method: Box<dyn SpecularMethod>,
+    scene: PreparedScene,
     finds: Finds,
     /// Estimates at each point, of which each takes panes at random.
     estimates: u32,
@@ -67,19 +65,22 @@ fn stream(number: [u32; 2]) -> SampleStream {
 }
 
 impl Partition {
-    fn new(name: &str, scene: Scene, finds: Finds, estimates: u32) -> Self {
-        let method = specular_method(&scene).expect("a specular method");
-        Self { name: name.to_owned(), scene, method, finds, estimates, tally: Tally::default() }
+    fn new(name: &str, scene: PreparedScene, finds: Finds, estimates: u32) -> Self {
+        Self { name: name.to_owned(), scene, finds, estimates, tally: Tally::default() }
+    }
+
+    fn method(&self) -> &dyn SpecularMethod {
+        self.scene.method().expect("a specular method")
     }
 
     /// The point of the light that an estimate draws.
     fn source(&self, number: [u32; 2]) -> SourceSample {
-        let (centre, radius) = self.scene.specular_ball();
-        self.scene.lights()[0].sample_source(centre, radius, stream(number).next_2d())
+        let (centre, radius) = self.scene.scene().specular_ball();
+        self.scene.scene().lights()[0].sample_source(centre, radius, stream(number).next_2d())
     }
 
     fn owns(&self, point: &ShadingPoint, path: &FoundPath) -> bool {
-        self.method.owns(&self.scene, point, &path.described(), &mut Counters::default())
+        self.method().owns(self.scene.scene(), point, &path.described(), &mut Counters::default())
     }
 
     /// Checks that, of the given paths to a point, those are gathered that the method owns, and of all paths none that
@@ -93,16 +94,24 @@ impl Partition {
             let mut arrivals = Vec::new();
             let number = [index, estimate];
             let counters = &mut Counters::default();
-            self.method.gather(scene, point, 0, &THROUGH_PANE, &mut stream(number), counters, &mut |arrival| {
-                arrivals.push(arrival.direction);
-            });
+            self.method().gather(
+                scene.scene(),
+                point,
+                0,
+                &THROUGH_PANE,
+                &mut stream(number),
+                counters,
+                &mut |arrival| {
+                    arrivals.push(arrival.direction);
+                },
+            );
             let mut times = vec![0; paths.len()];
             for direction in arrivals {
                 if let Some(known) = paths.iter().position(|path| path.is_in_direction(point, direction)) {
                     times[known] += 1;
                     continue;
                 }
-                let followed = |end| FoundPath::followed(scene, point, direction, &THROUGH_PANE, end);
+                let followed = |end| FoundPath::followed(scene.scene(), point, direction, &THROUGH_PANE, end);
                 let path = followed(None).or_else(|| followed(Some((0, self.source(number).source))));
                 let path = path.expect("light that is gathered comes through a pane");
                 assert!(self.owns(point, &path), "{name}, {index}: {path:?} is gathered and not owned");
@@ -131,11 +140,12 @@ impl Partition {
 }
 
 /// How many walks through the pane of a path find it.
-fn hits(scene: &Scene, point: &ShadingPoint, path: &FoundPath) -> u32 {
+fn hits(scene: &PreparedScene, point: &ShadingPoint, path: &FoundPath) -> u32 {
     let Leaving::Pane { index, face } = path.links[0].surface else { panic!("a path through a pane") };
-    let pane = &scene.panes()[index as usize];
+    let pane = &scene.scene().panes()[index as usize];
     let constraint = ManifoldConstraint::AngleDifference;
-    let Some(search) = ManifoldSearch::new(scene, point, path.source, index, constraint, WalkSteps::default()) else {
+    let Some(search) = ManifoldSearch::new(scene.scene(), point, path.source, index, constraint, WalkSteps::default())
+    else {
         return 0;
     };
     let mut random = Random::new(29, 0);
@@ -173,19 +183,19 @@ fn methods_of_points() -> Vec<(&'static str, Value, Finds, u32)> {
 }
 
 /// A point of a list.
-fn shading_point(scene: &Scene, listed: &ListedPoint) -> ShadingPoint {
+fn shading_point(scene: &PreparedScene, listed: &ListedPoint) -> ShadingPoint {
     let position = DVec3::from(listed.origin);
-    let normal = scene.triangle_normal(0);
-    let normal = if normal.dot(scene.panes()[0].frame.origin - position) > 0.0 { normal } else { -normal };
+    let normal = scene.scene().triangle_normal(0);
+    let normal = if normal.dot(scene.scene().panes()[0].frame.origin - position) > 0.0 { normal } else { -normal };
     ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 }
 }
 
 /// The paths of a list to a point, in its order.
-fn paths_of_list(scene: &Scene, point: &ShadingPoint, listed: &ListedPoint) -> Vec<FoundPath> {
-    let (centre, radius) = scene.specular_ball();
-    let sample = scene.lights()[0].sample_source(centre, radius, DVec2::ZERO);
-    let found = listed_paths(scene, point, 0, &sample, &mut Counters::default());
-    let pane = &scene.panes()[0];
+fn paths_of_list(scene: &PreparedScene, point: &ShadingPoint, listed: &ListedPoint) -> Vec<FoundPath> {
+    let (centre, radius) = scene.scene().specular_ball();
+    let sample = scene.scene().lights()[0].sample_source(centre, radius, DVec2::ZERO);
+    let found = listed_paths(scene.scene(), point, 0, &sample, &mut Counters::default());
+    let pane = &scene.scene().panes()[0];
     let place = |path: &FoundPath, link: usize| {
         pane.frame.point_to_local(path.links[link].position).truncate() / pane.size + 0.5
     };
@@ -256,9 +266,9 @@ fn lights() -> [(&'static str, Value); 3] {
 
 /// The place on the receiver of light that goes straight through a random pane. Methods that use the straight line
 /// differ near borders, so there the place is mostly so near to a border that glass bends light by more.
-fn point_in_shadow(bench: &PaneScene, scene: &Scene, source: Source, index: u32) -> ShadingPoint {
+fn point_in_shadow(bench: &PaneScene, scene: &PreparedScene, source: Source, index: u32) -> ShadingPoint {
     let mut random = Random::new(31, u64::from(index));
-    let pane = &scene.panes()[(random.uniform() * scene.panes().len() as f64) as usize];
+    let pane = &scene.scene().panes()[(random.uniform() * scene.scene().panes().len() as f64) as usize];
     let mut place = DVec2::new(random.uniform(), random.uniform()) - 0.5;
     if !index.is_multiple_of(4) {
         let axis = usize::from(random.uniform() < 0.5);
@@ -294,7 +304,7 @@ fn of_the_paths_through_two_panes_those_are_gathered_that_are_owned() {
             for index in 0..1000 {
                 let sample = partition.source([index, 0]);
                 let point = point_in_shadow(&bench, &partition.scene, sample.source, index);
-                let listed = listed_paths(&partition.scene, &point, 0, &sample, &mut Counters::default());
+                let listed = listed_paths(partition.scene.scene(), &point, 0, &sample, &mut Counters::default());
                 let paths: Vec<FoundPath> = match finds {
                     Finds::ByRays => Vec::new(),
                     _ => listed.into_iter().map(|(path, _)| path).collect(),
@@ -320,8 +330,8 @@ fn between_the_highest_and_the_lowest_point_of_a_face_all_light_is_left_to_chanc
         let bench = two_panes(&light);
         for (name, integrator) in unbiased_integrators().into_iter().skip(1).chain(selections()) {
             let scene = bench.build(&integrator, 1);
-            let method = specular_method(&scene).expect("a specular method");
-            let pane = &scene.panes()[0];
+            let method = scene.method().expect("a specular method");
+            let pane = &scene.scene().panes()[0];
             let lowest = pane.front.all_bounds().height.min;
             let mut random = Random::new(41, 0);
             let (mut paths, mut arrivals) = (0, 0);
@@ -331,23 +341,31 @@ fn between_the_highest_and_the_lowest_point_of_a_face_all_light_is_left_to_chanc
                 let position = pane.frame.point_to_world(place.extend(0.5 * (lowest + height)));
                 let point = ShadingPoint { position, normal: DVec3::Z, leaving: Leaving::Nothing, bounces: 0 };
                 assert!(PaneSide::facing(pane, pane.frame.point_to_local(position)).is_none());
-                let sample = scene.lights()[0].sample_source(position, 1.0, stream([index, 0]).next_2d());
+                let sample = scene.scene().lights()[0].sample_source(position, 1.0, stream([index, 0]).next_2d());
                 let direction = match sample.source {
                     Source::Point(place) => (place - position).normalize(),
                     Source::Direction(direction) => direction,
                 };
                 let counters = &mut Counters::default();
-                let path = FoundPath::followed(&scene, &point, direction, &THROUGH_PANE, None);
+                let path = FoundPath::followed(scene.scene(), &point, direction, &THROUGH_PANE, None);
                 if let Some(path) = path.filter(|path| matches!(path.links[0].surface, Leaving::Pane { index: 0, .. }))
                 {
-                    assert!(!method.owns(&scene, &point, &path.described(), counters), "{name}, {light_name}");
+                    assert!(!method.owns(scene.scene(), &point, &path.described(), counters), "{name}, {light_name}");
                     paths += 1;
                 }
-                method.gather(&scene, &point, 0, &THROUGH_PANE, &mut stream([index, 0]), counters, &mut |arrival| {
-                    let path = FoundPath::followed(&scene, &point, arrival.direction, &THROUGH_PANE, None);
-                    let through = path.map(|path| path.links[0].surface);
-                    arrivals += u32::from(matches!(through, Some(Leaving::Pane { index: 0, .. })));
-                });
+                method.gather(
+                    scene.scene(),
+                    &point,
+                    0,
+                    &THROUGH_PANE,
+                    &mut stream([index, 0]),
+                    counters,
+                    &mut |arrival| {
+                        let path = FoundPath::followed(scene.scene(), &point, arrival.direction, &THROUGH_PANE, None);
+                        let through = path.map(|path| path.links[0].surface);
+                        arrivals += u32::from(matches!(through, Some(Leaving::Pane { index: 0, .. })));
+                    },
+                );
             }
             assert!(paths > 100 && arrivals == 0, "{name}, {light_name}: {arrivals} gathered, {paths} paths");
         }
@@ -362,23 +380,34 @@ fn one_walk_that_drops_the_rest_lacks_the_light_of_the_paths_that_it_does_not_fi
     for case in ["crown", "bump", "cathedral"] {
         let dropping = load_case_for(case, &settings("mnee, dropped"));
         let leaving = load_case_for(case, &settings("mnee"));
-        let [dropped, left] = [&dropping, &leaving].map(|scene| specular_method(scene).expect("a specular method"));
-        let intensity = dropping.lights()[0].emission();
+        let [dropped, left] = [&dropping, &leaving].map(|scene| scene.method().expect("a specular method"));
+        let intensity = dropping.scene().lights()[0].emission();
         let counters = &mut Counters::default();
         let (mut with_one, mut with_none, mut lacking) = (0, 0, 0.0);
         let several = points_of_lists(case).into_iter().filter(|listed| listed.solutions.len() > 1);
         for (index, listed) in (0..).zip(several) {
             let point = shading_point(&dropping, &listed);
             let (mut found, mut all) = (0.0, 0.0);
-            dropped.gather(&dropping, &point, 0, &THROUGH_PANE, &mut stream([index, 0]), counters, &mut |arrival| {
-                found += arrival.weight.x * arrival.direction.dot(point.normal) / intensity.x;
-            });
+            dropped.gather(
+                dropping.scene(),
+                &point,
+                0,
+                &THROUGH_PANE,
+                &mut stream([index, 0]),
+                counters,
+                &mut |arrival| {
+                    found += arrival.weight.x * arrival.direction.dot(point.normal) / intensity.x;
+                },
+            );
             let (mut missed, mut owned) = (0.0, 0);
             for (path, solution) in paths_of_list(&dropping, &point, &listed).iter().zip(&listed.solutions) {
                 let path = path.described();
                 all += solution.irradiance;
-                assert!(dropped.owns(&dropping, &point, &path, counters), "{case}, {index}: what is dropped is owned");
-                if left.owns(&leaving, &point, &path, counters) {
+                assert!(
+                    dropped.owns(dropping.scene(), &point, &path, counters),
+                    "{case}, {index}: what is dropped is owned"
+                );
+                if left.owns(leaving.scene(), &point, &path, counters) {
                     owned += 1;
                 } else {
                     missed += solution.irradiance;

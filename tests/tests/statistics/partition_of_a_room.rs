@@ -2,8 +2,9 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::geometry::{Leaving, Pane};
-use clerestory_render_core::integrator::specular_method;
-use clerestory_render_core::specular::{ShadingPoint, SpecularEvent, side::PaneSide};
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::SpecularEvent;
+use clerestory_render_core::specular::side::PaneSide;
 use clerestory_tests::closed_room::{ClosedRoom, globe, panel};
 use clerestory_tests::estimate::check_agreement;
 use clerestory_tests::found_paths::FoundPath;
@@ -106,7 +107,7 @@ fn of_the_ways_that_light_goes_in_a_room_those_are_owned_that_are_looked_for() {
             let integrator = integrator.clone();
             let room = ClosedRoom { light: light.clone(), integrator, max_depth: 5, filter: None, seed: 1 };
             let scene = room.build(1);
-            let method = specular_method(&scene).expect("a specular method");
+            let method = scene.method().expect("a specular method");
             let mut random = Random::new(37, 0);
             let mut unit = || loop {
                 let place = DVec3::from([(); 3].map(|()| 2.0 * random.uniform() - 1.0));
@@ -116,7 +117,7 @@ fn of_the_ways_that_light_goes_in_a_room_those_are_owned_that_are_looked_for() {
             };
             let is_in_a_face = |position: DVec3| {
                 let side = |pane: &Pane| PaneSide::facing(pane, pane.frame.point_to_local(position)).is_none();
-                scene.panes().iter().any(side)
+                scene.scene().panes().iter().any(side)
             };
             let mut met = [0; CHAINS.len()];
             for _ in 0..100_000 {
@@ -127,8 +128,10 @@ fn of_the_ways_that_light_goes_in_a_room_those_are_owned_that_are_looked_for() {
                 let point = ShadingPoint { position, normal: direction, leaving: Leaving::Nothing, bounces: 0 };
                 for (met, letters) in met.iter_mut().zip(CHAINS) {
                     let events = chain(letters);
-                    let Some(path) = FoundPath::followed(&scene, &point, direction, &events, None) else { continue };
-                    let owned = method.owns(&scene, &point, &path.described(), &mut Counters::default());
+                    let Some(path) = FoundPath::followed(scene.scene(), &point, direction, &events, None) else {
+                        continue;
+                    };
+                    let owned = method.owns(scene.scene(), &point, &path.described(), &mut Counters::default());
                     let looked_for = method.chains().contains(&events);
                     assert!(owned == looked_for, "{name}, {light_name}, {letters}: owned {owned}, {path:?}");
                     *met += 1;

@@ -6,13 +6,15 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
 use clerestory_film::{FilmTile, ImageRows, LayerChoice, NodeAddress, TileGrid};
+use clerestory_render_core::document;
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::document::water::{WaterSettings, WaterView, lagoon, pool};
+use clerestory_render_core::document::{SamplingDescription, SceneDescription};
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::integrator::render_node;
-use clerestory_render_core::scene::description::{
-    FilmDescription, IntegratorDescription, SamplingDescription, SceneDescription,
-};
-use clerestory_render_core::scene::water::{WaterSettings, WaterView, lagoon, pool};
-use clerestory_render_core::scene::{self, Scene, SceneBundle};
+use clerestory_render_core::scene::description::FilmDescription;
 use clerestory_render_core::specular::path::PathSettings;
+use clerestory_render_core::specular::registry::IntegratorDescription;
 use clerestory_tests::pixel_digests::{DigestTable, PixelDigest};
 use serde_json::{Value, json};
 
@@ -124,7 +126,7 @@ fn scenes(effort: &Effort) -> Vec<(String, SceneBundle)> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
     let shipped = scene_files(&folder).into_iter().map(|file| {
         let name = file.strip_prefix(&folder).expect("it lies there").display().to_string();
-        (name, scene::load(&file).expect("a scene that ships"))
+        (name, document::load(&file).expect("a scene that ships"))
     });
     let triangles = effort.triangles.parse().expect("so many triangles");
     let views = [
@@ -155,7 +157,12 @@ fn probe() -> SceneBundle {
 
 /// A scene with an integrator, in a small picture with few samples. What takes time to build is taken over from the
 /// scene before, where it is the same.
-fn prepared(before: Option<Scene>, bundle: &SceneBundle, effort: &Effort, integrator: &IntegratorDescription) -> Scene {
+fn prepared(
+    before: Option<PreparedScene>,
+    bundle: &SceneBundle,
+    effort: &Effort,
+    integrator: &IntegratorDescription,
+) -> PreparedScene {
     let FilmDescription { width, height } = bundle.description().film;
     let description = SceneDescription {
         name: "pixels".to_owned(),
@@ -167,13 +174,13 @@ fn prepared(before: Option<Scene>, bundle: &SceneBundle, effort: &Effort, integr
     let bundle = bundle.clone().with_description(description).expect("a valid change");
     let scene = match before {
         Some(before) => before.changed(&bundle),
-        None => Scene::build(&bundle),
+        None => PreparedScene::build(&bundle),
     };
     scene.expect("the scene can be built")
 }
 
 /// The digest of a picture of a frame of a scene, made as `clerestory render` makes it.
-fn rendered(scene: &Scene, frame: u32, passes: u32) -> PixelDigest {
+fn rendered(scene: &PreparedScene, frame: u32, passes: u32) -> PixelDigest {
     let FilmDescription { width, height } = scene.description().film;
     let grid = TileGrid { width, height, tile_size: width.max(height) };
     let mut film = FilmTile::new(frame, 0, grid.tile(0).expect("a tile"), scene.sampling());

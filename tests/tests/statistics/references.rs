@@ -158,7 +158,7 @@ fn every_reference_scene_is_valid() {
     for case in CASES {
         for light in ["point", "sphere", "sun"] {
             let file = references().join(format!("{case}-{light}.json"));
-            if let Err(error) = clerestory_render_core::scene::load(&file) {
+            if let Err(error) = clerestory_render_core::document::load(&file) {
                 panic!("{}: {error}", file.display());
             }
         }

@@ -4,8 +4,9 @@
 use std::collections::BTreeMap;
 
 use clerestory_film::counters::Counters;
-use clerestory_render_core::scene::{Scene, SceneBundle, SceneDescription};
-use clerestory_render_core::specular::ShadingPoint;
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::ShadingPoint;
 use clerestory_tests::estimate::{Estimate, check_agreement};
 use clerestory_tests::methods::biased_sms;
 use clerestory_tests::pane_scene::{INDEX, PaneScene, gather, pane};
@@ -19,7 +20,7 @@ const BLOCKS: usize = 4;
 
 /// A floor seen from above, 0.4 m wide, in a picture of 8 x 8 pixels. Above it is a pane, lit by a lamp on the floor's
 /// side.
-fn scene(light: &Value, integrator: Value) -> Scene {
+fn scene(light: &Value, integrator: Value) -> PreparedScene {
     let description = json!({
         "version": 1, "name": "reflected caustic", "seed": 3,
         "film": {"width": 8, "height": 8},
@@ -38,7 +39,7 @@ fn scene(light: &Value, integrator: Value) -> Scene {
     });
     let description = SceneDescription::parse(description.to_string().as_bytes()).expect("a valid scene");
     let bundle = SceneBundle::from_parts(description, BTreeMap::new()).expect("no assets are missing");
-    Scene::build(&bundle).expect("a scene that can be built")
+    PreparedScene::build(&bundle).expect("a scene that can be built")
 }
 
 /// Compares all methods with this many passes of the path tracer.

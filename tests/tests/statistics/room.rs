@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use clerestory_render_core::scene::{self, Scene};
+use clerestory_render_core::document;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_tests::bias::{BLOCK, compare};
 use clerestory_tests::forward_tracer::{Fault, Tracing, trace};
 use clerestory_tests::reference::{Image, Reference};
@@ -26,11 +27,11 @@ fn scenes() -> std::path::PathBuf {
 }
 
 fn replicates(angular_radius: f64, integrator: &str, samples: u32, path_filter: Option<&str>) -> Vec<Image> {
-    let bundle = scene::load(&scenes().join("room.json")).expect("the room ships");
+    let bundle = document::load(&scenes().join("room.json")).expect("the room ships");
     (1..=REPLICATES)
         .map(|seed| {
             let variant = SunScene { angular_radius, integrator, seed, size: SIZE, path_filter };
-            let scene: Scene = variant.build(&bundle).expect("the room can be built");
+            let scene: PreparedScene = variant.build(&bundle).expect("the room can be built");
             let mut rendering = Rendering::new(&scene);
             for _ in 0..samples {
                 rendering.render_pass().expect("the room renders");
@@ -41,7 +42,7 @@ fn replicates(angular_radius: f64, integrator: &str, samples: u32, path_filter: 
 }
 
 fn traced(angular_radius: f64, photons: u64, fault: Fault) -> Reference {
-    let bundle = scene::load(&scenes().join("room.json")).expect("the room ships");
+    let bundle = document::load(&scenes().join("room.json")).expect("the room ships");
     let variant = SunScene { angular_radius, integrator: "cone", seed: 0, size: SIZE, path_filter: Some("D TT L") };
     let bundle = variant.bundle(&bundle).expect("the changed room is valid");
     let scene = TracedScene::build(&bundle, &scenes()).expect("the room can be traced");

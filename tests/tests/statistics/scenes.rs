@@ -4,21 +4,29 @@ use std::path::{Path, PathBuf};
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
+use clerestory_render_core::document;
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::document::{SamplingDescription, SceneDescription};
 use clerestory_render_core::geometry::{Leaving, Pane};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::light::LightDescription;
 use clerestory_render_core::light::Source;
 use clerestory_render_core::light::{DiskLight, PointLight, SphereLight};
-use clerestory_render_core::scene::description::{
-    ConicSearch, FneeSolver, IntegratorDescription, LightDescription, ManifoldConstraint, ManifoldEstimator,
-    PaneSelection, SamplingDescription, SceneDescription, WalkSteps,
-};
-use clerestory_render_core::scene::{self, Scene, SceneBundle};
-use clerestory_render_core::specular::conic::ConicSettings;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::conic::{Conic, ConicSearch, ConicSettings};
+use clerestory_render_core::specular::constraint::ManifoldConstraint;
+use clerestory_render_core::specular::fnee::FneeSolver;
 use clerestory_render_core::specular::fnee::PathSearch;
+use clerestory_render_core::specular::kept::Kept;
+use clerestory_render_core::specular::manifold::WalkSteps;
 use clerestory_render_core::specular::path::PathSettings;
+use clerestory_render_core::specular::registry::IntegratorDescription;
+use clerestory_render_core::specular::scope::Scope;
+use clerestory_render_core::specular::selection::PaneSelection;
 use clerestory_render_core::specular::side::PaneSide;
-use clerestory_render_core::specular::{
-    ShadingPoint, SpecularEvent, SpecularMethod, conic::Conic, scope::Scope, sms::Sms,
-};
+use clerestory_render_core::specular::sms::ManifoldEstimator;
+use clerestory_render_core::specular::sms::Sms;
+use clerestory_render_core::specular::{SpecularEvent, SpecularMethod};
 use clerestory_tests::bias::{BLOCK, compare};
 use clerestory_tests::estimate::{Estimate, check_agreement};
 use clerestory_tests::forward_tracer::{Exit, Fault, LightSample, Side, Tracing, trace};
@@ -34,19 +42,23 @@ fn folder() -> PathBuf {
 }
 
 fn bundle(name: &str) -> SceneBundle {
-    scene::load(&folder().join(name)).expect("the scene ships")
+    document::load(&folder().join(name)).expect("the scene ships")
 }
 
 /// What the camera sees in `count` by `count` places of the picture.
-fn seen(scene: &Scene, count: u32) -> Vec<DVec3> {
+fn seen(scene: &PreparedScene, count: u32) -> Vec<DVec3> {
     let film = scene.description().film;
     let size = DVec2::new(f64::from(film.width), f64::from(film.height));
     let place = |k: u32| DVec2::new(f64::from(k % count) + 0.5, f64::from(k / count) + 0.5) / f64::from(count);
     (0..count * count)
         .filter_map(|k| {
-            let ray = scene.camera().ray(place(k) * size);
-            let hit =
-                scene.accelerator().closest_hit(&ray, f64::INFINITY, Leaving::Nothing, &mut Counters::default())?;
+            let ray = scene.scene().camera().ray(place(k) * size);
+            let hit = scene.scene().accelerator().closest_hit(
+                &ray,
+                f64::INFINITY,
+                Leaving::Nothing,
+                &mut Counters::default(),
+            )?;
             Some(ray.at(hit.distance))
         })
         .collect()
@@ -74,7 +86,7 @@ fn replicates(bundle: &SceneBundle, integrator: &str, size: u32, samples: u32) -
                 description.and_then(|description| description.with_size(size, size)).expect("a valid change");
             description.sampling = SamplingDescription { samples_per_pass: samples, samples_per_block: samples };
             let bundle = bundle.clone().with_description(description).expect("a valid change");
-            let scene = Scene::build(&bundle).expect("the scene can be built");
+            let scene = PreparedScene::build(&bundle).expect("the scene can be built");
             let mut rendering = Rendering::new(&scene);
             rendering.render_pass().expect("the scene renders");
             rendering.image()
@@ -126,14 +138,14 @@ mod slab {
         // Neither does any other point that the waves light: the borders of the slab, where they end, are out of sight.
         let spread = smallest_spread(&SlabFace::new(1), &SlabFace::new(2), 1.5);
         assert!(spread > 0.2, "{spread}");
-        let scene = Scene::build(&bundle("slab.json")).expect("the scene can be built");
+        let scene = PreparedScene::build(&bundle("slab.json")).expect("the scene can be built");
         // The middle of the light and places on its rim.
         let rim = |turn: f64| DVec3::new(0.005 * turn.cos(), 0.005 * turn.sin(), 4.0);
         let places = [DVec3::new(0.0, 0.0, 4.0), rim(0.0), rim(2.1), rim(4.2)];
         let (mut connections, mut proven) = (0, 0);
         for origin in seen(&scene, 64) {
             for source in places {
-                let (count, complete) = paths(&scene.panes()[0], origin, source);
+                let (count, complete) = paths(&scene.scene().panes()[0], origin, source);
                 assert_eq!(count, 1, "{origin} {source}");
                 connections += 1;
                 proven += u32::from(complete);
@@ -166,10 +178,10 @@ mod pool {
     }
 
     /// The scene as an integrator renders it in 16 by 16 pixels.
-    fn small(bundle: &SceneBundle, integrator: IntegratorDescription) -> Scene {
+    fn small(bundle: &SceneBundle, integrator: IntegratorDescription) -> PreparedScene {
         let description = SceneDescription { integrator, ..bundle.description().clone() };
         let description = description.with_size(16, 16).expect("a valid size");
-        Scene::build(&bundle.clone().with_description(description).expect("a valid change")).expect("a scene")
+        PreparedScene::build(&bundle.clone().with_description(description).expect("a valid change")).expect("a scene")
     }
 
     #[test]
@@ -192,16 +204,16 @@ mod pool {
             panic!("a disk")
         };
         let bundle = lit_by(LightDescription::Point(PointLight { name, position, intensity: [1.0; 3] }));
-        let scene = Scene::build(&bundle).expect("the scene can be built");
+        let scene = PreparedScene::build(&bundle).expect("the scene can be built");
         let sms = Sms {
             constraint: ManifoldConstraint::AngleDifference,
             steps: WalkSteps::default(),
             estimator: ManifoldEstimator::Biased { trials: 500 },
             selection: PaneSelection::All,
-            scope: Scope::new(&scene, &["T".to_owned()], None, None),
+            scope: Scope::new(scene.scene(), &["T".to_owned()], None, None),
         };
-        let scope = Scope::new(&scene, &["T".to_owned()], None, None);
-        let conic = Conic { search: ConicSearch::Complete, scope };
+        let scope = Scope::new(scene.scene(), &["T".to_owned()], None, None);
+        let conic = Conic::new(scene.scene(), ConicSearch::Complete, scope, &Kept::default());
         let caustic = Caustic::new(&Water::new(SEED), position.into(), 250);
         let (mut folded, mut same, mut points) = (0, 0, 0);
         for (pixel, place) in (0..).zip(seen(&scene, 16)) {
@@ -209,9 +221,9 @@ mod pool {
             let mut stream = SampleStream::new(&SamplerSettings { seed: 1, samples_per_block: 1 }, 0, [pixel, 0], 0);
             let mut paths = 0;
             let events = [SpecularEvent::Transmission];
-            sms.gather(&scene, &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| paths += 1);
+            sms.gather(scene.scene(), &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| paths += 1);
             let mut all = 0;
-            conic.gather(&scene, &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| all += 1);
+            conic.gather(scene.scene(), &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| all += 1);
             // Walks from random places may miss some.
             assert!(all >= paths && all % 2 == 1, "{place}: {all} paths, of which walks find {paths}");
             let rays = caustic.rays(place.truncate());

@@ -5,17 +5,29 @@ use std::collections::BTreeMap;
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::geometry::{Face, Leaving, Pane};
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightBounds;
 use clerestory_render_core::light::Source;
-use clerestory_render_core::scene::description::{
-    ConicSearch, FneeSolver, ManifoldConstraint, ManifoldEstimator, MissedPaths, PaneSelection, WalkSteps,
-};
-use clerestory_render_core::scene::{Asset, Scene, SceneBundle, SceneDescription};
-use clerestory_render_core::specular::{
-    ShadingPoint, SpecularEvent, SpecularMethod, THROUGH_PANE, conic::Conic, fermat::Connection, fnee::PathSearch,
-    mnee::Mnee, newton::Root, scope::Scope, side::PaneSide, sms::Sms,
-};
+use clerestory_render_core::scene::Asset;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::conic::{Conic, ConicSearch};
+use clerestory_render_core::specular::constraint::ManifoldConstraint;
+use clerestory_render_core::specular::fermat::Connection;
+use clerestory_render_core::specular::fnee::FneeSolver;
+use clerestory_render_core::specular::fnee::PathSearch;
+use clerestory_render_core::specular::kept::Kept;
+use clerestory_render_core::specular::manifold::WalkSteps;
+use clerestory_render_core::specular::mnee::MissedPaths;
+use clerestory_render_core::specular::mnee::Mnee;
+use clerestory_render_core::specular::newton::Root;
+use clerestory_render_core::specular::scope::Scope;
+use clerestory_render_core::specular::selection::PaneSelection;
+use clerestory_render_core::specular::side::PaneSide;
+use clerestory_render_core::specular::sms::ManifoldEstimator;
+use clerestory_render_core::specular::sms::Sms;
+use clerestory_render_core::specular::{SpecularEvent, SpecularMethod, THROUGH_PANE};
 use clerestory_tests::estimate::{Agreement, Estimate, check_agreement};
 use clerestory_tests::pane_mesh::as_mesh;
 use clerestory_tests::rendering::block_means;
@@ -59,7 +71,7 @@ fn waves(place: DVec2) -> (f64, DVec2) {
 }
 
 /// A floor seen from above, 0.4 m wide, in a picture of 8 x 8 pixels, and a smooth mesh.
-fn scene(material: Value, mesh: Value, lights: Value, filter: &str, integrator: Value) -> Scene {
+fn scene(material: Value, mesh: Value, lights: Value, filter: &str, integrator: Value) -> PreparedScene {
     let description = json!({
         "version": 1, "name": "smooth mesh", "seed": 3,
         "film": {"width": 8, "height": 8},
@@ -78,10 +90,10 @@ fn scene(material: Value, mesh: Value, lights: Value, filter: &str, integrator: 
     build(&description, BTreeMap::new())
 }
 
-fn build(description: &Value, assets: BTreeMap<String, Asset>) -> Scene {
+fn build(description: &Value, assets: BTreeMap<String, Asset>) -> PreparedScene {
     let description = SceneDescription::parse(description.to_string().as_bytes()).expect("a valid scene");
     let bundle = SceneBundle::from_parts(description, assets).expect("no assets are missing");
-    Scene::build(&bundle).expect("a scene that can be built")
+    PreparedScene::build(&bundle).expect("a scene that can be built")
 }
 
 /// Checks the manifold methods, and `conic` where it can, on one chain over one smooth mesh against the path tracer.
@@ -160,13 +172,18 @@ fn the_caustic_of_a_glass_body_is_what_the_path_tracer_finds() {
 }
 
 /// The irradiance at a point, for a point light of unit intensity.
-fn irradiance(scene: &Scene, point: &ShadingPoint, method: &dyn SpecularMethod, events: &[SpecularEvent]) -> f64 {
+fn irradiance(
+    scene: &PreparedScene,
+    point: &ShadingPoint,
+    method: &dyn SpecularMethod,
+    events: &[SpecularEvent],
+) -> f64 {
     let mut stream = SampleStream::new(&SamplerSettings { seed: 5, samples_per_block: 1 }, 0, [0, 0], 0);
     let mut sum = 0.0;
-    method.gather(scene, point, 0, events, &mut stream, &mut Counters::default(), &mut |arrival| {
+    method.gather(scene.scene(), point, 0, events, &mut stream, &mut Counters::default(), &mut |arrival| {
         sum += arrival.weight.x * arrival.direction.dot(point.normal);
     });
-    let intensity = scene.lights()[0].emission();
+    let intensity = scene.scene().lights()[0].emission();
     sum / intensity.x
 }
 
@@ -191,19 +208,19 @@ fn flat_water_and_flat_mirrors_throw_the_light_of_closed_forms() {
         let expected = 0.8 * image.normalize().z / image.length_squared();
         let constraint = ManifoldConstraint::AngleDifference;
         let estimator = ManifoldEstimator::Biased { trials: 8 };
-        let sms = |scene: &Scene, chain: &str| Sms {
+        let sms = |scene: &PreparedScene, chain: &str| Sms {
             constraint,
             steps: WalkSteps::default(),
             estimator,
             selection: PaneSelection::All,
-            scope: Scope::new(scene, &[chain.to_owned()], None, None),
+            scope: Scope::new(scene.scene(), &[chain.to_owned()], None, None),
         };
         let reflected = irradiance(&mirror, &point, &sms(&mirror, "R"), &[SpecularEvent::Reflection]);
         assert!((reflected - expected).abs() < 1e-7 * expected, "{reflected} {expected}");
         // On flat triangles the curve is a straight line, and right below the light there is none.
-        let conic = |scene: &Scene, chain: &str, search| Conic {
-            search,
-            scope: Scope::new(scene, &[chain.to_owned()], None, None),
+        let conic = |scene: &PreparedScene, chain: &str, search| {
+            let scope = Scope::new(scene.scene(), &[chain.to_owned()], None, None);
+            Conic::new(scene.scene(), search, scope, &Kept::default())
         };
         for search in [ConicSearch::Complete, ConicSearch::Published] {
             let reflected = irradiance(&mirror, &point, &conic(&mirror, "R", search), &[SpecularEvent::Reflection]);
@@ -237,7 +254,7 @@ fn flat_water_and_flat_mirrors_throw_the_light_of_closed_forms() {
             let found = if estimator_name == "sms" {
                 irradiance(&water, &point, &sms(&water, "T"), &[SpecularEvent::Transmission])
             } else {
-                let scope = Scope::new(&water, &["T".to_owned()], None, None);
+                let scope = Scope::new(water.scene(), &["T".to_owned()], None, None);
                 irradiance(
                     &water,
                     &point,
@@ -276,9 +293,11 @@ struct Glass<'a> {
 }
 
 impl<'a> Glass<'a> {
-    fn new(scene: &'a Scene) -> Self {
-        let pane = &scene.panes()[0];
-        let LightBounds::Ball { centre: position, .. } = scene.lights()[0].bounds() else { panic!("a point light") };
+    fn new(scene: &'a PreparedScene) -> Self {
+        let pane = &scene.scene().panes()[0];
+        let LightBounds::Ball { centre: position, .. } = scene.scene().lights()[0].bounds() else {
+            panic!("a point light")
+        };
         Self { pane, source: Source::Point(pane.frame.point_to_local(position)) }
     }
 
@@ -344,7 +363,7 @@ struct KnownPoint {
 }
 
 /// The points of a case's lists whose paths all meshes have from some one on.
-fn known_points(case: &str, original: &Scene) -> Vec<KnownPoint> {
+fn known_points(case: &str, original: &PreparedScene) -> Vec<KnownPoint> {
     let glass = Glass::new(original);
     let frame = &glass.pane.frame;
     let known = |listed: ListedPoint| {
@@ -352,7 +371,7 @@ fn known_points(case: &str, original: &Scene) -> Vec<KnownPoint> {
         let origin = frame.point_to_local(position);
         let roots = glass.paths(origin)?;
         let first = SQUARES[..2].iter().position(|&squares| glass.is_regular(origin, &roots, squares))?;
-        let normal = original.triangle_normal(0);
+        let normal = original.scene().triangle_normal(0);
         let normal = if normal.dot(frame.origin - position) > 0.0 { normal } else { -normal };
         let point = ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 };
         // The lists are independent of the renderer, and precise enough for the light, but not for directions.
@@ -370,19 +389,19 @@ fn known_points(case: &str, original: &Scene) -> Vec<KnownPoint> {
 }
 
 /// The paths through a pane that one estimate of a method finds; estimates of other numbers are independent.
-fn found_paths(scene: &Scene, point: &ShadingPoint, method: &Sms, number: [u32; 2]) -> Vec<Path> {
+fn found_paths(scene: &PreparedScene, point: &ShadingPoint, method: &Sms, number: [u32; 2]) -> Vec<Path> {
     let mut stream = SampleStream::new(&SamplerSettings { seed: 5, samples_per_block: 1 }, 0, number, 0);
-    let intensity = scene.lights()[0].emission();
+    let intensity = scene.scene().lights()[0].emission();
     let mut paths = Vec::new();
-    method.gather(scene, point, 0, &THROUGH_PANE, &mut stream, &mut Counters::default(), &mut |arrival| {
+    method.gather(scene.scene(), point, 0, &THROUGH_PANE, &mut stream, &mut Counters::default(), &mut |arrival| {
         let light = arrival.weight.x * arrival.direction.dot(point.normal) / intensity.x;
         paths.push(Path { direction: arrival.direction, light });
     });
     paths
 }
 
-fn through_meshes(scene: &Scene, constraint: ManifoldConstraint, estimator: ManifoldEstimator) -> Sms {
-    let scope = Scope::new(scene, &["TT".to_owned()], None, None);
+fn through_meshes(scene: &PreparedScene, constraint: ManifoldConstraint, estimator: ManifoldEstimator) -> Sms {
+    let scope = Scope::new(scene.scene(), &["TT".to_owned()], None, None);
     Sms { constraint, steps: WalkSteps::default(), estimator, selection: PaneSelection::All, scope }
 }
 

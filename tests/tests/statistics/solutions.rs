@@ -1,13 +1,13 @@
 //! Every connection of a receiver point to a point light through old glass, against lists found by brute force.
 
 use clerestory_film::counters::Counters;
+use clerestory_render_core::geometry::Face;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightBounds;
-use clerestory_render_core::{
-    geometry::Face,
-    light::Source,
-    scene::{Scene, description::FneeSolver},
-    specular::{fnee::PathSearch, newton::Root, side::PaneSide},
-};
+use clerestory_render_core::light::Source;
+use clerestory_render_core::specular::fnee::{FneeSolver, PathSearch};
+use clerestory_render_core::specular::newton::Root;
+use clerestory_render_core::specular::side::PaneSide;
 use clerestory_tests::random::Random;
 use clerestory_tests::solution_lists::{ListedPoint, load_case, load_list};
 
@@ -25,16 +25,23 @@ struct FoundSolution {
 const SEEDS: u32 = 2000;
 
 /// The search for the paths of a listed point; `None` when the bounds say that there are none.
-fn search<'a>(scene: &'a Scene, point: &ListedPoint, solver: FneeSolver) -> Option<PathSearch<'a>> {
-    let pane = &scene.accelerator().panes()[0];
-    let LightBounds::Ball { centre: position, .. } = scene.lights()[0].bounds() else { panic!("a point light") };
+fn search<'a>(scene: &'a PreparedScene, point: &ListedPoint, solver: FneeSolver) -> Option<PathSearch<'a>> {
+    let pane = &scene.scene().accelerator().panes()[0];
+    let LightBounds::Ball { centre: position, .. } = scene.scene().lights()[0].bounds() else {
+        panic!("a point light")
+    };
     let origin = pane.frame.point_to_local(point.origin.into());
     let source = Source::Point(pane.frame.point_to_local(position));
     let side = PaneSide::facing(pane, origin).expect("receivers lie in front of their pane");
     PathSearch::new(side, origin, source, solver)
 }
 
-fn find_all(scene: &Scene, point: &ListedPoint, solver: FneeSolver, counters: &mut Counters) -> Vec<FoundSolution> {
+fn find_all(
+    scene: &PreparedScene,
+    point: &ListedPoint,
+    solver: FneeSolver,
+    counters: &mut Counters,
+) -> Vec<FoundSolution> {
     let Some(search) = search(scene, point, solver) else { return Vec::new() };
     let mut random = Random::new(7, 0);
     let mut found: Vec<FoundSolution> = Vec::new();
@@ -64,7 +71,7 @@ struct Enumerated {
 
 /// Checks that an enumeration which calls itself complete has found just what `found` holds.
 #[track_caller]
-fn check_enumeration(scene: &Scene, point: &ListedPoint, found: &[FoundSolution], tally: &mut Enumerated) {
+fn check_enumeration(scene: &PreparedScene, point: &ListedPoint, found: &[FoundSolution], tally: &mut Enumerated) {
     tally.points += 1;
     let Some(search) = search(scene, point, FneeSolver::Complete) else {
         assert!(found.is_empty(), "{} paths where the bounds allow none", found.len());
@@ -97,9 +104,9 @@ fn seed_coordinates(random: &mut Random) -> glam::DVec2 {
 }
 
 /// Cosine at the receiver over the cosine to the pane's axis.
-fn receiver_cosine(scene: &Scene, root: &Root) -> f64 {
-    let normal = scene.triangle_normal(0);
-    let pane = &scene.accelerator().panes()[0];
+fn receiver_cosine(scene: &PreparedScene, root: &Root) -> f64 {
+    let normal = scene.scene().triangle_normal(0);
+    let pane = &scene.scene().accelerator().panes()[0];
     let direction = pane.frame.vector_to_world(root.path.directions[0]);
     direction.dot(normal).abs() / root.path.directions[0].z.abs()
 }
@@ -107,7 +114,7 @@ fn receiver_cosine(scene: &Scene, root: &Root) -> f64 {
 #[track_caller]
 fn check(case: &str, list: &str) {
     let scene = load_case(case);
-    let size = scene.accelerator().panes()[0].size;
+    let size = scene.scene().accelerator().panes()[0].size;
     let mut complete = Counters::default();
     let mut published = Counters::default();
     let (mut listed, mut missed_by_published) = (0, 0);
@@ -189,7 +196,7 @@ fn all_paths_through_the_cathedral_pane_are_found() {
 #[test]
 fn the_near_face_of_a_receiver_in_front_is_the_front() {
     let scene = load_case("crown");
-    let pane = &scene.accelerator().panes()[0];
+    let pane = &scene.scene().accelerator().panes()[0];
     let side = PaneSide::facing(pane, glam::DVec3::new(0.0, 0.0, -1.0));
     assert_eq!(side.map(|side| side.near), Some(Face::Front));
 }

@@ -4,10 +4,16 @@
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::geometry::Leaving;
+use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightBounds;
-use clerestory_render_core::scene::Scene;
-use clerestory_render_core::scene::description::{ManifoldConstraint, ManifoldEstimator, PaneSelection, WalkSteps};
-use clerestory_render_core::specular::{ShadingPoint, SpecularMethod, THROUGH_PANE, scope::Scope, sms::Sms};
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::constraint::ManifoldConstraint;
+use clerestory_render_core::specular::manifold::WalkSteps;
+use clerestory_render_core::specular::scope::Scope;
+use clerestory_render_core::specular::selection::PaneSelection;
+use clerestory_render_core::specular::sms::ManifoldEstimator;
+use clerestory_render_core::specular::sms::Sms;
+use clerestory_render_core::specular::{SpecularMethod, THROUGH_PANE};
 use clerestory_tests::comparisons::reference_folder;
 use clerestory_tests::forward_tracer::LightSample;
 use clerestory_tests::pane_mesh::as_mesh;
@@ -74,8 +80,10 @@ fn check_height_fields(case: &str, list: &str, step: usize) {
     assert!(10 * tally.hidden < 3 * tally.known, "{list}: the grid is too coarse");
 }
 
-fn lamp(scene: &Scene) -> DVec3 {
-    let LightBounds::Ball { centre: position, .. } = scene.lights()[0].bounds() else { panic!("a point light") };
+fn lamp(scene: &PreparedScene) -> DVec3 {
+    let LightBounds::Ball { centre: position, .. } = scene.scene().lights()[0].bounds() else {
+        panic!("a point light")
+    };
     position
 }
 
@@ -93,30 +101,38 @@ fn curves_lead_to_all_paths_through_height_fields() {
 fn curves_lead_to_the_paths_through_meshes_that_random_walks_find() {
     for case in ["crown", "bump"] {
         let original = load_case(case);
-        let pane = &original.panes()[0];
+        let pane = &original.scene().panes()[0];
         let scene = as_mesh(&original, 128);
         let sms = Sms {
             constraint: ManifoldConstraint::AngleDifference,
             steps: WalkSteps::default(),
             estimator: ManifoldEstimator::Biased { trials: 3000 },
             selection: PaneSelection::All,
-            scope: Scope::new(&scene, &["TT".to_owned()], None, None),
+            scope: Scope::new(scene.scene(), &["TT".to_owned()], None, None),
         };
         let mut tally = Tally::default();
         for listed in load_list(&format!("{case}-folds.json")).iter().step_by(10) {
             let position = DVec3::from(listed.origin);
-            let normal = scene.triangle_normal(0);
+            let normal = scene.scene().triangle_normal(0);
             let normal = if normal.dot(pane.frame.origin - position) > 0.0 { normal } else { -normal };
             let point = ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 };
             let mut stream = SampleStream::new(&SamplerSettings { seed: 5, samples_per_block: 1 }, 0, [0, 0], 0);
             let mut known = Vec::new();
             let origin = pane.frame.point_to_local(position);
-            sms.gather(&scene, &point, 0, &THROUGH_PANE, &mut stream, &mut Counters::default(), &mut |arrival| {
-                let direction = pane.frame.vector_to_local(arrival.direction);
-                known.push((origin - direction * (origin.z / direction.z)).truncate());
-            });
+            sms.gather(
+                scene.scene(),
+                &point,
+                0,
+                &THROUGH_PANE,
+                &mut stream,
+                &mut Counters::default(),
+                &mut |arrival| {
+                    let direction = pane.frame.vector_to_local(arrival.direction);
+                    known.push((origin - direction * (origin.z / direction.z)).truncate());
+                },
+            );
             let light = LightSample::Point(lamp(&scene));
-            let found = TwoInterfaces::of_meshes(&scene, &point, light, &pane.frame, pane.size).paths(CELLS);
+            let found = TwoInterfaces::of_meshes(scene.scene(), &point, light, &pane.frame, pane.size).paths(CELLS);
             tally.check(&found, &known, pane.size);
         }
         println!("{case} as a mesh: {} paths, of which {} need not be told apart", tally.known, tally.hidden);

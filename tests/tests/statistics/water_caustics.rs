@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::document::SceneDescription;
+use clerestory_render_core::document::water::{WaterSettings, WaterView, pool};
 use clerestory_render_core::geometry::{Leaving, Ray, Surface};
-use clerestory_render_core::integrator::specular_method;
-use clerestory_render_core::scene::description::SceneDescription;
-use clerestory_render_core::scene::water::{WaterSettings, WaterView, pool};
-use clerestory_render_core::scene::{Scene, SceneBundle};
-use clerestory_render_core::specular::{ShadingPoint, SpecularEvent, SpecularMethod};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::{SpecularEvent, SpecularMethod};
 use clerestory_tests::bias::{BiasReport, compare};
 use clerestory_tests::comparisons::pictures;
 use clerestory_tests::estimate::Estimate;
@@ -180,8 +181,8 @@ const REPLICATES: u32 = 32;
 
 /// The mean light of a method with rays, without them, and by rays alone, at this many points of a floor in each
 /// replicate. The points of the light are the same with and without.
-fn light_by_rays(scene: &Scene, reach: f64, height: f64, points: u32) -> Vec<[f64; 3]> {
-    let method = specular_method(scene).expect("a specular method");
+fn light_by_rays(scene: &PreparedScene, reach: f64, height: f64, points: u32) -> Vec<[f64; 3]> {
+    let method = scene.method().expect("a specular method");
     let replicate = |replicate: u32| {
         let mut random = Random::new(3, u64::from(replicate));
         let mut light = [0.0; 3];
@@ -199,10 +200,10 @@ fn light_by_rays(scene: &Scene, reach: f64, height: f64, points: u32) -> Vec<[f6
 }
 
 /// As [`light_by_rays`], on the floor below a place.
-fn light_at(scene: &Scene, method: &dyn SpecularMethod, above: DVec3, number: [u32; 2]) -> [f64; 3] {
+fn light_at(scene: &PreparedScene, method: &dyn SpecularMethod, above: DVec3, number: [u32; 2]) -> [f64; 3] {
     let counters = &mut Counters::default();
     let down = Ray::new(above, DVec3::NEG_Z);
-    let hit = scene.accelerator().closest_hit(&down, 2.0, Leaving::Nothing, counters).expect("a floor");
+    let hit = scene.scene().accelerator().closest_hit(&down, 2.0, Leaving::Nothing, counters).expect("a floor");
     let Surface::Triangle { index: floor, .. } = hit.surface else { panic!("panes in a pool") };
     let position = down.at(hit.distance);
     let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
@@ -210,9 +211,17 @@ fn light_at(scene: &Scene, method: &dyn SpecularMethod, above: DVec3, number: [u
         let point = ShadingPoint { position, normal: DVec3::Z, leaving: Leaving::Triangle(floor), bounces };
         let mut stream = SampleStream::new(&settings, 0, number, 0);
         let mut arrivals = Vec::new();
-        method.gather(scene, &point, 0, &[SpecularEvent::Transmission], &mut stream, counters, &mut |arrival| {
-            arrivals.push((arrival.direction, arrival.weight.x * arrival.direction.z));
-        });
+        method.gather(
+            scene.scene(),
+            &point,
+            0,
+            &[SpecularEvent::Transmission],
+            &mut stream,
+            counters,
+            &mut |arrival| {
+                arrivals.push((arrival.direction, arrival.weight.x * arrival.direction.z));
+            },
+        );
         arrivals
     };
     // Rays are sent from what the camera sees, and from nothing else.
@@ -227,7 +236,7 @@ fn rays_to_where_waves_focus_the_sun_neither_add_nor_take_light() {
     let triangles = "20000".parse().expect("a number of triangles");
     let description = pool(&WaterSettings { triangles, time: 0.0, view: WaterView::Floor });
     let bundle = SceneBundle::from_parts(description, BTreeMap::new()).expect("nothing is missing");
-    let scene = Scene::build(&bundle).expect("the scene can be built");
+    let scene = PreparedScene::build(&bundle).expect("the scene can be built");
     let light = light_by_rays(&scene, 0.8, 1.0, 30_000);
     let of = |value: fn(&[f64; 3]) -> f64| Estimate::of(&light.iter().map(value).collect::<Vec<f64>>());
     let (combined, alone) = (of(|light| light[0]), of(|light| light[1]));
@@ -252,7 +261,7 @@ fn check_extended(lamp: Lamp, samples: u32) {
     let (report, _) = check(&sheet, &conic, effort, &[Fault::DroppedSaddles, Fault::Scaled]);
     // Nothing is pooled: each block is compared by itself, folds and all.
     assert!(report.has_power() && report.blocks == 64, "{lamp:?}: {report}");
-    let built = Scene::build(&bundle(&sheet, &conic, 1)).expect("the scene can be built");
+    let built = PreparedScene::build(&bundle(&sheet, &conic, 1)).expect("the scene can be built");
     let light = light_by_rays(&built, 0.5 * scene.edge, scene.floor + 0.1, 1000);
     let mean = |which: usize| light.iter().map(|light| light[which]).sum::<f64>() / f64::from(REPLICATES);
     let by_rays = mean(2) / mean(0);

@@ -7,8 +7,9 @@ use std::time::Duration;
 
 use clap::Args;
 use clerestory_api::{ConvergencePoint, JobView};
-use clerestory_render_core::scene::SceneDescription;
-use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription};
+use clerestory_render_core::document::SamplingDescription;
+use clerestory_render_core::document::SceneDescription;
+use clerestory_render_core::scene::description::FilmDescription;
 use tempfile::TempDir;
 
 use crate::activity::Activity;

@@ -4,9 +4,9 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
-use clerestory_render_core::scene::SceneDescription;
-use clerestory_render_core::scene::nave::{PaneCount, nave};
-use clerestory_render_core::scene::water::{TriangleCount, WaterSettings, WaterView, lagoon, pool};
+use clerestory_render_core::document::SceneDescription;
+use clerestory_render_core::document::nave::{PaneCount, nave};
+use clerestory_render_core::document::water::{TriangleCount, WaterSettings, WaterView, lagoon, pool};
 use serde::Serialize;
 use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter};
 

@@ -9,8 +9,11 @@ use std::time::{Duration, Instant};
 use bytes::Bytes;
 use clerestory_film::{Exposure, PreviewSettings, TileGrid, ToneCurve, encode_png, smallest_tile};
 use clerestory_local_render::{self as local_render, Control, LocalFilm, PassPlan, Provenance};
-use clerestory_render_core::scene::description::{FilmDescription, SamplingDescription, SceneDescription};
-use clerestory_render_core::scene::{Obstacles, Scene, SceneBundle, SceneError};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::document::{SamplingDescription, SceneDescription};
+use clerestory_render_core::integrator::PreparedScene;
+use clerestory_render_core::scene::description::FilmDescription;
+use clerestory_render_core::scene::{Obstacles, SceneError};
 use rayon::ThreadPool;
 use serde::Serialize;
 use tokio::sync::{oneshot, watch};
@@ -92,7 +95,7 @@ impl Engine {
     /// Starts the thread. The receiver gets nothing if the thread panics.
     pub(super) fn start(
         original: SceneBundle,
-        scene: Scene,
+        scene: PreparedScene,
         pool: ThreadPool,
         most_samples: u32,
     ) -> Result<(Arc<Self>, Ended), Failure> {
@@ -130,7 +133,7 @@ impl Engine {
     /// Changes the view and returns its number.
     pub(super) fn show(&self, look: Look) -> Result<u64, SceneError> {
         let bundle = look.applied(&self.original)?;
-        self.obstacles.check(bundle.description())?;
+        self.obstacles.check(bundle.description().parts())?;
         let mut wanted = self.wanted();
         wanted.control.cancelled.store(true, Ordering::Relaxed);
         *wanted = Wanted { number: wanted.number + 1, look, bundle, control: Arc::default(), ..*wanted };
@@ -164,7 +167,7 @@ impl Engine {
         self.wanted.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn render(&self, mut scene: Scene) -> Result<(), Failure> {
+    fn render(&self, mut scene: PreparedScene) -> Result<(), Failure> {
         let runtime = tokio::runtime::Builder::new_current_thread().build().map_err(Failure::Runtime)?;
         let mut changed = self.changed.subscribe();
         let mut seconds_per_sample = None;
@@ -203,10 +206,10 @@ impl Engine {
     /// finished.
     fn render_stage(
         &self,
-        scene: Scene,
+        scene: PreparedScene,
         stage: &Stage<'_>,
         number: &mut FrameNumber,
-    ) -> Result<(Scene, Option<f64>), Failure> {
+    ) -> Result<(PreparedScene, Option<f64>), Failure> {
         let Stage { bundle, coarseness, most, first, control } = *stage;
         let failure = |source| Failure::scene(bundle.description().name.as_ref(), source);
         let FilmDescription { width, height } = bundle.description().film;

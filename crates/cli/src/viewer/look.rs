@@ -1,8 +1,12 @@
 //! The view of a scene: its camera, and the direction of its sun.
 
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::document::SceneDescription;
+use clerestory_render_core::light::LightDescription;
 use clerestory_render_core::light::SunLight;
-use clerestory_render_core::scene::description::{CameraDescription, LightDescription, SceneDescription, Triple};
-use clerestory_render_core::scene::{SceneBundle, SceneError};
+use clerestory_render_core::scene::SceneError;
+use clerestory_render_core::scene::description::CameraDescription;
+use clerestory_render_core::settings::Triple;
 use serde::{Deserialize, Serialize};
 
 /// What the page can change.

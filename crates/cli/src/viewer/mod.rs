@@ -9,7 +9,8 @@ mod server;
 
 use std::sync::Arc;
 
-use clerestory_render_core::scene::{Scene, SceneBundle};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::integrator::PreparedScene;
 use rayon::ThreadPool;
 use tokio::net::TcpListener;
 use tokio_util::sync::CancellationToken;
@@ -28,7 +29,7 @@ impl Viewer {
     /// Starts to render a scene with at most `most_samples` samples in each pixel.
     pub(crate) fn start(
         bundle: SceneBundle,
-        scene: Scene,
+        scene: PreparedScene,
         pool: ThreadPool,
         most_samples: u32,
     ) -> Result<Self, Failure> {

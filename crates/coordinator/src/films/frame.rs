@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use clerestory_api::BuiltScene;
 use clerestory_film::{ImageMetadata, ImageRows, LayerChoice, Node, ROWS_PER_BLOCK, SumError, TileGrid, TileSum};
-use clerestory_render_core::scene::SceneHeader;
+use clerestory_render_core::document::SceneHeader;
 use serde_json::Value;
 
 use super::batches::{batches, film_tile, runs};

@@ -9,7 +9,8 @@ use std::sync::Arc;
 
 use clerestory_api::{ContentHash, JobId, JobSubmission};
 use clerestory_film::{ImageError, LARGEST_TILE, OpenExrError, Sampling, Targets, TileGrid, smallest_tile};
-use clerestory_render_core::scene::{self, Asset, SceneBundle, SceneDescription, SceneMemory};
+use clerestory_render_core::document::{self, SceneBundle, SceneDescription};
+use clerestory_render_core::scene::Asset;
 use uuid::Uuid;
 
 use super::submission_error::SubmissionError;
@@ -100,7 +101,7 @@ impl Submissions {
         let _room = room.parsed();
         check_name("scene.name", &description.name)?;
         let grid = grid(&submission, &description)?;
-        let named = check_assets(&submission.assets, &scene::asset_names(&description))?;
+        let named = check_assets(&submission.assets, &document::asset_names(&description))?;
         let contents: BTreeSet<ContentHash> = named.values().copied().chain(submission.reference).collect();
         let missing = self.assets.missing(contents).await?;
         if !missing.is_empty() {
@@ -131,7 +132,7 @@ impl Submissions {
             id: JobId::from(Uuid::now_v7()),
             name: name.chars().take(LONGEST_NAME).collect(),
             priority: submission.priority,
-            scene: scene::canonical_json(description),
+            scene: document::canonical_json(description),
             scene_hash: bundle.scene_hash().to_string(),
             integrator: description.integrator.kind().to_owned(),
             is_read_by_first: is_read_by_first(description.version, description.integrator.kind()),
@@ -186,7 +187,7 @@ impl Submissions {
         let room = self.memory.for_scene(asset_bytes).await?;
         let bundle = self.read(description, named).await?;
         blocking(move || {
-            SceneMemory::of(&bundle).check_counts()?;
+            bundle.memory().check_counts()?;
             Ok((bundle, room))
         })
         .await

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::scene::description::IntegratorDescription;
+use crate::specular::registry::IntegratorDescription;
 
 /// An integrator that a scene file may name.
 #[derive(Clone, Debug, PartialEq)]

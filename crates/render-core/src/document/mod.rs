@@ -1,9 +1,38 @@
-//! The scene file as a document: places in it by their path, changes of what stands there, and what
-//! may stand there.
+//! The scene file as a whole: the things of a scene, and how they are rendered.
+//!
+//! `description` holds the type of the file, with the settings of film, sampling and integrator;
+//! `docs/scene-format.md` is its manual. A description plus the bytes of the assets that it names is a [`SceneBundle`]:
+//! what is hashed, sent to the farm, and rendered. `overrides` changes members by their paths. `nave` and `water` make
+//! scenes of any size.
 
+pub mod bundle;
+mod canonical;
+mod description;
+#[cfg(test)]
+mod hostile_scenes;
 mod integrators;
+#[cfg(test)]
+pub(crate) mod malformed_scenes;
+mod missing_light;
+pub mod nave;
 mod overrides;
+mod parse;
 mod path;
+mod path_filter;
+pub mod schema;
+#[cfg(test)]
+mod shipped_scenes;
+mod syntax;
+mod triangles;
+mod validate;
+mod validate_integrator;
+pub mod water;
 
+pub use crate::scene::hash::SceneHash;
+pub use bundle::{SceneBundle, asset_names, load};
+pub use canonical::{SceneHeader, canonical_json};
+pub use description::{SamplingDescription, SceneDescription};
 pub use integrators::{IntegratorEntry, integrators};
 pub use overrides::{Override, OverrideError, apply};
+pub use path_filter::{FilterState, PathEvent, PathFilter, PathFilterError};
+pub use schema::scene_schema;

@@ -6,9 +6,10 @@ use serde_json::{Map, Value};
 use thiserror::Error;
 
 use super::path::{Step, matches, parse};
-use crate::scene::description::IntegratorDescription;
-use crate::scene::{SceneDescription, SceneError, scene_schema};
+use crate::document::{SceneDescription, scene_schema};
+use crate::scene::SceneError;
 use crate::settings::schema_place::Place;
+use crate::specular::registry::IntegratorDescription;
 
 /// Another value for members of a scene file, such as `lights[sun].direction=[0, 1, 1]`. A value is JSON; text that is
 /// not JSON is taken for a string.
@@ -267,7 +268,7 @@ fn names(elements: &[Value]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::malformed_scenes::valid_scene;
+    use crate::document::malformed_scenes::valid_scene;
 
     fn changed(change: &str) -> Result<Value, OverrideError> {
         let scene = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();

@@ -10,9 +10,9 @@ use std::ops::RangeInclusive;
 
 use glam::DVec3;
 
-use super::Interval;
 use super::contact::{RIM, clip, is_narrow};
 use super::triangle::coplanar;
+use crate::math::Interval;
 
 /// Pairs of faces in one cell that are compared: some tenths of a second.
 const MOST_PAIRS: u32 = 1 << 26;

@@ -11,7 +11,8 @@ use std::collections::VecDeque;
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::{HeightField, Interval, Pane, Rect};
+use super::{HeightField, Pane};
+use crate::math::{Interval, Rect};
 
 /// Panes and shapes may overlap by this much at their borders, metres: decimal numbers round, and a strip this narrow
 /// carries no light that anybody sees. A shape that only stands on a face, with a corner or an edge, shares less than

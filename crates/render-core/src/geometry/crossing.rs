@@ -15,8 +15,9 @@
 
 use glam::{DVec2, DVec3, dvec2};
 
-use super::bernstein::first_descent;
-use super::{HeightField, Interval, Ray, Rect, SurfaceJet};
+use super::{HeightField, Ray, SurfaceJet};
+use crate::math::bernstein::first_descent;
+use crate::math::{Interval, Rect};
 use clerestory_film::counters::Counters;
 
 /// A border of cells this close to the end of a stretch, in cells, is no reason to cut it. The polynomial of a cell

@@ -18,7 +18,8 @@ use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray as HierarchyRay, RayHit};
 
-use super::{Interval, Ray};
+use super::Ray;
+use crate::math::Interval;
 
 /// Binary logarithm of the largest extent of the scene in units of the hierarchy.
 const EXTENT_LOG2: i32 = 15;

@@ -4,7 +4,6 @@
 //! rescaled and padded. What a ray has just left is skipped by identity ([`Leaving`]), never by an epsilon.
 
 pub mod accelerator;
-pub(crate) mod bernstein;
 pub(crate) mod closed;
 pub(crate) mod coincidence;
 pub(crate) mod contact;
@@ -13,7 +12,6 @@ pub mod differential;
 pub mod frame;
 pub mod height_field;
 mod hierarchy;
-pub mod interval;
 pub(crate) mod large_pages;
 pub mod pane;
 mod pyramid;
@@ -31,6 +29,5 @@ pub use differential::SurfaceDifferential;
 pub use frame::Frame;
 pub(crate) use height_field::{FacePoints, ShapeBounds, Symmetric};
 pub use height_field::{HeightField, HeightFieldError, JetBounds, SurfaceJet};
-pub use interval::{Interval, Rect};
 pub use pane::{FaceCrossing, Pane, PaneBoundary, PaneError, PaneHit};
 pub use ray::{Face, Leaving, Ray};

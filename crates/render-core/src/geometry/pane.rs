@@ -15,7 +15,8 @@ use thiserror::Error;
 use super::crossing::{Crossing, Side, Start};
 use super::height_field::HeightField;
 use super::thickness::thin_spot;
-use super::{Face, Frame, Interval, Ray, Rect};
+use super::{Face, Frame, Ray};
+use crate::math::{Interval, Rect};
 use clerestory_film::counters::Counters;
 
 /// A pane of glass.

@@ -1,6 +1,6 @@
 //! Min-max pyramids: true bounds of a height field's jet over any block of cells, from a few entries.
 
-use super::Interval;
+use crate::math::Interval;
 
 /// Bounds of a height and of its first and second derivatives by the cell coordinates, in the order h; x, y; xx, xy,
 /// yy.

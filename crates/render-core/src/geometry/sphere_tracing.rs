@@ -8,7 +8,8 @@
 use glam::DVec3;
 
 use super::crossing::{Crossing, Side, Start};
-use super::{HeightField, Interval, Ray};
+use super::{HeightField, Ray};
+use crate::math::Interval;
 use clerestory_film::counters::Counters;
 
 /// A ray that is so near to the surface, metres, has arrived.

@@ -7,7 +7,7 @@
 use glam::{DVec2, dvec2};
 
 use super::height_field::HeightField;
-use super::{Interval, Rect};
+use crate::math::{Interval, Rect};
 
 /// Halvings per axis of a rectangle of one polynomial, after which glass that is not proven counts as too thin.
 const HALVINGS: u32 = 6;

@@ -7,20 +7,17 @@
 use arrayvec::ArrayVec;
 use glam::DVec3;
 
-use super::path_filter::{FilterState, PathEvent, PathFilter};
-use crate::{
-    bsdf::{
-        Bsdf, SampleKind, SurfacePoint,
-        fresnel::{absorption, reflect, refract},
-    },
-    geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface},
-    light::{AskedLight, LightHit, Receiver, Side, Source},
-    scene::{Scene, visibility::SAME_PLACE},
-    specular::{
-        Link, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, scope::MOST_SPECULAR_VERTICES,
-        side::unit_normal,
-    },
-};
+use super::prepared::PreparedScene;
+use crate::bsdf::fresnel::{absorption, reflect, refract};
+use crate::bsdf::{Bsdf, SampleKind, SurfacePoint};
+use crate::document::{FilterState, PathEvent, PathFilter};
+use crate::geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface};
+use crate::light::{AskedLight, LightHit, Receiver, Side, Source};
+use crate::scene::visibility::SAME_PLACE;
+use crate::scene::{Scene, ShadingPoint};
+use crate::specular::scope::MOST_SPECULAR_VERTICES;
+use crate::specular::side::unit_normal;
+use crate::specular::{Link, SpecularEvent, SpecularMethod, SpecularPath};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
 
@@ -46,6 +43,7 @@ const MAX_SURVIVAL: f64 = 0.95;
 /// A path tracer for one scene.
 pub struct PathTracer<'a> {
     scene: &'a Scene,
+    filter: Option<&'a PathFilter>,
     method: Option<&'a dyn SpecularMethod>,
     chains: Vec<Chain>,
     max_depth: u32,
@@ -122,14 +120,16 @@ impl Lobe<'_> {
 }
 
 impl<'a> PathTracer<'a> {
-    /// A path tracer that leaves the paths that `method` owns to it.
-    pub fn new(scene: &'a Scene, method: Option<&'a dyn SpecularMethod>, max_depth: u32) -> Self {
+    /// A path tracer that leaves the paths that the scene's method owns to it.
+    pub fn new(prepared: &'a PreparedScene) -> Self {
         let chain = |events: Vec<SpecularEvent>| {
             let with_light = events.iter().map(|event| PathEvent::from(*event)).chain([PathEvent::Light]).collect();
             Chain { events, with_light }
         };
+        let method = prepared.method();
         let chains = method.map_or(Vec::new(), |method| method.chains().into_iter().map(chain).collect());
-        Self { scene, method, chains, max_depth }
+        let max_depth = prepared.description().integrator.max_depth();
+        Self { scene: prepared.scene(), filter: prepared.path_filter(), method, chains, max_depth }
     }
 
     /// Traces one path from the camera.
@@ -141,7 +141,7 @@ impl<'a> PathTracer<'a> {
             inside: None,
             throughput: DVec3::ONE,
             stretch: Stretch::new(None),
-            filter: self.scene.path_filter().map(PathFilter::start),
+            filter: self.filter.map(PathFilter::start),
             depth: 0,
         };
         loop {
@@ -422,7 +422,7 @@ impl<'a> PathTracer<'a> {
 
     /// Reads one event into the path filter; false when the path cannot match any more.
     fn advance(&self, walk: &mut Walk, event: PathEvent) -> bool {
-        if let (Some(filter), Some(state)) = (self.scene.path_filter(), walk.filter) {
+        if let (Some(filter), Some(state)) = (self.filter, walk.filter) {
             let next = filter.step(state, event);
             walk.filter = Some(next);
             return !filter.is_dead(next);
@@ -431,7 +431,7 @@ impl<'a> PathTracer<'a> {
     }
 
     fn accepts(&self, state: Option<FilterState>, events: &[PathEvent]) -> bool {
-        match (self.scene.path_filter(), state) {
+        match (self.filter, state) {
             (Some(filter), Some(state)) => filter.accepts(state, events),
             _ => true,
         }

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::path::{PathSample, PathTracer};
-use crate::{scene::Scene, specular::SpecularMethod};
+use super::prepared::PreparedScene;
+use crate::scene::Scene;
 use clerestory_film::counters::Counters;
 use clerestory_film::{
     FirstHitSums, MergeError, Node, NodeAddress, NodeError, PassSums, Rendered, SampleStream, SamplerSettings,
@@ -38,7 +39,7 @@ pub enum RenderError {
 ///
 /// [`RenderError`] when there is no such node, on cancellation, and when a sample is not finite.
 pub fn render_node(
-    scene: &Scene,
+    scene: &PreparedScene,
     grid: &TileGrid,
     address: NodeAddress,
     cancelled: &AtomicBool,
@@ -47,10 +48,9 @@ pub fn render_node(
     if !address.exists() {
         return Err(RenderError::NoSuchNode(address));
     }
-    let method = specular_method(scene);
     let renderer = Renderer {
-        scene,
-        tracer: PathTracer::new(scene, method.as_deref(), scene.description().integrator.max_depth()),
+        scene: scene.scene(),
+        tracer: PathTracer::new(scene),
         tile,
         sampling: scene.sampling(),
         sampler: SamplerSettings {
@@ -60,11 +60,6 @@ pub fn render_node(
         cancelled,
     };
     renderer.subtree(address)
-}
-
-/// The method that the scene's integrator uses for light by way of specular surfaces; `None` for path tracing alone.
-pub fn specular_method(scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
-    scene.description().integrator.build(scene)
 }
 
 struct Renderer<'a> {

@@ -5,7 +5,7 @@ use std::fmt;
 use glam::{DVec2, DVec3};
 
 use super::EmissionCone;
-use crate::geometry::Ray;
+use crate::geometry::{Frame, Ray};
 
 /// Where light comes from: a point, or a direction for a light at infinity.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,6 +14,16 @@ pub enum Source {
     Point(DVec3),
     /// A unit vector towards a light at infinity.
     Direction(DVec3),
+}
+
+impl Source {
+    /// The same, in the coordinates of a frame.
+    pub fn in_frame(self, frame: &Frame) -> Self {
+        match self {
+            Self::Point(position) => Self::Point(frame.point_to_local(position)),
+            Self::Direction(direction) => Self::Direction(frame.vector_to_local(direction)),
+        }
+    }
 }
 
 /// A point of a light, drawn at random.

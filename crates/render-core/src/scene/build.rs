@@ -1,48 +1,31 @@
-//! From a description and its assets to a scene that can be rendered.
-
-use std::collections::BTreeMap;
-use std::sync::OnceLock;
+//! From the things of a scene file and their assets to a scene that can be rendered.
 
 use glam::DVec3;
 
+use super::assets::Assets;
 use super::build_meshes::{Meshes, decode_textures};
 use super::build_panes::build_panes;
 use super::build_step::BuildStep;
-use super::bundle::SceneBundle;
 use super::camera::Camera;
-use super::description::{SamplingDescription, SceneDescription};
-use super::hash::{ContentHash, SceneHash};
 use super::memory::SceneMemory;
+use super::pane_tree::PaneTree;
+use super::parts::SceneParts;
 use super::surface::MeshSurface;
 use super::validate_faces::check_faces;
 use super::validate_places::{Obstacles, check_panes};
 use crate::geometry::closed::is_closed;
 use crate::geometry::{Accelerator, Pane};
-use crate::integrator::PathFilter;
 use crate::light::{Light, LightSampler};
-use crate::settings::JsonPath;
-use crate::settings::{AssetProblem, SceneError};
-use crate::specular::auto::{Choice, Surroundings, choose};
-use crate::specular::{conic::FacetTree, conic::Neighbours, pane_tree::PaneTree};
-use clerestory_film::Sampling;
+use crate::settings::SceneError;
 
 /// A scene that can be rendered. It does not change any more.
 #[derive(Debug)]
 pub struct Scene {
-    hash: SceneHash,
-    description: SceneDescription,
-    /// The contents that the description names.
-    assets: BTreeMap<String, ContentHash>,
     camera: Camera,
     accelerator: Accelerator,
-    path_filter: Option<PathFilter>,
-    sampling: Sampling,
     specular_ball: (DVec3, f64),
     mesh_bounds: Vec<[DVec3; 2]>,
     pane_tree: PaneTree,
-    pub(super) facet_trees: Vec<OnceLock<Option<FacetTree>>>,
-    pub(super) neighbours: Vec<OnceLock<Neighbours>>,
-    choices: OnceLock<Vec<Choice>>,
     lights: Vec<Light>,
     light_sampler: LightSampler,
     meshes: Vec<MeshSurface>,
@@ -50,23 +33,18 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Builds a scene: decodes its assets, computes its profiles and sorts its triangles and panes into a hierarchy.
+    /// Builds a scene of the things in a valid file: decodes its assets, computes its profiles and sorts its triangles
+    /// and panes into a hierarchy. Tells of each step before it begins.
     ///
     /// # Errors
     ///
     /// When an asset makes no sense, the faces of a pane touch, or something stands in glass that may not.
-    pub fn build(bundle: &SceneBundle) -> Result<Self, SceneError> {
-        Self::build_step_by_step(bundle, &mut |_| ())
-    }
-
-    /// Builds a scene, and tells of each step before it begins.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::build`].
-    pub fn build_step_by_step(bundle: &SceneBundle, begin: &mut dyn FnMut(BuildStep<'_>)) -> Result<Self, SceneError> {
-        let description = bundle.description();
-        let Parts { panes, positions, triangles, surfaces } = Parts::decode(bundle, begin)?;
+    pub fn build(
+        parts: SceneParts<'_>,
+        assets: &Assets,
+        begin: &mut dyn FnMut(BuildStep<'_>),
+    ) -> Result<Self, SceneError> {
+        let Decoded { panes, positions, triangles, surfaces } = Decoded::of(parts, assets, begin)?;
         let mesh_bounds: Vec<[DVec3; 2]> =
             surfaces.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
         let smooth: Vec<_> = surfaces.iter().filter(|mesh| mesh.is_smooth()).map(MeshSurface::triangle_range).collect();
@@ -74,104 +52,39 @@ impl Scene {
         let accelerator = Accelerator::build(&positions, &triangles, &smooth, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
         let corners = |triangle: u32| *accelerator.corners(triangle);
-        check_panes(description, accelerator.panes(), corners, &surfaces)?;
+        check_panes(parts, accelerator.panes(), corners, &surfaces)?;
         check_faces(corners, &surfaces)?;
-        Obstacles::new(accelerator.shared_panes()).check(description)?;
-        let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
-        let scene = Self {
-            hash: bundle.scene_hash(),
-            camera: Camera::new(&description.camera, description.film),
+        Obstacles::new(accelerator.shared_panes()).check(parts)?;
+        let lights: Vec<Light> = parts.lights.iter().map(Light::new).collect();
+        Ok(Self {
+            camera: Camera::new(parts.camera, parts.film),
             light_sampler: LightSampler::new(&lights),
             lights,
             normals: triangles.iter().map(|&triangle| normal(&positions, triangle)).collect(),
             specular_ball: specular_ball(&accelerator, &surfaces, &mesh_bounds),
             pane_tree: PaneTree::new(accelerator.panes()),
             mesh_bounds,
-            facet_trees: surfaces.iter().map(|_| OnceLock::new()).collect(),
-            neighbours: surfaces.iter().map(|_| OnceLock::new()).collect(),
-            choices: OnceLock::new(),
             meshes: surfaces,
             accelerator,
-            path_filter: description.compiled_path_filter()?,
-            sampling: sampling(description)?,
-            description: description.clone(),
-            assets: asset_hashes(bundle),
-        };
-        begin(BuildStep::SmoothMeshes);
-        scene.prepare();
-        Ok(scene)
+        })
     }
 
-    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the integrator, the seed and the
-    /// sampling differ, all that takes time to build is kept. Whether the camera and the lights may stand where they do
-    /// then, [`Obstacles::check`] tells.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::build`].
-    pub fn changed(self, bundle: &SceneBundle) -> Result<Self, SceneError> {
-        let description = bundle.description();
-        let kept = SceneDescription {
-            camera: self.description.camera.clone(),
-            film: self.description.film,
-            lights: self.description.lights.clone(),
-            integrator: self.description.integrator.clone(),
-            seed: self.description.seed,
-            sampling: self.description.sampling,
-            ..description.clone()
-        };
-        if kept != self.description || asset_hashes(bundle) != self.assets {
-            return Self::build(bundle);
-        }
-        let (lights, light_sampler) = if description.lights == self.description.lights {
-            (self.lights, self.light_sampler)
-        } else {
-            let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
-            let light_sampler = LightSampler::new(&lights);
-            (lights, light_sampler)
-        };
-        let scene = Self {
-            hash: bundle.scene_hash(),
-            camera: Camera::new(&description.camera, description.film),
-            light_sampler,
+    /// The scene with the camera, the film and the lights of `parts`; all else must be the same. Whether camera and
+    /// lights may stand where they do then, [`Obstacles::check`] tells.
+    #[must_use]
+    pub fn with_view_and_lights(self, parts: SceneParts<'_>) -> Self {
+        let lights: Vec<Light> = parts.lights.iter().map(Light::new).collect();
+        Self {
+            camera: Camera::new(parts.camera, parts.film),
+            light_sampler: LightSampler::new(&lights),
             lights,
-            choices: OnceLock::new(),
-            sampling: sampling(description)?,
-            description: description.clone(),
             ..self
-        };
-        scene.prepare();
-        Ok(scene)
-    }
-
-    /// Makes what the integrator looks things up in, so that no sample waits for it.
-    fn prepare(&self) {
-        self.description.integrator.prepare(self);
-    }
-
-    /// The identity of the scene.
-    pub fn hash(&self) -> SceneHash {
-        self.hash
-    }
-
-    /// What it was built from: settings of integrator and film, and the names of things.
-    pub fn description(&self) -> &SceneDescription {
-        &self.description
+        }
     }
 
     /// The camera.
     pub fn camera(&self) -> &Camera {
         &self.camera
-    }
-
-    /// The light path expression to which rendering is restricted.
-    pub fn path_filter(&self) -> Option<&PathFilter> {
-        self.path_filter.as_ref()
-    }
-
-    /// How samples are grouped.
-    pub fn sampling(&self) -> Sampling {
-        self.sampling
     }
 
     /// Centre and radius, metres, of a ball around all panes and smooth meshes; radius 0 without any.
@@ -214,27 +127,10 @@ impl Scene {
         &self.light_sampler
     }
 
-    /// The method that is best for each kind of light, chosen when it is asked for first.
-    pub(crate) fn choices(&self) -> &[Choice] {
-        self.choices.get_or_init(|| self.with_surroundings(choose))
-    }
-
-    /// What the integrator chooses where it chooses among methods, in words.
-    pub fn chosen_methods(&self) -> Vec<String> {
-        self.with_surroundings(|surroundings| self.description.integrator.chosen(surroundings))
-    }
-
-    pub(crate) fn with_surroundings<T>(&self, ask: impl FnOnce(&Surroundings<'_>) -> T) -> T {
-        ask(&Surroundings {
-            lights: &self.lights,
-            panes: self.panes(),
-            meshes: &self.meshes,
-            bounds: &|mesh| self.mesh_bounds(mesh),
-            is_closed: &|mesh| {
-                let triangles = self.meshes[mesh as usize].triangle_range();
-                is_closed(triangles.map(|triangle| *self.accelerator.corners(triangle)))
-            },
-        })
+    /// Whether a mesh has an inside: each of its edges has a triangle on both sides.
+    pub(crate) fn is_closed(&self, mesh: u32) -> bool {
+        let triangles = self.meshes[mesh as usize].triangle_range();
+        is_closed(triangles.map(|triangle| *self.accelerator.corners(triangle)))
     }
 
     /// The meshes, in the order of the scene file and of their triangles.
@@ -254,42 +150,29 @@ impl Scene {
 }
 
 /// What a scene is made of, decoded and checked.
-struct Parts {
+struct Decoded {
     panes: Vec<Pane>,
     positions: Vec<DVec3>,
     triangles: Vec<[u32; 3]>,
     surfaces: Vec<MeshSurface>,
 }
 
-impl Parts {
-    fn decode(bundle: &SceneBundle, begin: &mut dyn FnMut(BuildStep<'_>)) -> Result<Self, SceneError> {
-        SceneMemory::of(bundle).check_counts()?;
-        let description = bundle.description();
+impl Decoded {
+    fn of(parts: SceneParts<'_>, assets: &Assets, begin: &mut dyn FnMut(BuildStep<'_>)) -> Result<Self, SceneError> {
+        SceneMemory::of(parts, assets).check_counts()?;
         begin(BuildStep::Textures);
-        let textures = decode_textures(bundle)?;
-        begin(BuildStep::Panes { count: description.panes.len() });
-        let panes = build_panes(bundle)?;
-        let mut meshes = Meshes::new(bundle, &textures);
-        for (index, mesh) in description.meshes.iter().enumerate() {
-            let (number, count) = (index + 1, description.meshes.len());
+        let textures = decode_textures(parts, assets)?;
+        begin(BuildStep::Panes { count: parts.panes.len() });
+        let panes = build_panes(parts.panes, assets)?;
+        let mut meshes = Meshes::new(parts, assets, &textures);
+        for (index, mesh) in parts.meshes.iter().enumerate() {
+            let (number, count) = (index + 1, parts.meshes.len());
             begin(BuildStep::Mesh { name: &mesh.name, number, count });
             meshes.add(index, mesh)?;
         }
         let Meshes { positions, triangles, surfaces, .. } = meshes;
         Ok(Self { panes, positions, triangles, surfaces })
     }
-}
-
-fn asset_hashes(bundle: &SceneBundle) -> BTreeMap<String, ContentHash> {
-    bundle.assets().iter().map(|(name, asset)| (name.clone(), asset.hash())).collect()
-}
-
-/// How samples are grouped.
-fn sampling(description: &SceneDescription) -> Result<Sampling, SceneError> {
-    let SamplingDescription { samples_per_pass, samples_per_block } = description.sampling;
-    Sampling::new(samples_per_pass, samples_per_block).map_err(|error| {
-        SceneError::value(&JsonPath::Root.member("sampling"), format_args!("{error}"), "numbers that fit")
-    })
 }
 
 /// A box around a mesh.
@@ -317,20 +200,6 @@ fn normal(positions: &[DVec3], triangle: [u32; 3]) -> DVec3 {
     (b - a).cross(c - a).normalize()
 }
 
-/// The bytes of a file that the scene names.
-pub(super) fn asset_bytes<'a>(bundle: &'a SceneBundle, name: &str) -> Result<&'a [u8], AssetProblem> {
-    bundle.assets().get(name).map(|asset| &asset.bytes()[..]).ok_or(AssetProblem::Missing)
-}
-
-/// Checks that all things of a kind together are not too many.
-pub(super) fn check_budget(count: usize, limit: usize, unit: &str, member: &str) -> Result<(), SceneError> {
-    if count <= limit {
-        return Ok(());
-    }
-    let root = JsonPath::Root;
-    Err(SceneError::value(&root.member(member), format_args!("{count} {unit}"), format_args!("at most {limit}")))
-}
-
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
@@ -338,10 +207,12 @@ mod tests {
     use glam::{DVec2, DVec3};
     use serde_json::{Value, json};
 
-    use super::super::malformed_scenes::valid_scene;
-    use super::super::{Asset, SceneBundle, SceneDescription};
+    use super::super::Asset;
     use super::*;
+    use crate::document::malformed_scenes::valid_scene;
+    use crate::document::{SceneBundle, SceneDescription};
     use crate::geometry::{Leaving, Surface};
+    use crate::integrator::PreparedScene;
     use crate::texture::picture_samples::{encode_exr, encode_png};
     use clerestory_film::counters::Counters;
 
@@ -349,7 +220,7 @@ mod tests {
         let description = SceneDescription::parse(scene.to_string().as_bytes())?;
         let assets: BTreeMap<String, Asset> =
             assets.iter().map(|(name, bytes)| ((*name).to_owned(), Asset::new(bytes.clone()))).collect();
-        Scene::build(&SceneBundle::from_parts(description, assets)?)
+        SceneBundle::from_parts(description, assets)?.build_scene()
     }
 
     #[test]
@@ -357,7 +228,7 @@ mod tests {
         let description = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
         let bundle = SceneBundle::from_parts(description, BTreeMap::new()).unwrap();
         let mut steps = Vec::new();
-        Scene::build_step_by_step(&bundle, &mut |step| steps.push(step.to_string())).unwrap();
+        PreparedScene::build_step_by_step(&bundle, &mut |step| steps.push(step.to_string())).unwrap();
         let meshes = bundle.description().meshes.len();
         assert_eq!(steps.len(), 4 + meshes, "{steps:?}");
         assert!(steps[1].starts_with("Building the panes, ") && steps[2].contains(&format!("mesh 1 of {meshes}, \"")));

@@ -6,26 +6,26 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3, UVec3};
 
-use super::assets::texture_uses;
-use super::build::{asset_bytes, check_budget};
-use super::bundle::SceneBundle;
+use super::assets::{Assets, asset_bytes, texture_uses};
 use super::description::{MeshDescription, MeshSource};
 use super::mesh::{Placement, TriangleMesh, is_degenerate};
 use super::mesh_file::{MeshFile, MeshFormat};
+use super::parts::SceneParts;
 use super::surface::{MeshSurface, Surface};
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
+use crate::settings::check::check_budget;
 use crate::settings::limits::{MAX_COORDINATE, MAX_TRIANGLES};
 use crate::texture::{Bitmap, Bitmaps};
 
 /// Decodes the textures of all materials, each file once.
-pub(super) fn decode_textures(bundle: &SceneBundle) -> Result<Bitmaps<'_>, SceneError> {
+pub(super) fn decode_textures<'a>(scene: SceneParts<'a>, assets: &Assets) -> Result<Bitmaps<'a>, SceneError> {
     let mut bitmaps = Bitmaps::new();
-    for (path, file) in texture_uses(bundle.description()) {
+    for (path, file) in texture_uses(scene) {
         if bitmaps.contains_key(file) {
             continue;
         }
-        let bitmap = asset_bytes(bundle, file).and_then(Bitmap::decode);
+        let bitmap = asset_bytes(assets, file).and_then(Bitmap::decode);
         let bitmap = bitmap.map_err(|problem| SceneError::Asset { path, name: file.to_owned(), problem })?;
         bitmaps.insert(file, Arc::new(bitmap));
     }
@@ -34,7 +34,8 @@ pub(super) fn decode_textures(bundle: &SceneBundle) -> Result<Bitmaps<'_>, Scene
 
 /// Triangles of all meshes.
 pub(super) struct Meshes<'a> {
-    bundle: &'a SceneBundle,
+    scene: SceneParts<'a>,
+    assets: &'a Assets,
     bitmaps: &'a Bitmaps<'a>,
     /// Decoded files, which several meshes may share.
     files: BTreeMap<(MeshFormat, &'a str), Arc<TriangleMesh>>,
@@ -48,9 +49,9 @@ pub(super) struct Meshes<'a> {
 
 impl<'a> Meshes<'a> {
     /// No mesh yet.
-    pub(super) fn new(bundle: &'a SceneBundle, bitmaps: &'a Bitmaps<'a>) -> Self {
+    pub(super) fn new(scene: SceneParts<'a>, assets: &'a Assets, bitmaps: &'a Bitmaps<'a>) -> Self {
         let files = BTreeMap::new();
-        Self { bundle, bitmaps, files, positions: Vec::new(), triangles: Vec::new(), surfaces: Vec::new() }
+        Self { scene, assets, bitmaps, files, positions: Vec::new(), triangles: Vec::new(), surfaces: Vec::new() }
     }
 
     /// Adds mesh `index` of the scene file.
@@ -96,7 +97,7 @@ impl<'a> Meshes<'a> {
             name: file.clone(),
             problem,
         };
-        let bytes = asset_bytes(self.bundle, file).map_err(unusable)?;
+        let bytes = asset_bytes(self.assets, file).map_err(unusable)?;
         let opened = MeshFile::open(format, bytes).map_err(unusable)?;
         let mesh = Arc::new(opened.decode().map_err(unusable)?);
         self.files.insert((format, file), mesh.clone());
@@ -149,7 +150,7 @@ impl<'a> Meshes<'a> {
         mesh: &TriangleMesh,
         triangles: &[[u32; 3]],
     ) -> Result<Surface, SceneError> {
-        let material = self.bundle.description().materials.get(&description.material);
+        let material = self.scene.materials.get(&description.material);
         let material = material.expect("validation knows every material");
         let bsdf = material.build(self.bitmaps);
         let texture = match material.texture() {

@@ -5,8 +5,7 @@ use std::collections::BTreeMap;
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::build::asset_bytes;
-use super::bundle::SceneBundle;
+use super::assets::{Assets, asset_bytes};
 use super::description::{PaneDescription, ProfileDescription};
 use super::profile::procedural_coefficients;
 use crate::geometry::{Face, Frame, HeightField, Pane};
@@ -17,9 +16,8 @@ use crate::texture::height_map::{CoefficientGrid, HeightMap};
 type HeightMaps<'a> = BTreeMap<&'a str, HeightMap>;
 
 /// Builds all panes, in the order of the scene file.
-pub(super) fn build_panes(bundle: &SceneBundle) -> Result<Vec<Pane>, SceneError> {
-    let panes = &bundle.description().panes;
-    let height_maps = decode_height_maps(bundle)?;
+pub(super) fn build_panes(panes: &[PaneDescription], assets: &Assets) -> Result<Vec<Pane>, SceneError> {
+    let height_maps = decode_height_maps(panes, assets)?;
     // Collected before the first error is looked for, so that it is the same one on every machine.
     let built: Vec<Result<Pane, SceneError>> =
         panes.par_iter().enumerate().map(|(index, pane)| build_pane(index, pane, &height_maps)).collect();
@@ -32,13 +30,13 @@ pub(super) fn faces(pane: &PaneDescription) -> [(Face, &ProfileDescription, DVec
 }
 
 /// Decodes all height maps, each file once.
-fn decode_height_maps(bundle: &SceneBundle) -> Result<HeightMaps<'_>, SceneError> {
+fn decode_height_maps<'a>(panes: &'a [PaneDescription], assets: &Assets) -> Result<HeightMaps<'a>, SceneError> {
     let mut height_maps = BTreeMap::new();
-    for (index, pane) in bundle.description().panes.iter().enumerate() {
+    for (index, pane) in panes.iter().enumerate() {
         for (face, profile, _) in faces(pane) {
             let ProfileDescription::HeightMap { file, .. } = profile else { continue };
             if !height_maps.contains_key(file.as_str()) {
-                let map = asset_bytes(bundle, file)
+                let map = asset_bytes(assets, file)
                     .and_then(HeightMap::decode)
                     .map_err(|problem| height_map_error(index, face, file, problem))?;
                 height_maps.insert(file.as_str(), map);

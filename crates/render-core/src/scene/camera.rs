@@ -2,8 +2,9 @@
 
 use glam::{DVec2, DVec3};
 
-use super::description::{CameraDescription, FilmDescription, Triple};
+use super::description::{CameraDescription, FilmDescription};
 use crate::geometry::{Frame, Ray};
+use crate::settings::Triple;
 
 /// A camera with square pixels; row 0 is the top of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]

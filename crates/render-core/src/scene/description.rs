@@ -1,74 +1,18 @@
-//! The scene file: the types that its JSON is read into.
+//! The things of a scene, as they stand in its file.
 //!
 //! A choice is an object with one member named after it (`{"sphere": {...}}`), so that every error can name the exact
 //! JSON path. A choice without parameters is a string (`"flat"`). Unknown members are errors. Ranges that a JSON Schema
 //! can express stand here; `validate` checks them and everything else.
 
-use std::collections::BTreeMap;
-use std::fmt;
-
 use schemars::JsonSchema;
-use serde::de::{Error as _, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use crate::geometry::FaceCrossing;
 
 pub use crate::bsdf::MaterialDescription;
 pub use crate::light::LightDescription;
 pub use crate::settings::{SCENE_FORMAT_VERSION, Triple};
-pub use crate::specular::conic::ConicSearch;
-pub use crate::specular::constraint::ManifoldConstraint;
-pub use crate::specular::fnee::FneeSolver;
-pub use crate::specular::manifold::WalkSteps;
-pub use crate::specular::mnee::MissedPaths;
-pub use crate::specular::registry::IntegratorDescription;
-pub use crate::specular::selection::PaneSelection;
-pub use crate::specular::sms::ManifoldEstimator;
 pub use crate::texture::ColourDescription;
-
-/// A scene: geometry, materials, panes, lights, camera, integrator settings and seed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct SceneDescription {
-    /// Version of the format: 2, or 1 for scenes whose hash is to be that of earlier builds.
-    #[schemars(range(min = 1, max = 2))]
-    pub version: u32,
-    /// A short name, shown in lists; at most 200 bytes.
-    #[schemars(length(min = 1, max = 200))]
-    pub name: String,
-    /// Seed of every random number.
-    #[serde(default)]
-    pub seed: u64,
-    /// Size of the image.
-    pub film: FilmDescription,
-    /// The camera.
-    pub camera: CameraDescription,
-    /// The integrator and its settings, or its name alone.
-    #[serde(default, deserialize_with = "IntegratorDescription::or_name")]
-    #[schemars(schema_with = "IntegratorDescription::schema_or_name")]
-    pub integrator: IntegratorDescription,
-    /// Light path expression over D (diffuse), R (specular reflection), T (specular transmission) and L (light), from
-    /// the camera to the light, for instance `D TT L`: only matching paths are rendered. Default: all paths.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub path_filter: Option<String>,
-    /// How samples are grouped.
-    #[serde(default)]
-    pub sampling: SamplingDescription,
-    /// Materials by name.
-    #[serde(default, deserialize_with = "materials_with_unique_names")]
-    pub materials: BTreeMap<String, MaterialDescription>,
-    /// Triangle meshes.
-    #[serde(default)]
-    pub meshes: Vec<MeshDescription>,
-    /// Window panes, at most 4096.
-    #[serde(default)]
-    #[schemars(length(max = 4096))]
-    pub panes: Vec<PaneDescription>,
-    /// Lights, at most 4096.
-    #[serde(default)]
-    #[schemars(length(max = 4096))]
-    pub lights: Vec<LightDescription>,
-}
 
 /// Size of the image in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -111,25 +55,6 @@ pub enum CameraDescription {
         #[schemars(extend("exclusiveMinimum" = 0))]
         height: f64,
     },
-}
-
-/// How samples are grouped. Both numbers decide the order of summation and so the last bits of the image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
-pub struct SamplingDescription {
-    /// Samples per pixel in a pass, 1 to 65536.
-    #[schemars(range(min = 1, max = 65_536))]
-    pub samples_per_pass: u32,
-    /// Samples per pixel that share one scramble of the low-discrepancy sequence: a power of two times
-    /// `samples_per_pass`, at most 65536. The standard error is estimated from the means of such blocks.
-    #[schemars(range(min = 1, max = 65_536))]
-    pub samples_per_block: u32,
-}
-
-impl Default for SamplingDescription {
-    fn default() -> Self {
-        Self { samples_per_pass: 16, samples_per_block: 256 }
-    }
 }
 
 /// A triangle mesh.
@@ -335,32 +260,4 @@ pub enum ProfileDescription {
         #[serde(default)]
         offset: f64,
     },
-}
-
-/// Reads a map of materials. A name that stands there twice is an error; a plain map would keep the last.
-fn materials_with_unique_names<'de, D: Deserializer<'de>>(
-    deserializer: D,
-) -> Result<BTreeMap<String, MaterialDescription>, D::Error> {
-    struct Materials;
-
-    impl<'de> Visitor<'de> for Materials {
-        type Value = BTreeMap<String, MaterialDescription>;
-
-        fn expecting(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-            formatter.write_str("an object of materials by name")
-        }
-
-        fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<Self::Value, A::Error> {
-            let mut materials = BTreeMap::new();
-            while let Some((name, material)) = members.next_entry()? {
-                if materials.contains_key(&name) {
-                    return Err(A::Error::custom(format_args!("duplicate material `{name}`")));
-                }
-                materials.insert(name, material);
-            }
-            Ok(materials)
-        }
-    }
-
-    deserializer.deserialize_map(Materials)
 }

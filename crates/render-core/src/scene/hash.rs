@@ -1,14 +1,10 @@
-//! What identifies a scene: hashes of its assets, and the hash over its canonical JSON and these.
+//! Hashes that identify a scene and the files that it names.
 
-use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use thiserror::Error;
-
-use super::canonical::canonical_json;
-use super::description::SceneDescription;
 
 /// BLAKE3 hash of the bytes of an asset.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -31,21 +27,9 @@ impl ContentHash {
 }
 
 impl SceneHash {
-    /// The hash of a scene with the assets of these names and hashes.
-    pub(super) fn of(description: &SceneDescription, assets: &BTreeMap<&str, ContentHash>) -> Self {
-        let json = canonical_json(description);
-        let mut hasher = blake3::Hasher::new_derive_key(match description.version {
-            1 => "clerestory scene hash, version 1",
-            _ => "clerestory scene hash, version 2",
-        });
-        hasher.update(&(json.len() as u64).to_le_bytes());
-        hasher.update(json.as_bytes());
-        for (name, hash) in assets {
-            hasher.update(&(name.len() as u64).to_le_bytes());
-            hasher.update(name.as_bytes());
-            hasher.update(hash.as_bytes());
-        }
-        Self(*hasher.finalize().as_bytes())
+    /// A hash of these bytes.
+    pub(crate) const fn from_bytes(bytes: [u8; 32]) -> Self {
+        Self(bytes)
     }
 
     /// Its bytes.

@@ -10,14 +10,14 @@ use std::fmt;
 
 use glam::DVec2;
 
-use super::assets::texture_uses;
-use super::build::check_budget;
+use super::assets::{Assets, texture_uses};
 use super::build_panes::{face_path, faces};
-use super::bundle::SceneBundle;
-use super::description::{MeshDescription, MeshSource, PaneDescription, ProfileDescription, SceneDescription};
+use super::description::{MeshDescription, MeshSource, PaneDescription, ProfileDescription};
 use super::mesh_file::{MeshFile, MeshFormat};
+use super::parts::SceneParts;
 use super::profile::procedural_grid;
 use crate::settings::SceneError;
+use crate::settings::check::check_budget;
 use crate::settings::limits::{MAX_COEFFICIENTS, MAX_TEXELS, MAX_TRIANGLES};
 use crate::texture::picture_size::{PictureSize, picture_size};
 
@@ -62,23 +62,23 @@ impl Kind {
 
 impl SceneMemory {
     /// Counts what a scene is made of. Files that cannot be read count as nothing: decoding them says what is wrong.
-    pub fn of(bundle: &SceneBundle) -> Self {
-        let description = bundle.description();
+    pub fn of(scene: SceneParts<'_>, assets: &Assets) -> Self {
         let mut files = Files {
-            bundle,
-            have_smooth_meshes: description.meshes.iter().any(|mesh| is_smooth(description, mesh)),
+            scene,
+            assets,
+            have_smooth_meshes: scene.meshes.iter().any(|mesh| scene.is_smooth(mesh)),
             meshes: BTreeMap::new(),
             pictures: BTreeMap::new(),
         };
         let mut parts = textures(&mut files);
-        for (index, mesh) in description.meshes.iter().enumerate() {
+        for (index, mesh) in scene.meshes.iter().enumerate() {
             parts.push(mesh_part(&mut files, index, mesh));
         }
         let mut heights = BTreeSet::new();
-        for (index, pane) in description.panes.iter().enumerate() {
+        for (index, pane) in scene.panes.iter().enumerate() {
             parts.extend(pane_parts(&mut files, index, pane, &mut heights));
         }
-        Self { asset_bytes: bundle.assets().values().map(|asset| asset.bytes().len() as u64).sum(), parts }
+        Self { asset_bytes: assets.values().map(|asset| asset.bytes().len() as u64).sum(), parts }
     }
 
     /// Bytes that building the scene takes at its peak, its files among them.
@@ -143,7 +143,8 @@ impl SceneMemory {
 
 /// What the files of a scene hold. Each is looked at once, however often the scene names it.
 struct Files<'a> {
-    bundle: &'a SceneBundle,
+    scene: SceneParts<'a>,
+    assets: &'a Assets,
     /// Whether any mesh refracts or mirrors, so that all are compared with it.
     have_smooth_meshes: bool,
     /// Vertices and triangles.
@@ -157,7 +158,7 @@ impl<'a> Files<'a> {
         if let Some(counts) = self.meshes.get(&(format, file)) {
             return (*counts, false);
         }
-        let asset = self.bundle.assets().get(file);
+        let asset = self.assets.get(file);
         let opened = asset.and_then(|asset| MeshFile::open(format, asset.bytes()).ok());
         let counts = opened.map_or([0; 2], |file| [file.vertices() as u64, file.triangles() as u64]);
         self.meshes.insert((format, file), counts);
@@ -165,14 +166,14 @@ impl<'a> Files<'a> {
     }
 
     fn picture(&mut self, file: &'a str) -> PictureSize {
-        let read = || self.bundle.assets().get(file).and_then(|asset| picture_size(asset.bytes()).ok());
+        let read = || self.assets.get(file).and_then(|asset| picture_size(asset.bytes()).ok());
         *self.pictures.entry(file).or_insert_with(|| read().unwrap_or_default())
     }
 }
 
 fn textures<'a>(files: &mut Files<'a>) -> Vec<Part> {
     let mut seen = BTreeSet::new();
-    let textures = texture_uses(files.bundle.description()).filter(|(_, file)| seen.insert(*file));
+    let textures = texture_uses(files.scene).filter(|(_, file)| seen.insert(*file));
     let part = |(path, file): (String, &'a str)| {
         let PictureSize { pixels, decoded_bytes } = files.picture(file);
         Part { path, count: pixels, kind: Kind::Texels, decoding: decoded_bytes, kept: TEXEL_BYTES * pixels }
@@ -195,9 +196,8 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
         MeshSource::Ply { file } => ("ply.file", files.mesh(MeshFormat::Ply, file)),
         MeshSource::Obj { file } => ("obj.file", files.mesh(MeshFormat::Obj, file)),
     };
-    let description = files.bundle.description();
-    let is_smooth = is_smooth(description, mesh);
-    let material = description.materials.get(&mesh.material);
+    let is_smooth = files.scene.is_smooth(mesh);
+    let material = files.scene.materials.get(&mesh.material);
     let is_textured = material.is_some_and(|material| material.texture().is_some());
     let from_file = matches!(mesh.source, MeshSource::Ply { .. } | MeshSource::Obj { .. });
     let decoding = match mesh.source {
@@ -224,10 +224,6 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
             + GROWTH * (PLACED_VERTEX * vertices + PLACED_TRIANGLE * triangles)
             + (surface + compared + SORTED_TRIANGLE) * triangles,
     }
-}
-
-fn is_smooth(description: &SceneDescription, mesh: &MeshDescription) -> bool {
-    description.materials.get(&mesh.material).is_some_and(|material| material.is_delta())
 }
 
 /// Bytes of a vertex and of a triangle in a decoded mesh.
@@ -327,8 +323,9 @@ mod tests {
     use serde_json::json;
 
     use super::super::Asset;
-    use super::super::malformed_scenes::valid_scene;
     use super::*;
+    use crate::document::malformed_scenes::valid_scene;
+    use crate::document::{SceneBundle, SceneDescription};
 
     /// The valid scene with this many meshes from one file of a triangle, of a material.
     fn of_one_file(meshes: usize, material: &str) -> SceneBundle {
@@ -350,19 +347,24 @@ mod tests {
     #[test]
     fn a_file_is_counted_once_however_many_meshes_name_it() {
         let bundle = of_one_file(1000, "stone");
-        let memory = SceneMemory::of(&bundle);
+        let memory = bundle.memory();
         assert!(memory.parts.iter().all(|part| part.count == 1));
         let decoded = memory.parts.iter().filter(|part| part.kept > memory.parts[1].kept);
         assert_eq!(decoded.map(|part| part.path.as_str()).collect::<Vec<_>>(), ["meshes[0].source.obj.file"]);
-        let mut files =
-            Files { bundle: &bundle, have_smooth_meshes: false, meshes: BTreeMap::new(), pictures: BTreeMap::new() };
+        let mut files = Files {
+            scene: bundle.description().parts(),
+            assets: bundle.assets(),
+            have_smooth_meshes: false,
+            meshes: BTreeMap::new(),
+            pictures: BTreeMap::new(),
+        };
         let looked_at: Vec<_> = (0..3).map(|_| files.mesh(MeshFormat::Obj, "a.obj")).collect();
         assert_eq!(looked_at, [([3, 1], true), ([3, 1], false), ([3, 1], false)]);
     }
 
     #[test]
     fn triangles_are_compared_only_where_something_refracts_or_mirrors() {
-        let [stone, glass] = ["stone", "glass"].map(|material| SceneMemory::of(&of_one_file(1000, material)));
+        let [stone, glass] = ["stone", "glass"].map(|material| of_one_file(1000, material).memory());
         let more = glass.bytes() - stone.bytes();
         assert!(more >= 1000 * (COMPARED_TRIANGLE + SMOOTH_TRIANGLE), "{more}");
     }

@@ -2,7 +2,8 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::description::{MeshDescription, Triple};
+use super::description::MeshDescription;
+use crate::settings::Triple;
 
 /// Triangles with shared vertices, in the coordinates of their file.
 #[derive(Clone, Debug, Default, PartialEq)]

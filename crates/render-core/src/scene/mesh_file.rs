@@ -5,7 +5,6 @@ use super::mesh::TriangleMesh;
 use super::obj::ObjFile;
 use super::ply::PlyFile;
 use crate::settings::AssetProblem;
-use clerestory_film::file_format::FileFormat;
 
 /// The format that a scene file states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -61,16 +60,5 @@ impl<'a> MeshFile<'a> {
             Self::Obj(file) => file.decode(),
             Self::Ply(file) => file.decode(),
         }
-    }
-}
-
-/// Refuses a file that is known to be of another format than the one of this name.
-pub(super) fn refuse_other_formats(bytes: &[u8], expected: &'static str) -> Result<(), AssetProblem> {
-    match FileFormat::of(bytes) {
-        Some(format) if !format.is_mesh(expected) => {
-            let instead = format.instead_of_mesh();
-            Err(AssetProblem::malformed(format_args!("is not a readable {expected} file: {instead}")))
-        }
-        _ => Ok(()),
     }
 }

@@ -1,59 +1,45 @@
-//! Scenes: the JSON description, its validation, its assets, and the immutable scene built from them.
+//! Scenes as data: their things, the checks of these, and what is built from them.
 //!
-//! `description` holds the types of the file; `docs/scene-format.md` is its manual. A description plus the bytes of
-//! the assets that it names is a [`SceneBundle`]: what is hashed, sent to the farm, and built.
+//! `description` holds the types of the things in a scene file. With the bytes of the files that they name, they are
+//! built into an immutable [`Scene`]. It knows no method that renders it.
 
 pub mod assets;
 mod build;
 mod build_meshes;
 mod build_panes;
 mod build_step;
-pub mod bundle;
 pub mod camera;
-mod canonical;
 pub mod description;
 pub mod hash;
-
-#[cfg(test)]
-mod hostile_scenes;
-#[cfg(test)]
-pub(crate) mod malformed_scenes;
 pub mod memory;
-mod mesh;
+pub(crate) mod mesh;
 mod mesh_file;
-mod missing_light;
-pub mod nave;
+mod mesh_format;
 mod obj;
-mod parse;
+pub(crate) mod pane_tree;
+mod parts;
 mod ply;
 mod polygon;
-mod profile;
-mod random;
-pub mod schema;
-#[cfg(test)]
-mod shipped_scenes;
+pub(crate) mod profile;
+pub(crate) mod random;
+mod shading_point;
 mod surface;
-mod syntax;
+mod surfaces;
 mod text;
-mod triangles;
 mod validate;
 mod validate_faces;
-mod validate_integrator;
 mod validate_places;
 pub(crate) mod visibility;
-pub mod water;
-mod waves;
+pub(crate) mod waves;
 
 pub use crate::settings::{AssetProblem, SceneError, limits};
-pub use assets::asset_names;
+pub use assets::{Asset, Assets};
 pub use build::Scene;
 pub use build_step::BuildStep;
-pub use bundle::{Asset, SceneBundle, load};
 pub use camera::Camera;
-pub use canonical::{SceneHeader, canonical_json};
-pub use description::SceneDescription;
 pub use hash::{ContentHash, SceneHash};
 pub use memory::SceneMemory;
-pub use schema::scene_schema;
+pub use parts::SceneParts;
+pub use shading_point::ShadingPoint;
 pub use surface::MeshSurface;
 pub use validate_places::Obstacles;

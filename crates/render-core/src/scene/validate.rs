@@ -5,48 +5,35 @@
 use glam::{DVec3, UVec3};
 
 use super::description::{
-    CameraDescription, MaterialDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription,
-    SamplingDescription, SceneDescription, Triple, WaveDescription,
+    CameraDescription, MeshDescription, MeshSource, PaneDescription, ProfileDescription, WaveDescription,
 };
 use super::mesh::is_degenerate;
+use super::parts::SceneParts;
 use super::profile;
 use super::waves::MAX_CELLS;
-use crate::integrator::PathFilter;
+use crate::bsdf::MaterialDescription;
 use crate::settings::Check;
 use crate::settings::JsonPath;
 use crate::settings::SceneError;
+use crate::settings::Triple;
 use crate::settings::check::{
     MIN_SINE, Names, Number, Numbers, Quoted, check_above, check_asset_name, check_count, check_direction, check_name,
     check_pair, check_range, check_triple,
 };
-use crate::settings::is_readable;
 use crate::settings::limits::{MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHTS, MAX_PANES, MAX_TRIANGLES};
 
-/// A path filter names a few events.
-const MAX_PATH_FILTER_BYTES: usize = 1000;
-
-/// Most samples that share one scramble: the sequence has no more points.
-const MAX_SAMPLES_PER_BLOCK: u32 = 1 << 16;
-
-impl SceneDescription {
+impl SceneParts<'_> {
     /// Checks everything that can be checked without the assets.
     ///
     /// # Errors
     ///
     /// The first thing that is wrong, with its place, what stands there and what would be right.
-    pub fn validate(&self) -> Result<(), SceneError> {
+    pub(crate) fn check(&self) -> Check {
         let root = JsonPath::Root;
-        if !is_readable(self.version.into()) {
-            return Err(SceneError::UnsupportedVersion { found: self.version.to_string() });
-        }
-        check_name(&self.name, &root.member("name"))?;
         let film = root.member("film");
         check_range(self.film.width, 1, MAX_IMAGE_EDGE, &film.member("width"))?;
         check_range(self.film.height, 1, MAX_IMAGE_EDGE, &film.member("height"))?;
-        check_camera(&self.camera, &root.member("camera"))?;
-        self.check_integrator(&root.member("integrator"))?;
-        self.compiled_path_filter()?;
-        check_sampling(self.sampling, &root.member("sampling"))?;
+        check_camera(self.camera, &root.member("camera"))?;
         self.check_materials(&root.member("materials"))?;
         self.check_meshes(&root.member("meshes"))?;
         check_count(self.panes.len(), MAX_PANES, &root.member("panes"))?;
@@ -66,23 +53,11 @@ impl SceneDescription {
             light.check(&settings)?;
             names.add(light.name(), &settings)?;
         }
-        self.check_integrator_names(&root.member("integrator"))
-    }
-
-    /// The path filter, if there is one, ready for use.
-    pub(super) fn compiled_path_filter(&self) -> Result<Option<PathFilter>, SceneError> {
-        let Some(expression) = &self.path_filter else { return Ok(None) };
-        let root = JsonPath::Root;
-        let error = |expected: String| SceneError::value(&root.member("path_filter"), Quoted(expression), expected);
-        if expression.len() > MAX_PATH_FILTER_BYTES {
-            return Err(error(format!("at most {MAX_PATH_FILTER_BYTES} bytes")));
-        }
-        let compiled = PathFilter::parse(expression);
-        compiled.map(Some).map_err(|reason| error(format!("a light path expression such as \"D TT L\": {reason}")))
+        Ok(())
     }
 
     fn check_materials(&self, path: &JsonPath<'_>) -> Check {
-        for (name, material) in &self.materials {
+        for (name, material) in self.materials {
             let material_path = path.member(name);
             check_name(name, &material_path)?;
             material.check(&material_path.member(material.kind()))?;
@@ -151,18 +126,6 @@ fn check_view(position: Triple, look_at: Triple, up: Triple, path: &JsonPath<'_>
     if up_direction.cross(view).length() < MIN_SINE {
         let expected = "a direction that is not parallel to the line from position to look_at";
         return Err(SceneError::value(&path.member("up"), Numbers(&up), expected));
-    }
-    Ok(())
-}
-
-fn check_sampling(sampling: SamplingDescription, path: &JsonPath<'_>) -> Check {
-    let SamplingDescription { samples_per_pass, samples_per_block } = sampling;
-    check_range(samples_per_pass, 1, MAX_SAMPLES_PER_BLOCK, &path.member("samples_per_pass"))?;
-    check_range(samples_per_block, 1, MAX_SAMPLES_PER_BLOCK, &path.member("samples_per_block"))?;
-    let passes = samples_per_block / samples_per_pass;
-    if !samples_per_block.is_multiple_of(samples_per_pass) || !passes.is_power_of_two() {
-        let expected = format!("a power of two times samples_per_pass ({samples_per_pass})");
-        return Err(SceneError::value(&path.member("samples_per_block"), samples_per_block, expected));
     }
     Ok(())
 }

@@ -132,9 +132,9 @@ mod tests {
 
     use serde_json::{Value, json};
 
-    use super::super::malformed_scenes::valid_scene;
-    use super::super::{Scene, SceneBundle, SceneDescription};
     use super::*;
+    use crate::document::malformed_scenes::valid_scene;
+    use crate::document::{SceneBundle, SceneDescription};
 
     /// Corners, and triangles of them.
     type Triangles = (Vec<[f64; 3]>, Vec<[u32; 3]>);
@@ -167,8 +167,7 @@ mod tests {
             "mirror": {"mirror": {}}
         });
         let description = SceneDescription::parse(scene.to_string().as_bytes())?;
-        let bundle = SceneBundle::from_parts(description, BTreeMap::new())?;
-        Scene::build(&bundle).map(drop)
+        SceneBundle::from_parts(description, BTreeMap::new())?.build_scene().map(drop)
     }
 
     #[track_caller]
@@ -234,7 +233,7 @@ mod tests {
             mesh["translate"] = json!([0, 0.01 * index as f64, 0.01 * index as f64]);
         }
         let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
-        let scene = Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap();
+        let scene = SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap();
         let corners = |triangle: u32| *scene.accelerator().corners(triangle);
         let found = candidates(&corners, scene.meshes());
         let around = |triangle: u32| Shape::Polygon(&corners(triangle)).bounds();

@@ -9,7 +9,8 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::description::{CameraDescription, SceneDescription};
+use super::description::CameraDescription;
+use super::parts::SceneParts;
 use super::{Camera, MeshSurface};
 use crate::geometry::Pane;
 use crate::geometry::contact::{NOWHERE, Shape, contact, join, overlap, way_out};
@@ -34,7 +35,7 @@ const TRIANGLES_IN_A_BOX: usize = 64;
 
 /// Bodies that must be apart, with a bound on the work of all comparisons.
 struct Places<'a> {
-    description: &'a SceneDescription,
+    scene: SceneParts<'a>,
     panes: &'a [Pane],
     budget: u32,
 }
@@ -61,12 +62,12 @@ impl Boxes {
 
 /// Checks that panes stand apart from one another and from smooth meshes.
 pub(super) fn check_panes(
-    description: &SceneDescription,
+    scene: SceneParts<'_>,
     panes: &[Pane],
     corners: impl Fn(u32) -> [DVec3; 3],
     meshes: &[MeshSurface],
 ) -> Check {
-    let mut places = Places { description, panes, budget: MOST_PARTS };
+    let mut places = Places { scene, panes, budget: MOST_PARTS };
     places.check_panes()?;
     places.check_meshes(corners, meshes)
 }
@@ -83,17 +84,16 @@ impl Obstacles {
         Self { panes }
     }
 
-    /// Checks that the lights and the camera of a valid description stand outside of glass, and the camera outside of
-    /// lights.
+    /// Checks that the lights and the camera of a valid scene stand outside of glass, and the camera outside of lights.
     ///
     /// # Errors
     ///
     /// What stands where, and a way out.
-    pub fn check(&self, description: &SceneDescription) -> Result<(), SceneError> {
-        let lights: Vec<Light> = description.lights.iter().map(Light::new).collect();
-        let mut places = Places { description, panes: &self.panes, budget: MOST_PARTS };
+    pub fn check(&self, scene: SceneParts<'_>) -> Result<(), SceneError> {
+        let lights: Vec<Light> = scene.lights.iter().map(Light::new).collect();
+        let mut places = Places { scene, panes: &self.panes, budget: MOST_PARTS };
         places.check_lights(&lights)?;
-        places.check_camera(&Camera::new(&description.camera, description.film), &lights)
+        places.check_camera(&Camera::new(scene.camera, scene.film), &lights)
     }
 }
 
@@ -123,7 +123,7 @@ impl Places<'_> {
         let root = JsonPath::Root;
         let panes = root.member("panes");
         let path = panes.element(second);
-        let centre = self.description.panes[second].centre;
+        let centre = self.scene.panes[second].centre;
         let found = format!(
             "{centre:?}, where the glass of pane {} touches or overlaps that of pane {} (panes[{first}]) at {}",
             Quoted(&other.name),
@@ -190,7 +190,7 @@ impl Places<'_> {
         for (index, light) in lights.iter().enumerate() {
             let Some(body) = light.body() else { continue };
             let Some((pane, at)) = self.pane_around(&shape_of(&body)) else { continue };
-            let description = &self.description.lights[index];
+            let description = &self.scene.lights[index];
             let root = JsonPath::Root;
             let (lights, place) = (root.member("lights"), description.place().unwrap_or_default());
             let (element, kind) = (lights.element(index), description.kind());
@@ -212,7 +212,7 @@ impl Places<'_> {
         };
         let root = JsonPath::Root;
         let camera = root.member("camera");
-        let (kind, subject) = match self.description.camera {
+        let (kind, subject) = match self.scene.camera {
             CameraDescription::Perspective { .. } => ("perspective", "a camera"),
             CameraDescription::Orthographic { .. } => ("orthographic", "a camera whose rays start"),
         };
@@ -295,13 +295,14 @@ mod tests {
 
     use serde_json::{Value, json};
 
-    use super::super::malformed_scenes::valid_scene;
-    use super::super::{Scene, SceneBundle};
+    use super::super::Scene;
     use super::*;
+    use crate::document::malformed_scenes::valid_scene;
+    use crate::document::{SceneBundle, SceneDescription};
 
     fn build(scene: &Value) -> Result<Scene, SceneError> {
         let description = SceneDescription::parse(scene.to_string().as_bytes())?;
-        Scene::build(&SceneBundle::from_parts(description, BTreeMap::new())?)
+        SceneBundle::from_parts(description, BTreeMap::new())?.build_scene()
     }
 
     /// The valid scene with flat panes, changed.
@@ -462,11 +463,12 @@ mod tests {
             "name": "sea", "material": "water", "rotate": [90, 0, 0], "translate": [0, -9, 0],
             "source": {"waves": {"size": [60, 60], "cells": [80, 80], "wavelengths": [3, 5], "height": 0.01, "seed": 1}}
         }]);
+        let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
         let scene = build(&scene).unwrap();
         let found = |rise: f64, x: f64| {
             let corners =
                 |triangle: u32| scene.accelerator().corners(triangle).map(|corner| corner + DVec3::new(x, rise, 0.0));
-            let mut places = Places { description: scene.description(), panes: scene.panes(), budget: 2000 };
+            let mut places = Places { scene: description.parts(), panes: scene.panes(), budget: 2000 };
             let result = places.check_meshes(corners, scene.meshes());
             (places.budget, result.err().map(|error| error.to_string()))
         };
@@ -506,11 +508,11 @@ mod tests {
 
     #[test]
     fn where_a_camera_may_go_in_a_built_scene_is_known_beforehand() {
+        let mut description = SceneDescription::parse(valid_scene().to_string().as_bytes()).unwrap();
         let scene = changed(|_| {}).unwrap();
-        let mut description = scene.description().clone();
-        assert!(scene.obstacles().check(&description).is_ok());
+        assert!(scene.obstacles().check(description.parts()).is_ok());
         let CameraDescription::Perspective { position, .. } = &mut description.camera else { panic!("no pinhole") };
         *position = [0.0, 0.0, 1.001];
-        assert_eq!(scene.obstacles().check(&description).unwrap_err().path(), "camera.perspective.position");
+        assert_eq!(scene.obstacles().check(description.parts()).unwrap_err().path(), "camera.perspective.position");
     }
 }

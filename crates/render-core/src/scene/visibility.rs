@@ -3,11 +3,9 @@
 use glam::DVec3;
 
 use super::Scene;
-use crate::{
-    geometry::{Face, Leaving, Ray, Surface},
-    light::Source,
-    specular::ShadingPoint,
-};
+use crate::geometry::{Face, Leaving, Ray, Surface};
+use crate::light::Source;
+use crate::scene::ShadingPoint;
 use clerestory_film::counters::Counters;
 
 /// Things on one ray whose distances differ by less than this part are in the same place.

@@ -123,3 +123,12 @@ pub(crate) fn check_asset_name(name: &str, path: &JsonPath<'_>) -> Check {
     );
     Err(SceneError::value(path, format_args!("\"{name}\""), expected))
 }
+
+/// Checks that all things of a kind together are not too many.
+pub(crate) fn check_budget(count: usize, limit: usize, unit: &str, member: &str) -> Result<(), SceneError> {
+    if count <= limit {
+        return Ok(());
+    }
+    let root = JsonPath::Root;
+    Err(SceneError::value(&root.member(member), format_args!("{count} {unit}"), format_args!("at most {limit}")))
+}

@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 
-use super::{Link, ShadingPoint, coverage, side::PaneSide};
+use super::side::PaneSide;
+use super::{Link, coverage};
+use crate::scene::ShadingPoint;
 use crate::{
     geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface},
     scene::Scene,

@@ -8,13 +8,12 @@ use crate::specular::constraint::ManifoldConstraint;
 use glam::{DMat2, DVec2, DVec3};
 use smallvec::SmallVec;
 
-use super::{
-    ShadingPoint, SpecularEvent,
-    block_tridiagonal::{Row, solve},
-    caster::SeenCaster,
-    constraint::{Bend, Residual, Vertex},
-    side::unit_normal,
-};
+use super::SpecularEvent;
+use super::block_tridiagonal::{Row, solve};
+use super::caster::SeenCaster;
+use super::constraint::{Bend, Residual, Vertex};
+use super::side::unit_normal;
+use crate::scene::ShadingPoint;
 use crate::{
     bsdf::fresnel::{absorption, reflect, refract},
     geometry::{Hit, Leaving, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential},
@@ -353,13 +352,9 @@ mod tests {
     use serde_json::json;
 
     use super::*;
-    use crate::{
-        scene::{SceneBundle, description::SceneDescription},
-        specular::{
-            caster::Caster,
-            testing::{pair, random},
-        },
-    };
+    use crate::document::{SceneBundle, SceneDescription};
+    use crate::specular::caster::Caster;
+    use crate::specular::testing::{pair, random};
 
     /// Two panes over the origin and a curved mirror above them, of one triangle.
     fn panes_and_mirror() -> Scene {
@@ -384,7 +379,7 @@ mod tests {
             "lights": [{"point": {"name": "lamp", "position": [0, 0, 3], "intensity": [1, 1, 1]}}],
         });
         let description = SceneDescription::parse(description.to_string().as_bytes()).unwrap();
-        Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()
+        SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap()
     }
 
     #[test]

@@ -13,11 +13,9 @@
 
 use glam::DVec3;
 
-use super::{
-    ShadingPoint, SpecularEvent,
-    passage::local,
-    side::{GRAZING_COSINE, PaneSide},
-};
+use super::SpecularEvent;
+use super::side::{GRAZING_COSINE, PaneSide};
+use crate::scene::ShadingPoint;
 use crate::{
     geometry::{Face, Leaving},
     light::Source,
@@ -74,7 +72,7 @@ pub(super) fn off_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularP
         [Link { event: SpecularEvent::Reflection, surface: Leaving::Pane { index, face }, .. }] => {
             let frame = &scene.panes()[*index as usize].frame;
             let side = PaneSide::facing(&scene.panes()[*index as usize], frame.point_to_local(point.position));
-            side.is_some_and(|side| side.near == *face && side.is_lit_from_here(local(path.source, frame)))
+            side.is_some_and(|side| side.near == *face && side.is_lit_from_here(path.source.in_frame(frame)))
         }
         _ => false,
     }

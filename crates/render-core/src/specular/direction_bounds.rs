@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use super::side::GRAZING_COSINE;
-use crate::geometry::Interval;
+use crate::math::Interval;
 
 /// Two intervals: a box of tangential vectors.
 pub(super) type Box2 = [Interval; 2];

@@ -19,10 +19,8 @@ use super::{
     widest::{self, Computation},
     window::Window,
 };
-use crate::{
-    geometry::Rect,
-    lanes::{Instructions, LANES, LaneRects, Lanes, Mask},
-};
+use crate::math::Rect;
+use crate::math::lanes::{Instructions, LANES, LaneRects, Lanes, Mask};
 use clerestory_film::counters::Counters;
 
 /// The paths that were found.

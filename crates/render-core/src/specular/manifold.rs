@@ -15,13 +15,12 @@ use glam::{DVec2, DVec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{
-    Arrival, ShadingPoint, SpecularEvent,
-    block_tridiagonal::solve,
-    caster::SeenCaster,
-    chain::{ByVertex, Chain, Segments},
-    constraint::Residual,
-};
+use super::block_tridiagonal::solve;
+use super::caster::SeenCaster;
+use super::chain::{ByVertex, Chain, Segments};
+use super::constraint::Residual;
+use super::{Arrival, SpecularEvent};
+use crate::scene::ShadingPoint;
 use crate::{
     geometry::{Leaving, Ray},
     light::{Source, SourceSample},

@@ -146,7 +146,7 @@ pub(super) fn unowned_by_panes(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::integrator::PathFilter;
+    use crate::document::PathFilter;
 
     #[test]
     fn other_chains_are_all_but_those_that_are_named() {

@@ -18,15 +18,14 @@ mod direction_bounds;
 pub mod enumeration;
 pub mod fermat;
 pub mod fnee;
+pub mod kept;
 mod landing;
 pub mod manifold;
 pub mod missing;
 pub mod mnee;
 pub mod newton;
-pub(crate) mod pane_tree;
 mod passage;
 pub mod path;
-mod reflection;
 pub mod registry;
 pub mod scope;
 pub mod selection;
@@ -35,7 +34,7 @@ mod shot;
 pub mod side;
 pub mod sms;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod trials;
 mod view;
 mod widest;
@@ -43,25 +42,13 @@ pub mod window;
 
 use glam::DVec3;
 
-use crate::{geometry::Leaving, scene::Scene};
+use crate::scene::Scene;
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
 
 pub use crate::bsdf::SpecularEvent;
+pub use crate::scene::ShadingPoint;
 pub use coverage::{Link, SpecularPath};
-
-/// A point of a surface that is not specular, where light is gathered.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ShadingPoint {
-    /// Where it is.
-    pub position: DVec3,
-    /// Unit normal on the side from which the camera path came.
-    pub normal: DVec3,
-    /// The surface on which it lies.
-    pub leaving: Leaving,
-    /// Diffuse vertices of the path before it.
-    pub bounces: u32,
-}
 
 /// Light that arrives at a shading point.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,7 +6,8 @@ use super::{
     fermat::{Connection, FermatPath, Theta},
     widest::{self, Computation},
 };
-use crate::{geometry::Rect, lanes::Instructions};
+use crate::math::Rect;
+use crate::math::lanes::Instructions;
 use clerestory_film::counters::Counters;
 
 /// A stationary path: minimum, saddle or maximum of the optical length.

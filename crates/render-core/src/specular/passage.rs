@@ -3,10 +3,14 @@
 
 use glam::DVec3;
 
-use super::{Arrival, ShadingPoint, coverage, fermat::Connection, newton::Root, side::PaneSide, side::Transmission};
+use super::fermat::Connection;
+use super::newton::Root;
+use super::side::{PaneSide, Transmission};
+use super::{Arrival, coverage};
+use crate::scene::ShadingPoint;
 use crate::{
-    geometry::{Frame, Leaving, Ray},
-    light::{Source, SourceSample},
+    geometry::{Leaving, Ray},
+    light::SourceSample,
     scene::Scene,
 };
 use clerestory_film::counters::Counters;
@@ -54,7 +58,7 @@ impl<'a> Passage<'a> {
         if !side.rises_above(origin, frame.vector_to_local(point.normal)) {
             return None;
         }
-        let connection = Connection::new(&side, origin, local(sample.source, frame));
+        let connection = Connection::new(&side, origin, sample.source.in_frame(frame));
         Some(Self { scene, point, light, sample, pane, side, connection })
     }
 
@@ -105,12 +109,4 @@ pub(crate) fn transmission(
     let near = (through.entry - root.path.vertices[0]).length() < limit;
     let far = (through.exit - root.path.vertices[1]).length() < limit;
     (near && far).then_some(through)
-}
-
-/// A source in a pane's frame.
-pub(crate) fn local(source: Source, frame: &Frame) -> Source {
-    match source {
-        Source::Point(position) => Source::Point(frame.point_to_local(position)),
-        Source::Direction(direction) => Source::Direction(frame.vector_to_local(direction)),
-    }
 }

@@ -42,13 +42,6 @@ macro_rules! methods {
                 vec![$(generator().into_root_schema_for::<$settings>()),+]
             }
 
-            /// Largest number of vertices between camera and light.
-            pub fn max_depth(&self) -> u32 {
-                match self {
-                    $(Self::$kind(settings) => settings.max_depth,)+
-                }
-            }
-
             /// Sets the largest number of vertices between camera and light.
             pub fn set_max_depth(&mut self, max_depth: u32) {
                 match self {
@@ -100,7 +93,7 @@ macro_rules! methods {
                     return Some(self.clone());
                 }
                 match name {
-                    $($tag => Some(Self::$kind(<$settings as Method>::adopting(self))),)+
+                    $($tag => Some(Self::$kind(<$settings as Method>::adopting(&**self))),)+
                     _ => None,
                 }
             }

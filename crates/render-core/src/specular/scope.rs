@@ -1,7 +1,9 @@
 //! Which paths the manifold methods look for: over which chains of specular vertices, beginning on which casters, from
 //! which receivers. What is not named is marked by what it is: panes and smooth meshes cast, everything else receives.
 
-use super::{ShadingPoint, SpecularEvent, SpecularPath, caster::Caster, caster::casters};
+use super::caster::{Caster, casters};
+use super::{SpecularEvent, SpecularPath};
+use crate::scene::ShadingPoint;
 use crate::settings::check::Quoted;
 use crate::settings::{Check, JsonPath, SceneError};
 use crate::{geometry::Leaving, light::SourceSample, scene::Scene};

@@ -1,7 +1,8 @@
 //! Which casters a method searches for paths from a shading point to a point on a light (Huan et al. 2023, section
 //! 3.3).
 
-use super::{ShadingPoint, caster::Caster};
+use super::caster::Caster;
+use crate::scene::ShadingPoint;
 use crate::{
     light::Source,
     scene::{Scene, visibility::straight},

@@ -1,9 +1,8 @@
 //! What the settings of all methods have in common.
 
 use super::SpecularMethod;
-use super::auto::Surroundings;
+use super::kept::Kept;
 use super::missing::{Contents, LightGroup, PathClass};
-use super::registry::IntegratorDescription;
 use super::scope::ScopeSettings;
 use crate::scene::Scene;
 use crate::settings::{Check, JsonPath};
@@ -14,6 +13,9 @@ pub trait MethodSettings {
     fn scope(&self) -> Option<ScopeSettings<'_>> {
         None
     }
+
+    /// Largest number of vertices between camera and light.
+    fn max_depth(&self) -> u32;
 
     /// Checks all settings but `max_depth` and names of other parts of the scene.
     ///
@@ -29,15 +31,12 @@ pub trait MethodSettings {
     fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass>;
 
     /// Where it chooses among methods: what it chooses, in words.
-    fn chosen(&self, _: &Surroundings<'_>) -> Vec<String> {
+    fn chosen(&self, _: &Scene) -> Vec<String> {
         Vec::new()
     }
 
-    /// The method for a scene; `None` for path tracing alone.
-    fn build(&self, scene: &Scene) -> Option<Box<dyn SpecularMethod>>;
-
-    /// Makes what the method looks things up in, so that no sample waits for it.
-    fn prepare(&self, _: &Scene) {}
+    /// The method for a scene; `None` for path tracing alone. What it looks things up in it may keep.
+    fn build(&self, scene: &Scene, kept: &Kept) -> Option<Box<dyn SpecularMethod>>;
 }
 
 /// What the registry needs of a method.
@@ -50,7 +49,7 @@ pub trait Method: MethodSettings + Sized {
     const PROBES: &'static [&'static str];
 
     /// The usual settings, with what describes the scene rather than the method taken from another.
-    fn adopting(other: &IntegratorDescription) -> Self;
+    fn adopting(other: &dyn MethodSettings) -> Self;
 }
 
 /// Largest number of vertices between camera and light, unless the scene says otherwise.

@@ -1,11 +1,9 @@
 //! Shots: paths that obey Snell's law at both faces of a pane and need not meet the source, four at once.
 
 use super::fermat::{Connection, Theta};
-use crate::{
-    geometry::FacePoints,
-    lanes::{Instructions, LANES, Lanes, Lanes2, Lanes3, Mask},
-    light::Source,
-};
+use crate::geometry::FacePoints;
+use crate::light::Source;
+use crate::math::lanes::{Instructions, LANES, Lanes, Lanes2, Lanes3, Mask};
 use clerestory_film::counters::Counters;
 
 /// Four shots.

@@ -9,17 +9,15 @@ use std::collections::VecDeque;
 
 use glam::{DVec2, DVec3};
 
-use super::{
-    Arrival, ShadingPoint, coverage,
-    pane_tree::{Panes, Sight},
-    side::{PaneSide, Transmission},
-    window::{SourceBounds, Window},
-};
-use crate::{
-    geometry::{Frame, Leaving, Ray, Rect},
-    light::{Light, LightBounds, LightHit},
-    scene::Scene,
-};
+use super::side::{PaneSide, Transmission};
+use super::window::{SourceBounds, Window};
+use super::{Arrival, coverage};
+use crate::geometry::{Frame, Leaving, Ray};
+use crate::light::{Light, LightBounds, LightHit};
+use crate::math::Rect;
+use crate::scene::Scene;
+use crate::scene::ShadingPoint;
+use crate::scene::pane_tree::{Panes, Sight};
 use clerestory_film::counters::Counters;
 
 /// What is spent on the light that arrives at one point.

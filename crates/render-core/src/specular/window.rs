@@ -21,8 +21,9 @@ use super::{
     landing::{Detail, Ends, Landing, MirroredSource, Part, mirrored},
     side::{GRAZING_COSINE, PaneSide},
 };
-use crate::geometry::{Interval, Rect, ShapeBounds};
-use crate::lanes::{Instructions, LaneRects, Mask};
+use crate::geometry::ShapeBounds;
+use crate::math::lanes::{Instructions, LaneRects, Mask};
+use crate::math::{Interval, Rect};
 
 /// The places from which light may come, in the pane's frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

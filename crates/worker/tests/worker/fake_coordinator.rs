@@ -15,7 +15,8 @@ use clerestory_api::{
     WorkerRegistration, WorkerState, WorkerView,
 };
 use clerestory_film::{DecodeBudget, Expectation, Rendered, Sampling, TileGrid, partial};
-use clerestory_render_core::scene::{self, SceneBundle, SceneDescription};
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::scene;
 use serde_json::{Value, json};
 use tokio::sync::Notify;
 

@@ -6,8 +6,8 @@ use std::sync::atomic::AtomicBool;
 use serde_json::{Value, json};
 
 use super::*;
+use crate::document::{SceneBundle, SceneDescription};
 use crate::integrator::render_node;
-use crate::scene::{SceneBundle, SceneDescription};
 use clerestory_film::{NodeAddress, TileGrid};
 
 /// Edge of the images, pixels.
@@ -19,7 +19,7 @@ const SAMPLES: u32 = 256;
 /// Mean of the red channel, and its standard error.
 fn mean(scene: &Value) -> (f64, f64) {
     let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
-    let scene = Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap();
+    let scene = PreparedScene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap();
     let grid = TileGrid { width: EDGE, height: EDGE, tile_size: EDGE };
     let address = NodeAddress { frame: 0, tile: 0, level: 0, index: 0 };
     let rendered = render_node(&scene, &grid, address, &AtomicBool::new(false)).unwrap();

@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use glam::{DVec2, DVec3};
 
 use super::mesh::TriangleMesh;
-use super::mesh_file::refuse_other_formats;
+use super::mesh_format::refuse_other_formats;
 use super::polygon::Cutter;
 use super::text::{Lines, Words, decimal, expected_number, is_not_finite, quoted};
 use crate::settings::AssetProblem;

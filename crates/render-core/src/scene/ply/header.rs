@@ -1,6 +1,6 @@
 //! The header of a PLY file: which elements it has, and of which properties.
 
-use super::super::mesh_file::refuse_other_formats;
+use super::super::mesh_format::refuse_other_formats;
 use super::super::text::{Lines, Words, quoted};
 use crate::settings::AssetProblem;
 use clerestory_film::file_format::without_byte_order_mark;

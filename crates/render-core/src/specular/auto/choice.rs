@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::super::caster::Caster;
 use crate::geometry::Pane;
 use crate::light::{Light, SELDOM_MET};
-use crate::scene::MeshSurface;
+use crate::scene::Scene;
 
 /// A light through panes is searched for where its solid angle is below this from every pane, steradians.
 const TINY: f64 = 1e-7;
@@ -20,17 +20,6 @@ const MOST_IN_A_ROW: usize = 8;
 
 /// At most so many names are listed.
 const MOST_NAMES: usize = 3;
-
-/// What a choice depends on.
-pub struct Surroundings<'a> {
-    pub(crate) lights: &'a [Light],
-    pub(crate) panes: &'a [Pane],
-    pub(crate) meshes: &'a [MeshSurface],
-    /// Corners of a box around a mesh, metres.
-    pub(crate) bounds: &'a dyn Fn(u32) -> [DVec3; 2],
-    /// Whether a mesh has an inside.
-    pub(crate) is_closed: &'a dyn Fn(u32) -> bool,
-}
 
 /// The methods among which is chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,8 +47,8 @@ pub(crate) struct Choice {
 }
 
 /// The methods for a scene. No path is looked for by two of them.
-pub(crate) fn choose(surroundings: &Surroundings<'_>) -> Vec<Choice> {
-    let Surroundings { lights, panes, meshes, .. } = *surroundings;
+pub(crate) fn choose(scene: &Scene) -> Vec<Choice> {
+    let (lights, panes, meshes) = (scene.lights(), scene.panes(), scene.meshes());
     let mut choices = Vec::new();
     if !panes.is_empty() {
         let boxes: Vec<_> = panes.iter().map(Pane::world_bounds).collect();
@@ -82,12 +71,11 @@ pub(crate) fn choose(surroundings: &Surroundings<'_>) -> Vec<Choice> {
     let all = vec![true; lights.len()];
     let smooth = (0u32..).zip(meshes).filter(|(_, mesh)| mesh.is_smooth());
     let (glass, mirrors): (Vec<_>, Vec<_>) = smooth.partition(|(_, mesh)| mesh.is_dielectric());
-    let (closed, open): (Vec<_>, Vec<_>) = glass.into_iter().partition(|(index, _)| (surroundings.is_closed)(*index));
+    let (closed, open): (Vec<_>, Vec<_>) = glass.into_iter().partition(|(index, _)| scene.is_closed(*index));
     let [closed, open, mirrors]: [Vec<Caster>; 3] =
         [closed, open, mirrors].map(|meshes| meshes.into_iter().map(|(index, _)| Caster::Mesh(index)).collect());
     // One vertex on a body leads to or from what is inside it.
-    let (filled, hollow): (Vec<_>, Vec<_>) =
-        closed.iter().copied().partition(|body| holds_something(surroundings, *body));
+    let (filled, hollow): (Vec<_>, Vec<_>) = closed.iter().copied().partition(|body| holds_something(scene, *body));
     add(Best::Conic, &all, &["T", "R"], &[&open[..], &filled].concat());
     add(Best::Conic, &all, &["R"], &[&hollow[..], &mirrors].concat());
     add(Best::Sms, &all, &["TT"], &closed);
@@ -96,10 +84,10 @@ pub(crate) fn choose(surroundings: &Surroundings<'_>) -> Vec<Choice> {
     if panes.len() + closed.len() + open.len() + mirrors.len() <= MOST_IN_A_ROW {
         let bodies: Vec<Caster> = panes.chain(closed).collect();
         let things: Vec<_> =
-            [&bodies[..], &open, &mirrors].concat().into_iter().map(|thing| around(surroundings, thing)).collect();
+            [&bodies[..], &open, &mirrors].concat().into_iter().map(|thing| around(scene, thing)).collect();
         let seldom: Vec<bool> = lights.iter().map(|light| is_below(SELDOM_MET, light, &things)).collect();
         let faces = [&open[..], &mirrors].concat();
-        let goes_on = |first: &&Caster| bodies.iter().any(|next| is_in_a_row(surroundings, **first, *next));
+        let goes_on = |first: &&Caster| bodies.iter().any(|next| is_in_a_row(scene, **first, *next));
         let (first, last): (Vec<Caster>, Vec<Caster>) = bodies.iter().partition(goes_on);
         let behind_a_body: &[&str] = match (open.is_empty(), faces.is_empty()) {
             (false, _) => &["TTT", "TTR"],
@@ -125,15 +113,15 @@ fn is_below(limit: f64, light: &Light, boxes: &[[DVec3; 2]]) -> bool {
 
 /// Whether light may go through one body and then through another: not where they lie beside each other in one plane. A
 /// mesh may be hollow, and light may go through both of its walls.
-fn is_in_a_row(surroundings: &Surroundings<'_>, first: Caster, next: Caster) -> bool {
+fn is_in_a_row(scene: &Scene, first: Caster, next: Caster) -> bool {
     if first == next {
         return matches!(first, Caster::Mesh(_));
     }
     let is_beside = |one: Caster, other: Caster| {
         let Caster::Pane(pane) = one else { return false };
-        let pane = &surroundings.panes[pane as usize];
+        let pane = &scene.panes()[pane as usize];
         let [low, high] = pane.local_bounds();
-        let corners = corners(surroundings, other).map(|corner| pane.frame.point_to_local(corner));
+        let corners = corners(scene, other).map(|corner| pane.frame.point_to_local(corner));
         let [other_low, other_high] = around_points(&corners);
         // What the rounding of a window's description may come to.
         let slack = pane.thickness.min(other_high.z - other_low.z);
@@ -146,12 +134,12 @@ fn is_in_a_row(surroundings: &Surroundings<'_>, first: Caster, next: Caster) -> 
 }
 
 /// Whether a light or a surface that scatters light may be in a body.
-fn holds_something(surroundings: &Surroundings<'_>, body: Caster) -> bool {
-    let Surroundings { lights, meshes, bounds, .. } = *surroundings;
-    let [low, high] = around(surroundings, body);
+fn holds_something(scene: &Scene, body: Caster) -> bool {
+    let (lights, meshes) = (scene.lights(), scene.meshes());
+    let [low, high] = around(scene, body);
     let overlaps = |[other_low, other_high]: [DVec3; 2]| other_low.cmplt(high).all() && other_high.cmpgt(low).all();
     let mut scattering = (0u32..).zip(meshes).filter(|(_, mesh)| !mesh.is_smooth());
-    scattering.any(|(index, _)| overlaps(bounds(index)))
+    scattering.any(|(index, _)| overlaps(scene.mesh_bounds(index)))
         || lights.iter().filter_map(|light| light.bounding_box()).any(overlaps)
 }
 
@@ -161,15 +149,15 @@ fn around_points(points: &[DVec3]) -> [DVec3; 2] {
 }
 
 /// A box around a thing.
-fn around(surroundings: &Surroundings<'_>, thing: Caster) -> [DVec3; 2] {
+fn around(scene: &Scene, thing: Caster) -> [DVec3; 2] {
     match thing {
-        Caster::Pane(pane) => surroundings.panes[pane as usize].world_bounds(),
-        Caster::Mesh(mesh) => (surroundings.bounds)(mesh),
+        Caster::Pane(pane) => scene.panes()[pane as usize].world_bounds(),
+        Caster::Mesh(mesh) => scene.mesh_bounds(mesh),
     }
 }
 
 /// Corners of a box around a body.
-fn corners(surroundings: &Surroundings<'_>, body: Caster) -> [DVec3; 8] {
+fn corners(scene: &Scene, body: Caster) -> [DVec3; 8] {
     let of = |[low, high]: [DVec3; 2]| {
         [0, 1, 2, 3, 4, 5, 6, 7].map(|bits: usize| {
             DVec3::from([0, 1, 2].map(|axis| if bits >> axis & 1 == 0 { low[axis] } else { high[axis] }))
@@ -177,31 +165,31 @@ fn corners(surroundings: &Surroundings<'_>, body: Caster) -> [DVec3; 8] {
     };
     match body {
         Caster::Pane(pane) => {
-            let pane = &surroundings.panes[pane as usize];
+            let pane = &scene.panes()[pane as usize];
             of(pane.local_bounds()).map(|corner| pane.frame.point_to_world(corner))
         }
-        Caster::Mesh(mesh) => of((surroundings.bounds)(mesh)),
+        Caster::Mesh(mesh) => of(scene.mesh_bounds(mesh)),
     }
 }
 
 impl Choice {
     /// In words, for the image's metadata.
-    pub(super) fn describe(&self, surroundings: &Surroundings<'_>) -> String {
-        let lit = surroundings.lights.iter().zip(&self.lights).filter(|(_, found)| **found);
+    pub(super) fn describe(&self, scene: &Scene) -> String {
+        let lit = scene.lights().iter().zip(&self.lights).filter(|(_, found)| **found);
         let lights: Vec<&str> = lit.map(|(light, _)| light.name.as_str()).collect();
-        let lights = list(&lights, surroundings.lights.len(), "lights");
+        let lights = list(&lights, scene.lights().len(), "lights");
         let (method, over) = match self.method {
             Best::Cone => ("cone", "through panes".to_owned()),
             Best::Fnee if self.chains == ["R"] => ("fnee", "off the outside of panes".to_owned()),
             Best::Fnee => ("fnee", "through panes".to_owned()),
-            Best::Conic => ("conic", self.over(surroundings)),
-            Best::Sms => ("sms", self.over(surroundings)),
+            Best::Conic => ("conic", self.over(scene)),
+            Best::Sms => ("sms", self.over(scene)),
         };
         format!("{method} finds light of {lights} {over}")
     }
 
-    fn over(&self, surroundings: &Surroundings<'_>) -> String {
-        let Surroundings { panes, meshes, .. } = surroundings;
+    fn over(&self, scene: &Scene) -> String {
+        let (panes, meshes) = (scene.panes(), scene.meshes());
         let names: Vec<&str> = (self.casters.iter())
             .map(|caster| match *caster {
                 Caster::Pane(pane) => panes[pane as usize].name.as_str(),
@@ -230,7 +218,8 @@ mod tests {
     use serde_json::{Value, json};
 
     use super::*;
-    use crate::scene::{Scene, SceneBundle, SceneDescription};
+    use crate::document::{SceneBundle, SceneDescription};
+    use crate::scene::Scene;
 
     /// Two panes in one plane, one behind them, a closed box, a sheet of water and a mirror, under lights of all sizes.
     fn scene(panes: &[Value]) -> Scene {
@@ -266,7 +255,7 @@ mod tests {
             "panes": panes
         });
         let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
-        Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()
+        SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap()
     }
 
     fn pane(name: &str, [x, z]: [f64; 2]) -> Value {
@@ -286,7 +275,7 @@ mod tests {
             };
             begins && choice.lights[light] && choice.chains.contains(&chain)
         };
-        scene.choices().iter().filter(looks).map(|choice| choice.method).collect()
+        choose(scene).iter().filter(looks).map(|choice| choice.method).collect()
     }
 
     const GLOBE: usize = 0;
@@ -325,9 +314,8 @@ mod tests {
     fn panes_in_one_plane_are_not_in_a_row_and_many_things_are_left_to_chance() {
         let two = [pane("left", [0.0, 1.0]), pane("right", [0.6, 1.0])];
         let beside = scene(&two);
-        let surroundings = |first, next| beside.with_surroundings(|all| is_in_a_row(all, first, next));
-        assert!(!surroundings(Caster::Pane(0), Caster::Pane(1)));
-        assert!(surroundings(Caster::Pane(0), Caster::Mesh(0)));
+        assert!(!is_in_a_row(&beside, Caster::Pane(0), Caster::Pane(1)));
+        assert!(is_in_a_row(&beside, Caster::Pane(0), Caster::Mesh(0)));
         let many: Vec<Value> =
             (0..6).map(|number| pane(&number.to_string(), [0.0, 1.0 + 0.1 * f64::from(number)])).collect();
         assert!(methods(&scene(&many[..5]), POINT, Caster::Pane(0), "TTTT") == [Best::Sms]);
@@ -337,7 +325,7 @@ mod tests {
     #[test]
     fn what_is_chosen_is_told_with_names() {
         let scene = scene(&[pane("left", [0.0, 1.0])]);
-        let told = scene.chosen_methods();
+        let told: Vec<String> = choose(&scene).iter().map(|choice| choice.describe(&scene)).collect();
         assert_eq!(told[0], "cone finds light of \"globe\", \"candle\", \"sun\" through panes");
         assert_eq!(told[1], "fnee finds light of \"spark\", \"point\" through panes");
         assert_eq!(told[2], "fnee finds light of 4 lights off the outside of panes");

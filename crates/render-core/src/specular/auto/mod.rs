@@ -7,21 +7,21 @@
 mod choice;
 mod settings;
 
-pub use choice::Surroundings;
-pub(crate) use choice::{Choice, choose};
 pub use settings::AutoSettings;
 
 use super::cone::Cone;
 use super::conic::{Conic, ConicSearch};
 use super::constraint::ManifoldConstraint;
 use super::fnee::{Fnee, FneeSettings};
+use super::kept::Kept;
 use super::manifold::WalkSteps;
 use super::scope::{Scope, events};
 use super::selection::PaneSelection;
 use super::sms::{ManifoldEstimator, Sms};
-use super::{Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, caster::Caster};
+use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath};
 use crate::scene::Scene;
-use choice::Best;
+use crate::scene::ShadingPoint;
+use choice::{Best, Choice, choose};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
 
@@ -42,18 +42,18 @@ struct Part {
 
 impl Auto {
     /// The methods that are best for a scene.
-    pub fn new(scene: &Scene) -> Self {
-        Self { parts: scene.choices().iter().map(|choice| Part::new(scene, choice)).collect() }
+    pub fn new(scene: &Scene, kept: &Kept) -> Self {
+        Self { parts: choose(scene).iter().map(|choice| Part::new(scene, choice, kept)).collect() }
     }
 }
 
 impl Part {
-    fn new(scene: &Scene, choice: &Choice) -> Self {
+    fn new(scene: &Scene, choice: &Choice, kept: &Kept) -> Self {
         let scope = || Scope::over(scene, &choice.chains, choice.casters.clone());
         let method: Box<dyn SpecularMethod> = match choice.method {
             Best::Cone => Box::new(Cone),
             Best::Fnee => Box::new(Fnee::from(&FNEE)),
-            Best::Conic => Box::new(Conic { search: ConicSearch::default(), scope: scope() }),
+            Best::Conic => Box::new(Conic::new(scene, ConicSearch::default(), scope(), kept)),
             Best::Sms => Box::new(Sms {
                 constraint: ManifoldConstraint::default(),
                 steps: WalkSteps::default(),
@@ -101,18 +101,5 @@ impl SpecularMethod for Auto {
         let events = path.links.iter().map(|link| link.event);
         let mut parts = self.parts.iter().filter(|part| part.finds(path.light, events.clone()));
         parts.any(|part| part.method.owns(scene, point, path, counters))
-    }
-}
-
-/// Makes what the chosen methods look things up in, so that no sample waits for it.
-fn prepare(scene: &Scene) {
-    for choice in scene.choices() {
-        if choice.method == Best::Conic {
-            for caster in &choice.casters {
-                if let Caster::Mesh(mesh) = *caster {
-                    _ = scene.facets(mesh);
-                }
-            }
-        }
     }
 }

@@ -4,13 +4,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
+use super::super::kept::Kept;
 use super::super::missing::{Contents, LightGroup, PathClass, between_the_faces, other_than};
-use super::super::registry::IntegratorDescription;
 use super::super::settings::{Method, MethodSettings, default_max_depth};
 use super::super::side::GRAZING_COSINE;
 use super::super::sms::SmsSettings;
-use super::choice::{Surroundings, choose};
-use super::{Auto, FNEE, prepare};
+use super::choice::choose;
+use super::{Auto, FNEE};
 use crate::scene::Scene;
 use crate::settings::{Check, JsonPath};
 
@@ -32,6 +32,10 @@ impl Default for AutoSettings {
 }
 
 impl MethodSettings for AutoSettings {
+    fn max_depth(&self) -> u32 {
+        self.max_depth
+    }
+
     fn check(&self, _: &JsonPath<'_>) -> Check {
         Ok(())
     }
@@ -58,16 +62,12 @@ impl MethodSettings for AutoSettings {
         classes
     }
 
-    fn chosen(&self, surroundings: &Surroundings<'_>) -> Vec<String> {
-        choose(surroundings).iter().map(|choice| choice.describe(surroundings)).collect()
+    fn chosen(&self, scene: &Scene) -> Vec<String> {
+        choose(scene).iter().map(|choice| choice.describe(scene)).collect()
     }
 
-    fn build(&self, scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
-        Some(Box::new(Auto::new(scene)))
-    }
-
-    fn prepare(&self, scene: &Scene) {
-        prepare(scene);
+    fn build(&self, scene: &Scene, kept: &Kept) -> Option<Box<dyn SpecularMethod>> {
+        Some(Box::new(Auto::new(scene, kept)))
     }
 }
 
@@ -76,7 +76,7 @@ impl Method for AutoSettings {
 
     const PROBES: &'static [&'static str] = &[r#"{"auto": {}}"#];
 
-    fn adopting(other: &IntegratorDescription) -> Self {
+    fn adopting(other: &dyn MethodSettings) -> Self {
         Self { max_depth: other.max_depth() }
     }
 }

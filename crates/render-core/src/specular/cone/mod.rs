@@ -12,11 +12,10 @@ mod settings;
 
 pub use settings::ConeSettings;
 
-use super::{
-    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage,
-    view::{Effort, View},
-};
+use super::view::{Effort, View};
+use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
 use crate::scene::Scene;
+use crate::scene::ShadingPoint;
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
 

@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
+use super::super::kept::Kept;
 use super::super::missing::{ANY, Contents, LightGroup, PathClass, unowned_by_panes};
-use super::super::registry::IntegratorDescription;
 use super::super::selection::PaneSelection;
 use super::super::settings::{Method, MethodSettings, default_max_depth};
 use super::Cone;
@@ -24,6 +24,10 @@ pub struct ConeSettings {
 }
 
 impl MethodSettings for ConeSettings {
+    fn max_depth(&self) -> u32 {
+        self.max_depth
+    }
+
     fn check(&self, _: &JsonPath<'_>) -> Check {
         Ok(())
     }
@@ -40,7 +44,7 @@ impl MethodSettings for ConeSettings {
         }
     }
 
-    fn build(&self, _: &Scene) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, _: &Scene, _: &Kept) -> Option<Box<dyn SpecularMethod>> {
         Some(Box::new(Cone))
     }
 }
@@ -50,7 +54,7 @@ impl Method for ConeSettings {
 
     const PROBES: &'static [&'static str] = &[r#"{"cone": {}}"#];
 
-    fn adopting(other: &IntegratorDescription) -> Self {
+    fn adopting(other: &dyn MethodSettings) -> Self {
         Self { max_depth: other.max_depth() }
     }
 }

@@ -13,20 +13,19 @@ use super::{
     ends::Ends,
     facet::Facet,
     facet_tree::FacetTree,
+    facet_trees::facet,
     neighbours::Neighbours,
     testing::{ball, water},
     walk::first_path,
 };
-use crate::{
-    geometry::{Leaving, Ray, Surface},
-    light::{LightBounds, Source},
-    scene::{Scene, SceneBundle, description::SceneDescription},
-    specular::{
-        Arrival, ShadingPoint, SpecularEvent, SpecularMethod,
-        scope::Scope,
-        testing::{between, pair, random},
-    },
-};
+use crate::document::{SceneBundle, SceneDescription};
+use crate::geometry::{Leaving, Ray, Surface};
+use crate::light::{LightBounds, Source};
+use crate::scene::{Scene, ShadingPoint};
+use crate::specular::kept::Kept;
+use crate::specular::scope::Scope;
+use crate::specular::testing::{between, pair, random};
+use crate::specular::{Arrival, SpecularEvent, SpecularMethod};
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings, TrialStream};
 
@@ -272,7 +271,7 @@ fn ten_million_walks_from_anywhere_over_any_mesh_end_with_paths() {
 /// A scene of triangles of any kind, or of a mesh, with a light of every kind. Those that lie face to face are refused.
 fn any_scene(random: &mut TrialStream) -> Scene {
     loop {
-        match Scene::build(&any_bundle(random)) {
+        match any_bundle(random).build_scene() {
             Ok(scene) => return scene,
             Err(error) => assert!(error.to_string().contains("two faces lie in one place"), "{error}"),
         }
@@ -320,7 +319,7 @@ fn any_bundle(random: &mut TrialStream) -> SceneBundle {
 fn any_point(random: &mut TrialStream, scene: &Scene) -> ShadingPoint {
     let triangles = scene.meshes()[0].triangle_range();
     let triangle = triangles.start + (random.next_f64() * triangles.len() as f64) as u32;
-    let (anywhere, on_it) = (any_vector(random, false, 0.0), scene.facet(triangle).place(pair(random) * 0.5));
+    let (anywhere, on_it) = (any_vector(random, false, 0.0), facet(scene, 0, triangle).place(pair(random) * 0.5));
     let position = if random.next_f64() < 0.9 { anywhere } else { on_it };
     let bounces = u32::from(random.next_f64() < 0.2);
     ShadingPoint { position, normal: any_direction(random, false), leaving: Leaving::Nothing, bounces }
@@ -357,7 +356,7 @@ fn a_hundred_thousand_calls_of_the_method_end_with_finite_light_over_any_mesh_un
             let scene = any_scene(&mut random);
             let scope = Scope::new(&scene, &["R".to_owned(), "T".to_owned()], None, None);
             [ConicSearch::Complete, ConicSearch::Published].map(|search| {
-                let method = Conic { search, scope: scope.clone() };
+                let method = Conic::new(&scene, search, scope.clone(), &Kept::default());
                 let (mut calls, mut arrivals, mut led) = (0, 0, 0);
                 for index in 0..POINTS {
                     let point = any_point(&mut random, &scene);

@@ -16,7 +16,7 @@ use arrayvec::ArrayVec;
 use glam::{DMat3, DVec2, DVec3};
 
 use super::{ends::Ends, facet::Facet};
-use crate::geometry::bernstein::roots;
+use crate::math::bernstein::roots;
 
 /// Coefficients smaller than this part of the terms that they are sums of are zero.
 const NOTHING: f64 = 1e-13;

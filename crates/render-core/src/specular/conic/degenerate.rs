@@ -12,11 +12,9 @@ use super::{
     testing::{WATER, found, problem},
     walk::first_path,
 };
-use crate::{
-    geometry::bernstein::roots,
-    light::Source,
-    specular::testing::{between, pair, random},
-};
+use crate::light::Source;
+use crate::math::bernstein::roots;
+use crate::specular::testing::{between, pair, random};
 use clerestory_film::TrialStream;
 
 /// A triangle of some extent whose normals are tilted by up to `tilt`, as tangents.

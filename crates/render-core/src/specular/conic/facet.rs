@@ -5,12 +5,9 @@
 //! the unit directions to the shading point and to the light, and `n_P`, `n_L` the indices there. Both indices are one
 //! for a mirror. The three components of `h x n` vanish together.
 
-use std::f64::consts::SQRT_2;
-
-use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
-use super::{curve::all_paths, ends::Ends, seen_ends::BENDING};
+use super::{ends::Ends, seen_ends::BENDING};
 use crate::bsdf::fresnel::{reflect, refract};
 
 /// A triangle with normals at its corners.
@@ -26,7 +23,7 @@ pub(crate) struct Facet {
 const STEPS: usize = 8;
 
 /// Newton's method ends with a step of this part of the triangle.
-const TOLERANCE: f64 = 1e-12;
+pub(super) const TOLERANCE: f64 = 1e-12;
 
 /// Sine of the largest angle between half vector and normal at a path.
 const STATIONARY: f64 = 1e-9;
@@ -37,14 +34,8 @@ const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// As [`STATIONARY`], where one end is so close that rounding matters. What is closer still is on the surface.
 const COARSEST: f64 = 1e-6;
 
-/// Paths closer than this part of the triangle are the same.
-const SAME: f64 = 1e-7;
-
-/// Most paths on one triangle: there are twelve roots on each of two arcs.
-const MOST_PATHS: usize = 24;
-
 /// Places so far outside are within: they lie on the edge that two triangles share, and belong to both.
-const ON_EDGE: f64 = 1e-9;
+pub(super) const ON_EDGE: f64 = 1e-9;
 
 impl Facet {
     /// Its area, along its normal.
@@ -71,57 +62,8 @@ impl Facet {
         blend(&self.normals, weights)
     }
 
-    /// The weights of the second and third corner at all paths.
-    pub(super) fn paths(&self, ends: &Ends) -> ArrayVec<DVec2, MOST_PATHS> {
-        let mut paths = ArrayVec::<DVec2, MOST_PATHS>::new();
-        match self.only_path(ends) {
-            Only::Here(path) => paths.push(path),
-            Only::Nowhere => {}
-            Only::Unknown => all_paths(self, ends, &mut |weights| {
-                if let Some(path) = self.polished(ends, weights)
-                    && paths.iter().all(|known| (*known - path).abs().max_element() > SAME)
-                {
-                    let _ = paths.try_push(path);
-                }
-            }),
-        }
-        paths
-    }
-
-    /// The path on a triangle so small that it holds one at the most. With G the misfit and K its derivative in the
-    /// middle, a path at x has `|G + K (x - middle)|` at most half of what the second derivatives of G can be, times
-    /// `|x - middle|^2`; and two, at x and y, would make `|K (x - y)|` at most what the derivative changes between them
-    /// times `|x - y|`.
-    fn only_path(&self, ends: &Ends) -> Only {
-        const MIDDLE: DVec2 = DVec2::splat(1.0 / 3.0);
-        let misfit = self.misfit(ends, MIDDLE);
-        // The smaller singular value is at least this.
-        let least = misfit.determinant().abs() / misfit.most();
-        // What weights change, as the sum over both, moves a place by that much of the longest edge.
-        let bending = self.bending(ends, MIDDLE, 1.0);
-        let linear = MIDDLE - misfit.step();
-        let beside = f64::max(-linear.min_element(), (linear.element_sum() - 1.0) / SQRT_2);
-        if beside > 0.5 * bending / least + ON_EDGE {
-            return Only::Nowhere;
-        }
-        let alone = |extent: f64, bending: f64| least > SQRT_2 * extent * bending;
-        if !alone(1.0, bending) {
-            return Only::Unknown;
-        }
-        // Where only one path can be, a step so small is followed by one of about its square.
-        let Some(path) = self.stationary(ends, linear, TOLERANCE.sqrt()) else { return Only::Unknown };
-        let distance = (path - MIDDLE).abs().element_sum().max(1.0);
-        if is_within(path) {
-            if self.takes_sides(ends, path) { Only::Here(path) } else { Only::Nowhere }
-        } else if alone(distance, self.bending(ends, MIDDLE, distance)) {
-            Only::Nowhere
-        } else {
-            Only::Unknown
-        }
-    }
-
     /// A bound of the second derivatives of the misfit by the weights, as far as `extent` from a place.
-    fn bending(&self, ends: &Ends, weights: DVec2, extent: f64) -> f64 {
+    pub(super) fn bending(&self, ends: &Ends, weights: DVec2, extent: f64) -> f64 {
         let longer = |[a, b, c]: [DVec3; 3]| (b - a).length_squared().max((c - a).length_squared()).sqrt();
         let (edge, turn) = (longer(self.corners), longer(self.normals));
         let place = self.place(weights);
@@ -170,7 +112,7 @@ impl Facet {
 
     /// Where Newton's method from a place leads on the triangle's plane, if that is a path; `tolerance` is the step
     /// with which it ends.
-    fn stationary(&self, ends: &Ends, start: DVec2, tolerance: f64) -> Option<DVec2> {
+    pub(super) fn stationary(&self, ends: &Ends, start: DVec2, tolerance: f64) -> Option<DVec2> {
         let mut weights = start;
         for _ in 0..STEPS {
             let step = self.misfit(ends, weights).step();
@@ -193,13 +135,13 @@ impl Facet {
     }
 
     /// Whether the ends are on the right sides of the tangent plane.
-    fn takes_sides(&self, ends: &Ends, weights: DVec2) -> bool {
+    pub(super) fn takes_sides(&self, ends: &Ends, weights: DVec2) -> bool {
         let (place, normal) = (self.place(weights), self.normal(weights));
         ends.take_sides(normal.dot(ends.point - place), normal.dot(ends.offset_to_light(place)))
     }
 
     /// How far from a path a place is.
-    fn misfit(&self, ends: &Ends, weights: DVec2) -> Misfit {
+    pub(super) fn misfit(&self, ends: &Ends, weights: DVec2) -> Misfit {
         let (place, normal) = (self.place(weights), self.normal(weights));
         let mut half = DVec3::ZERO;
         let mut half_by = [DVec3::ZERO; 2];
@@ -223,7 +165,7 @@ impl Facet {
 
 /// `h x n` at a place, which vanishes at a path, and its derivatives by the weights of the second and third corner.
 /// What of them is along n does not matter.
-struct Misfit {
+pub(super) struct Misfit {
     normal: DVec3,
     value: DVec3,
     by: [DVec3; 2],
@@ -233,40 +175,30 @@ struct Misfit {
 
 impl Misfit {
     /// The determinant of the derivatives across the normal, times the normal's length.
-    fn determinant(&self) -> f64 {
+    pub(super) fn determinant(&self) -> f64 {
         self.normal.dot(self.by[0].cross(self.by[1]))
     }
 
     /// That on a plane with the same normal.
-    fn determinant_of_plane(&self) -> f64 {
+    pub(super) fn determinant_of_plane(&self) -> f64 {
         self.normal.dot(self.half_by[0].cross(self.half_by[1])) * self.normal.length_squared()
     }
 
     /// A bound of the larger singular value of the derivatives, times the normal's length.
-    fn most(&self) -> f64 {
+    pub(super) fn most(&self) -> f64 {
         let squares = self.by[0].length_squared() + self.by[1].length_squared();
         (squares * self.normal.length_squared()).sqrt()
     }
 
     /// What Newton's method takes from the weights.
-    fn step(&self) -> DVec2 {
+    pub(super) fn step(&self) -> DVec2 {
         let along = |a: DVec3, b: DVec3| self.normal.dot(a.cross(b));
         DVec2::new(along(self.value, self.by[1]), along(self.by[0], self.value)) / self.determinant()
     }
 }
 
-/// What is known of the paths on a triangle that may be too large to tell.
-enum Only {
-    /// There is one, here.
-    Here(DVec2),
-    /// There is none.
-    Nowhere,
-    /// There may be several.
-    Unknown,
-}
-
 /// Whether a place is on the triangle.
-fn is_within(weights: DVec2) -> bool {
+pub(super) fn is_within(weights: DVec2) -> bool {
     weights.min_element() >= -ON_EDGE && weights.element_sum() <= 1.0 + ON_EDGE
 }
 

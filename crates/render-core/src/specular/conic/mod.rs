@@ -16,7 +16,9 @@ mod degenerate;
 mod ends;
 mod facet;
 mod facet_leaf;
+mod facet_paths;
 mod facet_tree;
+mod facet_trees;
 mod focus;
 mod neighbours;
 #[cfg(test)]
@@ -31,7 +33,10 @@ mod testing;
 mod tests;
 mod walk;
 
+use std::sync::Arc;
+
 use crate::specular::constraint::ManifoldConstraint;
+use crate::specular::kept::Kept;
 use crate::specular::manifold::WalkSteps;
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
@@ -40,17 +45,17 @@ use smallvec::SmallVec;
 use self::{
     ends::Ends,
     facet_tree::May,
+    facet_trees::{FacetTrees, facet, prefetch_facet},
     focus::{Focus, STRONG},
     walk::first_path,
 };
-use super::{
-    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath,
-    caster::Caster,
-    manifold::{ManifoldWalk, SolvedChain},
-    scope::Scope,
-    view::light_bounds,
-    window::SourceBounds,
-};
+use super::caster::Caster;
+use super::manifold::{ManifoldWalk, SolvedChain};
+use super::scope::Scope;
+use super::view::light_bounds;
+use super::window::SourceBounds;
+use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath};
+use crate::scene::ShadingPoint;
 use crate::{
     geometry::{Frame, Leaving, PaneBoundary, Ray, Surface},
     light::{Light, Source, SourceSample},
@@ -62,8 +67,6 @@ use clerestory_film::counters::Counters;
 pub(crate) use self::settings::through_one_interface;
 pub use self::settings::{ConicSearch, ConicSettings};
 
-pub(crate) use self::{facet::Facet, facet_tree::FacetTree, neighbours::Neighbours};
-
 /// Light over one smooth mesh.
 #[derive(Clone, Debug)]
 pub struct Conic {
@@ -71,6 +74,23 @@ pub struct Conic {
     pub search: ConicSearch,
     /// Which paths are looked for; their chains have one vertex, which is on a mesh.
     pub scope: Scope,
+    trees: Arc<FacetTrees>,
+}
+
+impl Conic {
+    /// The search in a scene. What it looks the meshes of its scope up in is made now, so that no sample waits for it.
+    pub fn new(scene: &Scene, search: ConicSearch, scope: Scope, kept: &Kept) -> Self {
+        let trees = kept.of(|| FacetTrees::new(scene));
+        for caster in &scope.casters {
+            if let Caster::Mesh(mesh) = *caster {
+                match search {
+                    ConicSearch::Complete | ConicSearch::WithoutRays => _ = trees.tree(scene, mesh),
+                    ConicSearch::Published => _ = trees.neighbours(scene, mesh),
+                }
+            }
+        }
+        Self { search, scope, trees }
+    }
 }
 
 impl SpecularMethod for Conic {
@@ -94,7 +114,7 @@ impl SpecularMethod for Conic {
             let Some(seen) = caster.seen_from(scene, point) else { continue };
             let (constraint, steps) = (ManifoldConstraint::AngleDifference, WalkSteps::default());
             let walk = ManifoldWalk { scene, point, source: sample.source, caster: seen, events, constraint, steps };
-            let connection = Connection { mesh, event: *event, light, sample: &sample, walk };
+            let connection = Connection { trees: &self.trees, mesh, event: *event, light, sample: &sample, walk };
             match self.search {
                 ConicSearch::Complete => connection.all(Some(stream), counters, arrive),
                 ConicSearch::WithoutRays => connection.all(None, counters, arrive),
@@ -110,6 +130,7 @@ impl SpecularMethod for Conic {
 
 /// A shading point, a mesh and a point of a light.
 struct Connection<'a> {
+    trees: &'a FacetTrees,
     mesh: u32,
     event: SpecularEvent,
     light: u32,
@@ -121,7 +142,7 @@ impl Connection<'_> {
     /// The light over all places of the mesh, with rays to where it is focused if there are random numbers for them.
     fn all(&self, stream: Option<&mut SampleStream>, counters: &mut Counters, arrive: &mut dyn FnMut(Arrival)) {
         let ManifoldWalk { scene, point, source, .. } = self.walk;
-        let Some(tree) = scene.facets(self.mesh) else { return };
+        let Some(tree) = self.trees.tree(scene, self.mesh) else { return };
         let ways = |source| ways(scene, point, source, self.mesh, self.event);
         let whole = (stream.is_some() && point.bounces == 0)
             .then(|| whole(&scene.lights()[self.light as usize], point.position))
@@ -134,7 +155,7 @@ impl Connection<'_> {
         for ends in &ways(source) {
             // Triangles lie all over the memory: all are on their way before the first is looked at.
             let mut open = |triangle, may| {
-                scene.prefetch_facet(self.mesh, triangle);
+                prefetch_facet(scene, self.mesh, triangle);
                 opened.push((triangle, may));
             };
             let whole = wholes.next();
@@ -143,7 +164,7 @@ impl Connection<'_> {
                 None => tree.visit(ends, |triangle| open(triangle, May { hold: true, focus: false })),
             };
             for (triangle, may) in opened.drain(..) {
-                let facet = scene.facet_of(self.mesh, triangle);
+                let facet = facet(scene, self.mesh, triangle);
                 if may.focus
                     && let Some(whole) = &whole
                 {
@@ -167,7 +188,7 @@ impl Connection<'_> {
         if let Some(stream) = stream.filter(|_| whole.is_some()) {
             let (choice, place) = (stream.next_1d(), stream.next_2d());
             if let Some((triangle, weights)) = focus.draw(choice, place) {
-                self.ray(triangle, scene.facet(triangle).place(weights), &focus, counters, arrive);
+                self.ray(triangle, facet(scene, self.mesh, triangle).place(weights), &focus, counters, arrive);
             }
         }
     }
@@ -213,7 +234,8 @@ impl Connection<'_> {
         let Leaving::Triangle(triangle) = path.first_surface() else { return };
         let drawn = focus.share(triangle);
         let share = if drawn > 0.0 {
-            let by_ray = drawn * focus::density(&scene.facet(triangle), point.position, path.first_vertex());
+            let by_ray =
+                drawn * focus::density(&facet(scene, self.mesh, triangle), point.position, path.first_vertex());
             let (centre, radius) = scene.specular_ball();
             let of_light = scene.lights()[self.light as usize].source_density(centre, radius, sample.source);
             of_light / (of_light + by_ray * path.magnification(sample))
@@ -227,7 +249,7 @@ impl Connection<'_> {
     fn first(&self, counters: &mut Counters, arrive: &mut dyn FnMut(Arrival)) {
         let ManifoldWalk { scene, point, source, .. } = self.walk;
         let Some(start) = on_straight_line(scene, point, source, self.mesh, counters) else { return };
-        let facet = |triangle| scene.facet(triangle);
+        let facet = |triangle| facet(scene, self.mesh, triangle);
         let (triangle, weights) = start;
         let started = facet(triangle);
         let mut paths: Vec<SolvedChain> = Vec::new();
@@ -235,7 +257,7 @@ impl Connection<'_> {
             if !ends.may_see(started.normal(weights).dot(point.position - started.place(weights)), 0.0) {
                 continue;
             }
-            if let Some((triangle, weights)) = first_path(start, facet, scene.neighbours(self.mesh), &ends)
+            if let Some((triangle, weights)) = first_path(start, facet, self.trees.neighbours(scene, self.mesh), &ends)
                 && let Some(path) = self.walk.path_over(triangle, facet(triangle).place(weights), weights, counters)
                 && !paths.iter().any(|known| known.same(&path))
             {

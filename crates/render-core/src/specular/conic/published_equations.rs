@@ -15,18 +15,15 @@ use super::{
     facet::Facet,
     testing::WATER,
 };
-use crate::{
-    bsdf::fresnel::refract,
-    geometry::Leaving,
-    light::{Source, SourceSample},
-    scene::{Scene, SceneBundle, description::SceneDescription},
-    specular::{
-        ShadingPoint, SpecularEvent,
-        caster::Caster,
-        manifold::ManifoldWalk,
-        testing::{between, pair, random},
-    },
-};
+use crate::bsdf::fresnel::refract;
+use crate::document::{SceneBundle, SceneDescription};
+use crate::geometry::Leaving;
+use crate::light::{Source, SourceSample};
+use crate::scene::{Scene, ShadingPoint};
+use crate::specular::SpecularEvent;
+use crate::specular::caster::Caster;
+use crate::specular::manifold::ManifoldWalk;
+use crate::specular::testing::{between, pair, random};
 use clerestory_film::TrialStream;
 use clerestory_film::counters::Counters;
 
@@ -189,7 +186,7 @@ fn scene_of(facet: &Facet) -> Scene {
         "lights": [{"point": {"name": "lamp", "position": [0, 0, 9], "intensity": [1, 1, 1]}}],
     });
     let description = SceneDescription::parse(description.to_string().as_bytes()).unwrap();
-    Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()
+    SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap()
 }
 
 /// A path over a facet, as the equations have it.

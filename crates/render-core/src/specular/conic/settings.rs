@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
+use super::super::kept::Kept;
 use super::super::missing::{ANY, Contents, LightGroup, PathClass, other_than, over, unmarked};
-use super::super::registry::IntegratorDescription;
 use super::super::scope::{Scope, ScopeSettings, check_chains};
 use super::super::settings::{Method, MethodSettings, default_max_depth};
 use super::Conic;
@@ -61,6 +61,10 @@ impl MethodSettings for ConicSettings {
         Some(ScopeSettings { chains: &self.chains, casters, receivers, only_meshes: true })
     }
 
+    fn max_depth(&self) -> u32 {
+        self.max_depth
+    }
+
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_chains(&self.chains, "RT", 1, path)
     }
@@ -84,18 +88,9 @@ impl MethodSettings for ConicSettings {
         classes
     }
 
-    fn build(&self, scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, scene: &Scene, kept: &Kept) -> Option<Box<dyn SpecularMethod>> {
         let scope = Scope::new(scene, &self.chains, self.casters.as_deref(), self.receivers.as_deref());
-        Some(Box::new(Conic { search: self.search, scope: scope.over_meshes() }))
-    }
-
-    fn prepare(&self, scene: &Scene) {
-        for (mesh, _) in (0u32..).zip(scene.meshes()).filter(|(_, mesh)| mesh.is_smooth()) {
-            match self.search {
-                ConicSearch::Complete | ConicSearch::WithoutRays => _ = scene.facets(mesh),
-                ConicSearch::Published => _ = scene.neighbours(mesh),
-            }
-        }
+        Some(Box::new(Conic::new(scene, self.search, scope.over_meshes(), kept)))
     }
 }
 
@@ -107,7 +102,7 @@ impl Method for ConicSettings {
         r#"{"conic": {"casters": ["water"], "search": "published"}}"#,
     ];
 
-    fn adopting(other: &IntegratorDescription) -> Self {
+    fn adopting(other: &dyn MethodSettings) -> Self {
         let scope = other.scope();
         let single = |scope: ScopeSettings<'_>| {
             let chains: Vec<String> = scope.chains.iter().filter(|chain| chain.len() == 1).cloned().collect();

@@ -22,35 +22,34 @@
 //!
 //! An estimate that exceeds `max_trials` is cut off there, which loses light; the counter `truncated` says how often.
 
+mod reflection;
 mod settings;
+mod solver;
 
-pub use settings::{FneeSettings, FneeSolver};
+pub use settings::FneeSettings;
+pub use solver::FneeSolver;
 
 use crate::specular::selection::PaneSelection;
 use glam::{DVec2, DVec3};
 use smallvec::{SmallVec, smallvec};
 
-use super::{
-    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE,
-    caster::Caster,
-    coverage,
-    enumeration::{Enumeration, enumerate},
-    fermat::Connection,
-    newton::{Root, SearchRegion, solve_complete, solve_published},
-    pane_tree::{Panes, Sight},
-    passage::{Found, Passage, local, transmission},
-    reflection::Reflections,
-    selection::Choice,
-    side::{PaneSide, Transmission},
-    trials::RandomSearch,
-    view::{Effort, Glimpse, Opening, View},
-    window::{SourceBounds, Window},
-};
-use crate::{
-    geometry::Rect,
-    light::{Source, SourceSample},
-    scene::Scene,
-};
+use self::reflection::Reflections;
+use super::caster::Caster;
+use super::enumeration::{Enumeration, enumerate};
+use super::fermat::Connection;
+use super::newton::{Root, SearchRegion, solve_complete, solve_published};
+use super::passage::{Found, Passage, transmission};
+use super::selection::Choice;
+use super::side::{PaneSide, Transmission};
+use super::trials::RandomSearch;
+use super::view::{Effort, Glimpse, Opening, View};
+use super::window::{SourceBounds, Window};
+use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
+use crate::light::{Source, SourceSample};
+use crate::math::Rect;
+use crate::scene::Scene;
+use crate::scene::ShadingPoint;
+use crate::scene::pane_tree::{Panes, Sight};
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, TrialStream};
 
@@ -241,7 +240,7 @@ fn density_of_glimpse(scene: &Scene, light: u32, glimpse: &Glimpse, opening: &Op
     let (met, cosine) = source.source_at(&glimpse.exit, &glimpse.hit);
     let (centre, radius) = scene.specular_ball();
     let frame = &opening.side.pane.frame;
-    let connection = Connection::new(&opening.side, opening.origin, local(met, frame));
+    let connection = Connection::new(&opening.side, opening.origin, met.in_frame(frame));
     let theta = [glimpse.through.entry.truncate(), glimpse.through.exit.truncate()];
     let path = connection.path(&theta, &mut Counters::default());
     let factor = path.hessian().factorise().map(|hessian| path.geometry_factor(hessian.determinant) * cosine);

@@ -4,11 +4,12 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
+use super::super::kept::Kept;
 use super::super::missing::{Contents, LightGroup, PathClass, THROUGH_ONE_PANE, cut_off, unowned_by_panes};
-use super::super::registry::IntegratorDescription;
 use super::super::selection::PaneSelection;
 use super::super::settings::{DEFAULT_MAX_DEPTH, Method, MethodSettings, default_max_depth};
 use super::Fnee;
+use super::solver::FneeSolver;
 use crate::scene::Scene;
 use crate::settings::check::check_range;
 use crate::settings::{Check, JsonPath, is_default};
@@ -59,18 +60,11 @@ impl From<&FneeSettings> for Fnee {
     }
 }
 
-/// How Fermat next event estimation searches for stationary paths.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum FneeSolver {
-    /// Enumerates the paths in the deflection window: minima, saddles and maxima alike.
-    #[default]
-    Complete,
-    /// Huan et al. 2023, Algorithm 1, with uniform seeds over both faces: finds minima almost exclusively.
-    Published,
-}
-
 impl MethodSettings for FneeSettings {
+    fn max_depth(&self) -> u32 {
+        self.max_depth
+    }
+
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_range(self.max_trials, 1, 1_000_000, &path.member("max_trials"))
     }
@@ -104,7 +98,7 @@ impl MethodSettings for FneeSettings {
         unowned_by_panes(&lights.name, contents, self.selection, self.reflected)
     }
 
-    fn build(&self, _: &Scene) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, _: &Scene, _: &Kept) -> Option<Box<dyn SpecularMethod>> {
         Some(Box::new(Fnee::from(self)))
     }
 }
@@ -115,7 +109,7 @@ impl Method for FneeSettings {
     const PROBES: &'static [&'static str] =
         &[r#"{"fnee": {"reflected": true}}"#, r#"{"fnee": {"solver": "published", "max_trials": 20}}"#];
 
-    fn adopting(other: &IntegratorDescription) -> Self {
+    fn adopting(other: &dyn MethodSettings) -> Self {
         Self { max_depth: other.max_depth(), ..Self::USUAL }
     }
 }

@@ -29,7 +29,8 @@ use super::{
     },
     side::PaneSide,
 };
-use crate::geometry::{Interval, JetBounds, Rect};
+use crate::geometry::JetBounds;
+use crate::math::{Interval, Rect};
 
 /// A shading point and a source as seen from a pane, mirrored so that light travels towards +z.
 #[derive(Clone, Copy, Debug)]

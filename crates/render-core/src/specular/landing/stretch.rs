@@ -4,11 +4,10 @@
 use glam::{DMat2, DVec2};
 
 use super::{Landing, Lever, SlopeWeight, radius};
-use crate::{
-    geometry::{Rect, ShapeBounds, Symmetric},
-    lanes::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask},
-    specular::direction_bounds::Box2,
-};
+use crate::geometry::{ShapeBounds, Symmetric};
+use crate::math::Rect;
+use crate::math::lanes::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask};
+use crate::specular::direction_bounds::Box2;
 use clerestory_film::counters::Counters;
 
 /// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part:

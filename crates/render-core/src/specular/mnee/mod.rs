@@ -13,14 +13,13 @@ use crate::specular::constraint::ManifoldConstraint;
 use crate::specular::manifold::WalkSteps;
 use smallvec::SmallVec;
 
-use super::{
-    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath,
-    caster::Caster,
-    chain::Chain,
-    coverage::Link,
-    manifold::{ManifoldWalk, SolvedChain},
-    scope::Scope,
-};
+use super::caster::Caster;
+use super::chain::Chain;
+use super::coverage::Link;
+use super::manifold::{ManifoldWalk, SolvedChain};
+use super::scope::Scope;
+use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath};
+use crate::scene::ShadingPoint;
 use crate::{light::Source, scene::Scene};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;

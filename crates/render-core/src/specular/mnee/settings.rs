@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
+use super::super::kept::Kept;
 use super::super::missing::{ANY, Contents, LightGroup, PathClass, over, over_other, unmarked};
-use super::super::registry::IntegratorDescription;
 use super::super::scope::{MOST_SPECULAR_VERTICES, Scope, ScopeSettings, check_chains, through_panes};
 use super::super::settings::{Method, MethodSettings, default_max_depth};
 use super::Mnee;
@@ -54,6 +54,10 @@ impl MethodSettings for MneeSettings {
         Some(ScopeSettings { chains: &self.chains, casters, receivers, only_meshes: false })
     }
 
+    fn max_depth(&self) -> u32 {
+        self.max_depth
+    }
+
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_chains(&self.chains, "T", MOST_SPECULAR_VERTICES, path)
     }
@@ -83,7 +87,7 @@ impl MethodSettings for MneeSettings {
         classes
     }
 
-    fn build(&self, scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, scene: &Scene, _: &Kept) -> Option<Box<dyn SpecularMethod>> {
         let scope = Scope::new(scene, &self.chains, self.casters.as_deref(), self.receivers.as_deref());
         Some(Box::new(Mnee { missed: self.missed, scope }))
     }
@@ -95,7 +99,7 @@ impl Method for MneeSettings {
     const PROBES: &'static [&'static str] =
         &[r#"{"mnee": {}}"#, r#"{"mnee": {"chains": ["T"], "casters": ["water"]}}"#];
 
-    fn adopting(other: &IntegratorDescription) -> Self {
+    fn adopting(other: &dyn MethodSettings) -> Self {
         let scope = other.scope();
         Self {
             max_depth: other.max_depth(),

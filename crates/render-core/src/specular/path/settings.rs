@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
+use super::super::kept::Kept;
 use super::super::missing::{ANY, Contents, LightGroup, PathClass};
-use super::super::registry::IntegratorDescription;
 use super::super::settings::{Method, MethodSettings, default_max_depth};
 use crate::scene::Scene;
 use crate::settings::{Check, JsonPath};
@@ -22,6 +22,10 @@ pub struct PathSettings {
 }
 
 impl MethodSettings for PathSettings {
+    fn max_depth(&self) -> u32 {
+        self.max_depth
+    }
+
     fn check(&self, _: &JsonPath<'_>) -> Check {
         Ok(())
     }
@@ -34,7 +38,7 @@ impl MethodSettings for PathSettings {
         vec![PathClass::new(lights.all(), ANY)]
     }
 
-    fn build(&self, _: &Scene) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, _: &Scene, _: &Kept) -> Option<Box<dyn SpecularMethod>> {
         None
     }
 }
@@ -44,7 +48,7 @@ impl Method for PathSettings {
 
     const PROBES: &'static [&'static str] = &[r#"{"path": {}}"#];
 
-    fn adopting(other: &IntegratorDescription) -> Self {
+    fn adopting(other: &dyn MethodSettings) -> Self {
         Self { max_depth: other.max_depth() }
     }
 }

@@ -13,14 +13,13 @@ use crate::specular::manifold::WalkSteps;
 use crate::specular::selection::PaneSelection;
 use glam::DVec3;
 
-use super::{
-    Arrival, ShadingPoint, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE,
-    caster::Caster,
-    manifold::{ManifoldWalk, SolvedChain},
-    scope::Scope,
-    selection::Choice,
-    trials::RandomSearch,
-};
+use super::caster::Caster;
+use super::manifold::{ManifoldWalk, SolvedChain};
+use super::scope::Scope;
+use super::selection::Choice;
+use super::trials::RandomSearch;
+use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE};
+use crate::scene::ShadingPoint;
 use crate::{light::Source, scene::Scene};
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, TrialStream};

@@ -5,11 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
 use super::super::constraint::ManifoldConstraint;
+use super::super::kept::Kept;
 use super::super::manifold::WalkSteps;
 use super::super::missing::{
     Contents, LightGroup, PathClass, between_the_faces, cut_off, over, over_other, unmarked, unselected,
 };
-use super::super::registry::IntegratorDescription;
 use super::super::scope::{MOST_SPECULAR_VERTICES, Scope, ScopeSettings, check_chains, through_panes};
 use super::super::selection::PaneSelection;
 use super::super::settings::{Method, MethodSettings, default_max_depth};
@@ -103,6 +103,10 @@ impl MethodSettings for SmsSettings {
         Some(ScopeSettings { chains: &self.chains, casters, receivers, only_meshes: false })
     }
 
+    fn max_depth(&self) -> u32 {
+        self.max_depth
+    }
+
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_chains(&self.chains, "RT", MOST_SPECULAR_VERTICES, path)?;
         let path = path.member("estimator");
@@ -139,7 +143,7 @@ impl MethodSettings for SmsSettings {
         classes
     }
 
-    fn build(&self, scene: &Scene) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, scene: &Scene, _: &Kept) -> Option<Box<dyn SpecularMethod>> {
         let Self { constraint, steps, estimator, selection, .. } = *self;
         let scope = Scope::new(scene, &self.chains, self.casters.as_deref(), self.receivers.as_deref());
         Some(Box::new(Sms { constraint, steps, estimator, selection, scope }))
@@ -156,7 +160,7 @@ impl Method for SmsSettings {
         r#"{"sms": {"steps": "published", "selection": "random", "estimator": {"biased": {"trials": 4}}}}"#,
     ];
 
-    fn adopting(other: &IntegratorDescription) -> Self {
+    fn adopting(other: &dyn MethodSettings) -> Self {
         let scope = other.scope();
         Self {
             max_depth: other.max_depth(),

@@ -3,7 +3,7 @@
 use schemars::Schema;
 use schemars::generate::SchemaSettings;
 
-use super::description::SceneDescription;
+use super::SceneDescription;
 
 /// The JSON Schema (draft 2020-12) of scene files. What it cannot say is checked by [`SceneDescription::validate`].
 pub fn scene_schema() -> Schema {

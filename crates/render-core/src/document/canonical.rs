@@ -1,4 +1,4 @@
-//! The canonical form of a scene file, over which its hash is taken.
+//! The canonical form of a scene file, and the hash over it.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -6,9 +6,11 @@ use std::sync::LazyLock;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::description::{IntegratorDescription, SceneDescription};
+use super::SceneDescription;
 use super::schema::scene_schema;
+use crate::scene::{ContentHash, SceneHash};
 use crate::settings::schema_place::Place;
+use crate::specular::registry::IntegratorDescription;
 
 /// The one way in which a scene is written when it is hashed. Members are in alphabetical order, without white space.
 /// Numbers are the shortest decimals that read back as the same floating-point numbers. Version 1 writes out the
@@ -23,6 +25,23 @@ pub fn canonical_json(description: &SceneDescription) -> String {
     let mut json = String::new();
     write_canonical(&value, &mut json);
     json
+}
+
+/// The hash of a scene with the assets of these names and hashes.
+pub(super) fn scene_hash(description: &SceneDescription, assets: &BTreeMap<&str, ContentHash>) -> SceneHash {
+    let json = canonical_json(description);
+    let mut hasher = blake3::Hasher::new_derive_key(match description.version {
+        1 => "clerestory scene hash, version 1",
+        _ => "clerestory scene hash, version 2",
+    });
+    hasher.update(&(json.len() as u64).to_le_bytes());
+    hasher.update(json.as_bytes());
+    for (name, hash) in assets {
+        hasher.update(&(name.len() as u64).to_le_bytes());
+        hasher.update(name.as_bytes());
+        hasher.update(hash.as_bytes());
+    }
+    SceneHash::from_bytes(*hasher.finalize().as_bytes())
 }
 
 /// Appends `value`. The order of members does not depend on how `serde_json` was configured.

@@ -1,47 +1,22 @@
 //! A scene with the bytes of its assets: what is hashed, sent to the farm, and built.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::Path;
-use std::sync::Arc;
 
-use super::assets::{asset_names, asset_uses};
-use super::description::SceneDescription;
-use super::hash::{ContentHash, SceneHash};
+use super::SceneDescription;
+use super::canonical::scene_hash;
+use crate::scene::assets::asset_uses;
+use crate::scene::{Asset, Assets, Scene, SceneHash, SceneMemory};
 use crate::settings::limits::{MAX_ASSET_BYTES, MAX_SCENE_BYTES};
 use crate::settings::{AssetProblem, SceneError};
-
-/// The bytes of a file that a scene names.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Asset {
-    hash: ContentHash,
-    bytes: Arc<[u8]>,
-}
-
-impl Asset {
-    /// An asset of these bytes.
-    pub fn new(bytes: impl Into<Arc<[u8]>>) -> Self {
-        let bytes = bytes.into();
-        Self { hash: ContentHash::of(&bytes), bytes }
-    }
-
-    /// The hash of its bytes.
-    pub fn hash(&self) -> ContentHash {
-        self.hash
-    }
-
-    /// Its bytes.
-    pub fn bytes(&self) -> &Arc<[u8]> {
-        &self.bytes
-    }
-}
 
 /// A valid description and exactly the assets that it names. Their contents are judged when the scene is built.
 #[derive(Clone, Debug)]
 pub struct SceneBundle {
     description: SceneDescription,
-    assets: BTreeMap<String, Asset>,
+    assets: Assets,
     hash: SceneHash,
 }
 
@@ -51,20 +26,20 @@ impl SceneBundle {
     /// # Errors
     ///
     /// When the description is not valid, or an asset is missing or too large.
-    pub fn from_parts(description: SceneDescription, mut assets: BTreeMap<String, Asset>) -> Result<Self, SceneError> {
+    pub fn from_parts(description: SceneDescription, mut assets: Assets) -> Result<Self, SceneError> {
         description.validate()?;
-        for (path, name) in asset_uses(&description) {
+        for (path, name) in asset_uses(description.parts()) {
             let problem = match assets.get(name) {
                 None => AssetProblem::Missing,
-                Some(asset) if asset.bytes.len() as u64 > MAX_ASSET_BYTES => too_large(asset.bytes.len() as u64),
+                Some(asset) if asset.bytes().len() as u64 > MAX_ASSET_BYTES => too_large(asset.bytes().len() as u64),
                 Some(_) => continue,
             };
             return Err(SceneError::Asset { path, name: name.to_owned(), problem });
         }
         let names = asset_names(&description);
         assets.retain(|name, _| names.contains(name.as_str()));
-        let hashes = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash)).collect();
-        let hash = SceneHash::of(&description, &hashes);
+        let hashes = assets.iter().map(|(name, asset)| (name.as_str(), asset.hash())).collect();
+        let hash = scene_hash(&description, &hashes);
         Ok(Self { description, assets, hash })
     }
 
@@ -74,8 +49,22 @@ impl SceneBundle {
     }
 
     /// The assets by name.
-    pub fn assets(&self) -> &BTreeMap<String, Asset> {
+    pub fn assets(&self) -> &Assets {
         &self.assets
+    }
+
+    /// Builds the things of the scene, without the method that its settings name.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::build`].
+    pub fn build_scene(&self) -> Result<Scene, SceneError> {
+        Scene::build(self.description.parts(), &self.assets, &mut |_| ())
+    }
+
+    /// What the scene is made of, and how much memory that takes.
+    pub fn memory(&self) -> SceneMemory {
+        SceneMemory::of(self.description.parts(), &self.assets)
     }
 
     /// The identity of the scene: everything that can change a pixel goes into it, and no white space or order of
@@ -94,6 +83,11 @@ impl SceneBundle {
     }
 }
 
+/// Names of all files that must be supplied with the scene.
+pub fn asset_names(description: &SceneDescription) -> BTreeSet<&str> {
+    asset_uses(description.parts()).into_iter().map(|(_, name)| name).collect()
+}
+
 /// Reads a scene file and the files that it names. Files are read from the folder of the scene file alone: a symbolic
 /// link that leads out of it could send any file of the user to a farm with a scene that came from elsewhere.
 ///
@@ -107,7 +101,7 @@ pub fn load(file: &Path) -> Result<SceneBundle, SceneError> {
     let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let folder = fs::canonicalize(folder).map_err(unreadable)?;
     let mut assets = BTreeMap::new();
-    for (path, name) in asset_uses(&description) {
+    for (path, name) in asset_uses(description.parts()) {
         if !assets.contains_key(name) {
             let asset = load_asset(&folder, name).map_err(|problem| SceneError::Asset {
                 path,
@@ -153,6 +147,8 @@ mod tests {
 
     use super::super::malformed_scenes::valid_scene;
     use super::*;
+    use crate::scene::ContentHash;
+    use crate::specular::registry::IntegratorDescription;
 
     fn bundle(scene: &Value) -> Result<SceneBundle, SceneError> {
         let assets = BTreeMap::from([("floor.ply".to_owned(), Asset::new(*b"ply"))]);
@@ -290,9 +286,7 @@ mod tests {
         let published = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
         assert_eq!(published.clone().with_integrator_named("fnee").unwrap().integrator, published.integrator);
         let mut deep = description.clone();
-        deep.integrator = super::super::description::IntegratorDescription::Path(crate::specular::path::PathSettings {
-            max_depth: 5,
-        });
+        deep.integrator = IntegratorDescription::Path(crate::specular::path::PathSettings { max_depth: 5 });
         let cone = deep.with_integrator_named("cone").unwrap();
         assert_eq!((cone.integrator.kind(), cone.integrator.max_depth()), ("cone", 5));
         // Chains that it cannot look for are not kept.

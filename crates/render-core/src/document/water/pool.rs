@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::{WaterSettings, WaterView, diffuse, integrator, looking, onto_the_floor, sun, surface, water};
-use crate::scene::description::{
-    FilmDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple, WaveDescription,
-};
-use crate::scene::triangles::Triangles;
+use crate::document::triangles::Triangles;
+use crate::document::{SamplingDescription, SceneDescription};
+use crate::scene::description::{FilmDescription, WaveDescription};
+use crate::settings::{SCENE_FORMAT_VERSION, Triple};
 
 /// Extent of the basin, metres: along, across, and its depth to the mean level of the water.
 const BASIN: Triple = [4.0, 3.0, 1.8];

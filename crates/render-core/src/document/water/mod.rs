@@ -13,13 +13,16 @@ use std::str::FromStr;
 pub use self::lagoon::lagoon;
 pub use self::pool::pool;
 
-use super::description::{
-    CameraDescription, ColourDescription, ConicSearch, IntegratorDescription, LightDescription, MaterialDescription,
-    MeshDescription, MeshSource, Triple, WaveDescription,
-};
+use crate::bsdf::MaterialDescription;
 use crate::bsdf::{DielectricMaterial, DiffuseMaterial};
+use crate::light::LightDescription;
 use crate::light::SunLight;
+use crate::scene::description::{CameraDescription, MeshDescription, MeshSource, WaveDescription};
+use crate::settings::Triple;
+use crate::specular::conic::ConicSearch;
 use crate::specular::conic::{ConicSettings, through_one_interface};
+use crate::specular::registry::IntegratorDescription;
+use crate::texture::ColourDescription;
 
 /// Index of refraction of water.
 const WATER: f64 = 1.33;

@@ -1,6 +1,6 @@
 //! What the types cannot say about the settings of an integrator.
 
-use super::description::{MeshDescription, SceneDescription};
+use super::SceneDescription;
 use crate::settings::check::{Quoted, check_range};
 use crate::settings::{Check, JsonPath, SceneError};
 
@@ -15,9 +15,7 @@ impl SceneDescription {
     /// Checks what the integrator says about other parts of the scene.
     pub(super) fn check_integrator_names(&self, path: &JsonPath<'_>) -> Check {
         let Some(scope) = self.integrator.scope() else { return Ok(()) };
-        let is_smooth =
-            |mesh: &&MeshDescription| self.materials.get(&mesh.material).is_some_and(|material| material.is_delta());
-        let (smooth, others): (Vec<_>, Vec<_>) = self.meshes.iter().partition(is_smooth);
+        let (smooth, others): (Vec<_>, Vec<_>) = self.meshes.iter().partition(|mesh| self.parts().is_smooth(mesh));
         let panes = self.panes.iter().map(|pane| pane.name.as_str());
         let smooth = smooth.iter().map(|mesh| mesh.name.as_str());
         let (specular, kind): (Vec<&str>, _) = if scope.only_meshes {

@@ -5,11 +5,11 @@
 //! find its way through them. Slopes are 1e-3 to 6e-3, those of old glass.
 
 use super::leading::GAP;
-use super::stonework::{GLASS_DEPTH, OPENING};
-use super::{WINDOWS, window_centre};
+use super::stonework::{GLASS_DEPTH, OPENING, WINDOWS, window_centre};
+use crate::document::triangles::rounded;
 use crate::geometry::FaceCrossing;
-use crate::scene::description::{PaneDescription, ProfileDescription, Triple};
-use crate::scene::triangles::rounded;
+use crate::scene::description::{PaneDescription, ProfileDescription};
+use crate::settings::Triple;
 
 /// How a pane was made.
 #[derive(Clone, Copy)]

@@ -6,7 +6,8 @@ use proptest::prelude::*;
 use serde_json::{Value, json};
 
 use super::malformed_scenes::valid_scene;
-use super::{Asset, Scene, SceneBundle, SceneDescription, SceneError};
+use super::{SceneBundle, SceneDescription};
+use crate::scene::{Asset, Scene, SceneError};
 use crate::texture::picture_samples::{encode_exr, encode_png};
 
 const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
@@ -40,7 +41,7 @@ fn scene_with_assets() -> (Value, BTreeMap<String, Vec<u8>>) {
 
 fn build(json: &[u8], assets: &BTreeMap<String, Vec<u8>>) -> Result<Scene, SceneError> {
     let assets = assets.iter().map(|(name, bytes)| (name.clone(), Asset::new(bytes.clone()))).collect();
-    Scene::build(&SceneBundle::from_parts(SceneDescription::parse(json)?, assets)?)
+    SceneBundle::from_parts(SceneDescription::parse(json)?, assets)?.build_scene()
 }
 
 /// All places of a JSON value, as JSON pointers.

@@ -12,7 +12,7 @@ use std::ops::{Add, Mul, Neg, Sub};
 use glam::DVec2;
 use pulp::{Scalar256b, Simd, f32x8, f64x4, m32x8, m64, m64x4};
 
-use crate::geometry::Rect;
+use crate::math::Rect;
 
 /// How many numbers there are.
 pub(crate) const LANES: usize = 4;

@@ -1,9 +1,12 @@
 //! Walls, floor and ceiling, all 0.8 m thick: a closed shell inside and one outside, joined only by the reveals of the
 //! windows.
 
-use super::{WINDOWS, window_centre};
-use crate::scene::description::{MeshDescription, Triple};
-use crate::scene::triangles::Triangles;
+use crate::document::triangles::Triangles;
+use crate::scene::description::MeshDescription;
+use crate::settings::Triple;
+
+/// The openings of the clerestory, all alike.
+pub(super) const WINDOWS: u32 = 4;
 
 /// Extent of the inside, metres: across, along, up.
 const INSIDE: Triple = [8.0, 14.0, 13.0];
@@ -107,4 +110,9 @@ fn add_upright_sides(triangles: &mut Triangles, [[x0, y0, z0], [x1, y1, z1]]: [T
 /// The floor or the ceiling of a box.
 fn add_level(triangles: &mut Triangles, [[x0, y0, _], [x1, y1, _]]: [Triple; 2], z: f64) {
     triangles.add_quadrilateral([[x0, y0, z], [x1, y0, z], [x1, y1, z], [x0, y1, z]]);
+}
+
+/// The centre line of an opening along the nave, metres.
+pub(super) fn window_centre(window: u32) -> f64 {
+    2.5 + 2.0 * f64::from(window)
 }

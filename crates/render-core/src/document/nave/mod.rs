@@ -13,16 +13,17 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::str::FromStr;
 
-use super::description::{
-    CameraDescription, ColourDescription, FilmDescription, IntegratorDescription, LightDescription,
-    MaterialDescription, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription, Triple,
-};
+use self::stonework::WINDOWS;
+use super::{SamplingDescription, SceneDescription};
 use crate::bsdf::DiffuseMaterial;
+use crate::bsdf::MaterialDescription;
+use crate::light::LightDescription;
 use crate::light::SunLight;
+use crate::scene::description::{CameraDescription, FilmDescription};
+use crate::settings::{SCENE_FORMAT_VERSION, Triple};
 use crate::specular::cone::ConeSettings;
-
-/// The openings of the clerestory, all alike.
-const WINDOWS: u32 = 4;
+use crate::specular::registry::IntegratorDescription;
+use crate::texture::ColourDescription;
 
 /// The rows, and the columns, into which each opening can be cut.
 const CUTS: [u32; 4] = [1, 2, 4, 8];
@@ -115,11 +116,6 @@ fn materials() -> BTreeMap<String, MaterialDescription> {
         diffuse("lead", [0.22, 0.22, 0.23]),
         diffuse("oak", [0.34, 0.25, 0.16]),
     ])
-}
-
-/// The centre line of an opening along the nave, metres.
-fn window_centre(window: u32) -> f64 {
-    2.5 + 2.0 * f64::from(window)
 }
 
 #[cfg(test)]

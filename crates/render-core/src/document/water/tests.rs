@@ -7,9 +7,10 @@ use std::sync::atomic::AtomicBool;
 use rayon::prelude::*;
 
 use super::*;
+use crate::document::{SceneBundle, SceneDescription};
+use crate::integrator::PreparedScene;
 use crate::integrator::render_node;
 use crate::scene::description::FilmDescription;
-use crate::scene::{Scene, SceneBundle, SceneDescription};
 use crate::specular::path::PathSettings;
 use clerestory_film::{NodeAddress, TileGrid};
 
@@ -23,8 +24,8 @@ fn settings(triangles: &str, view: WaterView) -> WaterSettings {
     WaterSettings { triangles: triangles.parse().unwrap(), time: 0.0, view }
 }
 
-fn built(description: SceneDescription) -> Scene {
-    Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()
+fn built(description: SceneDescription) -> PreparedScene {
+    PreparedScene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()
 }
 
 /// The part of a small picture with 4 passes that has light.
@@ -80,7 +81,8 @@ fn every_view_sees_light_through_the_water() {
 #[test]
 fn waves_stay_between_floor_and_edge_of_the_basin() {
     for time in [0.0, 1.0, 10.0] {
-        let scene = built(pool(&WaterSettings { time, ..settings("20000", WaterView::Above) }));
+        let prepared = built(pool(&WaterSettings { time, ..settings("20000", WaterView::Above) }));
+        let scene = prepared.scene();
         let [low, high] = scene.mesh_bounds(0);
         assert!(low.z > 1.7 && high.z < 1.9, "{low} {high}");
     }

@@ -4,10 +4,12 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_json::Value;
 
-use super::description::{FilmDescription, IntegratorDescription, SceneDescription};
+use super::SceneDescription;
 use super::syntax::{not_utf_8, refuse_other_formats, with_hint};
+use crate::scene::description::FilmDescription;
 use crate::settings::limits::MAX_SCENE_BYTES;
 use crate::settings::{JsonPath, SceneError, is_readable};
+use crate::specular::registry::IntegratorDescription;
 use clerestory_film::file_format::without_byte_order_mark;
 
 impl SceneDescription {

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::schema::tests::Validator;
-use super::{Scene, SceneBundle, SceneDescription, load};
+use super::{SceneBundle, SceneDescription, load};
 
 /// All JSON files in and below a folder that hold a scene.
 fn scene_files(folder: &Path) -> Vec<PathBuf> {
@@ -46,7 +46,7 @@ fn shipped_scenes_follow_the_schema() {
 fn shipped_scenes_can_be_built() {
     for file in shipped() {
         let bundle = load(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
-        Scene::build(&bundle).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
+        bundle.build_scene().unwrap_or_else(|error| panic!("{}: {error}", file.display()));
     }
 }
 
@@ -56,6 +56,6 @@ fn the_example_of_the_manual_can_be_built() {
     let (_, rest) = manual.split_once("```json\n").unwrap();
     let (example, _) = rest.split_once("```").unwrap();
     let description = SceneDescription::parse(example.as_bytes()).unwrap();
-    let scene = Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap();
+    let scene = SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap();
     assert_eq!(scene.panes().len(), 1);
 }

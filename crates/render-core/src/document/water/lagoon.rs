@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 
 use super::{WaterSettings, WaterView, diffuse, integrator, looking, onto_the_floor, sun, surface, water};
-use crate::scene::description::{
-    FilmDescription, MeshDescription, MeshSource, SCENE_FORMAT_VERSION, SamplingDescription, SceneDescription,
-    WaveDescription,
-};
-use crate::scene::triangles::Triangles;
+use crate::document::triangles::Triangles;
+use crate::document::{SamplingDescription, SceneDescription};
+use crate::scene::description::{FilmDescription, MeshDescription, MeshSource, WaveDescription};
+use crate::settings::SCENE_FORMAT_VERSION;
 
 /// Edge of the water and the sand, metres.
 const EDGE: f64 = 24.0;

@@ -19,23 +19,22 @@
 //! slopes of the relief can move that point. Some seeds lie anywhere, so paths outside the window have a probability as
 //! well.
 
-use crate::specular::fnee::FneeSolver;
+use super::solver::FneeSolver;
 use glam::{DMat2, DVec2, DVec3};
 
-use super::{
-    Arrival, ShadingPoint,
-    fermat::{inverse, normal, projector, pulled_back, second_derivatives},
-    newton::{MAX_ITERATIONS, PUBLISHED_ALPHA, PUBLISHED_BETA, PUBLISHED_GRADIENT, PUBLISHED_T_MIN, SHORTEST_STEP},
-    passage::local,
-    side::{PaneSide, unit_normal},
-    trials::RandomSearch,
+use super::super::Arrival;
+use super::super::fermat::{inverse, normal, projector, pulled_back, second_derivatives};
+use super::super::newton::{
+    MAX_ITERATIONS, PUBLISHED_ALPHA, PUBLISHED_BETA, PUBLISHED_GRADIENT, PUBLISHED_T_MIN, SHORTEST_STEP,
 };
-use crate::{
-    bsdf::fresnel::refract,
-    geometry::{Leaving, PaneBoundary, Ray, Rect, Surface, SurfaceJet},
-    light::{Source, SourceSample},
-    scene::Scene,
-};
+use super::super::side::{PaneSide, unit_normal};
+use super::super::trials::RandomSearch;
+use crate::bsdf::fresnel::refract;
+use crate::geometry::{Leaving, PaneBoundary, Ray, Surface, SurfaceJet};
+use crate::light::{Source, SourceSample};
+use crate::math::Rect;
+use crate::scene::Scene;
+use crate::scene::ShadingPoint;
 use clerestory_film::TrialStream;
 use clerestory_film::counters::Counters;
 
@@ -319,7 +318,7 @@ impl Reflections<'_> {
         if !side.rises_above(origin, frame.vector_to_local(point.normal)) {
             return;
         }
-        let Some(search) = ReflectionSearch::new(side, origin, local(sample.source, frame), solver) else { return };
+        let Some(search) = ReflectionSearch::new(side, origin, sample.source.in_frame(frame), solver) else { return };
         let Some(root) = search.solve(random, counters) else { return };
         let Some(arrival) = search.arrival(scene, point, [light, pane], sample, &root, counters) else { return };
         let inverse = search.inverse_probability(&root, max_trials, random, counters);

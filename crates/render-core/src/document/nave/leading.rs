@@ -1,10 +1,9 @@
 //! The lead cames: H-shaped strips that hold the panes, with flanges before and behind the glass and a heart between
 //! neighbours.
 
-use super::stonework::{GLASS_DEPTH, OPENING};
-use super::{WINDOWS, window_centre};
+use super::stonework::{GLASS_DEPTH, OPENING, WINDOWS, window_centre};
+use crate::document::triangles::Triangles;
 use crate::scene::description::MeshDescription;
-use crate::scene::triangles::Triangles;
 
 /// Distance between neighbouring panes, metres: the heart of the came, and a little air.
 pub(super) const GAP: f64 = 0.002;

@@ -4,13 +4,11 @@
 //! These are classes of paths. How much light there is in them depends on the scene. A class without a path that the
 //! path filter lets through is not named.
 
-use glam::DVec3;
-
-use super::Scene;
-use super::description::{MeshDescription, SceneDescription};
+use super::PathFilter;
+use super::SceneDescription;
 use crate::geometry::Pane;
-use crate::integrator::PathFilter;
-use crate::light::{Light, SELDOM_MET};
+use crate::light::SELDOM_MET;
+use crate::scene::Scene;
 use crate::specular::missing::{Contents, LightGroup, PathClass};
 
 /// Vertices of the shortest path that brings light through a pane to a surface that the camera sees.
@@ -19,21 +17,15 @@ const VERTICES_THROUGH_PANE: u32 = 3;
 /// At most so many lights are named.
 const MOST_NAMES: usize = 3;
 
-impl Scene {
-    /// The light of small lights that an image of this scene leaves to chance, in words, for its metadata.
-    pub fn left_to_chance(&self) -> Vec<String> {
-        let meshes =
-            (0u32..).zip(self.meshes()).filter(|(_, mesh)| mesh.is_smooth()).map(|(mesh, _)| self.mesh_bounds(mesh));
-        let glass: Vec<_> = self.panes().iter().map(Pane::world_bounds).chain(meshes).collect();
-        self.description().left_to_chance_by(self.lights(), &glass)
-    }
-}
-
 impl SceneDescription {
-    /// As [`Scene::left_to_chance`], for these lights and boxes around what refracts or mirrors.
-    pub(super) fn left_to_chance_by(&self, lights: &[Light], glass: &[[DVec3; 2]]) -> Vec<String> {
+    /// The light of small lights that an image of the scene built from this leaves to chance, in words, for its
+    /// metadata.
+    pub fn left_to_chance(&self, scene: &Scene) -> Vec<String> {
+        let meshes =
+            (0u32..).zip(scene.meshes()).filter(|(_, mesh)| mesh.is_smooth()).map(|(mesh, _)| scene.mesh_bounds(mesh));
+        let glass: Vec<_> = scene.panes().iter().map(Pane::world_bounds).chain(meshes).collect();
         let is_small = |solid_angle: f64| solid_angle < SELDOM_MET;
-        let small = lights.iter().filter(|light| {
+        let small = scene.lights().iter().filter(|light| {
             light.emission().max_element() > 0.0
                 && glass.iter().any(|bounds| light.largest_solid_angle(*bounds).is_some_and(is_small))
         });
@@ -98,8 +90,7 @@ impl SceneDescription {
     }
 
     fn smooth_meshes(&self) -> usize {
-        let material = |mesh: &&MeshDescription| self.materials.get(&mesh.material);
-        self.meshes.iter().filter(|mesh| material(mesh).is_some_and(|material| material.is_delta())).count()
+        self.meshes.iter().filter(|mesh| self.parts().is_smooth(mesh)).count()
     }
 
     /// Paths that are cut off, unless the path filter lets none of them through.
@@ -249,8 +240,9 @@ mod tests {
             let mut scene = valid_scene();
             change(&mut scene);
             let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
-            let bundle = crate::scene::SceneBundle::from_parts(description, std::collections::BTreeMap::new()).unwrap();
-            Scene::build(&bundle).unwrap().left_to_chance()
+            let bundle =
+                crate::document::SceneBundle::from_parts(description, std::collections::BTreeMap::new()).unwrap();
+            bundle.description().left_to_chance(&bundle.build_scene().unwrap())
         };
         let lights = "the small lights \"globe\", \"sun\", \"aperture\"";
         let found = of(&|_| {});

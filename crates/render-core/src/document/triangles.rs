@@ -2,7 +2,8 @@
 
 use std::f64::consts::PI;
 
-use super::description::{MeshDescription, MeshSource, Triple};
+use crate::scene::description::{MeshDescription, MeshSource};
+use crate::settings::Triple;
 
 /// Positions and triangles.
 #[derive(Default)]

@@ -5,15 +5,16 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec2, DVec3};
 
-use super::stonework::OPENING;
+use super::stonework::{OPENING, window_centre};
 use super::*;
+use crate::document::SceneBundle;
 use crate::geometry::{Frame, Leaving, Ray, Surface};
 use crate::light::LightBounds;
-use crate::scene::{Scene, SceneBundle};
+use crate::scene::Scene;
 use clerestory_film::counters::Counters;
 
 fn built(description: SceneDescription) -> Scene {
-    Scene::build(&SceneBundle::from_parts(description, BTreeMap::new()).unwrap()).unwrap()
+    SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap()
 }
 
 /// Points of the unit cube, evenly spread (Roberts 2018).
@@ -118,8 +119,9 @@ fn the_sun_comes_in_through_glass_alone() {
 #[test]
 fn the_camera_sees_the_light_of_at_least_half_of_the_panes() {
     for count in PaneCount::all() {
-        let scene = built(nave(count));
-        let film = scene.description().film;
+        let description = nave(count);
+        let film = description.film;
+        let scene = built(description);
         let (direction, _) = sun(&scene);
         let counters = &mut Counters::default();
         let mut panes = BTreeSet::new();

@@ -1,0 +1,155 @@
+//! A scene with all that rendering it takes: its things, its settings, and its method.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use clerestory_film::Sampling;
+
+use crate::document::{PathFilter, SamplingDescription, SceneBundle, SceneDescription};
+use crate::scene::{BuildStep, ContentHash, Obstacles, Scene, SceneHash};
+use crate::settings::{JsonPath, SceneError};
+use crate::specular::SpecularMethod;
+use crate::specular::kept::Kept;
+
+/// A scene file that is ready to be rendered. It does not change any more.
+pub struct PreparedScene {
+    hash: SceneHash,
+    description: SceneDescription,
+    /// The contents that the description names.
+    assets: BTreeMap<String, ContentHash>,
+    scene: Scene,
+    path_filter: Option<PathFilter>,
+    sampling: Sampling,
+    kept: Kept,
+    method: Option<Box<dyn SpecularMethod>>,
+}
+
+impl PreparedScene {
+    /// Builds the scene and its method.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::build`].
+    pub fn build(bundle: &SceneBundle) -> Result<Self, SceneError> {
+        Self::build_step_by_step(bundle, &mut |_| ())
+    }
+
+    /// Builds the scene and its method, and tells of each step before it begins.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::build`].
+    pub fn build_step_by_step(bundle: &SceneBundle, begin: &mut dyn FnMut(BuildStep<'_>)) -> Result<Self, SceneError> {
+        let description = bundle.description();
+        let path_filter = description.compiled_path_filter()?;
+        let sampling = sampling(description)?;
+        let scene = Scene::build(description.parts(), bundle.assets(), begin)?;
+        begin(BuildStep::SmoothMeshes);
+        let kept = Kept::default();
+        Ok(Self {
+            hash: bundle.scene_hash(),
+            description: description.clone(),
+            assets: asset_hashes(bundle),
+            method: description.integrator.build(&scene, &kept),
+            scene,
+            path_filter,
+            sampling,
+            kept,
+        })
+    }
+
+    /// The scene of `bundle`. Where nothing but the camera, the film, the lights, the integrator, the seed and the
+    /// sampling differ, all that takes time to build is kept. Whether the camera and the lights may stand where they do
+    /// then, [`Obstacles::check`] tells.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::build`].
+    pub fn changed(self, bundle: &SceneBundle) -> Result<Self, SceneError> {
+        let description = bundle.description();
+        let kept = SceneDescription {
+            camera: self.description.camera.clone(),
+            film: self.description.film,
+            lights: self.description.lights.clone(),
+            integrator: self.description.integrator.clone(),
+            seed: self.description.seed,
+            sampling: self.description.sampling,
+            ..description.clone()
+        };
+        if kept != self.description || asset_hashes(bundle) != self.assets {
+            return Self::build(bundle);
+        }
+        let scene = self.scene.with_view_and_lights(description.parts());
+        Ok(Self {
+            hash: bundle.scene_hash(),
+            sampling: sampling(description)?,
+            description: description.clone(),
+            method: description.integrator.build(&scene, &self.kept),
+            scene,
+            ..self
+        })
+    }
+
+    /// The identity of the scene.
+    pub fn hash(&self) -> SceneHash {
+        self.hash
+    }
+
+    /// What it was built from: settings of integrator and film, and the names of things.
+    pub fn description(&self) -> &SceneDescription {
+        &self.description
+    }
+
+    /// The things in the scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The method for light by way of specular surfaces; `None` for path tracing alone.
+    pub fn method(&self) -> Option<&dyn SpecularMethod> {
+        self.method.as_deref()
+    }
+
+    /// The light path expression to which rendering is restricted.
+    pub fn path_filter(&self) -> Option<&PathFilter> {
+        self.path_filter.as_ref()
+    }
+
+    /// How samples are grouped.
+    pub fn sampling(&self) -> Sampling {
+        self.sampling
+    }
+
+    /// What the camera and the lights must keep out of.
+    pub fn obstacles(&self) -> Obstacles {
+        self.scene.obstacles()
+    }
+
+    /// What the integrator chooses where it chooses among methods, in words.
+    pub fn chosen_methods(&self) -> Vec<String> {
+        self.description.integrator.chosen(&self.scene)
+    }
+
+    /// The light of small lights that an image leaves to chance, in words, for its metadata.
+    pub fn left_to_chance(&self) -> Vec<String> {
+        self.description.left_to_chance(&self.scene)
+    }
+}
+
+impl fmt::Debug for PreparedScene {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.debug_struct("PreparedScene").field("hash", &self.hash).finish_non_exhaustive()
+    }
+}
+
+fn asset_hashes(bundle: &SceneBundle) -> BTreeMap<String, ContentHash> {
+    bundle.assets().iter().map(|(name, asset)| (name.clone(), asset.hash())).collect()
+}
+
+/// How samples are grouped.
+fn sampling(description: &SceneDescription) -> Result<Sampling, SceneError> {
+    let SamplingDescription { samples_per_pass, samples_per_block } = description.sampling;
+    Sampling::new(samples_per_pass, samples_per_block).map_err(|error| {
+        SceneError::value(&JsonPath::Root.member("sampling"), format_args!("{error}"), "numbers that fit")
+    })
+}

@@ -1,0 +1,7 @@
+//! Numbers: intervals and rectangles of them, Bernstein polynomials, and several side by side.
+
+pub(crate) mod bernstein;
+pub mod interval;
+pub(crate) mod lanes;
+
+pub use interval::{Interval, Rect};

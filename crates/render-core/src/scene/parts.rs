@@ -1,0 +1,31 @@
+//! The things of a scene file.
+
+use std::collections::BTreeMap;
+
+use super::description::{CameraDescription, FilmDescription, MeshDescription, PaneDescription};
+use crate::bsdf::MaterialDescription;
+use crate::light::LightDescription;
+
+/// The things of a scene file, of which a scene is built.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneParts<'a> {
+    /// The camera.
+    pub camera: &'a CameraDescription,
+    /// Size of the image.
+    pub film: FilmDescription,
+    /// Materials by name.
+    pub materials: &'a BTreeMap<String, MaterialDescription>,
+    /// Triangle meshes.
+    pub meshes: &'a [MeshDescription],
+    /// Window panes.
+    pub panes: &'a [PaneDescription],
+    /// Lights.
+    pub lights: &'a [LightDescription],
+}
+
+impl SceneParts<'_> {
+    /// Whether a mesh refracts or mirrors light.
+    pub(crate) fn is_smooth(&self, mesh: &MeshDescription) -> bool {
+        self.materials.get(&mesh.material).is_some_and(|material| material.is_delta())
+    }
+}
