@@ -221,8 +221,12 @@ mod tests {
     use crate::document::{SceneBundle, SceneDescription};
     use crate::scene::Scene;
 
-    /// Two panes in one plane, one behind them, a closed box, a sheet of water and a mirror, under lights of all sizes.
+    /// Some panes, a closed box, a sheet of water and a mirror, under lights of all sizes.
     fn scene(panes: &[Value]) -> Scene {
+        changed(panes, |_| {})
+    }
+
+    fn changed(panes: &[Value], change: impl FnOnce(&mut Value)) -> Scene {
         let corners: Vec<[f64; 3]> =
             (0..8).map(|bits| [0, 1, 2].map(|axis| if bits >> axis & 1 == 0 { -0.1 } else { 0.1 })).collect();
         let sides = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
@@ -234,7 +238,7 @@ mod tests {
             let radiance = [1, 1, 1];
             json!({"sphere": {"name": name, "centre": [0, 0, 4], "radius": radius, "radiance": radiance}})
         };
-        let scene = json!({
+        let mut scene = json!({
             "version": 1, "name": "things", "film": {"width": 4, "height": 4},
             "camera": {"orthographic": {"position": [0, 0, 0.5], "look_at": [0, 0, 0], "up": [0, 1, 0], "height": 1}},
             "lights": [
@@ -254,6 +258,7 @@ mod tests {
             ],
             "panes": panes
         });
+        change(&mut scene);
         let description = SceneDescription::parse(scene.to_string().as_bytes()).unwrap();
         SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap()
     }
@@ -320,6 +325,32 @@ mod tests {
             (0..6).map(|number| pane(&number.to_string(), [0.0, 1.0 + 0.1 * f64::from(number)])).collect();
         assert!(methods(&scene(&many[..5]), POINT, Caster::Pane(0), "TTTT") == [Best::Sms]);
         assert!(methods(&scene(&many), POINT, Caster::Pane(0), "TTTT").is_empty());
+    }
+
+    #[test]
+    fn light_through_one_wall_of_a_body_is_looked_for_where_something_is_in_it() {
+        let closed = Caster::Mesh(0);
+        let lamp_at = |z: f64| {
+            changed(&[], |scene| {
+                scene["lights"] = json!([{"point": {"name": "lamp", "position": [0, 0, z], "intensity": [1, 1, 1]}}]);
+            })
+        };
+        assert_eq!(methods(&lamp_at(0.3), 0, closed, "T"), [Best::Conic]);
+        assert!(methods(&lamp_at(3.0), 0, closed, "T").is_empty());
+    }
+
+    #[test]
+    fn light_goes_through_both_walls_of_a_hollow_body_and_through_panes_behind_each_other() {
+        let hollow = changed(&[], |scene| {
+            scene["meshes"].as_array_mut().unwrap().truncate(1);
+            scene["lights"] = json!([{"point": {"name": "lamp", "position": [0, 0, 3], "intensity": [1, 1, 1]}}]);
+        });
+        assert_eq!(methods(&hollow, 0, Caster::Mesh(0), "TTTT"), [Best::Sms]);
+        let glazing = scene(&[pane("outer", [0.0, 1.0]), pane("inner", [0.0, 1.02])]);
+        for pane in [0, 1] {
+            assert_eq!(methods(&glazing, SUN, Caster::Pane(pane), "TTTT"), [Best::Sms]);
+            assert_eq!(methods(&glazing, SUN, Caster::Pane(pane), "R"), [Best::Fnee]);
+        }
     }
 
     #[test]
