@@ -1,7 +1,8 @@
 //! Scenes that are built on this machine before a farm has them.
 
 use clerestory_api::BuiltScene;
-use clerestory_render_core::scene::{SceneBundle, SceneError, SceneMemory};
+use clerestory_render_core::document::SceneBundle;
+use clerestory_render_core::scene::SceneError;
 use clerestory_worker::machine_memory;
 
 use crate::activity::Activity;
@@ -23,7 +24,7 @@ impl Preflight {
     }
 
     fn within(machine: Option<u64>, bundle: &SceneBundle, activity: &Activity) -> Result<Self, SceneError> {
-        let memory = SceneMemory::of(bundle);
+        let memory = bundle.memory();
         memory.check_counts()?;
         if let Some(Err(error)) = machine.map(|machine| memory.check(machine, WAY_OUT)) {
             return Ok(Self::TooLarge(error));

@@ -9,7 +9,7 @@ use clerestory_api::{
     BuildOutcome, BuiltScene, Client, ClientError, ContentHash, JobId, JobScene, ProblemCode, SceneBuilding,
     WorkerActivity,
 };
-use clerestory_film::{OpenExrError, PartialHeader, TileGrid, partial};
+use clerestory_film::{OpenExrError, PartialHeader, Rendered, TileGrid, partial};
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::description::FilmDescription;
@@ -18,7 +18,6 @@ use tokio::sync::{Mutex, watch};
 use tokio_util::task::AbortOnDropHandle;
 use tracing::{debug, info};
 
-use crate::renderer::RenderedNode;
 use crate::retry::until_answered;
 use crate::scene_budget::{MemoryLimit, Reservation, SceneBudget};
 
@@ -61,13 +60,17 @@ impl JobPlan {
     }
 
     /// The partial with these nodes.
-    pub(crate) fn encode_partial(&self, nodes: &[RenderedNode], build: &str) -> Result<Vec<u8>, OpenExrError> {
+    pub(crate) fn encode_partial<'a>(
+        &self,
+        nodes: impl Iterator<Item = &'a Rendered>,
+        build: &str,
+    ) -> Result<Vec<u8>, OpenExrError> {
         let header = PartialHeader {
             job: self.job.to_string(),
             scene_hash: self.scene.hash().to_string(),
             build: build.to_owned(),
         };
-        partial::encode(nodes.iter().map(|node| &node.rendered), &header, &self.grid)
+        partial::encode(nodes, &header, &self.grid)
     }
 }
 

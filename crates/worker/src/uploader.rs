@@ -151,7 +151,10 @@ impl Delivery<'_> {
         waiting.push_back(0..nodes.len());
         while let Some(range) = waiting.pop_front() {
             let (encoder, encoded, name, part) = (Arc::clone(&plan), Arc::clone(&nodes), build.clone(), range.clone());
-            let encode = move || encoder.encode_partial(&encoded[part], &name).map_err(|error| with_causes(&error));
+            let encode = move || {
+                let nodes = encoded[part].iter().map(|node| &node.rendered);
+                encoder.encode_partial(nodes, &name).map_err(|error| with_causes(&error))
+            };
             let file = match tokio::task::spawn_blocking(encode).await {
                 Ok(Ok(file)) => Bytes::from(file),
                 Ok(Err(reason)) => return BatchOutcome::Rejected(reason),

@@ -42,7 +42,7 @@ const EDGE: u32 = 64;
 /// Samples of each candle in each pixel of the reference.
 const REFERENCE_SAMPLES: u32 = 8;
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> Result<(), Box<dyn Error + Send + Sync>> {
     let arguments = Arguments::parse();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build()?;
     pool.install(|| {
@@ -86,7 +86,7 @@ fn median(values: &mut [f64]) -> f64 {
 }
 
 /// Core time of a sample, microseconds.
-fn microseconds(scene: &PreparedScene, limit: Duration) -> Result<f64, Box<dyn Error>> {
+fn microseconds(scene: &PreparedScene, limit: Duration) -> Result<f64, Box<dyn Error + Send + Sync>> {
     let mut rendering = Rendering::new(scene);
     let start = Instant::now();
     while start.elapsed() < limit {
@@ -97,7 +97,7 @@ fn microseconds(scene: &PreparedScene, limit: Duration) -> Result<f64, Box<dyn E
 }
 
 /// A hall of 40 m by 40 m with pillars, under these lights.
-fn hall(lights: &[Value]) -> Result<PreparedScene, Box<dyn Error>> {
+fn hall(lights: &[Value]) -> Result<PreparedScene, Box<dyn Error + Send + Sync>> {
     let square = |half: f64| {
         json!({"inline": {
             "positions": [[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]],
@@ -165,6 +165,9 @@ fn chandeliers(count: u32) -> Vec<Value> {
     (0..count).map(light).collect()
 }
 
+/// Chooses a light for a point, with a random number or those of a stream; with the probability of the choice.
+type Choose<'a> = dyn Fn(&Receiver, &mut SampleStream, f64) -> Option<(u32, f64)> + 'a;
+
 /// What the middle of each pixel shows.
 struct Points<'a> {
     scene: &'a Scene,
@@ -227,13 +230,7 @@ impl<'a> Points<'a> {
     }
 
     /// The mean of squared errors over squared values of the reference, after this time.
-    fn relative_error(
-        &self,
-        reference: &[f64],
-        limit: Duration,
-        seed: u64,
-        choose: &dyn Fn(&Receiver, &mut SampleStream, f64) -> Option<(u32, f64)>,
-    ) -> f64 {
+    fn relative_error(&self, reference: &[f64], limit: Duration, seed: u64, choose: &Choose<'_>) -> f64 {
         let settings = SamplerSettings { seed, samples_per_block: 1 << 16 };
         let mut sums = vec![0.0; self.points.len()];
         let (start, mut samples) = (Instant::now(), 0u32);
