@@ -56,7 +56,7 @@ impl Preflight {
 mod tests {
     use std::collections::BTreeMap;
 
-    use clerestory_render_core::scene::SceneDescription;
+    use clerestory_render_core::document::SceneDescription;
     use serde_json::{Value, json};
 
     use super::*;
