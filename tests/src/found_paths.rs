@@ -3,7 +3,7 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::bsdf::fresnel::{reflect, refract};
-use clerestory_render_core::geometry::{Face, Leaving, PaneBoundary, Ray, Surface};
+use clerestory_render_core::geometry::{Face, PaneBoundary, Ray, RayOrigin, Surface};
 use clerestory_render_core::light::{Source, SourceSample};
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::scene::ShadingPoint;
@@ -62,15 +62,15 @@ impl FoundPath {
         let directions = root.path.directions.map(|direction| geometry.frame.vector_to_world(direction));
         let [entry, exit] = root.path.vertices.map(|vertex| geometry.frame.point_to_world(vertex));
         let [first, _, last] = directions;
-        let leaving = Leaving::Pane { index: pane, face: far };
+        let ray_origin = RayOrigin::Pane { index: pane, face: far };
         if scene.blocked_through_pane(point, entry, pane, near, &exit, counters)
-            || scene.blocked(&Ray::new(exit, last), root.path.lengths[2], leaving, None, Some(light), counters)
+            || scene.blocked(&Ray::new(exit, last), root.path.lengths[2], ray_origin, None, Some(light), counters)
         {
             return None;
         }
         let link = |face, position, direction| Link {
             event: SpecularEvent::Transmission,
-            surface: Leaving::Pane { index: pane, face },
+            surface: RayOrigin::Pane { index: pane, face },
             position,
             direction,
         };
@@ -92,13 +92,13 @@ impl FoundPath {
     ) -> Option<Self> {
         let counters = &mut Counters::default();
         let mut ray = Ray::new(point.position, direction);
-        let mut leaving = point.leaving;
+        let mut ray_origin = point.ray_origin;
         let mut inside: Option<(u32, Face)> = None;
         let mut links = Vec::new();
         for &event in events {
             let hit = match inside {
                 Some((pane, face)) => scene.accelerator().closest_hit_inside(pane, &ray, Some(face), counters),
-                None => scene.accelerator().closest_hit(&ray, f64::INFINITY, leaving, counters),
+                None => scene.accelerator().closest_hit(&ray, f64::INFINITY, ray_origin, counters),
             }?;
             if inside.is_none() && scene.blocked_by_light(&ray, hit.distance, None) {
                 return None;
@@ -113,11 +113,11 @@ impl FoundPath {
                 SpecularEvent::Transmission => refract(ray.direction, normal, before, behind)?.direction,
                 SpecularEvent::Reflection => reflect(ray.direction, normal),
             };
-            leaving = Leaving::Pane { index, face };
+            ray_origin = RayOrigin::Pane { index, face };
             let goes_in = (event == SpecularEvent::Transmission) == inside.is_none();
             inside = goes_in.then_some((index, face));
             let position = pane.frame.point_to_world(pane_hit.point);
-            links.push(Link { event, surface: leaving, position, direction: ray.direction });
+            links.push(Link { event, surface: ray_origin, position, direction: ray.direction });
             ray = Ray::new(position, next);
         }
         if let Some((light, source)) = end {
@@ -130,7 +130,7 @@ impl FoundPath {
         let lights = (0u32..).zip(scene.lights());
         let mut met = lights.filter_map(|(index, light)| Some((index, light.intersect(&ray)?)));
         let (light, hit) = met.find(|(_, hit)| hit.radiance != DVec3::ZERO)?;
-        if inside.is_some() || scene.blocked(&ray, hit.distance, leaving, None, Some(light), counters) {
+        if inside.is_some() || scene.blocked(&ray, hit.distance, ray_origin, None, Some(light), counters) {
             return None;
         }
         let (source, _) = scene.lights()[light as usize].source_at(&ray, &hit);

@@ -1,4 +1,4 @@
-//! A pane as a smooth mesh: both faces as triangles with interpolated normals.
+//! A pane as a specular mesh: both faces as triangles with interpolated normals.
 
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::geometry::{Face, Pane};

@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
-use clerestory_render_core::geometry::Leaving;
+use clerestory_render_core::geometry::RayOrigin;
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::Asset;
 use clerestory_render_core::scene::ShadingPoint;
@@ -135,7 +135,7 @@ impl PaneScene {
     /// A point of the receiver.
     pub fn point(&self, [x, y]: [f64; 2]) -> ShadingPoint {
         let position = DVec3::new(x, y, -self.distance);
-        ShadingPoint { position, normal: DVec3::Z, leaving: Leaving::Triangle(0), bounces: 0 }
+        ShadingPoint { position, normal: DVec3::Z, ray_origin: RayOrigin::Triangle(0), bounces: 0 }
     }
 }
 
@@ -152,7 +152,7 @@ pub fn gather(scene: &PreparedScene, point: &ShadingPoint, stream: u32, counters
     let mut arrivals = Vec::new();
     for light in (0u32..).take(scene.scene().lights().len()) {
         for events in method.chains() {
-            method.gather(scene.scene(), point, light, &events, &mut stream, counters, &mut |arrival| {
+            method.sample_li(scene.scene(), point, light, &events, &mut stream, counters, &mut |arrival| {
                 arrivals.push((arrival.direction, arrival.weight.x));
             });
         }

@@ -155,7 +155,7 @@ impl Variant {
         )
     }
 
-    /// All light over one interface of a smooth mesh.
+    /// All light over one interface of a specular mesh.
     pub(crate) fn conic() -> Self {
         Self::conic_with("conic", ConicSearch::Complete)
     }
@@ -165,7 +165,7 @@ impl Variant {
         Self::conic_with("conic without rays", ConicSearch::WithoutRays)
     }
 
-    /// The published walk to the first path over one interface of a smooth mesh.
+    /// The published walk to the first path over one interface of a specular mesh.
     pub(crate) fn conic_published() -> Self {
         Self::conic_with("conic published", ConicSearch::Published)
     }

@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use clerestory_film::counters::Counters;
-use clerestory_render_core::geometry::{Accelerator, Face, Frame, HeightField, Leaving, Pane, PaneBoundary, Ray};
+use clerestory_render_core::geometry::{Accelerator, Face, Frame, HeightField, Pane, PaneBoundary, Ray, RayOrigin};
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use glam::{DVec2, DVec3, dvec2};
@@ -230,7 +230,7 @@ mod room {
         bencher.counter(ItemsCount::new(RAYS)).bench(|| {
             let mut counters = Counters::default();
             for ray in &rays {
-                black_box(room.accelerator.closest_hit(ray, f64::INFINITY, Leaving::Nothing, &mut counters));
+                black_box(room.accelerator.closest_hit(ray, f64::INFINITY, RayOrigin::Nothing, &mut counters));
             }
         });
     }
@@ -241,7 +241,7 @@ mod room {
         bencher.counter(ItemsCount::new(RAYS)).bench(|| {
             let mut counters = Counters::default();
             for ray in &rays {
-                black_box(room.accelerator.occluded(ray, 2.0, Leaving::Nothing, None, &mut counters));
+                black_box(room.accelerator.occluded(ray, 2.0, RayOrigin::Nothing, None, &mut counters));
             }
         });
     }
@@ -279,13 +279,13 @@ mod room {
         bencher.counter(ItemsCount::new(RAYS)).bench(|| {
             let mut counters = Counters::default();
             for ray in &rays {
-                let hit = room.accelerator.closest_hit(ray, f64::INFINITY, Leaving::Nothing, &mut counters);
+                let hit = room.accelerator.closest_hit(ray, f64::INFINITY, RayOrigin::Nothing, &mut counters);
                 if let Some(hit) = hit
                     && let clerestory_render_core::geometry::Surface::Pane { index, .. } = hit.surface
                 {
                     let inside = Ray::new(ray.at(hit.distance), ray.direction);
-                    let leaving = Some(Face::Back);
-                    black_box(room.accelerator.closest_hit_inside(index, &inside, leaving, &mut counters));
+                    let ray_origin = Some(Face::Back);
+                    black_box(room.accelerator.closest_hit_inside(index, &inside, ray_origin, &mut counters));
                 }
             }
         });

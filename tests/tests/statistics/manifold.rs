@@ -2,7 +2,7 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
-use clerestory_render_core::geometry::Leaving;
+use clerestory_render_core::geometry::RayOrigin;
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::ShadingPoint;
 use clerestory_render_core::specular::constraint::ManifoldConstraint;
@@ -34,11 +34,11 @@ fn irradiance(
     let normal = scene.scene().triangle_normal(0);
     let to_pane = scene.scene().accelerator().panes()[0].frame.point_to_world(DVec3::ZERO) - DVec3::from(origin);
     let normal = if normal.dot(to_pane) > 0.0 { normal } else { -normal };
-    let point = ShadingPoint { position: origin.into(), normal, leaving: Leaving::Triangle(0), bounces: 0 };
+    let point = ShadingPoint { position: origin.into(), normal, ray_origin: RayOrigin::Triangle(0), bounces: 0 };
     let settings = SamplerSettings { seed: 5, samples_per_block: 1 };
     let mut stream = SampleStream::new(&settings, 0, [0, 0], stream);
     let mut sum = 0.0;
-    method.gather(scene.scene(), &point, 0, &THROUGH_PANE, &mut stream, counters, &mut |arrival| {
+    method.sample_li(scene.scene(), &point, 0, &THROUGH_PANE, &mut stream, counters, &mut |arrival| {
         sum += arrival.weight.x * arrival.direction.dot(normal);
     });
     let intensity = scene.scene().lights()[0].emission();

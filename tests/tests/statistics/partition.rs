@@ -2,7 +2,7 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
-use clerestory_render_core::geometry::{Face, Leaving};
+use clerestory_render_core::geometry::{Face, RayOrigin};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::{Source, SourceSample};
 use clerestory_render_core::scene::ShadingPoint;
@@ -94,7 +94,7 @@ impl Partition {
             let mut arrivals = Vec::new();
             let number = [index, estimate];
             let counters = &mut Counters::default();
-            self.method().gather(
+            self.method().sample_li(
                 scene.scene(),
                 point,
                 0,
@@ -141,7 +141,7 @@ impl Partition {
 
 /// How many walks through the pane of a path find it.
 fn hits(scene: &PreparedScene, point: &ShadingPoint, path: &FoundPath) -> u32 {
-    let Leaving::Pane { index, face } = path.links[0].surface else { panic!("a path through a pane") };
+    let RayOrigin::Pane { index, face } = path.links[0].surface else { panic!("a path through a pane") };
     let pane = &scene.scene().panes()[index as usize];
     let constraint = ManifoldConstraint::AngleDifference;
     let Some(search) = ManifoldSearch::new(scene.scene(), point, path.source, index, constraint, WalkSteps::default())
@@ -187,7 +187,7 @@ fn shading_point(scene: &PreparedScene, listed: &ListedPoint) -> ShadingPoint {
     let position = DVec3::from(listed.origin);
     let normal = scene.scene().triangle_normal(0);
     let normal = if normal.dot(scene.scene().panes()[0].frame.origin - position) > 0.0 { normal } else { -normal };
-    ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 }
+    ShadingPoint { position, normal, ray_origin: RayOrigin::Triangle(0), bounces: 0 }
 }
 
 /// The paths of a list to a point, in its order.
@@ -339,7 +339,7 @@ fn between_the_highest_and_the_lowest_point_of_a_face_all_light_is_left_to_chanc
                 let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
                 let height = pane.surface(Face::Front).height(place);
                 let position = pane.frame.point_to_world(place.extend(0.5 * (lowest + height)));
-                let point = ShadingPoint { position, normal: DVec3::Z, leaving: Leaving::Nothing, bounces: 0 };
+                let point = ShadingPoint { position, normal: DVec3::Z, ray_origin: RayOrigin::Nothing, bounces: 0 };
                 assert!(PaneSide::facing(pane, pane.frame.point_to_local(position)).is_none());
                 let sample = scene.scene().lights()[0].sample_source(position, 1.0, stream([index, 0]).next_2d());
                 let direction = match sample.source {
@@ -348,12 +348,13 @@ fn between_the_highest_and_the_lowest_point_of_a_face_all_light_is_left_to_chanc
                 };
                 let counters = &mut Counters::default();
                 let path = FoundPath::followed(scene.scene(), &point, direction, &THROUGH_PANE, None);
-                if let Some(path) = path.filter(|path| matches!(path.links[0].surface, Leaving::Pane { index: 0, .. }))
+                if let Some(path) =
+                    path.filter(|path| matches!(path.links[0].surface, RayOrigin::Pane { index: 0, .. }))
                 {
                     assert!(!method.owns(scene.scene(), &point, &path.described(), counters), "{name}, {light_name}");
                     paths += 1;
                 }
-                method.gather(
+                method.sample_li(
                     scene.scene(),
                     &point,
                     0,
@@ -363,7 +364,7 @@ fn between_the_highest_and_the_lowest_point_of_a_face_all_light_is_left_to_chanc
                     &mut |arrival| {
                         let path = FoundPath::followed(scene.scene(), &point, arrival.direction, &THROUGH_PANE, None);
                         let through = path.map(|path| path.links[0].surface);
-                        arrivals += u32::from(matches!(through, Some(Leaving::Pane { index: 0, .. })));
+                        arrivals += u32::from(matches!(through, Some(RayOrigin::Pane { index: 0, .. })));
                     },
                 );
             }
@@ -379,8 +380,8 @@ const LIST_ERROR: f64 = 1e-5;
 fn one_walk_that_drops_the_rest_lacks_the_light_of_the_paths_that_it_does_not_find() {
     for case in ["crown", "bump", "cathedral"] {
         let dropping = load_case_for(case, &settings("mnee, dropped"));
-        let leaving = load_case_for(case, &settings("mnee"));
-        let [dropped, left] = [&dropping, &leaving].map(|scene| scene.method().expect("a specular method"));
+        let ray_origin = load_case_for(case, &settings("mnee"));
+        let [dropped, left] = [&dropping, &ray_origin].map(|scene| scene.method().expect("a specular method"));
         let intensity = dropping.scene().lights()[0].emission();
         let counters = &mut Counters::default();
         let (mut with_one, mut with_none, mut lacking) = (0, 0, 0.0);
@@ -388,7 +389,7 @@ fn one_walk_that_drops_the_rest_lacks_the_light_of_the_paths_that_it_does_not_fi
         for (index, listed) in (0..).zip(several) {
             let point = shading_point(&dropping, &listed);
             let (mut found, mut all) = (0.0, 0.0);
-            dropped.gather(
+            dropped.sample_li(
                 dropping.scene(),
                 &point,
                 0,
@@ -407,7 +408,7 @@ fn one_walk_that_drops_the_rest_lacks_the_light_of_the_paths_that_it_does_not_fi
                     dropped.owns(dropping.scene(), &point, &path, counters),
                     "{case}, {index}: what is dropped is owned"
                 );
-                if left.owns(leaving.scene(), &point, &path, counters) {
+                if left.owns(ray_origin.scene(), &point, &path, counters) {
                     owned += 1;
                 } else {
                     missed += solution.irradiance;

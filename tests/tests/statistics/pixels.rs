@@ -84,8 +84,8 @@ fn methods(scene: &SceneDescription) -> Vec<Method> {
             json!({"sms": {"estimator": {"unbiased": {"max_trials": 20}}}}),
         ]);
     }
-    let is_smooth = |name| scene.materials.get(name).is_some_and(|material| material.is_delta());
-    if scene.meshes.iter().any(|mesh| is_smooth(&mesh.material)) {
+    let is_specular = |name| scene.materials.get(name).is_some_and(|material| material.is_delta());
+    if scene.meshes.iter().any(|mesh| is_specular(&mesh.material)) {
         fast.extend([
             json!({"sms": {"estimator": few, "chains": ["T"]}}),
             json!({"sms": {"estimator": {"unbiased": {"max_trials": 20}}, "chains": ["T", "R"]}}),

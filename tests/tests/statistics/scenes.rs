@@ -7,17 +7,17 @@ use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::document;
 use clerestory_render_core::document::SceneBundle;
 use clerestory_render_core::document::{SamplingDescription, SceneDescription};
-use clerestory_render_core::geometry::{Leaving, Pane};
+use clerestory_render_core::geometry::{Pane, RayOrigin};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightDescription;
 use clerestory_render_core::light::Source;
 use clerestory_render_core::light::{DiskLight, PointLight, SphereLight};
 use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::cache::MethodCache;
 use clerestory_render_core::specular::conic::{Conic, ConicSearch, ConicSettings};
 use clerestory_render_core::specular::constraint::ManifoldConstraint;
 use clerestory_render_core::specular::fnee::FneeSolver;
 use clerestory_render_core::specular::fnee::PathSearch;
-use clerestory_render_core::specular::kept::Kept;
 use clerestory_render_core::specular::manifold::WalkSteps;
 use clerestory_render_core::specular::path::PathSettings;
 use clerestory_render_core::specular::registry::IntegratorDescription;
@@ -56,7 +56,7 @@ fn seen(scene: &PreparedScene, count: u32) -> Vec<DVec3> {
             let hit = scene.scene().accelerator().closest_hit(
                 &ray,
                 f64::INFINITY,
-                Leaving::Nothing,
+                RayOrigin::Nothing,
                 &mut Counters::default(),
             )?;
             Some(ray.at(hit.distance))
@@ -213,17 +213,21 @@ mod pool {
             scope: Scope::new(scene.scene(), &["T".to_owned()], None, None),
         };
         let scope = Scope::new(scene.scene(), &["T".to_owned()], None, None);
-        let conic = Conic::new(scene.scene(), ConicSearch::Complete, scope, &Kept::default());
+        let conic = Conic::new(scene.scene(), ConicSearch::Complete, scope, &MethodCache::default());
         let caustic = Caustic::new(&Water::new(SEED), position.into(), 250);
         let (mut folded, mut same, mut points) = (0, 0, 0);
         for (pixel, place) in (0..).zip(seen(&scene, 16)) {
-            let point = ShadingPoint { position: place, normal: DVec3::Z, leaving: Leaving::Triangle(0), bounces: 0 };
+            let point =
+                ShadingPoint { position: place, normal: DVec3::Z, ray_origin: RayOrigin::Triangle(0), bounces: 0 };
             let mut stream = SampleStream::new(&SamplerSettings { seed: 1, samples_per_block: 1 }, 0, [pixel, 0], 0);
             let mut paths = 0;
             let events = [SpecularEvent::Transmission];
-            sms.gather(scene.scene(), &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| paths += 1);
+            sms.sample_li(scene.scene(), &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| {
+                paths += 1
+            });
             let mut all = 0;
-            conic.gather(scene.scene(), &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| all += 1);
+            conic
+                .sample_li(scene.scene(), &point, 0, &events, &mut stream, &mut Counters::default(), &mut |_| all += 1);
             // Walks from random places may miss some.
             assert!(all >= paths && all % 2 == 1, "{place}: {all} paths, of which walks find {paths}");
             let rays = caustic.rays(place.truncate());

@@ -6,18 +6,18 @@ use std::collections::BTreeMap;
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
-use clerestory_render_core::geometry::{Face, Leaving, Pane};
+use clerestory_render_core::geometry::{Face, Pane, RayOrigin};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightBounds;
 use clerestory_render_core::light::Source;
 use clerestory_render_core::scene::Asset;
 use clerestory_render_core::scene::ShadingPoint;
+use clerestory_render_core::specular::cache::MethodCache;
 use clerestory_render_core::specular::conic::{Conic, ConicSearch};
 use clerestory_render_core::specular::constraint::ManifoldConstraint;
 use clerestory_render_core::specular::fermat::Connection;
 use clerestory_render_core::specular::fnee::FneeSolver;
 use clerestory_render_core::specular::fnee::PathSearch;
-use clerestory_render_core::specular::kept::Kept;
 use clerestory_render_core::specular::manifold::WalkSteps;
 use clerestory_render_core::specular::mnee::MissedPaths;
 use clerestory_render_core::specular::mnee::Mnee;
@@ -70,10 +70,10 @@ fn waves(place: DVec2) -> (f64, DVec2) {
     (height, amplitude * DVec2::new(19.0 * libm::cos(phase.x), -14.0 * libm::sin(phase.y)))
 }
 
-/// A floor seen from above, 0.4 m wide, in a picture of 8 x 8 pixels, and a smooth mesh.
+/// A floor seen from above, 0.4 m wide, in a picture of 8 x 8 pixels, and a specular mesh.
 fn scene(material: Value, mesh: Value, lights: Value, filter: &str, integrator: Value) -> PreparedScene {
     let description = json!({
-        "version": 1, "name": "smooth mesh", "seed": 3,
+        "version": 1, "name": "specular mesh", "seed": 3,
         "film": {"width": 8, "height": 8},
         "camera": {"orthographic": {"position": [0, 0, -0.9], "look_at": [0, 0, -1], "up": [0, 1, 0], "height": 0.4}},
         "integrator": integrator,
@@ -96,7 +96,7 @@ fn build(description: &Value, assets: BTreeMap<String, Asset>) -> PreparedScene 
     PreparedScene::build(&bundle).expect("a scene that can be built")
 }
 
-/// Checks the manifold methods, and `conic` where it can, on one chain over one smooth mesh against the path tracer.
+/// Checks the manifold methods, and `conic` where it can, on one chain over one specular mesh against the path tracer.
 #[track_caller]
 fn check_by_chance(name: &str, chain: &str, parts: [&Value; 3], with_mnee: bool, fault: f64) {
     let [material, mesh, lights] = parts;
@@ -180,7 +180,7 @@ fn irradiance(
 ) -> f64 {
     let mut stream = SampleStream::new(&SamplerSettings { seed: 5, samples_per_block: 1 }, 0, [0, 0], 0);
     let mut sum = 0.0;
-    method.gather(scene.scene(), point, 0, events, &mut stream, &mut Counters::default(), &mut |arrival| {
+    method.sample_li(scene.scene(), point, 0, events, &mut stream, &mut Counters::default(), &mut |arrival| {
         sum += arrival.weight.x * arrival.direction.dot(point.normal);
     });
     let intensity = scene.scene().lights()[0].emission();
@@ -188,7 +188,7 @@ fn irradiance(
 }
 
 fn floor_point(x: f64, y: f64) -> ShadingPoint {
-    ShadingPoint { position: DVec3::new(x, y, -1.0), normal: DVec3::Z, leaving: Leaving::Triangle(0), bounces: 0 }
+    ShadingPoint { position: DVec3::new(x, y, -1.0), normal: DVec3::Z, ray_origin: RayOrigin::Triangle(0), bounces: 0 }
 }
 
 #[test]
@@ -220,7 +220,7 @@ fn flat_water_and_flat_mirrors_throw_the_light_of_closed_forms() {
         // On flat triangles the curve is a straight line, and right below the light there is none.
         let conic = |scene: &PreparedScene, chain: &str, search| {
             let scope = Scope::new(scene.scene(), &[chain.to_owned()], None, None);
-            Conic::new(scene.scene(), search, scope, &Kept::default())
+            Conic::new(scene.scene(), search, scope, &MethodCache::default())
         };
         for search in [ConicSearch::Complete, ConicSearch::Published] {
             let reflected = irradiance(&mirror, &point, &conic(&mirror, "R", search), &[SpecularEvent::Reflection]);
@@ -373,7 +373,7 @@ fn known_points(case: &str, original: &PreparedScene) -> Vec<KnownPoint> {
         let first = SQUARES[..2].iter().position(|&squares| glass.is_regular(origin, &roots, squares))?;
         let normal = original.scene().triangle_normal(0);
         let normal = if normal.dot(frame.origin - position) > 0.0 { normal } else { -normal };
-        let point = ShadingPoint { position, normal, leaving: Leaving::Triangle(0), bounces: 0 };
+        let point = ShadingPoint { position, normal, ray_origin: RayOrigin::Triangle(0), bounces: 0 };
         // The lists are independent of the renderer, and precise enough for the light, but not for directions.
         assert_eq!(roots.len(), listed.solutions.len(), "{case}: {position}");
         let path = |root: &Root| {
@@ -393,7 +393,7 @@ fn found_paths(scene: &PreparedScene, point: &ShadingPoint, method: &Sms, number
     let mut stream = SampleStream::new(&SamplerSettings { seed: 5, samples_per_block: 1 }, 0, number, 0);
     let intensity = scene.scene().lights()[0].emission();
     let mut paths = Vec::new();
-    method.gather(scene.scene(), point, 0, &THROUGH_PANE, &mut stream, &mut Counters::default(), &mut |arrival| {
+    method.sample_li(scene.scene(), point, 0, &THROUGH_PANE, &mut stream, &mut Counters::default(), &mut |arrival| {
         let light = arrival.weight.x * arrival.direction.dot(point.normal) / intensity.x;
         paths.push(Path { direction: arrival.direction, light });
     });

@@ -277,7 +277,7 @@ fn values_out_of_range_are_named_with_what_would_be_right() {
             "/integrator",
             json!({"conic": {"casters": ["left"]}}),
             "integrator.conic.casters[0]",
-            &["\"left\"", "a smooth mesh"],
+            &["\"left\"", "a specular mesh"],
         ),
         ("/integrator", json!({"mnee": {"chains": ["R"]}}), "integrator.mnee.chains[0]", &["\"R\"", "letters T"]),
         ("/integrator", json!({"sms": {"casters": ["middle"]}}), "integrator.sms.casters[0]", &["(left, right)"]),

@@ -21,8 +21,10 @@ impl SceneDescription {
     /// The light of small lights that an image of the scene built from this leaves to chance, in words, for its
     /// metadata.
     pub fn left_to_chance(&self, scene: &Scene) -> Vec<String> {
-        let meshes =
-            (0u32..).zip(scene.meshes()).filter(|(_, mesh)| mesh.is_smooth()).map(|(mesh, _)| scene.mesh_bounds(mesh));
+        let meshes = (0u32..)
+            .zip(scene.meshes())
+            .filter(|(_, mesh)| mesh.is_specular())
+            .map(|(mesh, _)| scene.mesh_bounds(mesh));
         let glass: Vec<_> = scene.panes().iter().map(Pane::world_bounds).chain(meshes).collect();
         let is_small = |solid_angle: f64| solid_angle < SELDOM_MET;
         let small = scene.lights().iter().filter(|light| {
@@ -82,15 +84,15 @@ impl SceneDescription {
     }
 
     fn contents(&self) -> Contents {
-        Contents { panes: self.panes.len(), meshes: self.smooth_meshes(), has_points: self.has_points() }
+        Contents { panes: self.panes.len(), meshes: self.specular_meshes(), has_points: self.has_points() }
     }
 
     fn has_points(&self) -> bool {
         self.lights.iter().any(|light| light.build().is_delta())
     }
 
-    fn smooth_meshes(&self) -> usize {
-        self.meshes.iter().filter(|mesh| self.parts().is_smooth(mesh)).count()
+    fn specular_meshes(&self) -> usize {
+        self.meshes.iter().filter(|mesh| self.parts().is_specular(mesh)).count()
     }
 
     /// Paths that are cut off, unless the path filter lets none of them through.
@@ -156,10 +158,13 @@ mod tests {
     fn a_point_light_lacks_all_that_only_chance_could_find() {
         let long = "more than 16 vertices";
         for integrator in ["path", "cone"] {
-            check(&missing(json!({integrator: {}}), 0..4), &[long, "through or off a pane or a smooth mesh"]);
+            check(&missing(json!({integrator: {}}), 0..4), &[long, "through or off a pane or a specular mesh"]);
         }
         check(&missing(json!({"mnee": {}}), 0..4), &[long, "but for the one path"]);
-        check(&missing(json!({"conic": {"chains": ["T", "R"]}}), 0..4), &[long, "over one smooth mesh (T, R; chains)"]);
+        check(
+            &missing(json!({"conic": {"chains": ["T", "R"]}}), 0..4),
+            &[long, "over one specular mesh (T, R; chains)"],
+        );
         let manifold =
             [long, "(1 - p)^10000000", "other specular vertices than TT (chains)", "highest and lowest point"];
         check(&missing(json!({"sms": {}}), 0..1), &manifold);
@@ -274,12 +279,12 @@ mod tests {
         let with = |integrator: Value| under_the_sun(&|scene| scene["integrator"] = integrator.clone());
         check(
             &with(json!({"path": {}})),
-            &[&format!("light of {sun} that comes through or off a pane or a smooth mesh")],
+            &[&format!("light of {sun} that comes through or off a pane or a specular mesh")],
         );
         check(&with(json!({"sms": {"chains": ["TT", "R"]}})), &["than TT, R (chains)", "between the pane's"]);
         check(&with(json!({"mnee": {}})), &["but for the one path over TT"]);
         check(&with(json!({"mnee": {"missed": "dropped"}})), &["than TT (chains)"]);
-        check(&with(json!({"conic": {}})), &["one smooth mesh (T; chains)"]);
+        check(&with(json!({"conic": {}})), &["one specular mesh (T; chains)"]);
         check(&with(json!({"fnee": {"selection": "sharp"}})), &["more than one pane", "0.06", "meets first"]);
     }
 }

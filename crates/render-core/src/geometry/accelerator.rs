@@ -19,7 +19,7 @@ use thiserror::Error;
 use super::hierarchy::{Hierarchy, MOST_LEVELS};
 use super::sheet::Sheet;
 use super::triangle::{ShearedRay, coplanar};
-use super::{Face, Leaving, Pane, PaneHit, Ray};
+use super::{Face, Pane, PaneHit, Ray, RayOrigin};
 use clerestory_film::counters::Counters;
 
 /// Why there can be no hierarchy over a scene.
@@ -200,12 +200,18 @@ impl Accelerator {
     }
 
     /// The nearest triangle or pane within `max_distance` of a ray through the air.
-    pub fn closest_hit(&self, ray: &Ray, max_distance: f64, leaving: Leaving, counters: &mut Counters) -> Option<Hit> {
+    pub fn closest_hit(
+        &self,
+        ray: &Ray,
+        max_distance: f64,
+        ray_origin: RayOrigin,
+        counters: &mut Counters,
+    ) -> Option<Hit> {
         counters.rays += 1;
         let sheared = ShearedRay::new(ray);
-        self.nearest(ray, max_distance, self.left_behind(leaving, ray), |primitive| match primitive {
-            Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, leaving),
-            Primitive::Pane { index } => self.hit_pane(ray, max_distance, *index, leaving, counters),
+        self.nearest(ray, max_distance, self.left_behind(ray_origin, ray), |primitive| match primitive {
+            Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, ray_origin),
+            Primitive::Pane { index } => self.hit_pane(ray, max_distance, *index, ray_origin, counters),
             Primitive::Sheet { .. } => None,
         })
     }
@@ -217,30 +223,31 @@ impl Accelerator {
         pane: u32,
         ray: &Ray,
         max_distance: f64,
-        leaving: Leaving,
+        ray_origin: RayOrigin,
         counters: &mut Counters,
     ) -> Option<Hit> {
         counters.rays += 1;
-        let hit = self.hit_pane(ray, max_distance, pane, leaving, counters)?;
+        let hit = self.hit_pane(ray, max_distance, pane, ray_origin, counters)?;
         let blocked = hit.distance > max_distance
-            || self
-                .any(ray, hit.distance, leaving, Leaving::Nothing, Some(pane), counters, |other| precedes(other, &hit));
+            || self.any(ray, hit.distance, ray_origin, RayOrigin::Nothing, Some(pane), counters, |other| {
+                precedes(other, &hit)
+            });
         (!blocked).then_some(hit)
     }
 
     /// The nearest triangle, or the boundary of the pane in whose glass the ray starts, for a ray through that glass.
-    /// Other panes are not seen. `leaving` is the face of the pane on which the ray starts, if any.
+    /// Other panes are not seen. `ray_origin` is the face of the pane on which the ray starts, if any.
     pub fn closest_hit_inside(
         &self,
         pane_index: u32,
         ray: &Ray,
-        leaving: Option<Face>,
+        ray_origin: Option<Face>,
         counters: &mut Counters,
     ) -> Option<Hit> {
         counters.rays += 1;
         let pane = &self.panes[pane_index as usize];
         let boundary = pane
-            .intersect_inside(&to_local(pane, ray), leaving, counters)
+            .intersect_inside(&to_local(pane, ray), ray_origin, counters)
             .map(|hit| Hit { distance: hit.distance, surface: Surface::Pane { index: pane_index, hit } });
         if !self.pierced[pane_index as usize] {
             return boundary;
@@ -248,7 +255,7 @@ impl Accelerator {
         let max_distance = boundary.map_or(f64::INFINITY, |hit| hit.distance);
         let sheared = ShearedRay::new(ray);
         let triangle = self.nearest(ray, max_distance, None, |primitive| match primitive {
-            Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, Leaving::Nothing),
+            Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, RayOrigin::Nothing),
             Primitive::Pane { .. } | Primitive::Sheet { .. } => None,
         });
         triangle.or(boundary)
@@ -260,12 +267,12 @@ impl Accelerator {
         &self,
         ray: &Ray,
         max_distance: f64,
-        leaving: Leaving,
+        ray_origin: RayOrigin,
         ignored_pane: Option<u32>,
         counters: &mut Counters,
     ) -> bool {
         counters.rays += 1;
-        self.any(ray, max_distance, leaving, Leaving::Nothing, ignored_pane, counters, |hit| {
+        self.any(ray, max_distance, ray_origin, RayOrigin::Nothing, ignored_pane, counters, |hit| {
             hit.distance <= max_distance
         })
     }
@@ -275,13 +282,13 @@ impl Accelerator {
         &self,
         ray: &Ray,
         distance: f64,
-        leaving: Leaving,
+        ray_origin: RayOrigin,
         triangle: u32,
         counters: &mut Counters,
     ) -> bool {
         counters.rays += 1;
         let end = distance * BEFORE;
-        self.any(ray, end, leaving, Leaving::Triangle(triangle), None, counters, |hit| hit.distance <= end)
+        self.any(ray, end, ray_origin, RayOrigin::Triangle(triangle), None, counters, |hit| hit.distance <= end)
     }
 
     /// Whether `test` says yes to a hit on a triangle, or on a pane other than `ignored_pane`. Some beyond
@@ -291,26 +298,26 @@ impl Accelerator {
         &self,
         ray: &Ray,
         max_distance: f64,
-        leaving: Leaving,
-        reaching: Leaving,
+        ray_origin: RayOrigin,
+        reaching: RayOrigin,
         ignored_pane: Option<u32>,
         counters: &mut Counters,
         test: impl Fn(&Hit) -> bool,
     ) -> bool {
         let Some(everything) = &self.everything else { return false };
         let sheared = ShearedRay::new(ray);
-        let passed = self.left_behind(leaving, ray).or_else(|| self.left_behind(reaching, ray));
+        let passed = self.left_behind(ray_origin, ray).or_else(|| self.left_behind(reaching, ray));
         everything.hierarchy.any(ray, max_distance, |leaf| {
             let hit = match &everything.leaves[leaf] {
-                Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, leaving),
+                Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, ray_origin),
                 Primitive::Pane { index } if Some(*index) == ignored_pane => None,
-                Primitive::Pane { index } => self.hit_pane(ray, max_distance, *index, leaving, counters),
+                Primitive::Pane { index } => self.hit_pane(ray, max_distance, *index, ray_origin, counters),
                 Primitive::Sheet { index } if Some(*index) == passed => None,
                 Primitive::Sheet { index } => {
                     let (_, sheet) = &self.sheets[*index as usize];
                     return sheet.hierarchy.any(ray, max_distance, |leaf| match &sheet.leaves[leaf] {
                         Primitive::Triangle { index, corners } => {
-                            self.hit_triangle(&sheared, *index, corners, leaving).is_some_and(|hit| test(&hit))
+                            self.hit_triangle(&sheared, *index, corners, ray_origin).is_some_and(|hit| test(&hit))
                         }
                         Primitive::Pane { .. } | Primitive::Sheet { .. } => false,
                     });
@@ -361,19 +368,19 @@ impl Accelerator {
     }
 
     /// The sheet which a ray that begins or ends on it does not meet anywhere else.
-    fn left_behind(&self, on: Leaving, ray: &Ray) -> Option<u32> {
-        let Leaving::Triangle(triangle) = on else { return None };
+    fn left_behind(&self, on: RayOrigin, ray: &Ray) -> Option<u32> {
+        let RayOrigin::Triangle(triangle) = on else { return None };
         let index = self.sheets.partition_point(|(sheet, _)| sheet.triangles().end <= triangle);
         let (sheet, _) = self.sheets.get(index)?;
         (sheet.triangles().contains(&triangle) && sheet.meets_once(ray.direction)).then_some(index as u32)
     }
 
-    fn hit_triangle(&self, ray: &ShearedRay, index: u32, corners: &[DVec3; 3], leaving: Leaving) -> Option<Hit> {
-        if leaving == Leaving::Triangle(index) {
+    fn hit_triangle(&self, ray: &ShearedRay, index: u32, corners: &[DVec3; 3], ray_origin: RayOrigin) -> Option<Hit> {
+        if ray_origin == RayOrigin::Triangle(index) {
             return None;
         }
         let hit = ray.intersect(corners)?;
-        if let Leaving::Triangle(start) = leaving
+        if let RayOrigin::Triangle(start) = ray_origin
             && hit.distance <= 1e-9 * (corners[0] - corners[1]).abs().max_element()
             && coplanar(&self.corners[start as usize], corners)
         {
@@ -389,12 +396,12 @@ impl Accelerator {
         ray: &Ray,
         max_distance: f64,
         index: u32,
-        leaving: Leaving,
+        ray_origin: RayOrigin,
         counters: &mut Counters,
     ) -> Option<Hit> {
         let pane = &self.panes[index as usize];
-        let face = match leaving {
-            Leaving::Pane { index: own, face } if own == index => Some(face),
+        let face = match ray_origin {
+            RayOrigin::Pane { index: own, face } if own == index => Some(face),
             _ => None,
         };
         let hit = pane.intersect_outside(&to_local(pane, ray), max_distance, face, counters)?;

@@ -45,7 +45,7 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
     /// never conflict.
     pub(crate) fn coincidence(
         &self,
-        is_smooth: impl Fn(u32) -> bool,
+        is_specular: impl Fn(u32) -> bool,
         conflict: impl Fn(u32, u32) -> bool,
     ) -> Option<([u32; 2], DVec3)> {
         let corners = self.triangles.iter().flat_map(|triangle| (self.corners)(*triangle));
@@ -54,11 +54,11 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
         entries.sort_unstable();
         let mut budget = MOST_PAIRS;
         for cell in entries.chunk_by(|a, b| a.0 == b.0) {
-            if cell.len() < 2 || cell.iter().all(|(_, triangle)| !is_smooth(*triangle)) {
+            if cell.len() < 2 || cell.iter().all(|(_, triangle)| !is_specular(*triangle)) {
                 continue;
             }
             let triangles = cell.iter().map(|(_, triangle)| *triangle).collect();
-            let found = self.sweep(triangles, &mut budget, &is_smooth, &conflict);
+            let found = self.sweep(triangles, &mut budget, &is_specular, &conflict);
             if found.is_some() || budget == 0 {
                 return found;
             }
@@ -90,7 +90,7 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
         &self,
         mut triangles: Vec<u32>,
         budget: &mut u32,
-        is_smooth: impl Fn(u32) -> bool,
+        is_specular: impl Fn(u32) -> bool,
         conflict: impl Fn(u32, u32) -> bool,
     ) -> Option<([u32; 2], DVec3)> {
         let extent = |triangle: u32, axis: usize| {
@@ -106,7 +106,7 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
         let (mut smooth, mut others): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
         for triangle in triangles {
             let own = [0, 1, 2].map(|axis| extent(triangle, axis));
-            let reached = if is_smooth(triangle) { vec![&mut smooth, &mut others] } else { vec![&mut smooth] };
+            let reached = if is_specular(triangle) { vec![&mut smooth, &mut others] } else { vec![&mut smooth] };
             for open in reached {
                 open.retain(|other| extent(*other, axis).max >= own[axis].min);
                 for &other in open.iter() {
@@ -120,7 +120,7 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
                     }
                 }
             }
-            if is_smooth(triangle) { &mut smooth } else { &mut others }.push(triangle);
+            if is_specular(triangle) { &mut smooth } else { &mut others }.push(triangle);
         }
         None
     }
@@ -194,11 +194,11 @@ mod tests {
     fn found_of(
         triangles: &[[DVec3; 3]],
         conflict: impl Fn(u32, u32) -> bool,
-        is_smooth: impl Fn(u32) -> bool,
+        is_specular: impl Fn(u32) -> bool,
     ) -> Option<([u32; 2], DVec3)> {
         let numbers: Vec<u32> = (0..triangles.len() as u32).collect();
         let corners = |triangle: u32| triangles[triangle as usize];
-        Faces { triangles: &numbers, corners }.coincidence(is_smooth, conflict)
+        Faces { triangles: &numbers, corners }.coincidence(is_specular, conflict)
     }
 
     /// A triangle with a right angle at a place in a plane.

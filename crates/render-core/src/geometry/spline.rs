@@ -8,7 +8,7 @@ use std::ops::{Add, Mul, Sub};
 
 use wide::f64x2;
 
-use crate::math::lanes::{Instructions, Lanes};
+use crate::math::simd::{Instructions, Lanes};
 
 /// Several numbers side by side.
 pub(crate) trait Numbers: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {

@@ -11,7 +11,7 @@ use super::prepared::PreparedScene;
 use crate::bsdf::fresnel::{absorption, reflect, refract};
 use crate::bsdf::{Bsdf, SampleKind, SurfacePoint};
 use crate::document::{FilterState, PathEvent, PathFilter};
-use crate::geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface};
+use crate::geometry::{Face, Hit, PaneBoundary, Ray, RayOrigin, Surface};
 use crate::light::{AskedLight, LightHit, Receiver, Side, Source};
 use crate::scene::visibility::SAME_PLACE;
 use crate::scene::{Scene, ShadingPoint};
@@ -90,7 +90,7 @@ struct Origin {
 /// A path on its way.
 struct Walk {
     ray: Ray,
-    leaving: Leaving,
+    ray_origin: RayOrigin,
     /// The pane in whose glass the ray is.
     inside: Option<(u32, Face)>,
     throughput: DVec3,
@@ -137,7 +137,7 @@ impl<'a> PathTracer<'a> {
         let mut sample = PathSample::default();
         let mut walk = Walk {
             ray,
-            leaving: Leaving::Nothing,
+            ray_origin: RayOrigin::Nothing,
             inside: None,
             throughput: DVec3::ONE,
             stretch: Stretch::new(None),
@@ -149,7 +149,7 @@ impl<'a> PathTracer<'a> {
                 Some((pane, face)) => {
                     self.scene.accelerator().closest_hit_inside(pane, &walk.ray, Some(face), counters)
                 }
-                None => self.scene.accelerator().closest_hit(&walk.ray, f64::INFINITY, walk.leaving, counters),
+                None => self.scene.accelerator().closest_hit(&walk.ray, f64::INFINITY, walk.ray_origin, counters),
             };
             let distance = hit.as_ref().map_or(f64::INFINITY, |hit| hit.distance);
             if walk.inside.is_none()
@@ -278,7 +278,7 @@ impl<'a> PathTracer<'a> {
         let bsdf = self.scene.bsdf(triangle);
         let at = self.scene.surface_point(triangle, barycentric);
         let incident = walk.ray.direction;
-        let leaving = Leaving::Triangle(triangle);
+        let ray_origin = RayOrigin::Triangle(triangle);
         let position = walk.ray.at(distance);
         let mut point = None;
         if !bsdf.is_delta() {
@@ -291,7 +291,7 @@ impl<'a> PathTracer<'a> {
             }
             let carried = walk.throughput * scale;
             let bounces = walk.stretch.from.map_or(0, |from| from.point.bounces + 1);
-            let here = ShadingPoint { position, normal: at.normals.facing(incident), leaving, bounces };
+            let here = ShadingPoint { position, normal: at.normals.facing(incident), ray_origin, bounces };
             let side = if bsdf.transmits() { Side::Both(here.normal) } else { Side::Front(here.normal) };
             let receiver = Receiver { position, side };
             let lobe = Lobe { bsdf, at: &at, incident, receiver };
@@ -300,7 +300,7 @@ impl<'a> PathTracer<'a> {
         }
         let Some(next) = bsdf.sample(&at, incident, stream) else { return false };
         walk.throughput *= next.weight;
-        walk.leaving = leaving;
+        walk.ray_origin = ray_origin;
         walk.ray = Ray::new(position, next.direction);
         match next.kind {
             SampleKind::Density(pdf) => {
@@ -308,7 +308,7 @@ impl<'a> PathTracer<'a> {
                 true
             }
             SampleKind::Delta(event) => {
-                walk.stretch.push(Link { event, surface: leaving, position, direction: incident });
+                walk.stretch.push(Link { event, surface: ray_origin, position, direction: incident });
                 self.advance(walk, event.into())
             }
         }
@@ -356,7 +356,7 @@ impl<'a> PathTracer<'a> {
                 continue;
             }
             let ray = Ray::new(point.position, sample.direction);
-            if self.scene.blocked(&ray, sample.distance, point.leaving, None, Some(index), counters) {
+            if self.scene.blocked(&ray, sample.distance, point.ray_origin, None, Some(index), counters) {
                 continue;
             }
             let balance = sample.pdf.map_or(1.0, |pdf| {
@@ -381,7 +381,7 @@ impl<'a> PathTracer<'a> {
         let Some(method) = self.method else { return sum };
         let receiver = Receiver { position: point.position, side: Side::Anywhere };
         for AskedLight { light, probability } in self.scene.light_sampler().ask(&receiver, stream) {
-            method.gather(self.scene, point, light, events, stream, counters, &mut |arrival| {
+            method.sample_li(self.scene, point, light, events, stream, counters, &mut |arrival| {
                 sum += arrival.weight * lobe.eval(arrival.direction) / probability;
             });
         }
@@ -404,7 +404,7 @@ impl<'a> PathTracer<'a> {
         let refraction = refract(direction, normal, index_in, index_out);
         let choice = stream.next_1d();
         let position = pane.frame.point_to_world(pane_hit.point);
-        walk.leaving = Leaving::Pane { index, face };
+        walk.ray_origin = RayOrigin::Pane { index, face };
         let (event, next) = match refraction {
             Some(refraction) if choice < refraction.transmittance => {
                 walk.inside = (!was_inside).then_some((index, face));
@@ -415,7 +415,7 @@ impl<'a> PathTracer<'a> {
                 (SpecularEvent::Reflection, reflect(direction, normal))
             }
         };
-        walk.stretch.push(Link { event, surface: walk.leaving, position, direction });
+        walk.stretch.push(Link { event, surface: walk.ray_origin, position, direction });
         walk.ray = Ray::new(position, next);
         self.advance(walk, event.into())
     }

@@ -9,7 +9,7 @@ use crate::document::{PathFilter, SamplingDescription, SceneBundle, SceneDescrip
 use crate::scene::{BuildStep, ContentHash, Obstacles, Scene, SceneHash};
 use crate::settings::{JsonPath, SceneError};
 use crate::specular::SpecularMethod;
-use crate::specular::kept::Kept;
+use crate::specular::cache::MethodCache;
 
 /// A scene file that is ready to be rendered. It does not change any more.
 pub struct PreparedScene {
@@ -20,7 +20,7 @@ pub struct PreparedScene {
     scene: Scene,
     path_filter: Option<PathFilter>,
     sampling: Sampling,
-    kept: Kept,
+    cache: MethodCache,
     method: Option<Box<dyn SpecularMethod>>,
 }
 
@@ -44,17 +44,17 @@ impl PreparedScene {
         let path_filter = description.compiled_path_filter()?;
         let sampling = sampling(description)?;
         let scene = Scene::build(description.parts(), bundle.assets(), begin)?;
-        begin(BuildStep::SmoothMeshes);
-        let kept = Kept::default();
+        begin(BuildStep::SpecularMeshes);
+        let cache = MethodCache::default();
         Ok(Self {
             hash: bundle.scene_hash(),
             description: description.clone(),
             assets: asset_hashes(bundle),
-            method: description.integrator.build(&scene, &kept),
+            method: description.integrator.build(&scene, &cache),
             scene,
             path_filter,
             sampling,
-            kept,
+            cache,
         })
     }
 
@@ -84,7 +84,7 @@ impl PreparedScene {
             hash: bundle.scene_hash(),
             sampling: sampling(description)?,
             description: description.clone(),
-            method: description.integrator.build(&scene, &self.kept),
+            method: description.integrator.build(&scene, &self.cache),
             scene,
             ..self
         })

@@ -2,6 +2,6 @@
 
 pub(crate) mod bernstein;
 pub mod interval;
-pub(crate) mod lanes;
+pub(crate) mod simd;
 
 pub use interval::{Interval, Rect};

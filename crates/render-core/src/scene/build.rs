@@ -47,7 +47,8 @@ impl Scene {
         let Decoded { panes, positions, triangles, surfaces } = Decoded::of(parts, assets, begin)?;
         let mesh_bounds: Vec<[DVec3; 2]> =
             surfaces.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
-        let smooth: Vec<_> = surfaces.iter().filter(|mesh| mesh.is_smooth()).map(MeshSurface::triangle_range).collect();
+        let smooth: Vec<_> =
+            surfaces.iter().filter(|mesh| mesh.is_specular()).map(MeshSurface::triangle_range).collect();
         begin(BuildStep::Hierarchy { triangles: triangles.len() });
         let accelerator = Accelerator::build(&positions, &triangles, &smooth, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
@@ -87,7 +88,7 @@ impl Scene {
         &self.camera
     }
 
-    /// Centre and radius, metres, of a ball around all panes and smooth meshes; radius 0 without any.
+    /// Centre and radius, metres, of a ball around all panes and specular meshes; radius 0 without any.
     pub fn specular_ball(&self) -> (DVec3, f64) {
         self.specular_ball
     }
@@ -183,9 +184,9 @@ fn mesh_bounds(positions: &[DVec3], triangles: &[[u32; 3]], mesh: &MeshSurface) 
     corners.map(|vertex| positions[*vertex as usize]).fold(empty, |[min, max], at| [min.min(at), max.max(at)])
 }
 
-/// A ball around all panes and smooth meshes.
+/// A ball around all panes and specular meshes.
 fn specular_ball(accelerator: &Accelerator, meshes: &[MeshSurface], mesh_bounds: &[[DVec3; 2]]) -> (DVec3, f64) {
-    let smooth = meshes.iter().zip(mesh_bounds).filter(|(mesh, _)| mesh.is_smooth()).map(|(_, bounds)| *bounds);
+    let smooth = meshes.iter().zip(mesh_bounds).filter(|(mesh, _)| mesh.is_specular()).map(|(_, bounds)| *bounds);
     let bounds = accelerator.panes().iter().map(Pane::world_bounds).chain(smooth);
     let Some([min, max]) = bounds.reduce(|[min, max], [other_min, other_max]| [min.min(other_min), max.max(other_max)])
     else {
@@ -211,7 +212,7 @@ mod tests {
     use super::*;
     use crate::document::malformed_scenes::valid_scene;
     use crate::document::{SceneBundle, SceneDescription};
-    use crate::geometry::{Leaving, Surface};
+    use crate::geometry::{RayOrigin, Surface};
     use crate::integrator::PreparedScene;
     use crate::texture::picture_samples::{encode_exr, encode_png};
     use clerestory_film::counters::Counters;
@@ -261,7 +262,7 @@ mod tests {
         let scene = build(&scene, &[]).unwrap();
         let ray = scene.camera().ray(DVec2::new(15.0, 11.0));
         let accelerator = scene.accelerator();
-        let hit = accelerator.closest_hit(&ray, f64::INFINITY, Leaving::Nothing, &mut Counters::default()).unwrap();
+        let hit = accelerator.closest_hit(&ray, f64::INFINITY, RayOrigin::Nothing, &mut Counters::default()).unwrap();
         let Surface::Triangle { index, barycentric } = hit.surface else { panic!("{hit:?} is no triangle") };
         assert!((ray.at(hit.distance).x).abs() < 1e-12);
         assert!((scene.triangle_normal(index) - DVec3::X).length() < 1e-12);

@@ -26,8 +26,8 @@ pub enum BuildStep<'a> {
         /// How many triangles there are.
         triangles: usize,
     },
-    /// What the integrator looks up over smooth meshes is computed.
-    SmoothMeshes,
+    /// What the integrator looks up over specular meshes is computed.
+    SpecularMeshes,
 }
 
 impl fmt::Display for BuildStep<'_> {
@@ -39,7 +39,7 @@ impl fmt::Display for BuildStep<'_> {
             Self::Hierarchy { triangles } => {
                 write!(formatter, "Sorting {triangles} triangles and the panes into a tree")
             }
-            Self::SmoothMeshes => write!(formatter, "Preparing the smooth meshes for the integrator"),
+            Self::SpecularMeshes => write!(formatter, "Preparing the specular meshes for the integrator"),
         }
     }
 }

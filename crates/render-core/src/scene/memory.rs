@@ -66,7 +66,7 @@ impl SceneMemory {
         let mut files = Files {
             scene,
             assets,
-            have_smooth_meshes: scene.meshes.iter().any(|mesh| scene.is_smooth(mesh)),
+            have_smooth_meshes: scene.meshes.iter().any(|mesh| scene.is_specular(mesh)),
             meshes: BTreeMap::new(),
             pictures: BTreeMap::new(),
         };
@@ -196,7 +196,7 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
         MeshSource::Ply { file } => ("ply.file", files.mesh(MeshFormat::Ply, file)),
         MeshSource::Obj { file } => ("obj.file", files.mesh(MeshFormat::Obj, file)),
     };
-    let is_smooth = files.scene.is_smooth(mesh);
+    let is_specular = files.scene.is_specular(mesh);
     let material = files.scene.materials.get(&mesh.material);
     let is_textured = material.is_some_and(|material| material.texture().is_some());
     let from_file = matches!(mesh.source, MeshSource::Ply { .. } | MeshSource::Obj { .. });
@@ -208,13 +208,13 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
         MeshSource::Ply { .. } | MeshSource::Obj { .. } => READ_VERTEX * vertices + READ_TRIANGLE * triangles,
     };
     let kept_file = if from_file && decoded { DECODED_VERTEX * vertices + DECODED_TRIANGLE * triangles } else { 0 };
-    let surface = match (is_smooth, is_textured) {
+    let surface = match (is_specular, is_textured) {
         (true, _) => SMOOTH_TRIANGLE,
         (_, true) => TEXTURED_TRIANGLE,
         (false, false) => 0,
     };
     let compared = if files.have_smooth_meshes { COMPARED_TRIANGLE } else { 0 };
-    let passing = KEPT_TRIANGLE * triangles + if is_smooth { SMOOTH_PASSING * triangles + 24 * vertices } else { 0 };
+    let passing = KEPT_TRIANGLE * triangles + if is_specular { SMOOTH_PASSING * triangles + 24 * vertices } else { 0 };
     Part {
         path: format!("meshes[{index}].source.{source}"),
         count: triangles,

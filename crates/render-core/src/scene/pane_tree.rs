@@ -61,14 +61,14 @@ enum Content {
 
 /// Where light comes from.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Sight {
+pub(crate) enum LightRegion {
     /// Unit vectors within a chord of a direction.
     Cap { direction: DVec3, chord: f64 },
     /// Points in a ball.
     Ball { centre: DVec3, radius: f64 },
 }
 
-impl Sight {
+impl LightRegion {
     /// A light point or direction.
     pub(crate) fn of_source(source: Source) -> Self {
         match source {
@@ -139,13 +139,13 @@ impl PaneTree {
     }
 
     /// The panes through which light from what is sighted may come to `from`, in ascending order.
-    pub(crate) fn candidates(&self, from: DVec3, sight: &Sight) -> Panes {
-        self.panes_where(|node| node.may_show(from, sight))
+    pub(crate) fn candidates(&self, from: DVec3, region: &LightRegion) -> Panes {
+        self.panes_where(|node| node.may_show(from, region))
     }
 
     /// The panes whose outside may mirror light from what is sighted to `from`, in ascending order.
-    pub(crate) fn mirrors(&self, from: DVec3, sight: &Sight) -> Panes {
-        self.panes_where(|node| node.may_mirror(from, sight))
+    pub(crate) fn mirrors(&self, from: DVec3, region: &LightRegion) -> Panes {
+        self.panes_where(|node| node.may_mirror(from, region))
     }
 
     /// The panes of which something is true, in ascending order: what is not true of a node is true of no pane in it.
@@ -185,26 +185,26 @@ impl Node {
         }
     }
 
-    fn may_show(&self, from: DVec3, sight: &Sight) -> bool {
+    fn may_show(&self, from: DVec3, region: &LightRegion) -> bool {
         let offset = self.centre - from;
         let distance = offset.length();
         if distance <= self.radius {
             return true;
         }
-        let Some((onwards, spread)) = sight.seen_from_ball(self.centre, self.radius) else { return true };
+        let Some((onwards, spread)) = region.seen_from_ball(self.centre, self.radius) else { return true };
         let direction = offset / distance;
         let sine = self.radius / distance;
         (direction - onwards).length() <= cap_chord(sine) + self.deflection(direction, sine) + spread + SLACK
     }
 
-    fn may_mirror(&self, from: DVec3, sight: &Sight) -> bool {
+    fn may_mirror(&self, from: DVec3, region: &LightRegion) -> bool {
         let offset = from - self.centre;
         let distance = offset.length();
         if distance <= self.radius {
             return true;
         }
         let Some(normal) = self.normal else { return true };
-        let Some((onwards, spread)) = sight.seen_from_ball(self.centre, self.radius) else { return true };
+        let Some((onwards, spread)) = region.seen_from_ball(self.centre, self.radius) else { return true };
         let sum = offset / distance + onwards;
         let slack = cap_chord(self.radius / distance) + spread + MIRROR_SLACK;
         let along = sum.dot(normal);
@@ -295,7 +295,7 @@ mod tests {
             for source in
                 [Source::Direction(direction), Source::Point(exit + direction * between(&mut random, 0.1, 20.0))]
             {
-                let candidates = tree.candidates(from, &Sight::of_source(source));
+                let candidates = tree.candidates(from, &LightRegion::of_source(source));
                 assert!(candidates.contains(&(index as u32)), "pane {index} from {from} for {source:?}");
                 assert!(candidates.is_sorted());
                 kept += candidates.len();
@@ -328,7 +328,7 @@ mod tests {
             for source in
                 [Source::Direction(direction), Source::Point(vertex + direction * between(&mut random, 0.1, 20.0))]
             {
-                let mirrors = tree.mirrors(from, &Sight::of_source(source));
+                let mirrors = tree.mirrors(from, &LightRegion::of_source(source));
                 assert!(mirrors.contains(&(index as u32)), "pane {index} from {from} for {source:?}");
                 assert!(mirrors.is_sorted());
                 kept += mirrors.len();
@@ -341,8 +341,8 @@ mod tests {
 
     #[test]
     fn a_scene_without_panes_has_no_candidates() {
-        let sight = Sight::of_source(Source::Direction(DVec3::Z));
-        assert!(PaneTree::new(&[]).candidates(DVec3::ZERO, &sight).is_empty());
-        assert!(PaneTree::new(&[]).mirrors(DVec3::ZERO, &sight).is_empty());
+        let region = LightRegion::of_source(Source::Direction(DVec3::Z));
+        assert!(PaneTree::new(&[]).candidates(DVec3::ZERO, &region).is_empty());
+        assert!(PaneTree::new(&[]).mirrors(DVec3::ZERO, &region).is_empty());
     }
 }

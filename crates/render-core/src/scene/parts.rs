@@ -25,7 +25,7 @@ pub struct SceneParts<'a> {
 
 impl SceneParts<'_> {
     /// Whether a mesh refracts or mirrors light.
-    pub(crate) fn is_smooth(&self, mesh: &MeshDescription) -> bool {
+    pub(crate) fn is_specular(&self, mesh: &MeshDescription) -> bool {
         self.materials.get(&mesh.material).is_some_and(|material| material.is_delta())
     }
 }

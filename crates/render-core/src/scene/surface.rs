@@ -46,7 +46,7 @@ impl MeshSurface {
     }
 
     /// Whether its triangles refract or mirror light.
-    pub fn is_smooth(&self) -> bool {
+    pub fn is_specular(&self) -> bool {
         self.surface.bsdf.is_delta()
     }
 

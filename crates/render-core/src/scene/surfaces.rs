@@ -57,7 +57,7 @@ impl Scene {
         SurfaceDifferential::of_triangle(self.accelerator().corners(triangle), normals, position, barycentric)
     }
 
-    /// A point on a smooth mesh, uniform over its area.
+    /// A point on a specular mesh, uniform over its area.
     pub fn sample_mesh(&self, mesh: u32, random: [f64; 3]) -> Option<DVec3> {
         let surface = &self.meshes()[mesh as usize];
         let areas = surface.surface.areas.as_ref()?;

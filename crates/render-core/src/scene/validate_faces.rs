@@ -1,4 +1,4 @@
-//! Smooth meshes that touch others face to face. Examples are a block of glass exactly on a floor, two that share a
+//! Specular meshes that touch others face to face. Examples are a block of glass exactly on a floor, two that share a
 //! face, and a mirror in the plane of its wall. Between two faces in one place there is nothing that says which a ray
 //! meets first.
 
@@ -24,16 +24,16 @@ const MOST_BOX_TESTS: u64 = 1 << 29;
 pub(super) fn check_faces(corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Check {
     let triangles = candidates(&corners, meshes);
     let mesh_of = |triangle: u32| meshes.partition_point(|mesh| mesh.triangle_range().end <= triangle);
-    let is_smooth = |triangle: u32| meshes[mesh_of(triangle)].is_smooth();
+    let is_specular = |triangle: u32| meshes[mesh_of(triangle)].is_specular();
     let conflict = |a: u32, b: u32| {
         let (first, second) = (mesh_of(a), mesh_of(b));
         let face_alike = || area_normal(corners(a)).dot(area_normal(corners(b))) > 0.0;
         meshes[first].is_dielectric() || meshes[second].is_dielectric() || (first != second && face_alike())
     };
     let faces = Faces { triangles: &triangles, corners: &corners };
-    let Some((pair, at)) = faces.coincidence(is_smooth, conflict) else { return Ok(()) };
+    let Some((pair, at)) = faces.coincidence(is_specular, conflict) else { return Ok(()) };
     let [first, second] = pair.map(|triangle| (mesh_of(triangle), triangle));
-    let rank = |mesh: usize| (meshes[mesh].is_dielectric(), meshes[mesh].is_smooth(), mesh);
+    let rank = |mesh: usize| (meshes[mesh].is_dielectric(), meshes[mesh].is_specular(), mesh);
     let ((subject, triangle), (other, _)) =
         if rank(first.0) > rank(second.0) { (first, second) } else { (second, first) };
     let root = JsonPath::Root;
@@ -57,10 +57,10 @@ pub(super) fn check_faces(corners: impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSur
     Err(SceneError::value(&path, found, expected))
 }
 
-/// The triangles of smooth meshes that may lie where others do, and those others. Where that takes too long to find
+/// The triangles of specular meshes that may lie where others do, and those others. Where that takes too long to find
 /// out, some more.
 fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> Vec<u32> {
-    if !meshes.iter().any(MeshSurface::is_smooth) {
+    if !meshes.iter().any(MeshSurface::is_specular) {
         return Vec::new();
     }
     let around = |triangle: u32| Shape::Polygon(&corners(triangle)).bounds();
@@ -68,8 +68,8 @@ fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> V
     let mut near = Near { meshes, bounds, tests: MOST_BOX_TESTS };
     let mut faces = Vec::new();
     let mut others = NOWHERE;
-    for (index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| !mesh.is_smooth()) {
-        let boxes = near.smooth_meshes(index);
+    for (index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| !mesh.is_specular()) {
+        let boxes = near.specular_meshes(index);
         let whole = boxes.iter().copied().fold(NOWHERE, join);
         for triangle in mesh.triangle_range() {
             let bounds = around(triangle);
@@ -79,12 +79,12 @@ fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> V
             }
         }
     }
-    for (index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_smooth()) {
+    for (index, mesh) in meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_specular()) {
         if mesh.is_dielectric() && mesh.triangles() <= MOST_OWN_TRIANGLES {
             faces.extend(mesh.triangle_range());
             continue;
         }
-        let boxes = near.smooth_meshes(index);
+        let boxes = near.specular_meshes(index);
         let whole = boxes.iter().copied().fold(NOWHERE, join);
         faces.extend(mesh.triangle_range().filter(|triangle| {
             let bounds = around(*triangle);
@@ -94,7 +94,7 @@ fn candidates(corners: &impl Fn(u32) -> [DVec3; 3], meshes: &[MeshSurface]) -> V
     faces
 }
 
-/// Finds the smooth meshes near something.
+/// Finds the specular meshes near something.
 struct Near<'a> {
     meshes: &'a [MeshSurface],
     /// Boxes around all meshes.
@@ -104,15 +104,15 @@ struct Near<'a> {
 }
 
 impl Near<'_> {
-    /// The boxes around the other smooth meshes that overlap that around a mesh.
-    fn smooth_meshes(&mut self, index: usize) -> Vec<[DVec3; 2]> {
+    /// The boxes around the other specular meshes that overlap that around a mesh.
+    fn specular_meshes(&mut self, index: usize) -> Vec<[DVec3; 2]> {
         let Some(left) = self.tests.checked_sub(self.meshes.len() as u64) else {
             return vec![[DVec3::NEG_INFINITY, DVec3::INFINITY]];
         };
         self.tests = left;
         let others = self.meshes.iter().zip(&self.bounds).enumerate();
         let near = others.filter(|(other, (mesh, bounds))| {
-            *other != index && mesh.is_smooth() && overlap(&self.bounds[index], bounds)
+            *other != index && mesh.is_specular() && overlap(&self.bounds[index], bounds)
         });
         near.map(|(_, (_, bounds))| *bounds).collect()
     }
@@ -241,14 +241,14 @@ mod tests {
         let is_near = |triangle: &u32| {
             let mesh = scene.mesh_of(*triangle);
             let others = scene.meshes().iter().enumerate().filter(|(other, _)| *other != mesh as usize);
-            others.filter(|(_, mesh)| mesh.is_smooth()).any(|(_, mesh)| overlap(&around(*triangle), &whole(mesh)))
+            others.filter(|(_, mesh)| mesh.is_specular()).any(|(_, mesh)| overlap(&around(*triangle), &whole(mesh)))
         };
         let expected: Vec<u32> = (0..72).filter(|triangle| (24..36).contains(triangle) || is_near(triangle)).collect();
         assert_eq!(found, expected);
         assert!(expected.len() > 20 && !expected.iter().any(|k| (12..24).contains(k) || *k >= 48), "{expected:?}");
         let bounds = vec![NOWHERE; 4];
         let mut near = Near { meshes: scene.meshes(), bounds, tests: 3 };
-        let everywhere = near.smooth_meshes(0);
+        let everywhere = near.specular_meshes(0);
         assert!(near.meets(&everywhere, &[DVec3::ZERO, DVec3::ONE]));
     }
 

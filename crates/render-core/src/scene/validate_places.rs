@@ -1,4 +1,4 @@
-//! Refuses places at which light would be lost silently. These are panes that touch each other, and smooth meshes,
+//! Refuses places at which light would be lost silently. These are panes that touch each other, and specular meshes,
 //! lights and cameras in the glass of a pane. A sphere light shines outwards, so that no camera may be in one either.
 //!
 //! Opaque meshes may stand in glass, as leading and masonry do: where they do, they are black.
@@ -60,7 +60,7 @@ impl Boxes {
     }
 }
 
-/// Checks that panes stand apart from one another and from smooth meshes.
+/// Checks that panes stand apart from one another and from specular meshes.
 pub(super) fn check_panes(
     scene: SceneParts<'_>,
     panes: &[Pane],
@@ -141,7 +141,7 @@ impl Places<'_> {
         if self.panes.is_empty() {
             return Ok(());
         }
-        let smooth = meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_smooth());
+        let smooth = meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_specular());
         let smooth: Vec<(usize, Boxes)> = smooth.map(|(index, mesh)| (index, Boxes::around(mesh, &corners))).collect();
         for (pane_index, pane) in self.panes.iter().enumerate() {
             let around = pane.world_bounds();

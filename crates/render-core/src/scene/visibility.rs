@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::Scene;
-use crate::geometry::{Face, Leaving, Ray, Surface};
+use crate::geometry::{Face, Ray, RayOrigin, Surface};
 use crate::light::Source;
 use crate::scene::ShadingPoint;
 use clerestory_film::counters::Counters;
@@ -18,14 +18,14 @@ impl Scene {
         &self,
         ray: &Ray,
         max_distance: f64,
-        leaving: Leaving,
+        ray_origin: RayOrigin,
         ignored_pane: Option<u32>,
         target_light: Option<u32>,
         counters: &mut Counters,
     ) -> bool {
         let clear = if target_light.is_some() { max_distance * (1.0 - SAME_PLACE) } else { max_distance };
         self.blocked_by_light(ray, max_distance, target_light)
-            || self.accelerator().occluded(ray, clear, leaving, ignored_pane, counters)
+            || self.accelerator().occluded(ray, clear, ray_origin, ignored_pane, counters)
     }
 
     /// Whether a light stands on the ray before `max_distance`, apart from the one that is named.
@@ -50,14 +50,21 @@ impl Scene {
     ) -> bool {
         let (first, first_length) = segment(point.position, entry);
         let (inner, inner_length) = segment(entry, *exit);
-        self.blocked(&first, first_length, point.leaving, Some(pane), None, counters)
-            || self.blocked(&inner, inner_length, Leaving::Pane { index: pane, face: near }, Some(pane), None, counters)
+        self.blocked(&first, first_length, point.ray_origin, Some(pane), None, counters)
+            || self.blocked(
+                &inner,
+                inner_length,
+                RayOrigin::Pane { index: pane, face: near },
+                Some(pane),
+                None,
+                counters,
+            )
     }
 
     /// The pane that the straight line from `point` to `source` meets before anything else.
     pub fn first_pane_towards(&self, point: &ShadingPoint, source: Source, counters: &mut Counters) -> Option<u32> {
         let (ray, distance) = straight(point.position, source);
-        let hit = self.accelerator().closest_hit(&ray, distance, point.leaving, counters)?;
+        let hit = self.accelerator().closest_hit(&ray, distance, point.ray_origin, counters)?;
         match hit.surface {
             Surface::Pane { index, .. } => Some(index),
             Surface::Triangle { .. } => None,
@@ -67,7 +74,7 @@ impl Scene {
     /// Whether anything blocks the straight line from `point` to `source`.
     pub fn is_blocked_towards(&self, point: &ShadingPoint, source: Source, counters: &mut Counters) -> bool {
         let (ray, distance) = straight(point.position, source);
-        self.accelerator().occluded(&ray, distance, point.leaving, None, counters)
+        self.accelerator().occluded(&ray, distance, point.ray_origin, None, counters)
     }
 }
 

@@ -1,4 +1,4 @@
-//! Casters: the panes and the smooth meshes of a scene, as the first thing that a chain of specular vertices meets.
+//! Casters: the panes and the specular meshes of a scene, as the first thing that a chain of specular vertices meets.
 
 use glam::DVec3;
 
@@ -6,7 +6,7 @@ use super::side::PaneSide;
 use super::{Link, coverage};
 use crate::scene::ShadingPoint;
 use crate::{
-    geometry::{Face, Hit, Leaving, PaneBoundary, Ray, Surface},
+    geometry::{Face, Hit, PaneBoundary, Ray, RayOrigin, Surface},
     scene::Scene,
 };
 use clerestory_film::TrialStream;
@@ -17,7 +17,7 @@ use clerestory_film::counters::Counters;
 pub(crate) enum Caster {
     /// A pane.
     Pane(u32),
-    /// A smooth mesh.
+    /// A specular mesh.
     Mesh(u32),
 }
 
@@ -33,7 +33,7 @@ pub(super) enum SeenCaster {
 /// All casters of a scene: panes first, then meshes.
 pub(super) fn casters(scene: &Scene) -> impl Iterator<Item = Caster> {
     let panes = (0u32..).zip(scene.panes()).map(|(index, _)| Caster::Pane(index));
-    let meshes = (0u32..).zip(scene.meshes()).filter(|(_, mesh)| mesh.is_smooth());
+    let meshes = (0u32..).zip(scene.meshes()).filter(|(_, mesh)| mesh.is_specular());
     panes.chain(meshes.map(|(index, _)| Caster::Mesh(index)))
 }
 
@@ -41,9 +41,9 @@ impl Caster {
     /// The caster on which a chain begins.
     pub(super) fn of(scene: &Scene, first: &Link) -> Option<Self> {
         match first.surface {
-            Leaving::Pane { index, .. } => Some(Self::Pane(index)),
-            Leaving::Triangle(triangle) => Some(Self::Mesh(scene.mesh_of(triangle))),
-            Leaving::Nothing => None,
+            RayOrigin::Pane { index, .. } => Some(Self::Pane(index)),
+            RayOrigin::Triangle(triangle) => Some(Self::Mesh(scene.mesh_of(triangle))),
+            RayOrigin::Nothing => None,
         }
     }
 
@@ -53,7 +53,7 @@ impl Caster {
             Surface::Pane { index, .. } => Some(Self::Pane(*index)),
             Surface::Triangle { index, .. } => {
                 let mesh = scene.mesh_of(*index);
-                scene.meshes()[mesh as usize].is_smooth().then_some(Self::Mesh(mesh))
+                scene.meshes()[mesh as usize].is_specular().then_some(Self::Mesh(mesh))
             }
         }
     }
@@ -79,9 +79,11 @@ impl Caster {
     /// Whether a chain that begins with `first` is one that begins on the caster as seen from the point.
     pub(super) fn owns(self, scene: &Scene, point: &ShadingPoint, first: &Link) -> bool {
         match first.surface {
-            Leaving::Pane { index, face } => Self::Pane(index) == self && coverage::is_near(scene, point, index, face),
-            Leaving::Triangle(triangle) => Self::Mesh(scene.mesh_of(triangle)) == self,
-            Leaving::Nothing => false,
+            RayOrigin::Pane { index, face } => {
+                Self::Pane(index) == self && coverage::is_near(scene, point, index, face)
+            }
+            RayOrigin::Triangle(triangle) => Self::Mesh(scene.mesh_of(triangle)) == self,
+            RayOrigin::Nothing => false,
         }
     }
 }
@@ -119,7 +121,13 @@ impl SeenCaster {
     }
 
     /// What a ray from the shading point meets first, if that belongs to it.
-    pub(super) fn first_hit(&self, scene: &Scene, ray: &Ray, leaving: Leaving, counters: &mut Counters) -> Option<Hit> {
+    pub(super) fn first_hit(
+        &self,
+        scene: &Scene,
+        ray: &Ray,
+        ray_origin: RayOrigin,
+        counters: &mut Counters,
+    ) -> Option<Hit> {
         let accelerator = scene.accelerator();
         let holds = |surface: &Surface| match (self, surface) {
             (Self::Face { face, .. }, Surface::Pane { hit, .. }) => hit.boundary == PaneBoundary::Face(*face),
@@ -127,8 +135,8 @@ impl SeenCaster {
             _ => false,
         };
         let hit = match *self {
-            Self::Face { pane, .. } => accelerator.closest_hit_on_pane(pane, ray, f64::INFINITY, leaving, counters),
-            Self::Mesh(_) => accelerator.closest_hit(ray, f64::INFINITY, leaving, counters),
+            Self::Face { pane, .. } => accelerator.closest_hit_on_pane(pane, ray, f64::INFINITY, ray_origin, counters),
+            Self::Mesh(_) => accelerator.closest_hit(ray, f64::INFINITY, ray_origin, counters),
         };
         hit.filter(|hit| holds(&hit.surface))
     }

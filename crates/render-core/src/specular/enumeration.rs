@@ -1,13 +1,13 @@
 //! All paths from a shading point to a source through a pane, with a test that there are no others.
 //!
 //! The window is halved again and again. A part is dropped where the bounds show that no light from it reaches the
-//! source. If the derivative of the landing stays near one invertible matrix all over a part, it holds at most one
+//! source. If the derivative of the deflection stays near one invertible matrix all over a part, it holds at most one
 //! path. This is Krawczyk's test (1969; Neumaier 1990, "Interval Methods for Systems of Equations", section 5.1). One
 //! traced path from its middle then bounds where that path can be, or shows that there is none. Newton's method finds
 //! it. The remaining parts are on a fold of the caustic. Seeds in them find their paths, but nothing proves that these
 //! are all.
 //!
-//! Small terms of the derivative are estimated and not bounded (`landing`), so `complete` is all but a proof. Who
+//! Small terms of the derivative are estimated and not bounded (`deflection`), so `complete` is all but a proof. Who
 //! relies on it for an unbiased result has to look for further paths now and then.
 
 use glam::DVec2;
@@ -20,7 +20,7 @@ use super::{
     window::Window,
 };
 use crate::math::Rect;
-use crate::math::lanes::{Instructions, LANES, LaneRects, Lanes, Mask};
+use crate::math::simd::{Instructions, LANES, LaneRects, Lanes, Mask};
 use clerestory_film::counters::Counters;
 
 /// The paths that were found.
@@ -39,12 +39,12 @@ const MOST_PARTS: usize = 1000;
 /// would cost more than it finds.
 const SMALLEST: f64 = 0.25;
 
-/// A shot lands with less than this error, in thicknesses of the pane: its second vertex is off by less than its last
-/// step (`Connection::shoot`).
+/// A traced path lands with less than this error, in thicknesses of the pane: its second vertex is off by less than its
+/// last step (`Connection::trace_four`).
 const SHOT_ERROR: f64 = 1e-4;
 
-/// Larger parts, in cells of the finer face, are halved without a shot, and all but the whole window without a look at
-/// the curvatures: over so many cells they hardly ever say anything.
+/// Larger parts, in cells of the finer face, are halved without a traced path, and all but the whole window without a
+/// look at the curvatures: over so many cells they hardly ever say anything.
 const LARGE: f64 = 4.0;
 
 /// What is left of a part is looked at again before it is halved if its area is less than this share of the part's.
@@ -62,7 +62,7 @@ struct Search<'a, 'b> {
     connection: &'b Connection<'a>,
     region: &'b SearchRegion,
     counters: &'b mut Counters,
-    /// Rounding and the error of a shot.
+    /// Rounding and the error of a traced path.
     slack: f64,
     /// The edge of a cell of the finer face.
     cell: f64,
@@ -71,7 +71,7 @@ struct Search<'a, 'b> {
     found: Enumeration,
 }
 
-/// What is known of four parts after a look, and a shot at those that are worth it.
+/// What is known of four parts after a look, and a traced path at those that are worth it.
 struct Findings {
     /// What can matter of them, by the slopes there.
     parts: [Rect; LANES],
@@ -158,53 +158,54 @@ impl<'a, 'b> Search<'a, 'b> {
     #[inline(always)]
     fn look<S: Instructions>(&mut self, simd: S, parts: &[Rect; LANES], count: usize) -> Findings {
         let (window, slack) = (self.window, self.slack);
-        let landing = window.landing();
+        let deflection = window.deflection();
         let rects = LaneRects::new(simd, parts);
         let around = rects.grown(slack);
-        let live = Mask::new(simd, [count > 0, count > 1, count > 2, count > 3]).and(landing.meets_glass(around));
+        let live = Mask::new(simd, [count > 0, count > 1, count > 2, count > 3]).and(deflection.meets_glass(around));
         if !live.any() {
             let none = live;
-            return Findings::without_shots(rects, none, none);
+            return Findings::without_tracing(rects, none, none);
         }
-        let shapes = landing.shapes(around, live, self.counters);
+        let shapes = deflection.shapes(around, live, self.counters);
         let (parts, reached) = window.shaped_parts(rects, &shapes);
         let live = live.and(reached);
         let again = parts.area().less_than(rects.area() * SMALLER);
-        let shot_at = live.and_not(again);
-        if !shot_at.any() {
-            return Findings::without_shots(parts, live, again);
+        let traced_at = live.and_not(again);
+        if !traced_at.any() {
+            return Findings::without_tracing(parts, live, again);
         }
         let half_size = parts.half_size();
-        let (mut stretch, regular) = landing.stretch(&shapes);
+        let (mut stretch, regular) = deflection.stretch(&shapes);
         let injective = stretch.is_injective(half_size + DVec2::splat(slack));
         let large = Lanes::splat(simd, 0.5 * LARGE * self.cell).less_than(half_size.max_element());
-        let shot_at = shot_at.and(regular).and(injective.or(large.not()));
-        if !shot_at.any() {
-            return Findings::without_shots(parts, live, again);
+        let traced_at = traced_at.and(regular).and(injective.or(large.not()));
+        if !traced_at.any() {
+            return Findings::without_tracing(parts, live, again);
         }
-        let (shots, arrived) = self.connection.shoot(&shapes[0].middle, &shapes[1].middle, shot_at, self.counters);
-        let mut shot_at = shot_at.and(arrived);
+        let (traced, arrived) =
+            self.connection.trace_four(&shapes[0].middle, &shapes[1].middle, traced_at, self.counters);
+        let mut traced_at = traced_at.and(arrived);
         // The way from there to any place of the part has to lie where the derivative is bounded.
-        let outside = shot_at.and_not(around.contains(shots.place));
+        let outside = traced_at.and_not(around.contains(traced.place));
         if outside.any() {
-            let hull = LaneRects { min: around.min.min(shots.place), max: around.max.max(shots.place) };
-            let [near, far] = landing.shapes(hull, outside, self.counters);
-            let (wider, regular) = landing.stretch(&[near.everywhere(), far.everywhere()]);
+            let hull = LaneRects { min: around.min.min(traced.place), max: around.max.max(traced.place) };
+            let [near, far] = deflection.shapes(hull, outside, self.counters);
+            let (wider, regular) = deflection.stretch(&[near.everywhere(), far.everywhere()]);
             stretch = wider.where_or(outside, stretch);
-            shot_at = shot_at.and_not(outside.and_not(regular));
+            traced_at = traced_at.and_not(outside.and_not(regular));
         }
-        let reaching = stretch.reaching(parts, shots.place, shots.miss, slack);
-        let away = (reaching.min - shots.place).abs().max((reaching.max - shots.place).abs());
-        let (predicted, off) = stretch.prediction(shots.place, shots.miss, away, slack);
+        let reaching = stretch.reaching(parts, traced.place, traced.miss, slack);
+        let away = (reaching.min - traced.place).abs().max((reaching.max - traced.place).abs());
+        let (predicted, off) = stretch.prediction(traced.place, traced.miss, away, slack);
         let possible = reaching.intersection(LaneRects { min: predicted - off, max: predicted + off });
-        let left = possible.where_or(shot_at, parts);
-        let single = shot_at.and(injective).and(parts.grown(slack).contains(predicted));
+        let left = possible.where_or(traced_at, parts);
+        let single = traced_at.and(injective).and(parts.grown(slack).contains(predicted));
         Findings {
             parts: parts.to_array(),
             left: left.where_or_empty(live).to_array(),
             again: again.to_array(),
             single: single.to_array(),
-            seeds: shots.moved(predicted),
+            seeds: traced.moved(predicted),
         }
     }
 
@@ -264,9 +265,9 @@ impl<'a, 'b> Search<'a, 'b> {
 }
 
 impl Findings {
-    /// Of the `live` ones of four parts at which no shot was worth its while.
+    /// Of the `live` ones of four parts at which no traced path was worth its while.
     #[inline(always)]
-    fn without_shots<S: Instructions>(parts: LaneRects<S>, live: Mask<S>, again: Mask<S>) -> Self {
+    fn without_tracing<S: Instructions>(parts: LaneRects<S>, live: Mask<S>, again: Mask<S>) -> Self {
         Self {
             parts: parts.to_array(),
             left: parts.where_or_empty(live).to_array(),

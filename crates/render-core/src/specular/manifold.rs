@@ -22,7 +22,7 @@ use super::constraint::Residual;
 use super::{Arrival, SpecularEvent};
 use crate::scene::ShadingPoint;
 use crate::{
-    geometry::{Leaving, Ray},
+    geometry::{Ray, RayOrigin},
     light::{Source, SourceSample},
     scene::Scene,
 };
@@ -235,7 +235,7 @@ impl SolvedChain {
     }
 
     /// The surface of its first vertex.
-    pub(super) fn first_surface(&self) -> Leaving {
+    pub(super) fn first_surface(&self) -> RayOrigin {
         self.chain.vertices[0].surface
     }
 
@@ -266,7 +266,7 @@ impl SolvedChain {
 
     /// Whether a light stands in the way before the last vertex, or anything behind it.
     fn is_blocked(&self, scene: &Scene, point: &ShadingPoint, light: u32, counters: &mut Counters) -> bool {
-        let mut from = (point.position, point.leaving, None);
+        let mut from = (point.position, point.ray_origin, None);
         for (vertex, length) in self.chain.vertices.iter().zip(&self.segments.lengths) {
             let (position, _, inside) = from;
             let ray = Ray::new(position, (vertex.at.position - position) / *length);
@@ -275,9 +275,9 @@ impl SolvedChain {
             }
             from = (vertex.at.position, vertex.surface, vertex.inside);
         }
-        let (position, leaving, inside) = from;
+        let (position, ray_origin, inside) = from;
         let ray = Ray::new(position, self.segments.last());
         let length = self.segments.lengths[self.chain.vertices.len()];
-        inside.is_some() || scene.blocked(&ray, length, leaving, None, Some(light), counters)
+        inside.is_some() || scene.blocked(&ray, length, ray_origin, None, Some(light), counters)
     }
 }

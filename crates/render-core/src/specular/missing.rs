@@ -41,7 +41,7 @@ pub struct LightGroup {
 impl LightGroup {
     /// All of their light that comes over specular vertices.
     pub(super) fn all(&self) -> String {
-        format!("light of {} that comes through or off a pane or a smooth mesh to a surface", self.name)
+        format!("light of {} that comes through or off a pane or a specular mesh to a surface", self.name)
     }
 }
 
@@ -135,7 +135,7 @@ pub(super) fn unowned_by_panes(
         classes.push(between_the_faces(of, Some(libm::asin(GRAZING_COSINE).to_degrees())));
     }
     if contents.meshes > 0 {
-        classes.push(PathClass::new(format!("light of {of} that comes by way of a smooth mesh to a surface"), ANY));
+        classes.push(PathClass::new(format!("light of {of} that comes by way of a specular mesh to a surface"), ANY));
     }
     if contents.panes > 0 {
         classes.extend(unselected(of, selection));

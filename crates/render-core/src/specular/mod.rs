@@ -1,25 +1,26 @@
 //! How light reaches a shading point through glass: one question, one file for each method that answers it.
 //!
-//! The path tracer asks [`SpecularMethod::gather`]: which light arrives at this point, from this light, through a pane?
-//! [`cone`] samples directions and sees whether they reach the light; [`fnee`] solves for the paths that do. Both look
-//! for them in the same window ([`window`]). [`sms`] and [`mnee`] walk to them, through panes and over smooth meshes,
-//! and [`conic`] finds all over one mesh. [`auto`] chooses among them. Which paths a method owns, and the path tracer
-//! therefore leaves to it, is a function of the path ([`coverage`]).
+//! The path tracer asks [`SpecularMethod::sample_li`]: which light arrives at this point, from this light, through a
+//! pane? [`cone`] samples directions and sees whether they reach the light; [`fnee`] solves for the paths that do. Both
+//! look for them in the same window ([`window`]). [`sms`] and [`mnee`] walk to them, through panes and over specular
+//! meshes, and [`conic`] finds all over one mesh. [`auto`] chooses among them. Which paths a method owns, and the path
+//! tracer therefore leaves to it, is a function of the path ([`coverage`]).
 
 pub mod auto;
 mod block_tridiagonal;
+pub mod cache;
 mod caster;
 mod chain;
 pub mod cone;
 pub mod conic;
 pub mod constraint;
 pub mod coverage;
+mod deflection;
 mod direction_bounds;
 pub mod enumeration;
 pub mod fermat;
 pub mod fnee;
-pub mod kept;
-mod landing;
+mod light_view;
 pub mod manifold;
 pub mod missing;
 pub mod mnee;
@@ -30,13 +31,12 @@ pub mod registry;
 pub mod scope;
 pub mod selection;
 pub mod settings;
-mod shot;
 pub mod side;
 pub mod sms;
 #[cfg(test)]
 pub(crate) mod testing;
+mod traced_path;
 mod trials;
-mod view;
 mod widest;
 pub mod window;
 
@@ -71,7 +71,7 @@ pub trait SpecularMethod: Send + Sync {
     /// `events` that the method owns, and hands each piece to `arrive`. The expectation of the sum over all pieces is
     /// the light that arrives.
     #[expect(clippy::too_many_arguments, reason = "one estimate depends on all of them, and none belong together")]
-    fn gather(
+    fn sample_li(
         &self,
         scene: &Scene,
         point: &ShadingPoint,

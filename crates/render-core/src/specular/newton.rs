@@ -7,7 +7,7 @@ use super::{
     widest::{self, Computation},
 };
 use crate::math::Rect;
-use crate::math::lanes::Instructions;
+use crate::math::simd::Instructions;
 use clerestory_film::counters::Counters;
 
 /// A stationary path: minimum, saddle or maximum of the optical length.

@@ -1,12 +1,13 @@
 //! Which paths the manifold methods look for: over which chains of specular vertices, beginning on which casters, from
-//! which receivers. What is not named is marked by what it is: panes and smooth meshes cast, everything else receives.
+//! which receivers. What is not named is marked by what it is: panes and specular meshes cast, everything else
+//! receives.
 
 use super::caster::{Caster, casters};
 use super::{SpecularEvent, SpecularPath};
 use crate::scene::ShadingPoint;
 use crate::settings::check::Quoted;
 use crate::settings::{Check, JsonPath, SceneError};
-use crate::{geometry::Leaving, light::SourceSample, scene::Scene};
+use crate::{geometry::RayOrigin, light::SourceSample, scene::Scene};
 use clerestory_film::SampleStream;
 
 /// The paths that a manifold method looks for.
@@ -70,8 +71,8 @@ impl Scope {
 
     /// Whether light is gathered at a point.
     fn receives(&self, scene: &Scene, point: &ShadingPoint) -> bool {
-        match point.leaving {
-            Leaving::Triangle(triangle) => self.receivers[scene.mesh_of(triangle) as usize],
+        match point.ray_origin {
+            RayOrigin::Triangle(triangle) => self.receivers[scene.mesh_of(triangle) as usize],
             _ => true,
         }
     }

@@ -1,7 +1,7 @@
 //! What the settings of all methods have in common.
 
 use super::SpecularMethod;
-use super::kept::Kept;
+use super::cache::MethodCache;
 use super::missing::{Contents, LightGroup, PathClass};
 use super::scope::ScopeSettings;
 use crate::scene::Scene;
@@ -36,7 +36,7 @@ pub trait MethodSettings {
     }
 
     /// The method for a scene; `None` for path tracing alone. What it looks things up in it may keep.
-    fn build(&self, scene: &Scene, kept: &Kept) -> Option<Box<dyn SpecularMethod>>;
+    fn build(&self, scene: &Scene, cache: &MethodCache) -> Option<Box<dyn SpecularMethod>>;
 }
 
 /// What the registry needs of a method.

@@ -5,7 +5,7 @@
 
 use pulp::{Scalar256b, Simd, WithSimd};
 
-use crate::math::lanes::Instructions;
+use crate::math::simd::Instructions;
 
 /// A computation whose code, with all that it calls, is inlined into each of the versions.
 pub(super) trait Computation {

@@ -9,7 +9,7 @@
 //! ```
 //!
 //! so bounds on the slopes bound the deflection, and bounds on the deflection bound where the path can cross the pane.
-//! Interval arithmetic (`landing`) turns this into a rectangle that holds every path, and the rectangle into better
+//! Interval arithmetic (`deflection`) turns this into a rectangle that holds every path, and the rectangle into better
 //! bounds on the slopes. A few rounds contract it. The same arithmetic contracts any part of the window further. The
 //! rectangle is a true bound (no path that [`super::coverage`] owns lies outside), which makes sampling inside it
 //! unbiased.
@@ -17,12 +17,12 @@
 use glam::{DVec2, DVec3};
 
 use super::{
+    deflection::{DeflectionBounds, Detail, Ends, MirroredSource, Part, mirrored},
     direction_bounds::cap_bounds,
-    landing::{Detail, Ends, Landing, MirroredSource, Part, mirrored},
     side::{GRAZING_COSINE, PaneSide},
 };
 use crate::geometry::ShapeBounds;
-use crate::math::lanes::{Instructions, LaneRects, Mask};
+use crate::math::simd::{Instructions, LaneRects, Mask};
 use crate::math::{Interval, Rect};
 
 /// The places from which light may come, in the pane's frame.
@@ -60,7 +60,7 @@ const ROUNDING_MARGINS: [f64; 2] = [1e-9, 1e-13];
 pub struct Window<'a> {
     origin: DVec3,
     rect: Rect,
-    landing: Landing<'a>,
+    deflection: DeflectionBounds<'a>,
     margin: f64,
 }
 
@@ -72,21 +72,21 @@ impl<'a> Window<'a> {
         for round in 0..ROUNDS {
             // Most points see no light through most panes: the first round, which finds that, reads no pyramid.
             let detail = if round == 0 { Detail::WholeFace } else { Detail::Region };
-            let (landing, part) = Landing::new(side, &ends, &rect, detail)?;
+            let (deflection, part) = DeflectionBounds::new(side, &ends, &rect, detail)?;
             let [of_size, of_distance] = ROUNDING_MARGINS;
             let margin = (part.rect.max - part.rect.min).max_element() * of_size
-                + ends.near * of_distance * landing.tangent_rounding();
+                + ends.near * of_distance * deflection.tangent_rounding();
             // Behind flat glass the window is a point, which the next round would lose by rounding.
             let grown = part.rect.grown(margin);
             let settled = round > 0 && grown.area() > CONTRACTED * rect.area();
             rect = grown;
-            last = Some((landing, margin));
+            last = Some((deflection, margin));
             if settled {
                 break;
             }
         }
-        let (landing, margin) = last?;
-        Some(Self { origin, rect, landing, margin })
+        let (deflection, margin) = last?;
+        Some(Self { origin, rect, deflection, margin })
     }
 
     /// The whole window.
@@ -97,7 +97,7 @@ impl<'a> Window<'a> {
     /// What of a part of the window can matter; `None` when nothing can.
     #[inline(always)]
     pub(super) fn part(&self, part: &Rect) -> Option<Part> {
-        let Part { rect, spread } = self.landing.part(part)?;
+        let Part { rect, spread } = self.deflection.part(part)?;
         Some(Part { rect: rect.grown(self.margin).intersection(part), spread })
     }
 
@@ -108,18 +108,18 @@ impl<'a> Window<'a> {
         parts: LaneRects<S>,
         shapes: &[ShapeBounds<S>; 2],
     ) -> (LaneRects<S>, Mask<S>) {
-        let left = self.landing.shaped_parts(parts, shapes);
+        let left = self.deflection.shaped_parts(parts, shapes);
         (parts.intersection(left.grown(self.margin)), left.is_empty().not())
     }
 
     /// Where light from the window goes through the near face.
     pub fn entry(&self) -> Rect {
-        self.landing.entry(&self.rect)
+        self.deflection.entry(&self.rect)
     }
 
     /// The pane from the side of the shading point.
     pub fn side(&self) -> &PaneSide<'a> {
-        self.landing.side()
+        self.deflection.side()
     }
 
     /// Where the line from the shading point to `vertex` crosses the near plane.
@@ -131,8 +131,8 @@ impl<'a> Window<'a> {
 
     /// The map from the window to the source.
     #[inline(always)]
-    pub(super) fn landing(&self) -> &Landing<'a> {
-        &self.landing
+    pub(super) fn deflection(&self) -> &DeflectionBounds<'a> {
+        &self.deflection
     }
 }
 

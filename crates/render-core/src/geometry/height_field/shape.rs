@@ -9,7 +9,7 @@ use super::field::HeightField;
 use super::patch::{Patch, cell_of};
 use super::third_derivatives::Symmetric;
 use crate::geometry::spline::{curvature_weights, slope_weights, weights};
-use crate::math::lanes::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask};
+use crate::math::simd::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask};
 
 /// Over rectangles with larger half sides, in cells, the Taylor polynomial's remainder is wider than the hull of the
 /// cells. Smaller ones touch no cell more than two columns and rows from that of their middle.

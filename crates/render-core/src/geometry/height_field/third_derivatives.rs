@@ -6,7 +6,7 @@ use crate::geometry::pyramid::round_up;
 use crate::geometry::spline::{
     THIRD_DERIVATIVE_WEIGHTS, bernstein_curvature_weights, bernstein_slope_weights, bernstein_weights,
 };
-use crate::math::lanes::{Instructions, LANES, Lanes, Lanes2, Mask};
+use crate::math::simd::{Instructions, LANES, Lanes, Lanes2, Mask};
 
 /// Four symmetric matrices.
 #[derive(Clone, Copy, Debug)]

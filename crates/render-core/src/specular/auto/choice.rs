@@ -15,7 +15,7 @@ use crate::scene::Scene;
 /// A light through panes is searched for where its solid angle is below this from every pane, steradians.
 const TINY: f64 = 1e-7;
 
-/// Of more panes and smooth meshes than this, light over several in a row is left to chance.
+/// Of more panes and specular meshes than this, light over several in a row is left to chance.
 const MOST_IN_A_ROW: usize = 8;
 
 /// At most so many names are listed.
@@ -69,7 +69,7 @@ pub(crate) fn choose(scene: &Scene) -> Vec<Choice> {
         choices.push(Choice { method, lights, chains, casters });
     };
     let all = vec![true; lights.len()];
-    let smooth = (0u32..).zip(meshes).filter(|(_, mesh)| mesh.is_smooth());
+    let smooth = (0u32..).zip(meshes).filter(|(_, mesh)| mesh.is_specular());
     let (glass, mirrors): (Vec<_>, Vec<_>) = smooth.partition(|(_, mesh)| mesh.is_dielectric());
     let (closed, open): (Vec<_>, Vec<_>) = glass.into_iter().partition(|(index, _)| scene.is_closed(*index));
     let [closed, open, mirrors]: [Vec<Caster>; 3] =
@@ -138,7 +138,7 @@ fn holds_something(scene: &Scene, body: Caster) -> bool {
     let (lights, meshes) = (scene.lights(), scene.meshes());
     let [low, high] = around(scene, body);
     let overlaps = |[other_low, other_high]: [DVec3; 2]| other_low.cmplt(high).all() && other_high.cmpgt(low).all();
-    let mut scattering = (0u32..).zip(meshes).filter(|(_, mesh)| !mesh.is_smooth());
+    let mut scattering = (0u32..).zip(meshes).filter(|(_, mesh)| !mesh.is_specular());
     scattering.any(|(index, _)| overlaps(scene.mesh_bounds(index)))
         || lights.iter().filter_map(|light| light.bounding_box()).any(overlaps)
 }

@@ -9,11 +9,11 @@ mod settings;
 
 pub use settings::AutoSettings;
 
+use super::cache::MethodCache;
 use super::cone::Cone;
 use super::conic::{Conic, ConicSearch};
 use super::constraint::ManifoldConstraint;
 use super::fnee::{Fnee, FneeSettings};
-use super::kept::Kept;
 use super::manifold::WalkSteps;
 use super::scope::{Scope, events};
 use super::selection::PaneSelection;
@@ -42,18 +42,18 @@ struct Part {
 
 impl Auto {
     /// The methods that are best for a scene.
-    pub fn new(scene: &Scene, kept: &Kept) -> Self {
-        Self { parts: choose(scene).iter().map(|choice| Part::new(scene, choice, kept)).collect() }
+    pub fn new(scene: &Scene, cache: &MethodCache) -> Self {
+        Self { parts: choose(scene).iter().map(|choice| Part::new(scene, choice, cache)).collect() }
     }
 }
 
 impl Part {
-    fn new(scene: &Scene, choice: &Choice, kept: &Kept) -> Self {
+    fn new(scene: &Scene, choice: &Choice, cache: &MethodCache) -> Self {
         let scope = || Scope::over(scene, &choice.chains, choice.casters.clone());
         let method: Box<dyn SpecularMethod> = match choice.method {
             Best::Cone => Box::new(Cone),
             Best::Fnee => Box::new(Fnee::from(&FNEE)),
-            Best::Conic => Box::new(Conic::new(scene, ConicSearch::default(), scope(), kept)),
+            Best::Conic => Box::new(Conic::new(scene, ConicSearch::default(), scope(), cache)),
             Best::Sms => Box::new(Sms {
                 constraint: ManifoldConstraint::default(),
                 steps: WalkSteps::default(),
@@ -82,7 +82,7 @@ impl SpecularMethod for Auto {
         chains
     }
 
-    fn gather(
+    fn sample_li(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
@@ -93,7 +93,7 @@ impl SpecularMethod for Auto {
         arrive: &mut dyn FnMut(Arrival),
     ) {
         for part in self.parts.iter().filter(|part| part.finds(light, events.iter().copied())) {
-            part.method.gather(scene, point, light, events, stream, counters, arrive);
+            part.method.sample_li(scene, point, light, events, stream, counters, arrive);
         }
     }
 

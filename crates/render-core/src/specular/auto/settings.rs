@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::kept::Kept;
+use super::super::cache::MethodCache;
 use super::super::missing::{Contents, LightGroup, PathClass, between_the_faces, other_than};
 use super::super::settings::{Method, MethodSettings, default_max_depth};
 use super::super::side::GRAZING_COSINE;
@@ -66,8 +66,8 @@ impl MethodSettings for AutoSettings {
         choose(scene).iter().map(|choice| choice.describe(scene)).collect()
     }
 
-    fn build(&self, scene: &Scene, kept: &Kept) -> Option<Box<dyn SpecularMethod>> {
-        Some(Box::new(Auto::new(scene, kept)))
+    fn build(&self, scene: &Scene, cache: &MethodCache) -> Option<Box<dyn SpecularMethod>> {
+        Some(Box::new(Auto::new(scene, cache)))
     }
 }
 

@@ -6,13 +6,13 @@
 //! house's own reference generator. A point light is never met: its light through glass is missing.
 //!
 //! Behind rippled glass the sun shows as a few small patches in a large window. The rays are spread over the parts of
-//! the window that may hold one (`view`).
+//! the window that may hold one (`light_view`).
 
 mod settings;
 
 pub use settings::ConeSettings;
 
-use super::view::{Effort, View};
+use super::light_view::{Effort, LightView};
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
 use crate::scene::Scene;
 use crate::scene::ShadingPoint;
@@ -28,7 +28,7 @@ impl SpecularMethod for Cone {
         vec![THROUGH_PANE.to_vec()]
     }
 
-    fn gather(
+    fn sample_li(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
@@ -39,8 +39,8 @@ impl SpecularMethod for Cone {
         arrive: &mut dyn FnMut(Arrival),
     ) {
         let random = stream.next_2d();
-        let view = View::new(scene, point, light, &Effort::at(point));
-        view.cast(random, counters, &mut |glimpse, _| arrive(glimpse.arrival));
+        let view = LightView::new(scene, point, light, &Effort::at(point));
+        view.cast(random, counters, &mut |light_sample, _| arrive(light_sample.arrival));
     }
 
     fn owns(&self, scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>, _: &mut Counters) -> bool {

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::kept::Kept;
+use super::super::cache::MethodCache;
 use super::super::missing::{ANY, Contents, LightGroup, PathClass, unowned_by_panes};
 use super::super::selection::PaneSelection;
 use super::super::settings::{Method, MethodSettings, default_max_depth};
@@ -44,7 +44,7 @@ impl MethodSettings for ConeSettings {
         }
     }
 
-    fn build(&self, _: &Scene, _: &Kept) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, _: &Scene, _: &MethodCache) -> Option<Box<dyn SpecularMethod>> {
         Some(Box::new(Cone))
     }
 }

@@ -19,10 +19,10 @@ use super::{
     walk::first_path,
 };
 use crate::document::{SceneBundle, SceneDescription};
-use crate::geometry::{Leaving, Ray, Surface};
+use crate::geometry::{Ray, RayOrigin, Surface};
 use crate::light::{LightBounds, Source};
 use crate::scene::{Scene, ShadingPoint};
-use crate::specular::kept::Kept;
+use crate::specular::cache::MethodCache;
 use crate::specular::scope::Scope;
 use crate::specular::testing::{between, pair, random};
 use crate::specular::{Arrival, SpecularEvent, SpecularMethod};
@@ -322,13 +322,13 @@ fn any_point(random: &mut TrialStream, scene: &Scene) -> ShadingPoint {
     let (anywhere, on_it) = (any_vector(random, false, 0.0), facet(scene, 0, triangle).place(pair(random) * 0.5));
     let position = if random.next_f64() < 0.9 { anywhere } else { on_it };
     let bounces = u32::from(random.next_f64() < 0.2);
-    ShadingPoint { position, normal: any_direction(random, false), leaving: Leaving::Nothing, bounces }
+    ShadingPoint { position, normal: any_direction(random, false), ray_origin: RayOrigin::Nothing, bounces }
 }
 
 /// Whether a ray against arriving light comes to the light.
 fn leads_to_light(scene: &Scene, point: &ShadingPoint, direction: DVec3, event: SpecularEvent, light: u32) -> bool {
     let ray = Ray::new(point.position, direction);
-    let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, point.leaving, &mut Counters::default());
+    let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, point.ray_origin, &mut Counters::default());
     let Some((Surface::Triangle { index, barycentric }, place)) = hit.map(|hit| (hit.surface, ray.at(hit.distance)))
     else {
         return false;
@@ -356,7 +356,7 @@ fn a_hundred_thousand_calls_of_the_method_end_with_finite_light_over_any_mesh_un
             let scene = any_scene(&mut random);
             let scope = Scope::new(&scene, &["R".to_owned(), "T".to_owned()], None, None);
             [ConicSearch::Complete, ConicSearch::Published].map(|search| {
-                let method = Conic::new(&scene, search, scope.clone(), &Kept::default());
+                let method = Conic::new(&scene, search, scope.clone(), &MethodCache::default());
                 let (mut calls, mut arrivals, mut led) = (0, 0, 0);
                 for index in 0..POINTS {
                     let point = any_point(&mut random, &scene);
@@ -376,7 +376,7 @@ fn a_hundred_thousand_calls_of_the_method_end_with_finite_light_over_any_mesh_un
                                 arrivals += 1;
                                 led += usize::from(leads_to_light(&scene, &point, direction, event, light));
                             };
-                            method.gather(&scene, &point, light, &[event], &mut stream, counters, &mut arrive);
+                            method.sample_li(&scene, &point, light, &[event], &mut stream, counters, &mut arrive);
                             calls += 1;
                         }
                     }

@@ -14,8 +14,8 @@ use super::{
         ALL, BENDING, ByLane, ROUNDING, SeenEnd, SeenEnds, Vectors, in_order, missing, numbers, steepest_axis, vectors,
     },
 };
-use crate::math::lanes::Instructions;
-use crate::math::lanes::singles::{SINGLES, Singles, Singles2, Singles3, prefetch};
+use crate::math::simd::Instructions;
+use crate::math::simd::singles::{SINGLES, Singles, Singles2, Singles3, prefetch};
 
 /// At most eight triangles, in single precision relative to the middle of the mesh.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

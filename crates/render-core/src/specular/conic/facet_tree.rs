@@ -29,8 +29,8 @@ use super::{
     seen_ends::{ALL, ByLane, GRAIN, ROUNDING, SeenEnds, Vectors, in_order, missing, numbers, steepest_axis, vectors},
 };
 use crate::geometry::large_pages::LargePages;
-use crate::math::lanes::Instructions;
-use crate::math::lanes::singles::{SINGLES, Singles, Singles2, Singles3, prefetch};
+use crate::math::simd::Instructions;
+use crate::math::simd::singles::{SINGLES, Singles, Singles2, Singles3, prefetch};
 use crate::specular::widest::{self, Computation};
 
 /// Boxes in a node.

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use super::{facet::Facet, facet_tree::FacetTree, neighbours::Neighbours};
-use crate::math::lanes::singles::prefetch;
+use crate::math::simd::singles::prefetch;
 use crate::scene::Scene;
 
 /// For each mesh of a scene, its triangles by place and normal, and which of them share edges.
@@ -24,7 +24,7 @@ impl FacetTrees {
         Self { meshes: scene.meshes().iter().map(|_| OfMesh::default()).collect() }
     }
 
-    /// The triangles of a smooth mesh by place and normal; `None` when it has none.
+    /// The triangles of a specular mesh by place and normal; `None` when it has none.
     pub(super) fn tree(&self, scene: &Scene, mesh: u32) -> Option<&FacetTree> {
         let range = scene.meshes()[mesh as usize].triangle_range();
         let build = || FacetTree::over(range, |triangle| facet(scene, mesh, triangle));

@@ -35,8 +35,8 @@ mod walk;
 
 use std::sync::Arc;
 
+use crate::specular::cache::MethodCache;
 use crate::specular::constraint::ManifoldConstraint;
-use crate::specular::kept::Kept;
 use crate::specular::manifold::WalkSteps;
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
@@ -50,14 +50,14 @@ use self::{
     walk::first_path,
 };
 use super::caster::Caster;
+use super::light_view::light_bounds;
 use super::manifold::{ManifoldWalk, SolvedChain};
 use super::scope::Scope;
-use super::view::light_bounds;
 use super::window::SourceBounds;
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath};
 use crate::scene::ShadingPoint;
 use crate::{
-    geometry::{Frame, Leaving, PaneBoundary, Ray, Surface},
+    geometry::{Frame, PaneBoundary, Ray, RayOrigin, Surface},
     light::{Light, Source, SourceSample},
     scene::{Scene, visibility::straight},
 };
@@ -67,7 +67,7 @@ use clerestory_film::counters::Counters;
 pub(crate) use self::settings::through_one_interface;
 pub use self::settings::{ConicSearch, ConicSettings};
 
-/// Light over one smooth mesh.
+/// Light over one specular mesh.
 #[derive(Clone, Debug)]
 pub struct Conic {
     /// Which of the paths over it are found.
@@ -79,8 +79,8 @@ pub struct Conic {
 
 impl Conic {
     /// The search in a scene. What it looks the meshes of its scope up in is made now, so that no sample waits for it.
-    pub fn new(scene: &Scene, search: ConicSearch, scope: Scope, kept: &Kept) -> Self {
-        let trees = kept.of(|| FacetTrees::new(scene));
+    pub fn new(scene: &Scene, search: ConicSearch, scope: Scope, cache: &MethodCache) -> Self {
+        let trees = cache.get_or_make(|| FacetTrees::new(scene));
         for caster in &scope.casters {
             if let Caster::Mesh(mesh) = *caster {
                 match search {
@@ -98,7 +98,7 @@ impl SpecularMethod for Conic {
         self.scope.chains.clone()
     }
 
-    fn gather(
+    fn sample_li(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
@@ -206,7 +206,7 @@ impl Connection<'_> {
         let light = &scene.lights()[self.light as usize];
         let Some(chain) = self.walk.trace(place, counters) else { return };
         let last = &chain.vertices[chain.vertices.len() - 1];
-        if last.surface != Leaving::Triangle(triangle) {
+        if last.surface != RayOrigin::Triangle(triangle) {
             return;
         }
         let ray = Ray::new(last.at.position, chain.exit);
@@ -231,7 +231,7 @@ impl Connection<'_> {
     ) {
         let ManifoldWalk { scene, point, .. } = self.walk;
         let Some(arrival) = path.arrival(scene, point, self.light, sample, counters) else { return };
-        let Leaving::Triangle(triangle) = path.first_surface() else { return };
+        let RayOrigin::Triangle(triangle) = path.first_surface() else { return };
         let drawn = focus.share(triangle);
         let share = if drawn > 0.0 {
             let by_ray =
@@ -320,18 +320,18 @@ fn on_straight_line(
     counters: &mut Counters,
 ) -> Option<(u32, DVec2)> {
     let (mut ray, mut distance) = straight(point.position, source);
-    let mut leaving = point.leaving;
+    let mut ray_origin = point.ray_origin;
     for _ in 0..MOST_PASSED {
-        let hit = scene.accelerator().closest_hit(&ray, distance, leaving, counters)?;
+        let hit = scene.accelerator().closest_hit(&ray, distance, ray_origin, counters)?;
         if let Surface::Triangle { index, barycentric } = hit.surface
             && scene.mesh_of(index) == mesh
         {
             return Some((index, barycentric.into()));
         }
-        leaving = match hit.surface {
-            Surface::Triangle { index, .. } => Leaving::Triangle(index),
+        ray_origin = match hit.surface {
+            Surface::Triangle { index, .. } => RayOrigin::Triangle(index),
             Surface::Pane { index, hit } => match hit.boundary {
-                PaneBoundary::Face(face) => Leaving::Pane { index, face },
+                PaneBoundary::Face(face) => RayOrigin::Pane { index, face },
                 PaneBoundary::Edge => return None,
             },
         };

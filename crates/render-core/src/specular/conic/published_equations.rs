@@ -17,7 +17,7 @@ use super::{
 };
 use crate::bsdf::fresnel::refract;
 use crate::document::{SceneBundle, SceneDescription};
-use crate::geometry::Leaving;
+use crate::geometry::RayOrigin;
 use crate::light::{Source, SourceSample};
 use crate::scene::{Scene, ShadingPoint};
 use crate::specular::SpecularEvent;
@@ -272,7 +272,7 @@ impl Path {
     /// angle, by finite differences.
     fn spread(&self, from: DVec3, indices: [f64; 2], to: DVec3, arriving: DVec3) -> f64 {
         let towards = (self.place() - from).normalize();
-        let landing = |turn: DVec3| {
+        let deflection = |turn: DVec3| {
             let direction = (towards + turn).normalize();
             let area = self.facet.area();
             let place = from + direction * ((self.place() - from).dot(area) / direction.dot(area));
@@ -282,7 +282,7 @@ impl Path {
         };
         let (u, v) = towards.any_orthonormal_pair();
         let step = 1e-5;
-        let [along_u, along_v] = [u, v].map(|axis| (landing(axis * step) - landing(axis * -step)) / (2.0 * step));
+        let [along_u, along_v] = [u, v].map(|axis| (deflection(axis * step) - deflection(axis * -step)) / (2.0 * step));
         along_u.cross(along_v).length()
     }
 }
@@ -314,7 +314,7 @@ fn the_distance_correction_of_equations_28_to_33_is_that_of_rays_beside_the_path
         assert!((backwards / kept - 1.0).abs() < 1e-5, "{backwards} is not {kept}");
 
         let scene = scene_of(&path.facet);
-        let shading = ShadingPoint { position: point, normal: DVec3::Z, leaving: Leaving::Nothing, bounces: 0 };
+        let shading = ShadingPoint { position: point, normal: DVec3::Z, ray_origin: RayOrigin::Nothing, bounces: 0 };
         let counters = &mut Counters::default();
         let events = [SpecularEvent::Transmission];
         let (constraint, steps) = (ManifoldConstraint::AngleDifference, WalkSteps::default());

@@ -8,8 +8,8 @@
 use glam::DVec3;
 
 use super::ends::Ends;
-use crate::math::lanes::Instructions;
-use crate::math::lanes::singles::{SINGLES, Singles, Singles2, Singles3};
+use crate::math::simd::Instructions;
+use crate::math::simd::singles::{SINGLES, Singles, Singles2, Singles3};
 
 /// A number for each of eight boxes or triangles.
 pub(super) type ByLane = [f32; SINGLES];

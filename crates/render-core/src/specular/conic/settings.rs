@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::kept::Kept;
+use super::super::cache::MethodCache;
 use super::super::missing::{ANY, Contents, LightGroup, PathClass, other_than, over, unmarked};
 use super::super::scope::{Scope, ScopeSettings, check_chains};
 use super::super::settings::{Method, MethodSettings, default_max_depth};
@@ -12,7 +12,7 @@ use super::Conic;
 use crate::scene::Scene;
 use crate::settings::{Check, JsonPath};
 
-/// Path tracing, with all light over one interface, a smooth mesh, found on the curves along which surface, light and
+/// Path tracing, with all light over one interface, a specular mesh, found on the curves along which surface, light and
 /// normal are coplanar.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -29,7 +29,7 @@ pub struct ConicSettings {
     #[serde(default = "through_one_interface")]
     #[schemars(length(min = 1, max = 2), inner(regex(pattern = "^[RT]$")))]
     pub chains: Vec<String>,
-    /// Names of the smooth meshes on which it happens; all by default.
+    /// Names of the specular meshes on which it happens; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub casters: Option<Vec<String>>,
     /// Names of the meshes on which the light is gathered; all by default.
@@ -73,7 +73,7 @@ impl MethodSettings for ConicSettings {
         match self.search {
             ConicSearch::Complete | ConicSearch::WithoutRays => Vec::new(),
             ConicSearch::Published => vec![PathClass::new(
-                "paths over a smooth mesh but for the first that a walk from the straight line to the light meets",
+                "paths over a specular mesh but for the first that a walk from the straight line to the light meets",
                 over(&self.chains),
             )],
         }
@@ -81,21 +81,21 @@ impl MethodSettings for ConicSettings {
 
     fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass> {
         let chains = self.chains.join(", ");
-        let text = format!("{}, but for that over one smooth mesh ({chains}; chains)", lights.all());
+        let text = format!("{}, but for that over one specular mesh ({chains}; chains)", lights.all());
         let paths = if contents.panes > 0 { ANY.to_owned() } else { other_than(&self.chains) };
         let mut classes = vec![PathClass::new(text, paths)];
         classes.extend(unmarked(&lights.name, self.casters.as_deref(), self.receivers.as_deref()));
         classes
     }
 
-    fn build(&self, scene: &Scene, kept: &Kept) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, scene: &Scene, cache: &MethodCache) -> Option<Box<dyn SpecularMethod>> {
         let scope = Scope::new(scene, &self.chains, self.casters.as_deref(), self.receivers.as_deref());
-        Some(Box::new(Conic::new(scene, self.search, scope.over_meshes(), kept)))
+        Some(Box::new(Conic::new(scene, self.search, scope.over_meshes(), cache)))
     }
 }
 
 impl Method for ConicSettings {
-    const SUMMARY: &'static str = "All light over one smooth mesh, such as the surface of water.";
+    const SUMMARY: &'static str = "All light over one specular mesh, such as the surface of water.";
 
     const PROBES: &'static [&'static str] = &[
         r#"{"conic": {"casters": ["water"], "chains": ["T", "R"]}}"#,

@@ -13,9 +13,9 @@
 //! Elsewhere it follows one time in sixteen.
 //!
 //! Under a light with an extent, the geometry factor of a point has no finite mean square where the caustic of that
-//! point folds. There, rays towards the light (`view`) find paths better. The balance heuristic combines both ways. The
-//! density of the search is that of S over the geometry factor. The search is unbiased for each path by itself, so any
-//! weights that sum to one keep the whole unbiased.
+//! point folds. There, rays towards the light (`light_view`) find paths better. The balance heuristic combines both
+//! ways. The density of the search is that of S over the geometry factor. The search is unbiased for each path by
+//! itself, so any weights that sum to one keep the whole unbiased.
 //!
 //! Light that the outside of a pane reflects is found in the same way, in two unknowns, when `reflected` is set
 //! (`reflection`).
@@ -37,19 +37,19 @@ use self::reflection::Reflections;
 use super::caster::Caster;
 use super::enumeration::{Enumeration, enumerate};
 use super::fermat::Connection;
+use super::light_view::{Effort, LightSample, LightView, PaneAperture};
 use super::newton::{Root, SearchRegion, solve_complete, solve_published};
 use super::passage::{Found, Passage, transmission};
 use super::selection::Choice;
 use super::side::{PaneSide, Transmission};
 use super::trials::RandomSearch;
-use super::view::{Effort, Glimpse, Opening, View};
 use super::window::{SourceBounds, Window};
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath, THROUGH_PANE, coverage};
 use crate::light::{Source, SourceSample};
 use crate::math::Rect;
 use crate::scene::Scene;
 use crate::scene::ShadingPoint;
-use crate::scene::pane_tree::{Panes, Sight};
+use crate::scene::pane_tree::{LightRegion, Panes};
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, TrialStream};
 
@@ -153,7 +153,7 @@ impl SpecularMethod for Fnee {
         [THROUGH_PANE.to_vec()].into_iter().chain(reflected).collect()
     }
 
-    fn gather(
+    fn sample_li(
         &self,
         scene: &Scene,
         point: &ShadingPoint,
@@ -167,7 +167,7 @@ impl SpecularMethod for Fnee {
         let (centre, radius) = scene.specular_ball();
         let sample = scene.lights()[light as usize].sample_source(centre, radius, stream.next_2d());
         if events == REFLECTED {
-            let mirrors = scene.pane_tree().mirrors(point.position, &Sight::of_source(sample.source));
+            let mirrors = scene.pane_tree().mirrors(point.position, &LightRegion::of_source(sample.source));
             let mut mirrors = mirrors.into_iter().peekable();
             for pane in 0..panes.len() as u32 {
                 // Every pane has random numbers of its own, whichever others are searched.
@@ -183,17 +183,18 @@ impl SpecularMethod for Fnee {
                     solver: self.solver,
                     max_trials: self.max_trials,
                 };
-                search.gather(pane, &mut trials, counters, arrive);
+                search.sample_li(pane, &mut trials, counters, arrive);
             }
             return;
         }
         let random = stream.next_2d();
         let is_met = !scene.lights()[light as usize].is_delta();
-        let view = (is_met && self.combines()).then(|| View::new(scene, point, light, &Effort::at(point)));
+        let view = (is_met && self.combines()).then(|| LightView::new(scene, point, light, &Effort::at(point)));
         if let Some(view) = &view {
-            view.cast(random, counters, &mut |glimpse, opening| {
-                let share = glimpse.density / (glimpse.density + density_of_glimpse(scene, light, &glimpse, opening));
-                arrive(Arrival { weight: glimpse.arrival.weight * share, ..glimpse.arrival });
+            view.cast(random, counters, &mut |light_sample, aperture| {
+                let share = light_sample.density
+                    / (light_sample.density + density_of_light_sample(scene, light, &light_sample, aperture));
+                arrive(Arrival { weight: light_sample.arrival.weight * share, ..light_sample.arrival });
             });
         }
         let choice = self.selection.choose(scene, point, sample.source, panes.len(), stream, counters);
@@ -201,7 +202,7 @@ impl SpecularMethod for Fnee {
             Choice::All => match &view {
                 // A pane that shows a point of the light shows the light.
                 Some(view) => (view.panes().collect(), 1.0),
-                None => (scene.pane_tree().candidates(point.position, &Sight::of_source(sample.source)), 1.0),
+                None => (scene.pane_tree().candidates(point.position, &LightRegion::of_source(sample.source)), 1.0),
             },
             Choice::One(Caster::Pane(pane)) => (smallvec![pane], 1.0),
             Choice::AtRandom(index) => (smallvec![index as u32], panes.len() as f64),
@@ -230,18 +231,18 @@ impl SpecularMethod for Fnee {
 struct SampledLight<'a> {
     index: u32,
     sample: &'a SourceSample,
-    view: Option<&'a View<'a>>,
+    view: Option<&'a LightView<'a>>,
 }
 
-/// Density per solid angle with which the search would have found the path of a glimpse: that of its point on the
+/// Density per solid angle with which the search would have found the path of a light sample: that of its point on the
 /// light, over the geometry factor.
-fn density_of_glimpse(scene: &Scene, light: u32, glimpse: &Glimpse, opening: &Opening<'_>) -> f64 {
+fn density_of_light_sample(scene: &Scene, light: u32, light_sample: &LightSample, aperture: &PaneAperture<'_>) -> f64 {
     let source = &scene.lights()[light as usize];
-    let (met, cosine) = source.source_at(&glimpse.exit, &glimpse.hit);
+    let (met, cosine) = source.source_at(&light_sample.exit, &light_sample.hit);
     let (centre, radius) = scene.specular_ball();
-    let frame = &opening.side.pane.frame;
-    let connection = Connection::new(&opening.side, opening.origin, met.in_frame(frame));
-    let theta = [glimpse.through.entry.truncate(), glimpse.through.exit.truncate()];
+    let frame = &aperture.side.pane.frame;
+    let connection = Connection::new(&aperture.side, aperture.origin, met.in_frame(frame));
+    let theta = [light_sample.through.entry.truncate(), light_sample.through.exit.truncate()];
     let path = connection.path(&theta, &mut Counters::default());
     let factor = path.hessian().factorise().map(|hessian| path.geometry_factor(hessian.determinant) * cosine);
     // On a fold itself the search finds nothing.

@@ -30,7 +30,7 @@ use super::super::newton::{
 use super::super::side::{PaneSide, unit_normal};
 use super::super::trials::RandomSearch;
 use crate::bsdf::fresnel::refract;
-use crate::geometry::{Leaving, PaneBoundary, Ray, Surface, SurfaceJet};
+use crate::geometry::{PaneBoundary, Ray, RayOrigin, Surface, SurfaceJet};
 use crate::light::{Source, SourceSample};
 use crate::math::Rect;
 use crate::scene::Scene;
@@ -227,15 +227,15 @@ impl<'a> ReflectionSearch<'a> {
         if scene.blocked_by_light(&incident, lengths[0], None) {
             return None;
         }
-        let hit = scene.accelerator().closest_hit(&incident, f64::INFINITY, point.leaving, counters)?;
+        let hit = scene.accelerator().closest_hit(&incident, f64::INFINITY, point.ray_origin, counters)?;
         let Surface::Pane { index, hit } = hit.surface else { return None };
         let is_here = (hit.point - vertex).length() < SAME_ROOT * SAME_ROOT * self.tolerance;
         if index != pane || hit.boundary != PaneBoundary::Face(self.side.near) || !is_here {
             return None;
         }
         let exit = Ray::new(frame.point_to_world(vertex), outwards);
-        let leaving = Leaving::Pane { index: pane, face: self.side.near };
-        if scene.blocked(&exit, lengths[1], leaving, None, Some(light), counters) {
+        let ray_origin = RayOrigin::Pane { index: pane, face: self.side.near };
+        if scene.blocked(&exit, lengths[1], ray_origin, None, Some(light), counters) {
             return None;
         }
         counters.unique_solutions += 1;
@@ -303,7 +303,7 @@ pub(super) struct Reflections<'a> {
 
 impl Reflections<'_> {
     /// Estimates what one pane reflects.
-    pub(super) fn gather(
+    pub(super) fn sample_li(
         &self,
         pane: u32,
         random: &mut TrialStream,

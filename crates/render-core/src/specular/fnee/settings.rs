@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::kept::Kept;
+use super::super::cache::MethodCache;
 use super::super::missing::{Contents, LightGroup, PathClass, THROUGH_ONE_PANE, cut_off, unowned_by_panes};
 use super::super::selection::PaneSelection;
 use super::super::settings::{DEFAULT_MAX_DEPTH, Method, MethodSettings, default_max_depth};
@@ -98,7 +98,7 @@ impl MethodSettings for FneeSettings {
         unowned_by_panes(&lights.name, contents, self.selection, self.reflected)
     }
 
-    fn build(&self, _: &Scene, _: &Kept) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, _: &Scene, _: &MethodCache) -> Option<Box<dyn SpecularMethod>> {
         Some(Box::new(Fnee::from(self)))
     }
 }

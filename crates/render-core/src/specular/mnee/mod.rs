@@ -38,7 +38,7 @@ impl SpecularMethod for Mnee {
         self.scope.chains.clone()
     }
 
-    fn gather(
+    fn sample_li(
         &self,
         scene: &Scene,
         point: &ShadingPoint,

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::kept::Kept;
+use super::super::cache::MethodCache;
 use super::super::missing::{ANY, Contents, LightGroup, PathClass, over, over_other, unmarked};
 use super::super::scope::{MOST_SPECULAR_VERTICES, Scope, ScopeSettings, check_chains, through_panes};
 use super::super::settings::{Method, MethodSettings, default_max_depth};
@@ -29,7 +29,7 @@ pub struct MneeSettings {
     #[serde(default = "through_panes")]
     #[schemars(length(min = 1, max = 16), inner(regex(pattern = "^T{1,16}$")))]
     pub chains: Vec<String>,
-    /// Names of the panes and smooth meshes on which chains begin; all by default.
+    /// Names of the panes and specular meshes on which chains begin; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub casters: Option<Vec<String>>,
     /// Names of the meshes on which their light is gathered; all by default.
@@ -87,7 +87,7 @@ impl MethodSettings for MneeSettings {
         classes
     }
 
-    fn build(&self, scene: &Scene, _: &Kept) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, scene: &Scene, _: &MethodCache) -> Option<Box<dyn SpecularMethod>> {
         let scope = Scope::new(scene, &self.chains, self.casters.as_deref(), self.receivers.as_deref());
         Some(Box::new(Mnee { missed: self.missed, scope }))
     }

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
-use super::super::kept::Kept;
+use super::super::cache::MethodCache;
 use super::super::missing::{ANY, Contents, LightGroup, PathClass};
 use super::super::settings::{Method, MethodSettings, default_max_depth};
 use crate::scene::Scene;
@@ -38,7 +38,7 @@ impl MethodSettings for PathSettings {
         vec![PathClass::new(lights.all(), ANY)]
     }
 
-    fn build(&self, _: &Scene, _: &Kept) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, _: &Scene, _: &MethodCache) -> Option<Box<dyn SpecularMethod>> {
         None
     }
 }

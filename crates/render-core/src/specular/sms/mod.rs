@@ -1,6 +1,6 @@
 //! `sms`: specular manifold sampling (Zeltner et al. 2020).
 //!
-//! Seeds are uniform over each caster, a pane or a smooth mesh. Manifold walks (`manifold`) lead from them to paths.
+//! Seeds are uniform over each caster, a pane or a specular mesh. Manifold walks (`manifold`) lead from them to paths.
 //! Their light is estimated from how often they are found (`trials`). Every caster gets an estimate of its own, as in
 //! the authors' code, unless the selection of panes says otherwise. A path belongs to the caster that it meets first.
 
@@ -84,7 +84,7 @@ impl SpecularMethod for Sms {
         self.scope.chains.clone()
     }
 
-    fn gather(
+    fn sample_li(
         &self,
         scene: &Scene,
         point: &ShadingPoint,

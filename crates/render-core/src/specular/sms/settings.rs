@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::super::SpecularMethod;
+use super::super::cache::MethodCache;
 use super::super::constraint::ManifoldConstraint;
-use super::super::kept::Kept;
 use super::super::manifold::WalkSteps;
 use super::super::missing::{
     Contents, LightGroup, PathClass, between_the_faces, cut_off, over, over_other, unmarked, unselected,
@@ -18,7 +18,7 @@ use crate::scene::Scene;
 use crate::settings::check::check_range;
 use crate::settings::{Check, JsonPath};
 
-/// Path tracing, with light by way of panes and smooth meshes found by specular manifold sampling.
+/// Path tracing, with light by way of panes and specular meshes found by specular manifold sampling.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
@@ -36,7 +36,7 @@ pub struct SmsSettings {
     /// What is made of the paths that are found.
     #[serde(default)]
     pub estimator: ManifoldEstimator,
-    /// Which panes (or smooth meshes) are searched.
+    /// Which panes (or specular meshes) are searched.
     #[serde(default)]
     pub selection: PaneSelection,
     /// Which chains of specular vertices between a surface and a light are looked for: each a word of 1 to 16 letters R
@@ -44,7 +44,7 @@ pub struct SmsSettings {
     #[serde(default = "through_panes")]
     #[schemars(length(min = 1, max = 16), inner(regex(pattern = "^[RT]{1,16}$")))]
     pub chains: Vec<String>,
-    /// Names of the panes and smooth meshes on which chains begin; all by default.
+    /// Names of the panes and specular meshes on which chains begin; all by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub casters: Option<Vec<String>>,
     /// Names of the meshes on which their light is gathered; all by default.
@@ -143,7 +143,7 @@ impl MethodSettings for SmsSettings {
         classes
     }
 
-    fn build(&self, scene: &Scene, _: &Kept) -> Option<Box<dyn SpecularMethod>> {
+    fn build(&self, scene: &Scene, _: &MethodCache) -> Option<Box<dyn SpecularMethod>> {
         let Self { constraint, steps, estimator, selection, .. } = *self;
         let scope = Scope::new(scene, &self.chains, self.casters.as_deref(), self.receivers.as_deref());
         Some(Box::new(Sms { constraint, steps, estimator, selection, scope }))

@@ -63,7 +63,7 @@ pub(in crate::specular) enum Detail {
 
 /// The map from the near plane to the source, bounded over a window.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::specular) struct Landing<'a> {
+pub(in crate::specular) struct DeflectionBounds<'a> {
     side: PaneSide<'a>,
     outline: Rect,
     /// What leads from a place of the near plane to X1 and to X2.
@@ -105,11 +105,11 @@ struct Lever {
 pub(in crate::specular) struct Part {
     /// The places from which light can reach the source.
     pub(in crate::specular) rect: Rect,
-    /// How far a landing may be off, on the near plane's scale, because the slopes vary over the part.
+    /// How far a deflection may be off, on the near plane's scale, because the slopes vary over the part.
     pub(in crate::specular) spread: DVec2,
 }
 
-impl<'a> Landing<'a> {
+impl<'a> DeflectionBounds<'a> {
     /// The map over a window, and what of the window can matter; `None` when no light from there reaches the source.
     pub(in crate::specular) fn new(
         side: &PaneSide<'a>,
@@ -209,7 +209,7 @@ impl<'a> Landing<'a> {
         let to_entry = times(&tangents, near.height);
         let to_glass = times(&inner, gap);
         let near_lever = Interval::new(to_face.min / ends.near, to_face.max / ends.near);
-        let landing = Self {
+        let deflection = Self {
             side: *side,
             outline,
             to_entry,
@@ -228,8 +228,8 @@ impl<'a> Landing<'a> {
             glass,
         };
         let slopes = [near.gradient, far.gradient].map(|slopes| unmirrored(&slopes, sign));
-        let part = landing.reached(window, slopes.iter().map(|slopes| (middle(slopes), radius(slopes))))?;
-        Some((landing, part))
+        let part = deflection.reached(window, slopes.iter().map(|slopes| (middle(slopes), radius(slopes))))?;
+        Some((deflection, part))
     }
 
     /// What of a part of the window can matter; `None` when no light from there reaches the source.

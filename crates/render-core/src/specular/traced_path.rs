@@ -1,14 +1,14 @@
-//! Shots: paths that obey Snell's law at both faces of a pane and need not meet the source, four at once.
+//! TracedPaths: paths that obey Snell's law at both faces of a pane and need not meet the source, four at once.
 
 use super::fermat::{Connection, Theta};
 use crate::geometry::FacePoints;
 use crate::light::Source;
-use crate::math::lanes::{Instructions, LANES, Lanes, Lanes2, Lanes3, Mask};
+use crate::math::simd::{Instructions, LANES, Lanes, Lanes2, Lanes3, Mask};
 use clerestory_film::counters::Counters;
 
-/// Four shots.
+/// Four traced paths.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shots<S> {
+pub(super) struct TracedPaths<S> {
     /// Their vertices.
     vertices: [Lanes2<S>; 2],
     /// Where the lines of their first segments cross the plane of the undisplaced near face.
@@ -18,15 +18,15 @@ pub(super) struct Shots<S> {
     pub(super) miss: Lanes2<S>,
 }
 
-/// A shot has found its second vertex when its way in the glass ends less than this part of the pane's thickness beside
-/// it.
+/// A traced path has found its second vertex when its way in the glass ends less than this part of the pane's thickness
+/// beside it.
 const LANDED: f64 = 1e-5;
 
 /// Most rounds until then. Where slopes are so steep that these are too few, Newton's method decides.
 const LANDING_ROUNDS: usize = 8;
 
-impl<S: Instructions> Shots<S> {
-    /// About the vertices of the shots that cross the near plane at these places.
+impl<S: Instructions> TracedPaths<S> {
+    /// About the vertices of the traced paths that cross the near plane at these places.
     #[inline(always)]
     pub(super) fn moved(&self, place: Lanes2<S>) -> [Theta; LANES] {
         let by = place - self.place;
@@ -40,13 +40,13 @@ impl Connection<'_> {
     /// points near which they may meet the far face; and which were neither totally reflected nor left away from the
     /// source.
     #[inline(always)]
-    pub(super) fn shoot<S: Instructions>(
+    pub(super) fn trace_four<S: Instructions>(
         &self,
         near: &FacePoints<S>,
         far: &FacePoints<S>,
         live: Mask<S>,
         counters: &mut Counters,
-    ) -> (Shots<S>, Mask<S>) {
+    ) -> (TracedPaths<S>, Mask<S>) {
         let [near_base, far_base] = self.bases;
         let z = near.height + near_base;
         let first = Lanes3 { x: near.place.x - self.origin.x, y: near.place.y - self.origin.y, z: z - self.origin.z };
@@ -75,9 +75,9 @@ impl Connection<'_> {
         let miss = match self.source {
             Source::Point(point) => {
                 let above = -far.height + (point.z - far_base);
-                let landing = far.place + last_tangent.scaled(above);
+                let deflection = far.place + last_tangent.scaled(above);
                 let scale = (first.z + above).abs().recip() * distance.abs();
-                Lanes2 { x: -landing.x + point.x, y: -landing.y + point.y }.scaled(scale)
+                Lanes2 { x: -deflection.x + point.x, y: -deflection.y + point.y }.scaled(scale)
             }
             Source::Direction(direction) => {
                 let scale = direction.z.signum() * distance.abs();
@@ -89,7 +89,7 @@ impl Connection<'_> {
         let zero = Lanes::splat(z.simd(), 0.0);
         let onwards = zero.less_than(last.z * first.z);
         let arrived = live.and(entered).and(left).and(onwards).and(miss.is_finite());
-        (Shots { vertices: [near.place, far.place], place: crossing, miss }, arrived)
+        (TracedPaths { vertices: [near.place, far.place], place: crossing, miss }, arrived)
     }
 }
 

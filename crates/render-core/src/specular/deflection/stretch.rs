@@ -1,20 +1,20 @@
-//! The map of the landing over four parts of the window at once. It contracts the parts, bounds their stretch, and
+//! The map of the deflection over four parts of the window at once. It contracts the parts, bounds their stretch, and
 //! bounds the places of a path from the traced path of their middles.
 
 use glam::{DMat2, DVec2};
 
-use super::{Landing, Lever, SlopeWeight, radius};
+use super::{DeflectionBounds, Lever, SlopeWeight, radius};
 use crate::geometry::{ShapeBounds, Symmetric};
 use crate::math::Rect;
-use crate::math::lanes::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask};
+use crate::math::simd::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask};
 use crate::specular::direction_bounds::Box2;
 use clerestory_film::counters::Counters;
 
-/// The derivative of the landing leaves out how the refraction's strength, B and the heights change over the part:
+/// The derivative of the deflection leaves out how the refraction's strength, B and the heights change over the part:
 /// terms of the size of a slope times the sine of an angle of incidence times what is kept. This multiple of it is an
 /// estimate and no bound, so that what rests on it has to be checked at random. It also stands for using x0, the
-/// matrices L and the levers a little outside the window that they are bounded for: by the slack of a shot, and by the
-/// height of the relief where the shot goes through it.
+/// matrices L and the levers a little outside the window that they are bounded for: by the slack of a traced path, and
+/// by the height of the relief where the traced path goes through it.
 const LEFT_OUT: f64 = 1.5;
 
 /// A part is injective when its defect is below 1; this much below, so that rounding cannot matter.
@@ -28,13 +28,14 @@ struct Matrices<S> {
     y_axis: Lanes2<S>,
 }
 
-/// How the map stretches four parts of the window: the derivatives of the landing by the place, on the near plane's
+/// How the map stretches four parts of the window: the derivatives of the deflection by the place, on the near plane's
 /// scale.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::specular) struct Stretch<S> {
     /// Middles of the derivatives' bounds.
     derivative: Matrices<S>,
-    /// How far each entry, as a mean over a straight line from a shot to any place of the part, may be from its middle.
+    /// How far each entry, as a mean over a straight line from a traced path to any place of the part, may be from its
+    /// middle.
     mean_error: Matrices<S>,
     /// Inverses of the middles of the derivatives' bounds.
     inverse: Matrices<S>,
@@ -42,7 +43,7 @@ pub(in crate::specular) struct Stretch<S> {
     defect: Matrices<S>,
 }
 
-impl<'a> Landing<'a> {
+impl<'a> DeflectionBounds<'a> {
     /// Which of four rectangles of the near plane send light through the outline of both faces.
     #[inline(always)]
     pub(in crate::specular) fn meets_glass<S: Instructions>(&self, rects: LaneRects<S>) -> Mask<S> {
@@ -62,8 +63,8 @@ impl<'a> Landing<'a> {
         counters: &mut Counters,
     ) -> [ShapeBounds<S>; 2] {
         counters.height_evaluations += 2 * live.count();
-        // On the way from where the shot starts, at most a radius of `to_entry` from the middle, to any place of the
-        // rectangle, the places are on average half as far from the middle as these ends.
+        // On the way from where the traced path starts, at most a radius of `to_entry` from the middle, to any place of
+        // the rectangle, the places are on average half as far from the middle as these ends.
         let nearer = rects.half_size() * DVec2::splat(0.5) - radius(&self.to_entry) * 0.5;
         let entry = rects.shifted(&rect(&self.to_entry));
         let exit = rects.shifted(&rect(&self.to_exit));
@@ -91,7 +92,8 @@ impl<'a> Landing<'a> {
         parts.intersection(LaneRects { min: centre - reach, max: centre + reach })
     }
 
-    /// The derivatives of the landing where the faces have the given shapes, and where their middles are not singular.
+    /// The derivatives of the deflection where the faces have the given shapes, and where their middles are not
+    /// singular.
     #[inline(always)]
     pub(in crate::specular) fn stretch<S: Instructions>(&self, faces: &[ShapeBounds<S>; 2]) -> (Stretch<S>, Mask<S>) {
         let simd = faces[0].slope.x.simd();
@@ -138,25 +140,26 @@ impl<'a> Landing<'a> {
 }
 
 impl<S: Instructions> Stretch<S> {
-    /// Where a path is, predicted from a shot that misses by so much, and by how much that may be off if it is within
-    /// `away` of the shot, coordinate by coordinate, and the shot is off by `error` in each component.
+    /// Where a path is, predicted from a traced path that misses by so much, and by how much that may be off if it is
+    /// within `away` of the traced path, coordinate by coordinate, and the traced path is off by `error` in each
+    /// component.
     #[inline(always)]
     pub(in crate::specular) fn prediction(
         &self,
-        shot: Lanes2<S>,
+        traced: Lanes2<S>,
         miss: Lanes2<S>,
         away: Lanes2<S>,
         error: f64,
     ) -> (Lanes2<S>, Lanes2<S>) {
         let unsure = self.mean_error.times(away) + DVec2::splat(error);
-        (shot + self.inverse.times(miss), self.inverse.magnitude().times(unsure))
+        (traced + self.inverse.times(miss), self.inverse.magnitude().times(unsure))
     }
 
-    /// The places of parts that can land nearer than `slack` to the source, when shots from `start` miss it by `miss`;
-    /// empty where there are none.
+    /// The places of parts that can land nearer than `slack` to the source, when traced paths from `start` miss it by
+    /// `miss`; empty where there are none.
     ///
-    /// Near a fold the landing moves hardly at all in one direction, however the place moves: that direction tells
-    /// most. Across it, the landing moves like nowhere else, which bounds the places to a strip.
+    /// Near a fold the deflection moves hardly at all in one direction, however the place moves: that direction tells
+    /// most. Across it, the deflection moves like nowhere else, which bounds the places to a strip.
     #[inline(always)]
     pub(in crate::specular) fn reaching(
         &self,
@@ -166,7 +169,7 @@ impl<S: Instructions> Stretch<S> {
         slack: f64,
     ) -> LaneRects<S> {
         let Matrices { x_axis, y_axis } = self.derivative;
-        // The derivative times its transpose. Near a fold, all columns are along the direction in which the landing
+        // The derivative times its transpose. Near a fold, all columns are along the direction in which the deflection
         // moves most.
         let squares = [
             x_axis.x * x_axis.x + y_axis.x * y_axis.x,

@@ -12,12 +12,12 @@ use glam::{DVec2, DVec3};
 use super::side::{PaneSide, Transmission};
 use super::window::{SourceBounds, Window};
 use super::{Arrival, coverage};
-use crate::geometry::{Frame, Leaving, Ray};
+use crate::geometry::{Frame, Ray, RayOrigin};
 use crate::light::{Light, LightBounds, LightHit};
 use crate::math::Rect;
 use crate::scene::Scene;
 use crate::scene::ShadingPoint;
-use crate::scene::pane_tree::{Panes, Sight};
+use crate::scene::pane_tree::{LightRegion, Panes};
 use clerestory_film::counters::Counters;
 
 /// What is spent on the light that arrives at one point.
@@ -42,11 +42,11 @@ impl Effort {
 }
 
 /// A light as it may be seen from a shading point through panes.
-pub(super) struct View<'a> {
+pub(super) struct LightView<'a> {
     scene: &'a Scene,
     point: &'a ShadingPoint,
     light: u32,
-    openings: Vec<Opening<'a>>,
+    apertures: Vec<PaneAperture<'a>>,
     patches: Vec<Patch>,
     rays: u32,
     /// About the solid angle for each ray.
@@ -54,7 +54,7 @@ pub(super) struct View<'a> {
 }
 
 /// A pane through which a shading point may see a light.
-pub(super) struct Opening<'a> {
+pub(super) struct PaneAperture<'a> {
     /// The pane.
     pub(super) pane: u32,
     /// The pane from the shading point's side.
@@ -65,14 +65,14 @@ pub(super) struct Opening<'a> {
 
 /// A part of the deflection window of an opening.
 struct Patch {
-    opening: usize,
+    aperture: usize,
     rect: Rect,
     /// About the solid angle under which it is seen: rays are spread in proportion to it.
     weight: f64,
 }
 
 /// A sight of the light through a pane.
-pub(super) struct Glimpse {
+pub(super) struct LightSample {
     /// The light, divided by the density of rays.
     pub(super) arrival: Arrival,
     /// Expected number of rays for each unit of solid angle.
@@ -85,21 +85,21 @@ pub(super) struct Glimpse {
     pub(super) hit: LightHit,
 }
 
-/// Slopes that spread the landing by less than this part of the light's extent are not worth telling apart.
+/// Slopes that spread the deflection by less than this part of the light's extent are not worth telling apart.
 const SETTLED: f64 = 0.5;
 
 /// Successive multiples of it, modulo 1, are the most evenly spread.
 const GOLDEN_RATIO: f64 = 0.618_033_988_749_894_9;
 
-impl<'a> View<'a> {
+impl<'a> LightView<'a> {
     /// The view of a light, which is empty for a point light.
     pub(super) fn new(scene: &'a Scene, point: &'a ShadingPoint, light: u32, effort: &Effort) -> Self {
-        let (mut openings, mut windows) = (Vec::new(), Vec::new());
+        let (mut apertures, mut windows) = (Vec::new(), Vec::new());
         let source = &scene.lights()[light as usize];
         let candidates = if source.is_delta() {
             Panes::new()
         } else {
-            scene.pane_tree().candidates(point.position, &Sight::of_light(source))
+            scene.pane_tree().candidates(point.position, &LightRegion::of_light(source))
         };
         for index in candidates {
             let pane = &scene.panes()[index as usize];
@@ -110,22 +110,27 @@ impl<'a> View<'a> {
             }
             let Some(window) = Window::new(&side, origin, &light_bounds(source, &pane.frame)) else { continue };
             windows.push(window);
-            openings.push(Opening { pane: index, side, origin });
+            apertures.push(PaneAperture { pane: index, side, origin });
         }
-        let patch = |(opening, rect): (usize, Rect)| {
-            let Opening { side, origin, .. } = &openings[opening];
+        let patch = |(aperture, rect): (usize, Rect)| {
+            let PaneAperture { side, origin, .. } = &apertures[aperture];
             let weight = rect.area() * solid_angle(side, *origin, rect.centre());
-            Patch { opening, rect, weight }
+            Patch { aperture, rect, weight }
         };
         let patches: Vec<Patch> =
             cut(&windows, effort.parts).into_iter().map(patch).filter(|patch| patch.weight > 0.0).collect();
         let total: f64 = patches.iter().map(|patch| patch.weight).sum();
         let stride = total / f64::from(effort.rays);
-        Self { scene, point, light, openings, patches, rays: effort.rays, stride }
+        Self { scene, point, light, apertures, patches, rays: effort.rays, stride }
     }
 
     /// Sends the rays; whatever sees the light is handed to `see`.
-    pub(super) fn cast(&self, random: DVec2, counters: &mut Counters, see: &mut dyn FnMut(Glimpse, &Opening<'a>)) {
+    pub(super) fn cast(
+        &self,
+        random: DVec2,
+        counters: &mut Counters,
+        see: &mut dyn FnMut(LightSample, &PaneAperture<'a>),
+    ) {
         let mut remaining = self.patches.iter();
         let Some(mut patch) = remaining.next() else { return };
         let mut start = 0.0;
@@ -141,30 +146,36 @@ impl<'a> View<'a> {
             let across = random.y + f64::from(ray) * GOLDEN_RATIO;
             let Rect { min, max } = patch.rect;
             let place = min + (max - min) * DVec2::new(along, across - across.floor());
-            let opening = &self.openings[patch.opening];
-            let density = patch.density(self.stride, opening, place);
-            if let Some(glimpse) = self.look(opening, place, density, counters) {
-                see(glimpse, opening);
+            let aperture = &self.apertures[patch.aperture];
+            let density = patch.density(self.stride, aperture, place);
+            if let Some(light_sample) = self.look(aperture, place, density, counters) {
+                see(light_sample, aperture);
             }
         }
     }
 
     /// The panes through which light may come.
     pub(super) fn panes(&self) -> impl Iterator<Item = u32> {
-        self.openings.iter().map(|opening| opening.pane)
+        self.apertures.iter().map(|aperture| aperture.pane)
     }
 
     /// Expected number of rays for each unit of solid angle towards a place of a pane's near plane.
     pub(super) fn density(&self, pane: u32, place: DVec2) -> f64 {
-        let holds = |patch: &&Patch| self.openings[patch.opening].pane == pane && patch.rect.contains(place);
+        let holds = |patch: &&Patch| self.apertures[patch.aperture].pane == pane && patch.rect.contains(place);
         self.patches
             .iter()
             .find(holds)
-            .map_or(0.0, |patch| patch.density(self.stride, &self.openings[patch.opening], place))
+            .map_or(0.0, |patch| patch.density(self.stride, &self.apertures[patch.aperture], place))
     }
 
-    fn look(&self, opening: &Opening<'a>, place: DVec2, density: f64, counters: &mut Counters) -> Option<Glimpse> {
-        let Opening { pane, side, origin } = opening;
+    fn look(
+        &self,
+        aperture: &PaneAperture<'a>,
+        place: DVec2,
+        density: f64,
+        counters: &mut Counters,
+    ) -> Option<LightSample> {
+        let PaneAperture { pane, side, origin } = aperture;
         let frame = &side.pane.frame;
         let ray = Ray::new(*origin, (place.extend(side.near_base()) - *origin).normalize());
         let direction = frame.vector_to_world(ray.direction);
@@ -181,15 +192,15 @@ impl<'a> View<'a> {
             return None;
         }
         let entry = frame.point_to_world(through.entry);
-        let leaving = Leaving::Pane { index: *pane, face: side.far };
+        let ray_origin = RayOrigin::Pane { index: *pane, face: side.far };
         if self.scene.blocked_through_pane(self.point, entry, *pane, side.near, &exit.origin, counters)
-            || self.scene.blocked(&exit, hit.distance, leaving, None, Some(self.light), counters)
+            || self.scene.blocked(&exit, hit.distance, ray_origin, None, Some(self.light), counters)
         {
             return None;
         }
         counters.unique_solutions += 1;
         let arrival = Arrival { direction, weight: hit.radiance * through.transmittance / density };
-        Some(Glimpse { arrival, density, through, exit, hit })
+        Some(LightSample { arrival, density, through, exit, hit })
     }
 }
 
@@ -202,7 +213,7 @@ fn cut(windows: &[Window<'_>], most: usize) -> Vec<(usize, Rect)> {
     let keep = |index: usize, rect: &Rect, open: &mut VecDeque<_>, done: &mut Vec<_>| {
         let window = &windows[index];
         let Some(part) = window.part(rect) else { return };
-        if part.spread.cmple(window.landing().extent() * SETTLED).all() {
+        if part.spread.cmple(window.deflection().extent() * SETTLED).all() {
             done.push((index, part.rect));
         } else {
             open.push_back((index, part.rect));
@@ -225,8 +236,8 @@ fn cut(windows: &[Window<'_>], most: usize) -> Vec<(usize, Rect)> {
 impl Patch {
     /// Expected number of rays for each unit of solid angle, when there is one for each `stride` of the patches'
     /// weights.
-    fn density(&self, stride: f64, opening: &Opening<'_>, place: DVec2) -> f64 {
-        self.weight / (stride * self.rect.area() * solid_angle(&opening.side, opening.origin, place))
+    fn density(&self, stride: f64, aperture: &PaneAperture<'_>, place: DVec2) -> f64 {
+        self.weight / (stride * self.rect.area() * solid_angle(&aperture.side, aperture.origin, place))
     }
 }
 
