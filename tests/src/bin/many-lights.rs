@@ -1,8 +1,8 @@
 //! What many lights cost, and how well a light is chosen among them.
 //!
-//! The first figure is the core time of a sample under 4,096 equal lights, over that under 16. The second is about
-//! the direct light of 300 candles: its relative error when the light tree chooses, over that of a choice by power, at
-//! equal time. Both print the median of some runs.
+//! The first figure is the core time of a sample under 4,096 equal lights, over that under 16. The second is the
+//! relative error of the direct light of 300 candles. It compares the light tree with a choice by power, at equal time.
+//! Both are medians of some runs.
 
 use std::error::Error;
 use std::time::{Duration, Instant};
