@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::document::load;
-use clerestory_render_core::geometry::RayOrigin;
+use clerestory_render_core::geometry::SurfaceId;
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::ShadingPoint;
 use clerestory_render_core::scene::description::ProfileDescription;
@@ -119,7 +119,7 @@ impl Problems {
             let position = DVec3::from(*origin);
             let normal = self.scene.scene().triangle_normal(0);
             let normal = if normal.dot(frame.origin - position) > 0.0 { normal } else { -normal };
-            let point = ShadingPoint { position, normal, ray_origin: RayOrigin::Triangle(0), bounces: 0 };
+            let point = ShadingPoint { position, normal, surface: SurfaceId::Triangle(0), bounces: 0 };
             let start = Instant::now();
             for sample in 0..samples {
                 let mut stream = SampleStream::new(&settings, 0, [index as u32, 0], sample);

@@ -3,7 +3,7 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_render_core::bsdf::fresnel::{reflect, refract};
-use clerestory_render_core::geometry::{Face, PaneBoundary, Ray, RayOrigin, Surface};
+use clerestory_render_core::geometry::{Face, PaneBoundary, Ray, Surface, SurfaceId};
 use clerestory_render_core::light::{Source, SourceSample};
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::scene::ShadingPoint;
@@ -62,7 +62,7 @@ impl FoundPath {
         let directions = root.path.directions.map(|direction| geometry.frame.vector_to_world(direction));
         let [entry, exit] = root.path.vertices.map(|vertex| geometry.frame.point_to_world(vertex));
         let [first, _, last] = directions;
-        let ray_origin = RayOrigin::Pane { index: pane, face: far };
+        let ray_origin = SurfaceId::Pane { index: pane, face: far };
         if scene.blocked_through_pane(point, entry, pane, near, &exit, counters)
             || scene.blocked(&Ray::new(exit, last), root.path.lengths[2], ray_origin, None, Some(light), counters)
         {
@@ -70,7 +70,7 @@ impl FoundPath {
         }
         let link = |face, position, direction| Link {
             event: SpecularEvent::Transmission,
-            surface: RayOrigin::Pane { index: pane, face },
+            surface: SurfaceId::Pane { index: pane, face },
             position,
             direction,
         };
@@ -92,7 +92,7 @@ impl FoundPath {
     ) -> Option<Self> {
         let counters = &mut Counters::default();
         let mut ray = Ray::new(point.position, direction);
-        let mut ray_origin = point.ray_origin;
+        let mut ray_origin = point.surface;
         let mut inside: Option<(u32, Face)> = None;
         let mut links = Vec::new();
         for &event in events {
@@ -113,7 +113,7 @@ impl FoundPath {
                 SpecularEvent::Transmission => refract(ray.direction, normal, before, behind)?.direction,
                 SpecularEvent::Reflection => reflect(ray.direction, normal),
             };
-            ray_origin = RayOrigin::Pane { index, face };
+            ray_origin = SurfaceId::Pane { index, face };
             let goes_in = (event == SpecularEvent::Transmission) == inside.is_none();
             inside = goes_in.then_some((index, face));
             let position = pane.frame.point_to_world(pane_hit.point);

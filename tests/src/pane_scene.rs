@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
-use clerestory_render_core::geometry::RayOrigin;
+use clerestory_render_core::geometry::SurfaceId;
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::Asset;
 use clerestory_render_core::scene::ShadingPoint;
@@ -135,7 +135,7 @@ impl PaneScene {
     /// A point of the receiver.
     pub fn point(&self, [x, y]: [f64; 2]) -> ShadingPoint {
         let position = DVec3::new(x, y, -self.distance);
-        ShadingPoint { position, normal: DVec3::Z, ray_origin: RayOrigin::Triangle(0), bounces: 0 }
+        ShadingPoint { position, normal: DVec3::Z, surface: SurfaceId::Triangle(0), bounces: 0 }
     }
 }
 

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
-use clerestory_render_core::geometry::{Ray, RayOrigin, Surface};
+use clerestory_render_core::geometry::{Ray, Surface, SurfaceId};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::ShadingPoint;
 use clerestory_render_core::specular::{SpecularEvent, SpecularMethod};
@@ -166,12 +166,12 @@ impl SheetConnections {
         let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * self.sheet.edge;
         let counters = &mut Counters::default();
         let down = Ray::new(place.extend(self.sheet.floor + ABOVE_FLOOR), DVec3::NEG_Z);
-        let hit = self.theirs.scene().accelerator().closest_hit(&down, 2.0 * ABOVE_FLOOR, RayOrigin::Nothing, counters);
+        let hit = self.theirs.scene().accelerator().closest_hit(&down, 2.0 * ABOVE_FLOOR, SurfaceId::Nothing, counters);
         let Some((Surface::Triangle { index, .. }, position)) = hit.map(|hit| (hit.surface, down.at(hit.distance)))
         else {
             panic!("no floor at {place}");
         };
-        let point = ShadingPoint { position, normal: DVec3::Z, ray_origin: RayOrigin::Triangle(index), bounces: 0 };
+        let point = ShadingPoint { position, normal: DVec3::Z, surface: SurfaceId::Triangle(index), bounces: 0 };
         let mut gather = |method: &dyn SpecularMethod, scene| {
             let mut stream = SampleStream::new(&settings, 0, number, 0);
             let mut arrivals: Vec<(DVec3, f64)> = Vec::new();
@@ -201,7 +201,7 @@ impl SheetConnections {
     fn is_saddle(&self, point: &ShadingPoint, direction: DVec3) -> bool {
         let ray = Ray::new(point.position, direction);
         let accelerator = self.theirs.scene().accelerator();
-        let hit = accelerator.closest_hit(&ray, f64::INFINITY, point.ray_origin, &mut Counters::default());
+        let hit = accelerator.closest_hit(&ray, f64::INFINITY, point.surface, &mut Counters::default());
         hit.is_some_and(|hit| self.sheet.reverses_at(ray.at(hit.distance).truncate()))
     }
 }

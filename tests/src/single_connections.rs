@@ -24,7 +24,7 @@ use std::fmt;
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
-use clerestory_render_core::geometry::{Face, Ray, RayOrigin, Surface};
+use clerestory_render_core::geometry::{Face, Ray, Surface, SurfaceId};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightBounds;
 use clerestory_render_core::light::Source;
@@ -283,17 +283,12 @@ impl Connections {
             Source::Direction(direction) => -direction,
         };
         let ray = Ray::new(through, direction);
-        let ray_origin = RayOrigin::Pane { index: index as u32, face: Face::Front };
+        let ray_origin = SurfaceId::Pane { index: index as u32, face: Face::Front };
         let hit = self.scene.scene().accelerator().closest_hit(&ray, f64::INFINITY, ray_origin, counters)?;
         let Surface::Triangle { index, .. } = hit.surface else { return None };
         let normal = self.scene.scene().triangle_normal(index);
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
-        Some(ShadingPoint {
-            position: ray.at(hit.distance),
-            normal,
-            ray_origin: RayOrigin::Triangle(index),
-            bounces: 0,
-        })
+        Some(ShadingPoint { position: ray.at(hit.distance), normal, surface: SurfaceId::Triangle(index), bounces: 0 })
     }
 
     fn connect(&self, method: &dyn SpecularMethod, number: [u32; 2], seed: u64, random: &mut Random, sums: &mut Sums) {

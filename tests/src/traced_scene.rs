@@ -265,7 +265,7 @@ impl TracedScene {
     /// A scene that cannot be built, a file that cannot be understood, PLY files and rotated meshes.
     pub fn build(bundle: &SceneBundle, folder: &Path) -> Result<Self, TracedSceneError> {
         let description = bundle.description();
-        let colours = Arc::new(bundle.build_scene()?);
+        let colours = Arc::new(Scene::build(description.parts(), bundle.assets(), &mut |_| ())?);
         let film = [description.film.width as usize, description.film.height as usize];
         let mut triangles = Vec::new();
         for (mesh, surface) in description.meshes.iter().zip(colours.meshes()) {

@@ -11,7 +11,7 @@
 //! What is found is complete to the resolution of the grid: of two paths on one curve within a cell, neither is seen.
 
 use clerestory_film::counters::Counters;
-use clerestory_render_core::geometry::{Frame, Ray, RayOrigin, Surface};
+use clerestory_render_core::geometry::{Frame, Ray, Surface, SurfaceId};
 use clerestory_render_core::scene::Scene;
 use clerestory_render_core::scene::ShadingPoint;
 use glam::{DMat2, DVec2, DVec3};
@@ -98,14 +98,14 @@ impl<'a> TwoInterfaces<'a> {
         let follow = move |place: DVec2| {
             let towards = frame.point_to_world(place.extend(0.0)) - point.position;
             let mut ray = Ray::new(point.position, towards.normalize());
-            let mut ray_origin = point.ray_origin;
+            let mut ray_origin = point.surface;
             for _ in 0..2 {
                 let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, ray_origin, &mut Counters::default())?;
                 let Surface::Triangle { index, barycentric } = hit.surface else { return None };
                 let normals = scene.normals(index, barycentric);
                 let crossing = scene.delta_bsdf(index)?.transmit(ray.direction, &normals)?;
                 ray = Ray::new(ray.at(hit.distance), crossing.direction);
-                ray_origin = RayOrigin::Triangle(index);
+                ray_origin = SurfaceId::Triangle(index);
             }
             Some((ray.origin, ray.direction))
         };

@@ -9,7 +9,7 @@ use std::io::Cursor;
 use allocation_counter::measure;
 use clerestory_film::counters::Counters;
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
-use clerestory_render_core::geometry::RayOrigin;
+use clerestory_render_core::geometry::SurfaceId;
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightBounds;
 use clerestory_render_core::light::Source;
@@ -106,7 +106,7 @@ fn walks_over_panes_take_no_memory() {
         for position in points() {
             let normal = scene.scene().triangle_normal(0);
             let normal = if normal.dot(pane.frame.origin - position) > 0.0 { normal } else { -normal };
-            let point = ShadingPoint { position, normal, ray_origin: RayOrigin::Triangle(0), bounces: 0 };
+            let point = ShadingPoint { position, normal, surface: SurfaceId::Triangle(0), bounces: 0 };
             let source = Source::Point(light(&scene));
             let Some(search) = ManifoldSearch::new(scene.scene(), &point, source, 0, constraint, WalkSteps::default())
             else {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{FrameImage, ImageLayers};
-use clerestory_render_core::geometry::{RayOrigin, Surface};
+use clerestory_render_core::geometry::{Surface, SurfaceId};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::Source;
 use clerestory_render_core::scene::ShadingPoint;
@@ -133,10 +133,10 @@ pub(crate) fn points(scene: &PreparedScene) -> Vec<Option<ShadingPoint>> {
 fn point(scene: &PreparedScene, pixel: DVec2) -> Option<ShadingPoint> {
     let ray = scene.scene().camera().ray(pixel);
     let hit =
-        scene.scene().accelerator().closest_hit(&ray, f64::INFINITY, RayOrigin::Nothing, &mut Counters::default())?;
+        scene.scene().accelerator().closest_hit(&ray, f64::INFINITY, SurfaceId::Nothing, &mut Counters::default())?;
     let Surface::Triangle { index, .. } = hit.surface else { return None };
     let geometric = scene.scene().triangle_normal(index);
     let normal = if geometric.dot(ray.direction) > 0.0 { -geometric } else { geometric };
-    let ray_origin = RayOrigin::Triangle(index);
-    Some(ShadingPoint { position: ray.at(hit.distance), normal, ray_origin, bounces: 0 })
+    let ray_origin = SurfaceId::Triangle(index);
+    Some(ShadingPoint { position: ray.at(hit.distance), normal, surface: ray_origin, bounces: 0 })
 }

@@ -5,7 +5,7 @@
 use std::hint::black_box;
 
 use clerestory_film::counters::Counters;
-use clerestory_render_core::geometry::{Accelerator, Face, Frame, HeightField, Pane, PaneBoundary, Ray, RayOrigin};
+use clerestory_render_core::geometry::{Accelerator, Face, Frame, HeightField, Pane, PaneBoundary, Ray, SurfaceId};
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use glam::{DVec2, DVec3, dvec2};
@@ -230,7 +230,7 @@ mod room {
         bencher.counter(ItemsCount::new(RAYS)).bench(|| {
             let mut counters = Counters::default();
             for ray in &rays {
-                black_box(room.accelerator.closest_hit(ray, f64::INFINITY, RayOrigin::Nothing, &mut counters));
+                black_box(room.accelerator.closest_hit(ray, f64::INFINITY, SurfaceId::Nothing, &mut counters));
             }
         });
     }
@@ -241,7 +241,7 @@ mod room {
         bencher.counter(ItemsCount::new(RAYS)).bench(|| {
             let mut counters = Counters::default();
             for ray in &rays {
-                black_box(room.accelerator.occluded(ray, 2.0, RayOrigin::Nothing, None, &mut counters));
+                black_box(room.accelerator.occluded(ray, 2.0, SurfaceId::Nothing, None, &mut counters));
             }
         });
     }
@@ -279,7 +279,7 @@ mod room {
         bencher.counter(ItemsCount::new(RAYS)).bench(|| {
             let mut counters = Counters::default();
             for ray in &rays {
-                let hit = room.accelerator.closest_hit(ray, f64::INFINITY, RayOrigin::Nothing, &mut counters);
+                let hit = room.accelerator.closest_hit(ray, f64::INFINITY, SurfaceId::Nothing, &mut counters);
                 if let Some(hit) = hit
                     && let clerestory_render_core::geometry::Surface::Pane { index, .. } = hit.surface
                 {

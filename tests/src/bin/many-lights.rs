@@ -11,7 +11,7 @@ use clap::Parser;
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
-use clerestory_render_core::geometry::{Ray, RayOrigin, Surface};
+use clerestory_render_core::geometry::{Ray, Surface, SurfaceId};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::{Receiver, Side};
 use clerestory_render_core::scene::Scene;
@@ -171,7 +171,7 @@ type Choose<'a> = dyn Fn(&Receiver, &mut SampleStream, f64) -> Option<(u32, f64)
 /// What the middle of each pixel shows.
 struct Points<'a> {
     scene: &'a Scene,
-    points: Vec<(DVec3, DVec3, RayOrigin)>,
+    points: Vec<(DVec3, DVec3, SurfaceId)>,
     /// The power of all lights up to each.
     power: Vec<f64>,
 }
@@ -182,11 +182,11 @@ impl<'a> Points<'a> {
         let seen = |pixel: DVec2| {
             let ray = scene.camera().ray(pixel);
             let hit =
-                scene.accelerator().closest_hit(&ray, f64::INFINITY, RayOrigin::Nothing, &mut Counters::default())?;
+                scene.accelerator().closest_hit(&ray, f64::INFINITY, SurfaceId::Nothing, &mut Counters::default())?;
             let Surface::Triangle { index, .. } = hit.surface else { return None };
             let normal = scene.triangle_normal(index);
             let normal = if normal.dot(ray.direction) > 0.0 { -normal } else { normal };
-            Some((ray.at(hit.distance), normal, RayOrigin::Triangle(index)))
+            Some((ray.at(hit.distance), normal, SurfaceId::Triangle(index)))
         };
         let mut power = Vec::new();
         for light in scene.lights() {

@@ -6,7 +6,7 @@
 use std::f64::consts::{PI, TAU};
 
 use clerestory_film::counters::Counters;
-use clerestory_render_core::geometry::{Pane, RayOrigin};
+use clerestory_render_core::geometry::{Pane, SurfaceId};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::Source;
 use clerestory_render_core::scene::ShadingPoint;
@@ -383,7 +383,7 @@ fn received(scene: &PaneScene, integrator: &Value, from: DVec3, to: DVec3) -> f6
     let scene = PaneScene { lights: vec![point_light(from.to_array())], ..scene.clone() };
     let built: PreparedScene = scene.build(integrator, 1);
     let normal = DVec3::Z * -to.z.signum();
-    let point = ShadingPoint { position: to, normal, ray_origin: RayOrigin::Nothing, bounces: 0 };
+    let point = ShadingPoint { position: to, normal, surface: SurfaceId::Nothing, bounces: 0 };
     gather(&built, &point, 0, &mut Counters::default()).iter().map(|(_, weight)| weight).sum()
 }
 

@@ -6,7 +6,7 @@
 //! a fold have the sum zero.
 
 use clerestory_film::counters::Counters;
-use clerestory_render_core::geometry::{Pane, RayOrigin};
+use clerestory_render_core::geometry::{Pane, SurfaceId};
 use clerestory_render_core::light::Source;
 use clerestory_render_core::scene::ShadingPoint;
 use clerestory_render_core::specular::fnee::FneeSolver;
@@ -128,7 +128,7 @@ fn published(glass: &Pane, query: &Query, random: &mut Random) -> Kinds {
 fn walked(scene: &PaneScene, query: &Query, roots: &[Root]) -> Kinds {
     let light = json!({"point": {"name": "lamp", "position": query.source.to_array(), "intensity": [1, 1, 1]}});
     let scene = PaneScene { lights: vec![light], distance: 5.0, ..scene.clone() };
-    let point = ShadingPoint { position: query.origin, normal: DVec3::Z, ray_origin: RayOrigin::Nothing, bounces: 0 };
+    let point = ShadingPoint { position: query.origin, normal: DVec3::Z, surface: SurfaceId::Nothing, bounces: 0 };
     let built = scene.build(&biased_sms("angle_difference", SEEDS), 1);
     let arrivals = gather(&built, &point, 0, &mut Counters::default());
     Kinds::of(arrivals.iter().filter_map(|(direction, _)| {

@@ -2,7 +2,7 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
-use clerestory_render_core::geometry::RayOrigin;
+use clerestory_render_core::geometry::SurfaceId;
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::ShadingPoint;
 use clerestory_render_core::specular::constraint::ManifoldConstraint;
@@ -34,7 +34,7 @@ fn irradiance(
     let normal = scene.scene().triangle_normal(0);
     let to_pane = scene.scene().accelerator().panes()[0].frame.point_to_world(DVec3::ZERO) - DVec3::from(origin);
     let normal = if normal.dot(to_pane) > 0.0 { normal } else { -normal };
-    let point = ShadingPoint { position: origin.into(), normal, ray_origin: RayOrigin::Triangle(0), bounces: 0 };
+    let point = ShadingPoint { position: origin.into(), normal, surface: SurfaceId::Triangle(0), bounces: 0 };
     let settings = SamplerSettings { seed: 5, samples_per_block: 1 };
     let mut stream = SampleStream::new(&settings, 0, [0, 0], stream);
     let mut sum = 0.0;

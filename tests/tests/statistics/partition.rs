@@ -2,7 +2,7 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
-use clerestory_render_core::geometry::{Face, RayOrigin};
+use clerestory_render_core::geometry::{Face, SurfaceId};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::{Source, SourceSample};
 use clerestory_render_core::scene::ShadingPoint;
@@ -141,7 +141,7 @@ impl Partition {
 
 /// How many walks through the pane of a path find it.
 fn hits(scene: &PreparedScene, point: &ShadingPoint, path: &FoundPath) -> u32 {
-    let RayOrigin::Pane { index, face } = path.links[0].surface else { panic!("a path through a pane") };
+    let SurfaceId::Pane { index, face } = path.links[0].surface else { panic!("a path through a pane") };
     let pane = &scene.scene().panes()[index as usize];
     let constraint = ManifoldConstraint::AngleDifference;
     let Some(search) = ManifoldSearch::new(scene.scene(), point, path.source, index, constraint, WalkSteps::default())
@@ -187,7 +187,7 @@ fn shading_point(scene: &PreparedScene, listed: &ListedPoint) -> ShadingPoint {
     let position = DVec3::from(listed.origin);
     let normal = scene.scene().triangle_normal(0);
     let normal = if normal.dot(scene.scene().panes()[0].frame.origin - position) > 0.0 { normal } else { -normal };
-    ShadingPoint { position, normal, ray_origin: RayOrigin::Triangle(0), bounces: 0 }
+    ShadingPoint { position, normal, surface: SurfaceId::Triangle(0), bounces: 0 }
 }
 
 /// The paths of a list to a point, in its order.
@@ -339,7 +339,7 @@ fn between_the_highest_and_the_lowest_point_of_a_face_all_light_is_left_to_chanc
                 let place = (DVec2::new(random.uniform(), random.uniform()) - 0.5) * pane.size;
                 let height = pane.surface(Face::Front).height(place);
                 let position = pane.frame.point_to_world(place.extend(0.5 * (lowest + height)));
-                let point = ShadingPoint { position, normal: DVec3::Z, ray_origin: RayOrigin::Nothing, bounces: 0 };
+                let point = ShadingPoint { position, normal: DVec3::Z, surface: SurfaceId::Nothing, bounces: 0 };
                 assert!(PaneSide::facing(pane, pane.frame.point_to_local(position)).is_none());
                 let sample = scene.scene().lights()[0].sample_source(position, 1.0, stream([index, 0]).next_2d());
                 let direction = match sample.source {
@@ -349,7 +349,7 @@ fn between_the_highest_and_the_lowest_point_of_a_face_all_light_is_left_to_chanc
                 let counters = &mut Counters::default();
                 let path = FoundPath::followed(scene.scene(), &point, direction, &THROUGH_PANE, None);
                 if let Some(path) =
-                    path.filter(|path| matches!(path.links[0].surface, RayOrigin::Pane { index: 0, .. }))
+                    path.filter(|path| matches!(path.links[0].surface, SurfaceId::Pane { index: 0, .. }))
                 {
                     assert!(!method.owns(scene.scene(), &point, &path.described(), counters), "{name}, {light_name}");
                     paths += 1;
@@ -364,7 +364,7 @@ fn between_the_highest_and_the_lowest_point_of_a_face_all_light_is_left_to_chanc
                     &mut |arrival| {
                         let path = FoundPath::followed(scene.scene(), &point, arrival.direction, &THROUGH_PANE, None);
                         let through = path.map(|path| path.links[0].surface);
-                        arrivals += u32::from(matches!(through, Some(RayOrigin::Pane { index: 0, .. })));
+                        arrivals += u32::from(matches!(through, Some(SurfaceId::Pane { index: 0, .. })));
                     },
                 );
             }

@@ -1,7 +1,7 @@
 //! Every path of light in a closed room is found once: by the specular method that owns it, or by chance.
 
 use clerestory_film::counters::Counters;
-use clerestory_render_core::geometry::{Pane, RayOrigin};
+use clerestory_render_core::geometry::{Pane, SurfaceId};
 use clerestory_render_core::scene::ShadingPoint;
 use clerestory_render_core::specular::SpecularEvent;
 use clerestory_render_core::specular::side::PaneSide;
@@ -125,7 +125,7 @@ fn of_the_ways_that_light_goes_in_a_room_those_are_owned_that_are_looked_for() {
                 if is_in_a_face(position) {
                     continue;
                 }
-                let point = ShadingPoint { position, normal: direction, ray_origin: RayOrigin::Nothing, bounces: 0 };
+                let point = ShadingPoint { position, normal: direction, surface: SurfaceId::Nothing, bounces: 0 };
                 for (met, letters) in met.iter_mut().zip(CHAINS) {
                     let events = chain(letters);
                     let Some(path) = FoundPath::followed(scene.scene(), &point, direction, &events, None) else {

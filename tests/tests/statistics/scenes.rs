@@ -7,7 +7,7 @@ use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::document;
 use clerestory_render_core::document::SceneBundle;
 use clerestory_render_core::document::{SamplingDescription, SceneDescription};
-use clerestory_render_core::geometry::{Pane, RayOrigin};
+use clerestory_render_core::geometry::{Pane, SurfaceId};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightDescription;
 use clerestory_render_core::light::Source;
@@ -56,7 +56,7 @@ fn seen(scene: &PreparedScene, count: u32) -> Vec<DVec3> {
             let hit = scene.scene().accelerator().closest_hit(
                 &ray,
                 f64::INFINITY,
-                RayOrigin::Nothing,
+                SurfaceId::Nothing,
                 &mut Counters::default(),
             )?;
             Some(ray.at(hit.distance))
@@ -217,8 +217,7 @@ mod pool {
         let caustic = Caustic::new(&Water::new(SEED), position.into(), 250);
         let (mut folded, mut same, mut points) = (0, 0, 0);
         for (pixel, place) in (0..).zip(seen(&scene, 16)) {
-            let point =
-                ShadingPoint { position: place, normal: DVec3::Z, ray_origin: RayOrigin::Triangle(0), bounces: 0 };
+            let point = ShadingPoint { position: place, normal: DVec3::Z, surface: SurfaceId::Triangle(0), bounces: 0 };
             let mut stream = SampleStream::new(&SamplerSettings { seed: 1, samples_per_block: 1 }, 0, [pixel, 0], 0);
             let mut paths = 0;
             let events = [SpecularEvent::Transmission];

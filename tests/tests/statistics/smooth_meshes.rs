@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
-use clerestory_render_core::geometry::{Face, Pane, RayOrigin};
+use clerestory_render_core::geometry::{Face, Pane, SurfaceId};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightBounds;
 use clerestory_render_core::light::Source;
@@ -188,7 +188,7 @@ fn irradiance(
 }
 
 fn floor_point(x: f64, y: f64) -> ShadingPoint {
-    ShadingPoint { position: DVec3::new(x, y, -1.0), normal: DVec3::Z, ray_origin: RayOrigin::Triangle(0), bounces: 0 }
+    ShadingPoint { position: DVec3::new(x, y, -1.0), normal: DVec3::Z, surface: SurfaceId::Triangle(0), bounces: 0 }
 }
 
 #[test]
@@ -373,7 +373,7 @@ fn known_points(case: &str, original: &PreparedScene) -> Vec<KnownPoint> {
         let first = SQUARES[..2].iter().position(|&squares| glass.is_regular(origin, &roots, squares))?;
         let normal = original.scene().triangle_normal(0);
         let normal = if normal.dot(frame.origin - position) > 0.0 { normal } else { -normal };
-        let point = ShadingPoint { position, normal, ray_origin: RayOrigin::Triangle(0), bounces: 0 };
+        let point = ShadingPoint { position, normal, surface: SurfaceId::Triangle(0), bounces: 0 };
         // The lists are independent of the renderer, and precise enough for the light, but not for directions.
         assert_eq!(roots.len(), listed.solutions.len(), "{case}: {position}");
         let path = |root: &Root| {

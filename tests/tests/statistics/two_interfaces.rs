@@ -3,7 +3,7 @@
 
 use clerestory_film::counters::Counters;
 use clerestory_film::{SampleStream, SamplerSettings};
-use clerestory_render_core::geometry::RayOrigin;
+use clerestory_render_core::geometry::SurfaceId;
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::light::LightBounds;
 use clerestory_render_core::scene::ShadingPoint;
@@ -115,7 +115,7 @@ fn curves_lead_to_the_paths_through_meshes_that_random_walks_find() {
             let position = DVec3::from(listed.origin);
             let normal = scene.scene().triangle_normal(0);
             let normal = if normal.dot(pane.frame.origin - position) > 0.0 { normal } else { -normal };
-            let point = ShadingPoint { position, normal, ray_origin: RayOrigin::Triangle(0), bounces: 0 };
+            let point = ShadingPoint { position, normal, surface: SurfaceId::Triangle(0), bounces: 0 };
             let mut stream = SampleStream::new(&SamplerSettings { seed: 5, samples_per_block: 1 }, 0, [0, 0], 0);
             let mut known = Vec::new();
             let origin = pane.frame.point_to_local(position);

@@ -8,7 +8,7 @@ use clerestory_film::{SampleStream, SamplerSettings};
 use clerestory_render_core::document::SceneBundle;
 use clerestory_render_core::document::SceneDescription;
 use clerestory_render_core::document::water::{WaterSettings, WaterView, pool};
-use clerestory_render_core::geometry::{Ray, RayOrigin, Surface};
+use clerestory_render_core::geometry::{Ray, Surface, SurfaceId};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::ShadingPoint;
 use clerestory_render_core::specular::{SpecularEvent, SpecularMethod};
@@ -203,12 +203,12 @@ fn light_by_rays(scene: &PreparedScene, reach: f64, height: f64, points: u32) ->
 fn light_at(scene: &PreparedScene, method: &dyn SpecularMethod, above: DVec3, number: [u32; 2]) -> [f64; 3] {
     let counters = &mut Counters::default();
     let down = Ray::new(above, DVec3::NEG_Z);
-    let hit = scene.scene().accelerator().closest_hit(&down, 2.0, RayOrigin::Nothing, counters).expect("a floor");
+    let hit = scene.scene().accelerator().closest_hit(&down, 2.0, SurfaceId::Nothing, counters).expect("a floor");
     let Surface::Triangle { index: floor, .. } = hit.surface else { panic!("panes in a pool") };
     let position = down.at(hit.distance);
     let settings = SamplerSettings { seed: 9, samples_per_block: 1 };
     let mut gather = |bounces: u32| {
-        let point = ShadingPoint { position, normal: DVec3::Z, ray_origin: RayOrigin::Triangle(floor), bounces };
+        let point = ShadingPoint { position, normal: DVec3::Z, surface: SurfaceId::Triangle(floor), bounces };
         let mut stream = SampleStream::new(&settings, 0, number, 0);
         let mut arrivals = Vec::new();
         method.sample_li(

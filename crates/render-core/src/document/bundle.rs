@@ -7,8 +7,10 @@ use std::path::Path;
 
 use super::SceneDescription;
 use super::canonical::scene_hash;
+#[cfg(test)]
+use crate::scene::Scene;
 use crate::scene::assets::asset_uses;
-use crate::scene::{Asset, Assets, Scene, SceneHash, SceneMemory};
+use crate::scene::{Asset, Assets, SceneHash, SceneMemory};
 use crate::settings::limits::{MAX_ASSET_BYTES, MAX_SCENE_BYTES};
 use crate::settings::{AssetProblem, SceneError};
 
@@ -54,11 +56,8 @@ impl SceneBundle {
     }
 
     /// Builds the things of the scene, without the method that its settings name.
-    ///
-    /// # Errors
-    ///
-    /// As [`Scene::build`].
-    pub fn build_scene(&self) -> Result<Scene, SceneError> {
+    #[cfg(test)]
+    pub(crate) fn build_scene(&self) -> Result<Scene, SceneError> {
         Scene::build(self.description.parts(), &self.assets, &mut |_| ())
     }
 

@@ -5,7 +5,7 @@
 //! what is hashed, sent to the farm, and rendered. `overrides` changes members by their paths. `nave` and `water` make
 //! scenes of any size.
 
-pub mod bundle;
+mod bundle;
 mod canonical;
 mod description;
 #[cfg(test)]
@@ -19,7 +19,7 @@ mod overrides;
 mod parse;
 mod path;
 mod path_filter;
-pub mod schema;
+mod schema;
 #[cfg(test)]
 mod shipped_scenes;
 mod syntax;
@@ -28,7 +28,6 @@ mod validate;
 mod validate_integrator;
 pub mod water;
 
-pub use crate::scene::hash::SceneHash;
 pub use bundle::{SceneBundle, asset_names, load};
 pub use canonical::{SceneHeader, canonical_json};
 pub use description::{SamplingDescription, SceneDescription};

@@ -22,10 +22,11 @@ impl SceneDescription {
             return Err(SceneError::UnsupportedVersion { found: self.version.to_string() });
         }
         check_name(&self.name, &root.member("name"))?;
+        self.parts().check_view()?;
         self.check_integrator(&root.member("integrator"))?;
         self.compiled_path_filter()?;
         check_sampling(self.sampling, &root.member("sampling"))?;
-        self.parts().check()?;
+        self.parts().check_things()?;
         self.check_integrator_names(&root.member("integrator"))
     }
 

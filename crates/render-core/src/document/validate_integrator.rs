@@ -15,13 +15,13 @@ impl SceneDescription {
     /// Checks what the integrator says about other parts of the scene.
     pub(super) fn check_integrator_names(&self, path: &JsonPath<'_>) -> Check {
         let Some(scope) = self.integrator.scope() else { return Ok(()) };
-        let (smooth, others): (Vec<_>, Vec<_>) = self.meshes.iter().partition(|mesh| self.parts().is_specular(mesh));
+        let (specular, others): (Vec<_>, Vec<_>) = self.meshes.iter().partition(|mesh| self.parts().is_specular(mesh));
         let panes = self.panes.iter().map(|pane| pane.name.as_str());
-        let smooth = smooth.iter().map(|mesh| mesh.name.as_str());
+        let specular = specular.iter().map(|mesh| mesh.name.as_str());
         let (specular, kind): (Vec<&str>, _) = if scope.only_meshes {
-            (smooth.collect(), "a specular mesh")
+            (specular.collect(), "a specular mesh")
         } else {
-            (panes.chain(smooth).collect(), "a pane or a specular mesh")
+            (panes.chain(specular).collect(), "a pane or a specular mesh")
         };
         let diffuse: Vec<&str> = others.iter().map(|mesh| mesh.name.as_str()).collect();
         let path = path.member(self.integrator.kind());

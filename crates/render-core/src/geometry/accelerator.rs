@@ -19,7 +19,7 @@ use thiserror::Error;
 use super::hierarchy::{Hierarchy, MOST_LEVELS};
 use super::sheet::Sheet;
 use super::triangle::{ShearedRay, coplanar};
-use super::{Face, Pane, PaneHit, Ray, RayOrigin};
+use super::{Face, Pane, PaneHit, Ray, SurfaceId};
 use clerestory_film::counters::Counters;
 
 /// Why there can be no hierarchy over a scene.
@@ -204,7 +204,7 @@ impl Accelerator {
         &self,
         ray: &Ray,
         max_distance: f64,
-        ray_origin: RayOrigin,
+        ray_origin: SurfaceId,
         counters: &mut Counters,
     ) -> Option<Hit> {
         counters.rays += 1;
@@ -223,31 +223,31 @@ impl Accelerator {
         pane: u32,
         ray: &Ray,
         max_distance: f64,
-        ray_origin: RayOrigin,
+        ray_origin: SurfaceId,
         counters: &mut Counters,
     ) -> Option<Hit> {
         counters.rays += 1;
         let hit = self.hit_pane(ray, max_distance, pane, ray_origin, counters)?;
         let blocked = hit.distance > max_distance
-            || self.any(ray, hit.distance, ray_origin, RayOrigin::Nothing, Some(pane), counters, |other| {
+            || self.any(ray, hit.distance, ray_origin, SurfaceId::Nothing, Some(pane), counters, |other| {
                 precedes(other, &hit)
             });
         (!blocked).then_some(hit)
     }
 
     /// The nearest triangle, or the boundary of the pane in whose glass the ray starts, for a ray through that glass.
-    /// Other panes are not seen. `ray_origin` is the face of the pane on which the ray starts, if any.
+    /// Other panes are not seen. `start_face` is the face of the pane on which the ray starts, if any.
     pub fn closest_hit_inside(
         &self,
         pane_index: u32,
         ray: &Ray,
-        ray_origin: Option<Face>,
+        start_face: Option<Face>,
         counters: &mut Counters,
     ) -> Option<Hit> {
         counters.rays += 1;
         let pane = &self.panes[pane_index as usize];
         let boundary = pane
-            .intersect_inside(&to_local(pane, ray), ray_origin, counters)
+            .intersect_inside(&to_local(pane, ray), start_face, counters)
             .map(|hit| Hit { distance: hit.distance, surface: Surface::Pane { index: pane_index, hit } });
         if !self.pierced[pane_index as usize] {
             return boundary;
@@ -255,7 +255,7 @@ impl Accelerator {
         let max_distance = boundary.map_or(f64::INFINITY, |hit| hit.distance);
         let sheared = ShearedRay::new(ray);
         let triangle = self.nearest(ray, max_distance, None, |primitive| match primitive {
-            Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, RayOrigin::Nothing),
+            Primitive::Triangle { index, corners } => self.hit_triangle(&sheared, *index, corners, SurfaceId::Nothing),
             Primitive::Pane { .. } | Primitive::Sheet { .. } => None,
         });
         triangle.or(boundary)
@@ -267,12 +267,12 @@ impl Accelerator {
         &self,
         ray: &Ray,
         max_distance: f64,
-        ray_origin: RayOrigin,
+        ray_origin: SurfaceId,
         ignored_pane: Option<u32>,
         counters: &mut Counters,
     ) -> bool {
         counters.rays += 1;
-        self.any(ray, max_distance, ray_origin, RayOrigin::Nothing, ignored_pane, counters, |hit| {
+        self.any(ray, max_distance, ray_origin, SurfaceId::Nothing, ignored_pane, counters, |hit| {
             hit.distance <= max_distance
         })
     }
@@ -282,13 +282,13 @@ impl Accelerator {
         &self,
         ray: &Ray,
         distance: f64,
-        ray_origin: RayOrigin,
+        ray_origin: SurfaceId,
         triangle: u32,
         counters: &mut Counters,
     ) -> bool {
         counters.rays += 1;
         let end = distance * BEFORE;
-        self.any(ray, end, ray_origin, RayOrigin::Triangle(triangle), None, counters, |hit| hit.distance <= end)
+        self.any(ray, end, ray_origin, SurfaceId::Triangle(triangle), None, counters, |hit| hit.distance <= end)
     }
 
     /// Whether `test` says yes to a hit on a triangle, or on a pane other than `ignored_pane`. Some beyond
@@ -298,8 +298,8 @@ impl Accelerator {
         &self,
         ray: &Ray,
         max_distance: f64,
-        ray_origin: RayOrigin,
-        reaching: RayOrigin,
+        ray_origin: SurfaceId,
+        reaching: SurfaceId,
         ignored_pane: Option<u32>,
         counters: &mut Counters,
         test: impl Fn(&Hit) -> bool,
@@ -368,19 +368,19 @@ impl Accelerator {
     }
 
     /// The sheet which a ray that begins or ends on it does not meet anywhere else.
-    fn left_behind(&self, on: RayOrigin, ray: &Ray) -> Option<u32> {
-        let RayOrigin::Triangle(triangle) = on else { return None };
+    fn left_behind(&self, on: SurfaceId, ray: &Ray) -> Option<u32> {
+        let SurfaceId::Triangle(triangle) = on else { return None };
         let index = self.sheets.partition_point(|(sheet, _)| sheet.triangles().end <= triangle);
         let (sheet, _) = self.sheets.get(index)?;
         (sheet.triangles().contains(&triangle) && sheet.meets_once(ray.direction)).then_some(index as u32)
     }
 
-    fn hit_triangle(&self, ray: &ShearedRay, index: u32, corners: &[DVec3; 3], ray_origin: RayOrigin) -> Option<Hit> {
-        if ray_origin == RayOrigin::Triangle(index) {
+    fn hit_triangle(&self, ray: &ShearedRay, index: u32, corners: &[DVec3; 3], ray_origin: SurfaceId) -> Option<Hit> {
+        if ray_origin == SurfaceId::Triangle(index) {
             return None;
         }
         let hit = ray.intersect(corners)?;
-        if let RayOrigin::Triangle(start) = ray_origin
+        if let SurfaceId::Triangle(start) = ray_origin
             && hit.distance <= 1e-9 * (corners[0] - corners[1]).abs().max_element()
             && coplanar(&self.corners[start as usize], corners)
         {
@@ -396,12 +396,12 @@ impl Accelerator {
         ray: &Ray,
         max_distance: f64,
         index: u32,
-        ray_origin: RayOrigin,
+        ray_origin: SurfaceId,
         counters: &mut Counters,
     ) -> Option<Hit> {
         let pane = &self.panes[index as usize];
         let face = match ray_origin {
-            RayOrigin::Pane { index: own, face } if own == index => Some(face),
+            SurfaceId::Pane { index: own, face } if own == index => Some(face),
             _ => None,
         };
         let hit = pane.intersect_outside(&to_local(pane, ray), max_distance, face, counters)?;

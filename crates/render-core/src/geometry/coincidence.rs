@@ -41,7 +41,7 @@ pub(crate) fn area_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
 }
 
 impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
-    /// Two triangles that conflict and lie in one place, and a point that they share. Those of which none is smooth
+    /// Two triangles that conflict and lie in one place, and a point that they share. Those of which none is specular
     /// never conflict.
     pub(crate) fn coincidence(
         &self,
@@ -85,7 +85,7 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
         entries
     }
 
-    /// Looks at those pairs of triangles in one cell of which one is smooth, and whose boxes overlap.
+    /// Looks at those pairs of triangles in one cell of which one is specular, and whose boxes overlap.
     fn sweep(
         &self,
         mut triangles: Vec<u32>,
@@ -103,10 +103,10 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
         });
         let axis = DVec3::from_array(spread).max_position();
         triangles.sort_by(|a, b| extent(*a, axis).min.total_cmp(&extent(*b, axis).min));
-        let (mut smooth, mut others): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
+        let (mut specular, mut others): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
         for triangle in triangles {
             let own = [0, 1, 2].map(|axis| extent(triangle, axis));
-            let reached = if is_specular(triangle) { vec![&mut smooth, &mut others] } else { vec![&mut smooth] };
+            let reached = if is_specular(triangle) { vec![&mut specular, &mut others] } else { vec![&mut specular] };
             for open in reached {
                 open.retain(|other| extent(*other, axis).max >= own[axis].min);
                 for &other in open.iter() {
@@ -120,7 +120,7 @@ impl<C: Fn(u32) -> [DVec3; 3]> Faces<'_, C> {
                     }
                 }
             }
-            if is_specular(triangle) { &mut smooth } else { &mut others }.push(triangle);
+            if is_specular(triangle) { &mut specular } else { &mut others }.push(triangle);
         }
         None
     }
@@ -186,7 +186,7 @@ mod tests {
     use crate::geometry::Frame;
     use crate::geometry::testing::fixed_seed;
 
-    /// What is found among triangles that all conflict; those with even numbers are smooth.
+    /// What is found among triangles that all conflict; those with even numbers are specular.
     fn found(triangles: &[[DVec3; 3]]) -> Option<([u32; 2], DVec3)> {
         found_of(triangles, |_, _| true, |triangle| triangle.is_multiple_of(2))
     }
@@ -274,7 +274,7 @@ mod tests {
         let frame = Frame::around(DVec3::Z);
         let corners = placed(&frame, [0.0, 0.0], [1.0, 1.0]);
         let twice = [corners; 2];
-        assert!(found_of(&twice, |_, _| true, |_| false).is_none(), "neither is smooth");
+        assert!(found_of(&twice, |_, _| true, |_| false).is_none(), "neither is specular");
         assert!(found_of(&twice, |_, _| false, |_| true).is_none());
         assert!(found_of(&twice, |_, _| true, |_| true).is_some());
     }

@@ -1,7 +1,7 @@
 //! Shapes and the rays that meet them: height-field panes, triangles, and the hierarchy over both.
 //!
 //! Everything is in double precision and in metres. Only the hierarchy's boxes are in single precision, recentred,
-//! rescaled and padded. What a ray has just left is skipped by identity ([`RayOrigin`]), never by an epsilon.
+//! rescaled and padded. What a ray has just left is skipped by identity ([`SurfaceId`]), never by an epsilon.
 
 pub mod accelerator;
 pub(crate) mod closed;
@@ -30,4 +30,4 @@ pub use frame::Frame;
 pub(crate) use height_field::{FacePoints, ShapeBounds, Symmetric};
 pub use height_field::{HeightField, HeightFieldError, JetBounds, SurfaceJet};
 pub use pane::{FaceCrossing, Pane, PaneBoundary, PaneError, PaneHit};
-pub use ray::{Face, Ray, RayOrigin};
+pub use ray::{Face, Ray, SurfaceId};

@@ -181,18 +181,18 @@ impl Pane {
     }
 
     /// The first boundary met by a ray that starts outside the glass, up to `max_distance`; the ray is in the pane's
-    /// frame. A ray that leaves a face into the air says so by `ray_origin`; it may meet the same face again further
+    /// frame. A ray that leaves a face into the air says so by `start_face`; it may meet the same face again further
     /// on. A ray that starts between the faces nevertheless (say, from a triangle stuck into the glass) meets the edge
     /// at distance 0.
     pub fn intersect_outside(
         &self,
         ray: &Ray,
         max_distance: f64,
-        ray_origin: Option<Face>,
+        start_face: Option<Face>,
         counters: &mut Counters,
     ) -> Option<PaneHit> {
         let within = self.stretch_over_outline(ray);
-        if let Some(face) = ray_origin {
+        if let Some(face) = start_face {
             // A start on the border of the outline may be rounded to beyond it; the ray's way out tells all the same.
             let range = Interval::new(0.0, within.max.min(max_distance));
             return self.cross(face, ray, range, outer_side(face), Start::OnSurface, false, counters);
@@ -209,13 +209,13 @@ impl Pane {
     }
 
     /// The first boundary met by a ray that starts in the glass; the ray is in the pane's frame. A ray that starts on a
-    /// face says so by `ray_origin`; it may meet the same face again further on.
-    pub fn intersect_inside(&self, ray: &Ray, ray_origin: Option<Face>, counters: &mut Counters) -> Option<PaneHit> {
+    /// face says so by `start_face`; it may meet the same face again further on.
+    pub fn intersect_inside(&self, ray: &Ray, start_face: Option<Face>, counters: &mut Counters) -> Option<PaneHit> {
         let end = self.stretch_over_outline(ray).max.max(0.0);
         let nearest_first = if ray.direction.z < 0.0 { [Face::Front, Face::Back] } else { [Face::Back, Face::Front] };
         let mut nearest: Option<PaneHit> = None;
         for face in nearest_first {
-            let start = if ray_origin == Some(face) { Start::OnSurface } else { Start::Free };
+            let start = if start_face == Some(face) { Start::OnSurface } else { Start::Free };
             let range = Interval::new(0.0, nearest.map_or(end, |hit| hit.distance));
             nearest = self.cross(face, ray, range, inner_side(face), start, true, counters).or(nearest);
         }

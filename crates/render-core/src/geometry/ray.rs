@@ -34,7 +34,7 @@ pub enum Face {
 
 /// What a ray starts on. It is skipped by identity, never by a distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum RayOrigin {
+pub enum SurfaceId {
     /// Nothing: a camera, or a point in free space.
     Nothing,
     /// A triangle of the scene, by index. It is flat, so the ray cannot meet it again.

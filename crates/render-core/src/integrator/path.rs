@@ -11,7 +11,7 @@ use super::prepared::PreparedScene;
 use crate::bsdf::fresnel::{absorption, reflect, refract};
 use crate::bsdf::{Bsdf, SampleKind, SurfacePoint};
 use crate::document::{FilterState, PathEvent, PathFilter};
-use crate::geometry::{Face, Hit, PaneBoundary, Ray, RayOrigin, Surface};
+use crate::geometry::{Face, Hit, PaneBoundary, Ray, Surface, SurfaceId};
 use crate::light::{AskedLight, LightHit, Receiver, Side, Source};
 use crate::scene::visibility::SAME_PLACE;
 use crate::scene::{Scene, ShadingPoint};
@@ -90,7 +90,7 @@ struct Origin {
 /// A path on its way.
 struct Walk {
     ray: Ray,
-    ray_origin: RayOrigin,
+    ray_origin: SurfaceId,
     /// The pane in whose glass the ray is.
     inside: Option<(u32, Face)>,
     throughput: DVec3,
@@ -137,7 +137,7 @@ impl<'a> PathTracer<'a> {
         let mut sample = PathSample::default();
         let mut walk = Walk {
             ray,
-            ray_origin: RayOrigin::Nothing,
+            ray_origin: SurfaceId::Nothing,
             inside: None,
             throughput: DVec3::ONE,
             stretch: Stretch::new(None),
@@ -278,7 +278,7 @@ impl<'a> PathTracer<'a> {
         let bsdf = self.scene.bsdf(triangle);
         let at = self.scene.surface_point(triangle, barycentric);
         let incident = walk.ray.direction;
-        let ray_origin = RayOrigin::Triangle(triangle);
+        let ray_origin = SurfaceId::Triangle(triangle);
         let position = walk.ray.at(distance);
         let mut point = None;
         if !bsdf.is_delta() {
@@ -291,7 +291,7 @@ impl<'a> PathTracer<'a> {
             }
             let carried = walk.throughput * scale;
             let bounces = walk.stretch.from.map_or(0, |from| from.point.bounces + 1);
-            let here = ShadingPoint { position, normal: at.normals.facing(incident), ray_origin, bounces };
+            let here = ShadingPoint { position, normal: at.normals.facing(incident), surface: ray_origin, bounces };
             let side = if bsdf.transmits() { Side::Both(here.normal) } else { Side::Front(here.normal) };
             let receiver = Receiver { position, side };
             let lobe = Lobe { bsdf, at: &at, incident, receiver };
@@ -356,7 +356,7 @@ impl<'a> PathTracer<'a> {
                 continue;
             }
             let ray = Ray::new(point.position, sample.direction);
-            if self.scene.blocked(&ray, sample.distance, point.ray_origin, None, Some(index), counters) {
+            if self.scene.blocked(&ray, sample.distance, point.surface, None, Some(index), counters) {
                 continue;
             }
             let balance = sample.pdf.map_or(1.0, |pdf| {
@@ -404,7 +404,7 @@ impl<'a> PathTracer<'a> {
         let refraction = refract(direction, normal, index_in, index_out);
         let choice = stream.next_1d();
         let position = pane.frame.point_to_world(pane_hit.point);
-        walk.ray_origin = RayOrigin::Pane { index, face };
+        walk.ray_origin = SurfaceId::Pane { index, face };
         let (event, next) = match refraction {
             Some(refraction) if choice < refraction.transmittance => {
                 walk.inside = (!was_inside).then_some((index, face));

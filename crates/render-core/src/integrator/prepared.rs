@@ -79,12 +79,21 @@ impl PreparedScene {
         if kept != self.description || asset_hashes(bundle) != self.assets {
             return Self::build(bundle);
         }
-        let scene = self.scene.with_view_and_lights(description.parts());
+        let is_lit_alike = description.lights == self.description.lights;
+        let mut scene = self.scene.with_view(description.parts());
+        if !is_lit_alike {
+            scene = scene.with_lights(description.parts());
+        }
+        let method = if is_lit_alike && description.integrator == self.description.integrator {
+            self.method
+        } else {
+            description.integrator.build(&scene, &self.cache)
+        };
         Ok(Self {
             hash: bundle.scene_hash(),
             sampling: sampling(description)?,
             description: description.clone(),
-            method: description.integrator.build(&scene, &self.cache),
+            method,
             scene,
             ..self
         })

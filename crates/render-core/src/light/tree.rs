@@ -114,8 +114,8 @@ impl Cluster {
         let Some(arriving) = receiver.side.cosine(towards) else { return spread };
         let sine_squared = self.radius * self.radius / distance_squared;
         let cos_region = if sine_squared < 1.0 { (1.0 - sine_squared).sqrt() } else { -1.0 };
-        let ray_origin = self.cone.largest_cosine(-self.cone.axis.dot(towards), cos_region);
-        spread * ray_origin * largest_cosine(arriving, cos_region)
+        let leaving = self.cone.largest_cosine(-self.cone.axis.dot(towards), cos_region);
+        spread * leaving * largest_cosine(arriving, cos_region)
     }
 
     /// Whether a ray meets its box before `end`.

@@ -1,5 +1,7 @@
 //! From the things of a scene file and their assets to a scene that can be rendered.
 
+use std::sync::OnceLock;
+
 use glam::DVec3;
 
 use super::assets::Assets;
@@ -8,9 +10,9 @@ use super::build_panes::build_panes;
 use super::build_step::BuildStep;
 use super::camera::Camera;
 use super::memory::SceneMemory;
+use super::mesh_surface::MeshSurface;
 use super::pane_tree::PaneTree;
 use super::parts::SceneParts;
-use super::surface::MeshSurface;
 use super::validate_faces::check_faces;
 use super::validate_places::{Obstacles, check_panes};
 use crate::geometry::closed::is_closed;
@@ -29,6 +31,8 @@ pub struct Scene {
     lights: Vec<Light>,
     light_sampler: LightSampler,
     meshes: Vec<MeshSurface>,
+    /// Whether each mesh has an inside, found when it is asked for first.
+    closed: Vec<OnceLock<bool>>,
     normals: Vec<DVec3>,
 }
 
@@ -47,10 +51,10 @@ impl Scene {
         let Decoded { panes, positions, triangles, surfaces } = Decoded::of(parts, assets, begin)?;
         let mesh_bounds: Vec<[DVec3; 2]> =
             surfaces.iter().map(|mesh| mesh_bounds(&positions, &triangles, mesh)).collect();
-        let smooth: Vec<_> =
+        let specular: Vec<_> =
             surfaces.iter().filter(|mesh| mesh.is_specular()).map(MeshSurface::triangle_range).collect();
         begin(BuildStep::Hierarchy { triangles: triangles.len() });
-        let accelerator = Accelerator::build(&positions, &triangles, &smooth, panes)
+        let accelerator = Accelerator::build(&positions, &triangles, &specular, panes)
             .map_err(|error| SceneError::Structure { path: "meshes".to_owned(), message: error.to_string() })?;
         let corners = |triangle: u32| *accelerator.corners(triangle);
         check_panes(parts, accelerator.panes(), corners, &surfaces)?;
@@ -65,22 +69,24 @@ impl Scene {
             specular_ball: specular_ball(&accelerator, &surfaces, &mesh_bounds),
             pane_tree: PaneTree::new(accelerator.panes()),
             mesh_bounds,
+            closed: surfaces.iter().map(|_| OnceLock::new()).collect(),
             meshes: surfaces,
             accelerator,
         })
     }
 
-    /// The scene with the camera, the film and the lights of `parts`; all else must be the same. Whether camera and
-    /// lights may stand where they do then, [`Obstacles::check`] tells.
+    /// The scene seen with the camera and the film of `parts`. [`Obstacles::check`] tells whether the camera may stand
+    /// there.
     #[must_use]
-    pub fn with_view_and_lights(self, parts: SceneParts<'_>) -> Self {
+    pub fn with_view(self, parts: SceneParts<'_>) -> Self {
+        Self { camera: Camera::new(parts.camera, parts.film), ..self }
+    }
+
+    /// The scene under the lights of `parts`. [`Obstacles::check`] tells whether they may stand there.
+    #[must_use]
+    pub fn with_lights(self, parts: SceneParts<'_>) -> Self {
         let lights: Vec<Light> = parts.lights.iter().map(Light::new).collect();
-        Self {
-            camera: Camera::new(parts.camera, parts.film),
-            light_sampler: LightSampler::new(&lights),
-            lights,
-            ..self
-        }
+        Self { light_sampler: LightSampler::new(&lights), lights, ..self }
     }
 
     /// The camera.
@@ -131,7 +137,8 @@ impl Scene {
     /// Whether a mesh has an inside: each of its edges has a triangle on both sides.
     pub(crate) fn is_closed(&self, mesh: u32) -> bool {
         let triangles = self.meshes[mesh as usize].triangle_range();
-        is_closed(triangles.map(|triangle| *self.accelerator.corners(triangle)))
+        let look = || is_closed(triangles.map(|triangle| *self.accelerator.corners(triangle)));
+        *self.closed[mesh as usize].get_or_init(look)
     }
 
     /// The meshes, in the order of the scene file and of their triangles.
@@ -186,8 +193,8 @@ fn mesh_bounds(positions: &[DVec3], triangles: &[[u32; 3]], mesh: &MeshSurface) 
 
 /// A ball around all panes and specular meshes.
 fn specular_ball(accelerator: &Accelerator, meshes: &[MeshSurface], mesh_bounds: &[[DVec3; 2]]) -> (DVec3, f64) {
-    let smooth = meshes.iter().zip(mesh_bounds).filter(|(mesh, _)| mesh.is_specular()).map(|(_, bounds)| *bounds);
-    let bounds = accelerator.panes().iter().map(Pane::world_bounds).chain(smooth);
+    let specular = meshes.iter().zip(mesh_bounds).filter(|(mesh, _)| mesh.is_specular()).map(|(_, bounds)| *bounds);
+    let bounds = accelerator.panes().iter().map(Pane::world_bounds).chain(specular);
     let Some([min, max]) = bounds.reduce(|[min, max], [other_min, other_max]| [min.min(other_min), max.max(other_max)])
     else {
         return (DVec3::ZERO, 0.0);
@@ -212,7 +219,7 @@ mod tests {
     use super::*;
     use crate::document::malformed_scenes::valid_scene;
     use crate::document::{SceneBundle, SceneDescription};
-    use crate::geometry::{RayOrigin, Surface};
+    use crate::geometry::{Surface, SurfaceId};
     use crate::integrator::PreparedScene;
     use crate::texture::picture_samples::{encode_exr, encode_png};
     use clerestory_film::counters::Counters;
@@ -262,7 +269,7 @@ mod tests {
         let scene = build(&scene, &[]).unwrap();
         let ray = scene.camera().ray(DVec2::new(15.0, 11.0));
         let accelerator = scene.accelerator();
-        let hit = accelerator.closest_hit(&ray, f64::INFINITY, RayOrigin::Nothing, &mut Counters::default()).unwrap();
+        let hit = accelerator.closest_hit(&ray, f64::INFINITY, SurfaceId::Nothing, &mut Counters::default()).unwrap();
         let Surface::Triangle { index, barycentric } = hit.surface else { panic!("{hit:?} is no triangle") };
         assert!((ray.at(hit.distance).x).abs() < 1e-12);
         assert!((scene.triangle_normal(index) - DVec3::X).length() < 1e-12);

@@ -13,7 +13,8 @@ use glam::DVec2;
 use super::assets::{Assets, texture_uses};
 use super::build_panes::{face_path, faces};
 use super::description::{MeshDescription, MeshSource, PaneDescription, ProfileDescription};
-use super::mesh_file::{MeshFile, MeshFormat};
+use super::mesh_file::MeshFile;
+use super::mesh_format::MeshFormat;
 use super::parts::SceneParts;
 use super::profile::procedural_grid;
 use crate::settings::SceneError;
@@ -66,7 +67,7 @@ impl SceneMemory {
         let mut files = Files {
             scene,
             assets,
-            have_smooth_meshes: scene.meshes.iter().any(|mesh| scene.is_specular(mesh)),
+            have_specular_meshes: scene.meshes.iter().any(|mesh| scene.is_specular(mesh)),
             meshes: BTreeMap::new(),
             pictures: BTreeMap::new(),
         };
@@ -146,7 +147,7 @@ struct Files<'a> {
     scene: SceneParts<'a>,
     assets: &'a Assets,
     /// Whether any mesh refracts or mirrors, so that all are compared with it.
-    have_smooth_meshes: bool,
+    have_specular_meshes: bool,
     /// Vertices and triangles.
     meshes: BTreeMap<(MeshFormat, &'a str), [u64; 2]>,
     pictures: BTreeMap<&'a str, PictureSize>,
@@ -209,12 +210,13 @@ fn mesh_part<'a>(files: &mut Files<'a>, index: usize, mesh: &'a MeshDescription)
     };
     let kept_file = if from_file && decoded { DECODED_VERTEX * vertices + DECODED_TRIANGLE * triangles } else { 0 };
     let surface = match (is_specular, is_textured) {
-        (true, _) => SMOOTH_TRIANGLE,
+        (true, _) => SPECULAR_TRIANGLE,
         (_, true) => TEXTURED_TRIANGLE,
         (false, false) => 0,
     };
-    let compared = if files.have_smooth_meshes { COMPARED_TRIANGLE } else { 0 };
-    let passing = KEPT_TRIANGLE * triangles + if is_specular { SMOOTH_PASSING * triangles + 24 * vertices } else { 0 };
+    let compared = if files.have_specular_meshes { COMPARED_TRIANGLE } else { 0 };
+    let passing =
+        KEPT_TRIANGLE * triangles + if is_specular { SPECULAR_PASSING * triangles + 24 * vertices } else { 0 };
     Part {
         path: format!("meshes[{index}].source.{source}"),
         count: triangles,
@@ -253,10 +255,10 @@ const KEPT_TRIANGLE: u64 = 36;
 const COMPARED_TRIANGLE: u64 = 4 * GROWTH + 62 + 4 * 5;
 
 /// Bytes of a triangle that refracts or mirrors: its normals, its area.
-const SMOOTH_TRIANGLE: u64 = 72 + 8;
+const SPECULAR_TRIANGLE: u64 = 72 + 8;
 
 /// Bytes of such a triangle while these are computed.
-const SMOOTH_PASSING: u64 = 24;
+const SPECULAR_PASSING: u64 = 24;
 
 /// Bytes of a triangle with a texture.
 const TEXTURED_TRIANGLE: u64 = 48;
@@ -354,7 +356,7 @@ mod tests {
         let mut files = Files {
             scene: bundle.description().parts(),
             assets: bundle.assets(),
-            have_smooth_meshes: false,
+            have_specular_meshes: false,
             meshes: BTreeMap::new(),
             pictures: BTreeMap::new(),
         };
@@ -366,6 +368,6 @@ mod tests {
     fn triangles_are_compared_only_where_something_refracts_or_mirrors() {
         let [stone, glass] = ["stone", "glass"].map(|material| of_one_file(1000, material).memory());
         let more = glass.bytes() - stone.bytes();
-        assert!(more >= 1000 * (COMPARED_TRIANGLE + SMOOTH_TRIANGLE), "{more}");
+        assert!(more >= 1000 * (COMPARED_TRIANGLE + SPECULAR_TRIANGLE), "{more}");
     }
 }

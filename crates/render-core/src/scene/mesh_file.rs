@@ -2,26 +2,10 @@
 //! memory is taken.
 
 use super::mesh::TriangleMesh;
+use super::mesh_format::MeshFormat;
 use super::obj::ObjFile;
 use super::ply::PlyFile;
 use crate::settings::AssetProblem;
-
-/// The format that a scene file states.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum MeshFormat {
-    Obj,
-    Ply,
-}
-
-impl MeshFormat {
-    /// Its name in a scene file.
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::Obj => "obj",
-            Self::Ply => "ply",
-        }
-    }
-}
 
 /// A file of which no triangle is decoded yet.
 pub(super) enum MeshFile<'a> {

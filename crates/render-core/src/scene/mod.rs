@@ -4,6 +4,7 @@
 //! built into an immutable [`Scene`]. It knows no method that renders it.
 
 pub mod assets;
+mod at_triangles;
 mod build;
 mod build_meshes;
 mod build_panes;
@@ -15,6 +16,7 @@ pub mod memory;
 pub(crate) mod mesh;
 mod mesh_file;
 mod mesh_format;
+mod mesh_surface;
 mod obj;
 pub(crate) mod pane_tree;
 mod parts;
@@ -23,8 +25,7 @@ mod polygon;
 pub(crate) mod profile;
 pub(crate) mod random;
 mod shading_point;
-mod surface;
-mod surfaces;
+
 mod text;
 mod validate;
 mod validate_faces;
@@ -39,7 +40,7 @@ pub use build_step::BuildStep;
 pub use camera::Camera;
 pub use hash::{ContentHash, SceneHash};
 pub use memory::SceneMemory;
+pub use mesh_surface::MeshSurface;
 pub use parts::SceneParts;
 pub use shading_point::ShadingPoint;
-pub use surface::MeshSurface;
 pub use validate_places::Obstacles;

@@ -138,12 +138,12 @@ impl PaneTree {
         root
     }
 
-    /// The panes through which light from what is sighted may come to `from`, in ascending order.
+    /// The panes through which light of `region` may come to the shading point `from`, in ascending order.
     pub(crate) fn candidates(&self, from: DVec3, region: &LightRegion) -> Panes {
         self.panes_where(|node| node.may_show(from, region))
     }
 
-    /// The panes whose outside may mirror light from what is sighted to `from`, in ascending order.
+    /// The panes whose outside may mirror light of `region` to the shading point `from`, in ascending order.
     pub(crate) fn mirrors(&self, from: DVec3, region: &LightRegion) -> Panes {
         self.panes_where(|node| node.may_mirror(from, region))
     }

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::geometry::RayOrigin;
+use crate::geometry::SurfaceId;
 
 /// A point of a surface that is not specular, where light is gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,7 +12,7 @@ pub struct ShadingPoint {
     /// Unit normal on the side from which the camera path came.
     pub normal: DVec3,
     /// The surface on which it lies.
-    pub ray_origin: RayOrigin,
+    pub surface: SurfaceId,
     /// Diffuse vertices of the path before it.
     pub bounces: u32,
 }

@@ -23,17 +23,26 @@ use crate::settings::check::{
 use crate::settings::limits::{MAX_COORDINATE, MAX_IMAGE_EDGE, MAX_LIGHTS, MAX_PANES, MAX_TRIANGLES};
 
 impl SceneParts<'_> {
-    /// Checks everything that can be checked without the assets.
+    /// Checks film and camera.
     ///
     /// # Errors
     ///
     /// The first thing that is wrong, with its place, what stands there and what would be right.
-    pub(crate) fn check(&self) -> Check {
+    pub(crate) fn check_view(&self) -> Check {
         let root = JsonPath::Root;
         let film = root.member("film");
         check_range(self.film.width, 1, MAX_IMAGE_EDGE, &film.member("width"))?;
         check_range(self.film.height, 1, MAX_IMAGE_EDGE, &film.member("height"))?;
-        check_camera(self.camera, &root.member("camera"))?;
+        check_camera(self.camera, &root.member("camera"))
+    }
+
+    /// Checks all other things, as far as they can be checked without the assets.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::check_view`].
+    pub(crate) fn check_things(&self) -> Check {
+        let root = JsonPath::Root;
         self.check_materials(&root.member("materials"))?;
         self.check_meshes(&root.member("meshes"))?;
         check_count(self.panes.len(), MAX_PANES, &root.member("panes"))?;

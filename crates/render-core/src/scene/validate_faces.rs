@@ -213,7 +213,7 @@ mod tests {
     }
 
     #[test]
-    fn only_faces_near_other_smooth_meshes_are_compared_and_all_when_there_is_no_time_to_find_out() {
+    fn only_faces_near_other_specular_meshes_are_compared_and_all_when_there_is_no_time_to_find_out() {
         let cube = |x: f64| block([x, 0.1, 0.1], [x + 0.2, 0.3, 0.3]);
         let mut scene = valid_scene();
         scene["panes"] = json!([]);

@@ -141,12 +141,13 @@ impl Places<'_> {
         if self.panes.is_empty() {
             return Ok(());
         }
-        let smooth = meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_specular());
-        let smooth: Vec<(usize, Boxes)> = smooth.map(|(index, mesh)| (index, Boxes::around(mesh, &corners))).collect();
+        let specular = meshes.iter().enumerate().filter(|(_, mesh)| mesh.is_specular());
+        let specular: Vec<(usize, Boxes)> =
+            specular.map(|(index, mesh)| (index, Boxes::around(mesh, &corners))).collect();
         for (pane_index, pane) in self.panes.iter().enumerate() {
             let around = pane.world_bounds();
-            self.count_boxes(smooth.len());
-            for (mesh_index, Boxes { whole, parts }) in &smooth {
+            self.count_boxes(specular.len());
+            for (mesh_index, Boxes { whole, parts }) in &specular {
                 if !overlap(&around, whole) {
                     continue;
                 }
@@ -424,7 +425,7 @@ mod tests {
     }
 
     #[test]
-    fn smooth_meshes_in_glass_are_refused_and_opaque_ones_are_not() {
+    fn specular_meshes_in_glass_are_refused_and_opaque_ones_are_not() {
         let wall = |material: Value, z: f64, up: [f64; 3]| {
             move |scene: &mut Value| {
                 scene["materials"]["m"] = material;
@@ -436,13 +437,13 @@ mod tests {
         };
         let (across, standing) = ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
         let stone = || json!({"diffuse": {"reflectance": {"colour": [1, 1, 1]}}});
-        for smooth in [json!({"mirror": {}}), json!({"dielectric": {}})] {
+        for specular in [json!({"mirror": {}}), json!({"dielectric": {}})] {
             for (z, up) in [(1.001, across), (1.0, across), (1.002, across), (0.5, standing)] {
-                check_refused("meshes[0].source", &["mesh \"floor\"", "glass of pane"], wall(smooth.clone(), z, up));
+                check_refused("meshes[0].source", &["mesh \"floor\"", "glass of pane"], wall(specular.clone(), z, up));
             }
             // Against the edge of a came's width, and with its own edge on the glass, as water in a tank has it.
-            check_allowed(wall(smooth.clone(), 1.002_001, across));
-            check_allowed(wall(smooth, 1.002, standing));
+            check_allowed(wall(specular.clone(), 1.002_001, across));
+            check_allowed(wall(specular, 1.002, standing));
         }
         check_allowed(wall(stone(), 1.001, across));
         check_allowed(wall(stone(), 0.5, standing));

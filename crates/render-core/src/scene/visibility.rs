@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::Scene;
-use crate::geometry::{Face, Ray, RayOrigin, Surface};
+use crate::geometry::{Face, Ray, Surface, SurfaceId};
 use crate::light::Source;
 use crate::scene::ShadingPoint;
 use clerestory_film::counters::Counters;
@@ -18,7 +18,7 @@ impl Scene {
         &self,
         ray: &Ray,
         max_distance: f64,
-        ray_origin: RayOrigin,
+        ray_origin: SurfaceId,
         ignored_pane: Option<u32>,
         target_light: Option<u32>,
         counters: &mut Counters,
@@ -50,11 +50,11 @@ impl Scene {
     ) -> bool {
         let (first, first_length) = segment(point.position, entry);
         let (inner, inner_length) = segment(entry, *exit);
-        self.blocked(&first, first_length, point.ray_origin, Some(pane), None, counters)
+        self.blocked(&first, first_length, point.surface, Some(pane), None, counters)
             || self.blocked(
                 &inner,
                 inner_length,
-                RayOrigin::Pane { index: pane, face: near },
+                SurfaceId::Pane { index: pane, face: near },
                 Some(pane),
                 None,
                 counters,
@@ -64,7 +64,7 @@ impl Scene {
     /// The pane that the straight line from `point` to `source` meets before anything else.
     pub fn first_pane_towards(&self, point: &ShadingPoint, source: Source, counters: &mut Counters) -> Option<u32> {
         let (ray, distance) = straight(point.position, source);
-        let hit = self.accelerator().closest_hit(&ray, distance, point.ray_origin, counters)?;
+        let hit = self.accelerator().closest_hit(&ray, distance, point.surface, counters)?;
         match hit.surface {
             Surface::Pane { index, .. } => Some(index),
             Surface::Triangle { .. } => None,
@@ -74,7 +74,7 @@ impl Scene {
     /// Whether anything blocks the straight line from `point` to `source`.
     pub fn is_blocked_towards(&self, point: &ShadingPoint, source: Source, counters: &mut Counters) -> bool {
         let (ray, distance) = straight(point.position, source);
-        self.accelerator().occluded(&ray, distance, point.ray_origin, None, counters)
+        self.accelerator().occluded(&ray, distance, point.surface, None, counters)
     }
 }
 

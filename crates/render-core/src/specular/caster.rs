@@ -6,7 +6,7 @@ use super::side::PaneSide;
 use super::{Link, coverage};
 use crate::scene::ShadingPoint;
 use crate::{
-    geometry::{Face, Hit, PaneBoundary, Ray, RayOrigin, Surface},
+    geometry::{Face, Hit, PaneBoundary, Ray, Surface, SurfaceId},
     scene::Scene,
 };
 use clerestory_film::TrialStream;
@@ -41,9 +41,9 @@ impl Caster {
     /// The caster on which a chain begins.
     pub(super) fn of(scene: &Scene, first: &Link) -> Option<Self> {
         match first.surface {
-            RayOrigin::Pane { index, .. } => Some(Self::Pane(index)),
-            RayOrigin::Triangle(triangle) => Some(Self::Mesh(scene.mesh_of(triangle))),
-            RayOrigin::Nothing => None,
+            SurfaceId::Pane { index, .. } => Some(Self::Pane(index)),
+            SurfaceId::Triangle(triangle) => Some(Self::Mesh(scene.mesh_of(triangle))),
+            SurfaceId::Nothing => None,
         }
     }
 
@@ -79,11 +79,11 @@ impl Caster {
     /// Whether a chain that begins with `first` is one that begins on the caster as seen from the point.
     pub(super) fn owns(self, scene: &Scene, point: &ShadingPoint, first: &Link) -> bool {
         match first.surface {
-            RayOrigin::Pane { index, face } => {
+            SurfaceId::Pane { index, face } => {
                 Self::Pane(index) == self && coverage::is_near(scene, point, index, face)
             }
-            RayOrigin::Triangle(triangle) => Self::Mesh(scene.mesh_of(triangle)) == self,
-            RayOrigin::Nothing => false,
+            SurfaceId::Triangle(triangle) => Self::Mesh(scene.mesh_of(triangle)) == self,
+            SurfaceId::Nothing => false,
         }
     }
 }
@@ -125,7 +125,7 @@ impl SeenCaster {
         &self,
         scene: &Scene,
         ray: &Ray,
-        ray_origin: RayOrigin,
+        ray_origin: SurfaceId,
         counters: &mut Counters,
     ) -> Option<Hit> {
         let accelerator = scene.accelerator();

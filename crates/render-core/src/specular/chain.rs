@@ -16,7 +16,7 @@ use super::side::unit_normal;
 use crate::scene::ShadingPoint;
 use crate::{
     bsdf::fresnel::{absorption, reflect, refract},
-    geometry::{Hit, PaneBoundary, PaneHit, Ray, RayOrigin, Surface, SurfaceDifferential},
+    geometry::{Hit, PaneBoundary, PaneHit, Ray, Surface, SurfaceDifferential, SurfaceId},
     light::Source,
     scene::{Scene, visibility::straight},
 };
@@ -33,8 +33,8 @@ type BySegment<T> = SmallVec<[T; 3]>;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChainVertex {
     /// The surface, to be skipped by a ray that leaves it.
-    pub(super) surface: RayOrigin,
-    /// The pane in whose glass light goes on, as [`RayOrigin`] when it starts there.
+    pub(super) surface: SurfaceId,
+    /// The pane in whose glass light goes on, as [`SurfaceId`] when it starts there.
     pub(super) inside: Option<u32>,
     /// The surface around the vertex.
     pub(super) at: SurfaceDifferential,
@@ -96,7 +96,7 @@ impl Chain {
         let mut ray = Ray::new(point.position, direction);
         for event in events {
             let hit = match chain.vertices.last() {
-                None => caster.first_hit(scene, &ray, point.ray_origin, counters),
+                None => caster.first_hit(scene, &ray, point.surface, counters),
                 Some(last) => next_hit(scene, &ray, last.inside, last.surface, f64::INFINITY, counters),
             }?;
             let step = chain.meet(scene, &ray, &hit, *event, counters)?;
@@ -108,7 +108,7 @@ impl Chain {
         Some(chain)
     }
 
-    /// The chain over one place of a smooth triangle, given as well by the weights of its second and third corner;
+    /// The chain over one place of a specular triangle, given as well by the weights of its second and third corner;
     /// `None` where something is in the way, or the event cannot happen.
     pub(super) fn over_place(
         scene: &Scene,
@@ -122,7 +122,7 @@ impl Chain {
         let offset = place - point.position;
         let distance = offset.length();
         let ray = Ray::new(point.position, offset / distance);
-        if scene.accelerator().occluded_before(&ray, distance, point.ray_origin, triangle, counters) {
+        if scene.accelerator().occluded_before(&ray, distance, point.surface, triangle, counters) {
             return None;
         }
         let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: ray.direction };
@@ -145,7 +145,7 @@ impl Chain {
         let mut chain = Self { vertices: ByVertex::new(), throughput: DVec3::ONE, exit: ray.direction };
         loop {
             let (inside, ray_origin) =
-                chain.vertices.last().map_or((None, point.ray_origin), |last| (last.inside, last.surface));
+                chain.vertices.last().map_or((None, point.surface), |last| (last.inside, last.surface));
             let Some(hit) = next_hit(scene, &ray, inside, ray_origin, distance, counters) else { break };
             let vertex = chain.cross(scene, &ray, &hit, counters)?;
             if chain.vertices.len() == count {
@@ -178,7 +178,7 @@ impl Chain {
                     }
                 };
                 let at = scene.differential(*index, ray.at(hit.distance), *barycentric);
-                let vertex = ChainVertex { surface: RayOrigin::Triangle(*index), inside: None, at, bend };
+                let vertex = ChainVertex { surface: SurfaceId::Triangle(*index), inside: None, at, bend };
                 Some(Step { vertex, factor, next })
             }
             Surface::Pane { index, hit: pane_hit } => {
@@ -216,7 +216,7 @@ impl Chain {
                 let ratio = scene.delta_bsdf(*index)?.ratio(ray.direction, &normals)?;
                 let at = scene.differential(*index, ray.at(hit.distance), *barycentric);
                 let bend = Bend::Transmission { ratio };
-                Some(ChainVertex { surface: RayOrigin::Triangle(*index), inside: None, at, bend })
+                Some(ChainVertex { surface: SurfaceId::Triangle(*index), inside: None, at, bend })
             }
             Surface::Pane { index, hit: pane_hit } => {
                 let glass = scene.panes()[*index as usize].index_of_refraction;
@@ -306,12 +306,12 @@ fn next_hit(
     scene: &Scene,
     ray: &Ray,
     inside: Option<u32>,
-    ray_origin: RayOrigin,
+    ray_origin: SurfaceId,
     distance: f64,
     counters: &mut Counters,
 ) -> Option<Hit> {
     match (inside, ray_origin) {
-        (Some(pane), RayOrigin::Pane { face, .. }) => {
+        (Some(pane), SurfaceId::Pane { face, .. }) => {
             let hit = scene.accelerator().closest_hit_inside(pane, ray, Some(face), counters);
             hit.filter(|hit| hit.distance < distance)
         }
@@ -334,7 +334,7 @@ fn face_vertex(
     let jet = pane.surface(face).jet(hit.point.truncate());
     let position = pane.frame.point_to_world(hit.point);
     let at = SurfaceDifferential::of_face(&pane.frame, position, &jet);
-    Some(ChainVertex { surface: RayOrigin::Pane { index, face }, inside: stays_inside.then_some(index), at, bend })
+    Some(ChainVertex { surface: SurfaceId::Pane { index, face }, inside: stays_inside.then_some(index), at, bend })
 }
 
 /// Derivatives of two components, given by their gradients with respect to a direction, when the far end of a segment
@@ -385,8 +385,7 @@ mod tests {
     #[test]
     fn the_geometry_factor_is_that_of_rays_beside_the_chain() {
         let scene = panes_and_mirror();
-        let point =
-            ShadingPoint { position: DVec3::ZERO, normal: DVec3::Z, ray_origin: RayOrigin::Nothing, bounces: 0 };
+        let point = ShadingPoint { position: DVec3::ZERO, normal: DVec3::Z, surface: SurfaceId::Nothing, bounces: 0 };
         let caster = Caster::Pane(0).seen_from(&scene, &point).unwrap();
         let counters = &mut Counters::default();
         let mut random = random(12);
@@ -410,7 +409,7 @@ mod tests {
                 let [Some(along_u), Some(along_v)] = [u, v].map(&mut beside) else { continue };
                 let last = chain.vertices.last().unwrap().at.position;
                 let light = last + chain.exit * 1.5;
-                let deflection = |chain: &Chain| {
+                let place_on_light = |chain: &Chain| {
                     let from = chain.vertices.last().unwrap().at.position;
                     let offset = from + chain.exit * ((light - from).dot(across) / chain.exit.dot(across)) - light;
                     DVec2::new(offset.dot(a), offset.dot(b))
@@ -420,9 +419,10 @@ mod tests {
                     let column = |[ahead, behind]: &[Chain; 2]| (place(ahead) - place(behind)) / (2.0 * step);
                     DMat2::from_cols(column(&along_u), column(&along_v)).determinant()
                 };
-                for (source, spread) in
-                    [(Source::Point(light), spread(&deflection)), (Source::Direction(chain.exit), spread(&direction))]
-                {
+                for (source, spread) in [
+                    (Source::Point(light), spread(&place_on_light)),
+                    (Source::Direction(chain.exit), spread(&direction)),
+                ] {
                     for constraint in [ManifoldConstraint::AngleDifference, ManifoldConstraint::HalfVector] {
                         let segments = chain.segments(point.position, source);
                         let residuals = chain.residuals(&segments, constraint).unwrap();

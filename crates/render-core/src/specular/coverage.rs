@@ -17,7 +17,7 @@ use super::SpecularEvent;
 use super::side::{GRAZING_COSINE, PaneSide};
 use crate::scene::ShadingPoint;
 use crate::{
-    geometry::{Face, RayOrigin},
+    geometry::{Face, SurfaceId},
     light::Source,
     scene::Scene,
 };
@@ -28,7 +28,7 @@ pub struct Link {
     /// What happened there.
     pub event: SpecularEvent,
     /// The surface: a face of a pane, or a triangle.
-    pub surface: RayOrigin,
+    pub surface: SurfaceId,
     /// Where, metres.
     pub position: DVec3,
     /// Unit direction in which the path came, away from the shading point.
@@ -51,7 +51,7 @@ pub struct SpecularPath<'a> {
 /// The pane through which a path goes, when that is all that it meets, and steeply enough.
 pub fn through_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>) -> Option<u32> {
     let [entry, exit] = path.links else { return None };
-    let (RayOrigin::Pane { index, face: near }, RayOrigin::Pane { index: left, face: far }) =
+    let (SurfaceId::Pane { index, face: near }, SurfaceId::Pane { index: left, face: far }) =
         (entry.surface, exit.surface)
     else {
         return None;
@@ -70,7 +70,7 @@ pub fn through_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularPath
 /// Whether a path goes to the light by way of one reflection at the face of a pane that looks at the point.
 pub(super) fn off_one_pane(scene: &Scene, point: &ShadingPoint, path: &SpecularPath<'_>) -> bool {
     match path.links {
-        [Link { event: SpecularEvent::Reflection, surface: RayOrigin::Pane { index, face }, .. }] => {
+        [Link { event: SpecularEvent::Reflection, surface: SurfaceId::Pane { index, face }, .. }] => {
             let frame = &scene.panes()[*index as usize].frame;
             let side = PaneSide::facing(&scene.panes()[*index as usize], frame.point_to_local(point.position));
             side.is_some_and(|side| side.near == *face && side.is_lit_from_here(path.source.in_frame(frame)))

@@ -1,7 +1,7 @@
 //! All paths from a shading point to a source through a pane, with a test that there are no others.
 //!
 //! The window is halved again and again. A part is dropped where the bounds show that no light from it reaches the
-//! source. If the derivative of the deflection stays near one invertible matrix all over a part, it holds at most one
+//! source. If the derivative of the end point stays near one invertible matrix all over a part, it holds at most one
 //! path. This is Krawczyk's test (1969; Neumaier 1990, "Interval Methods for Systems of Equations", section 5.1). One
 //! traced path from its middle then bounds where that path can be, or shows that there is none. Newton's method finds
 //! it. The remaining parts are on a fold of the caustic. Seeds in them find their paths, but nothing proves that these
@@ -39,9 +39,9 @@ const MOST_PARTS: usize = 1000;
 /// would cost more than it finds.
 const SMALLEST: f64 = 0.25;
 
-/// A traced path lands with less than this error, in thicknesses of the pane: its second vertex is off by less than its
+/// A traced path ends with less than this error, in thicknesses of the pane: its second vertex is off by less than its
 /// last step (`Connection::trace_four`).
-const SHOT_ERROR: f64 = 1e-4;
+const TRACE_ERROR: f64 = 1e-4;
 
 /// Larger parts, in cells of the finer face, are halved without a traced path, and all but the whole window without a
 /// look at the curvatures: over so many cells they hardly ever say anything.
@@ -147,14 +147,14 @@ impl<'a, 'b> Search<'a, 'b> {
             connection,
             region,
             counters,
-            slack: SHOT_ERROR * side.pane.thickness,
+            slack: TRACE_ERROR * side.pane.thickness,
             cell,
             unseen: smallvec![*window.rect()],
             found: Enumeration { roots: SmallVec::new(), complete: true },
         }
     }
 
-    /// Looks at the first `count` of four parts, and shoots from their middles.
+    /// Looks at the first `count` of four parts, and traces a path from each middle.
     #[inline(always)]
     fn look<S: Instructions>(&mut self, simd: S, parts: &[Rect; LANES], count: usize) -> Findings {
         let (window, slack) = (self.window, self.slack);

@@ -12,7 +12,7 @@ use glam::{DVec2, DVec3};
 use super::side::{PaneSide, Transmission};
 use super::window::{SourceBounds, Window};
 use super::{Arrival, coverage};
-use crate::geometry::{Frame, Ray, RayOrigin};
+use crate::geometry::{Frame, Ray, SurfaceId};
 use crate::light::{Light, LightBounds, LightHit};
 use crate::math::Rect;
 use crate::scene::Scene;
@@ -63,7 +63,7 @@ pub(super) struct PaneAperture<'a> {
     pub(super) origin: DVec3,
 }
 
-/// A part of the deflection window of an opening.
+/// A part of the deflection window of an aperture.
 struct Patch {
     aperture: usize,
     rect: Rect,
@@ -71,7 +71,7 @@ struct Patch {
     weight: f64,
 }
 
-/// A sight of the light through a pane.
+/// A ray that meets the light through a pane.
 pub(super) struct LightSample {
     /// The light, divided by the density of rays.
     pub(super) arrival: Arrival,
@@ -85,7 +85,7 @@ pub(super) struct LightSample {
     pub(super) hit: LightHit,
 }
 
-/// Slopes that spread the deflection by less than this part of the light's extent are not worth telling apart.
+/// Slopes that spread the end points by less than this part of the light's extent are not worth telling apart.
 const SETTLED: f64 = 0.5;
 
 /// Successive multiples of it, modulo 1, are the most evenly spread.
@@ -192,7 +192,7 @@ impl<'a> LightView<'a> {
             return None;
         }
         let entry = frame.point_to_world(through.entry);
-        let ray_origin = RayOrigin::Pane { index: *pane, face: side.far };
+        let ray_origin = SurfaceId::Pane { index: *pane, face: side.far };
         if self.scene.blocked_through_pane(self.point, entry, *pane, side.near, &exit.origin, counters)
             || self.scene.blocked(&exit, hit.distance, ray_origin, None, Some(self.light), counters)
         {

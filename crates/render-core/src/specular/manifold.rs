@@ -22,7 +22,7 @@ use super::constraint::Residual;
 use super::{Arrival, SpecularEvent};
 use crate::scene::ShadingPoint;
 use crate::{
-    geometry::{Ray, RayOrigin},
+    geometry::{Ray, SurfaceId},
     light::{Source, SourceSample},
     scene::Scene,
 };
@@ -148,8 +148,8 @@ impl ManifoldWalk<'_> {
         None
     }
 
-    /// The path over a place of a smooth triangle, with the weights of its second and third corner, at which the chain
-    /// of one vertex is known to lead to the source; `None` where something is in the way.
+    /// The path over a place of a specular triangle, with the weights of its second and third corner, at which the
+    /// chain of one vertex is known to lead to the source; `None` where something is in the way.
     pub(super) fn path_over(
         &self,
         triangle: u32,
@@ -235,7 +235,7 @@ impl SolvedChain {
     }
 
     /// The surface of its first vertex.
-    pub(super) fn first_surface(&self) -> RayOrigin {
+    pub(super) fn first_surface(&self) -> SurfaceId {
         self.chain.vertices[0].surface
     }
 
@@ -266,7 +266,7 @@ impl SolvedChain {
 
     /// Whether a light stands in the way before the last vertex, or anything behind it.
     fn is_blocked(&self, scene: &Scene, point: &ShadingPoint, light: u32, counters: &mut Counters) -> bool {
-        let mut from = (point.position, point.ray_origin, None);
+        let mut from = (point.position, point.surface, None);
         for (vertex, length) in self.chain.vertices.iter().zip(&self.segments.lengths) {
             let (position, _, inside) = from;
             let ray = Ray::new(position, (vertex.at.position - position) / *length);

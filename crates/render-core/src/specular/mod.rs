@@ -1,10 +1,11 @@
-//! How light reaches a shading point through glass: one question, one file for each method that answers it.
+//! How light reaches a shading point over glass, water and mirrors: one question, and one folder for each method that
+//! answers it.
 //!
-//! The path tracer asks [`SpecularMethod::sample_li`]: which light arrives at this point, from this light, through a
-//! pane? [`cone`] samples directions and sees whether they reach the light; [`fnee`] solves for the paths that do. Both
-//! look for them in the same window ([`window`]). [`sms`] and [`mnee`] walk to them, through panes and over specular
-//! meshes, and [`conic`] finds all over one mesh. [`auto`] chooses among them. Which paths a method owns, and the path
-//! tracer therefore leaves to it, is a function of the path ([`coverage`]).
+//! The path tracer asks [`SpecularMethod::sample_li`]: which light arrives at this point, from this light, over
+//! specular surfaces? [`cone`] samples directions and sees whether they reach the light; [`fnee`] solves for the paths
+//! that do. Both look for them in the same window ([`window`]). [`sms`] and [`mnee`] walk to them, through panes and
+//! over specular meshes, and [`conic`] finds all over one mesh. [`auto`] chooses among them. Which paths a method owns,
+//! and the path tracer therefore leaves to it, is a function of the path ([`coverage`]).
 
 pub mod auto;
 mod block_tridiagonal;
@@ -42,12 +43,11 @@ pub mod window;
 
 use glam::DVec3;
 
-use crate::scene::Scene;
+use crate::scene::{Scene, ShadingPoint};
 use clerestory_film::SampleStream;
 use clerestory_film::counters::Counters;
 
 pub use crate::bsdf::SpecularEvent;
-pub use crate::scene::ShadingPoint;
 pub use coverage::{Link, SpecularPath};
 
 /// Light that arrives at a shading point.

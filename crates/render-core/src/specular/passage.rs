@@ -9,7 +9,7 @@ use super::side::{PaneSide, Transmission};
 use super::{Arrival, coverage};
 use crate::scene::ShadingPoint;
 use crate::{
-    geometry::{Ray, RayOrigin},
+    geometry::{Ray, SurfaceId},
     light::SourceSample,
     scene::Scene,
 };
@@ -76,7 +76,7 @@ impl<'a> Passage<'a> {
         }
         let through = transmission(&self.side, self.connection.origin, root, counters)?;
         let [entry, exit] = root.path.vertices.map(|vertex| frame.point_to_world(vertex));
-        let ray_origin = RayOrigin::Pane { index: self.pane, face: self.side.far };
+        let ray_origin = SurfaceId::Pane { index: self.pane, face: self.side.far };
         let outside = Ray::new(exit, last);
         let Self { scene, point, light, pane, side, .. } = *self;
         if scene.blocked_through_pane(point, entry, pane, side.near, &exit, counters)

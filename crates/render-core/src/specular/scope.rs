@@ -7,7 +7,7 @@ use super::{SpecularEvent, SpecularPath};
 use crate::scene::ShadingPoint;
 use crate::settings::check::Quoted;
 use crate::settings::{Check, JsonPath, SceneError};
-use crate::{geometry::RayOrigin, light::SourceSample, scene::Scene};
+use crate::{geometry::SurfaceId, light::SourceSample, scene::Scene};
 use clerestory_film::SampleStream;
 
 /// The paths that a manifold method looks for.
@@ -71,8 +71,8 @@ impl Scope {
 
     /// Whether light is gathered at a point.
     fn receives(&self, scene: &Scene, point: &ShadingPoint) -> bool {
-        match point.ray_origin {
-            RayOrigin::Triangle(triangle) => self.receivers[scene.mesh_of(triangle) as usize],
+        match point.surface {
+            SurfaceId::Triangle(triangle) => self.receivers[scene.mesh_of(triangle) as usize],
             _ => true,
         }
     }

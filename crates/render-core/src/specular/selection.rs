@@ -89,6 +89,6 @@ fn first_caster_towards(
     counters: &mut Counters,
 ) -> Option<Caster> {
     let (ray, distance) = straight(point.position, source);
-    let hit = scene.accelerator().closest_hit(&ray, distance, point.ray_origin, counters)?;
+    let hit = scene.accelerator().closest_hit(&ray, distance, point.surface, counters)?;
     Caster::of_surface(scene, &hit.surface)
 }

@@ -1,4 +1,4 @@
-//! TracedPaths: paths that obey Snell's law at both faces of a pane and need not meet the source, four at once.
+//! Four traced paths: they obey Snell's law at both faces of a pane and need not meet the source.
 
 use super::fermat::{Connection, Theta};
 use crate::geometry::FacePoints;
@@ -20,10 +20,10 @@ pub(super) struct TracedPaths<S> {
 
 /// A traced path has found its second vertex when its way in the glass ends less than this part of the pane's thickness
 /// beside it.
-const LANDED: f64 = 1e-5;
+const FOUND: f64 = 1e-5;
 
 /// Most rounds until then. Where slopes are so steep that these are too few, Newton's method decides.
-const LANDING_ROUNDS: usize = 8;
+const MOST_ROUNDS: usize = 8;
 
 impl<S: Instructions> TracedPaths<S> {
     /// About the vertices of the traced paths that cross the near plane at these places.
@@ -53,21 +53,21 @@ impl Connection<'_> {
         let (inner, entered) = refracted(first.normalised(), near.gradient, 1.0, self.index);
         let tangent = inner.truncated().scaled(inner.z.recip());
         let flat = near.place + tangent.scaled(-z + far_base);
-        let landed = LANDED * (far_base - near_base).abs();
-        let mut flying = live.and(entered);
+        let found = FOUND * (far_base - near_base).abs();
+        let mut open = live.and(entered);
         let mut place = met(flat, tangent, far);
         let mut rounds = 0;
         let far = loop {
-            counters.height_evaluations += flying.count();
+            counters.height_evaluations += open.count();
             let far = self.surfaces[1].points(place);
             rounds += 1;
             let off = (flat + tangent.scaled(far.height) - place).abs().max_element();
-            flying = flying.and_not(off.less_than(Lanes::splat(off.simd(), landed)));
-            if rounds == LANDING_ROUNDS || !flying.any() {
+            open = open.and_not(off.less_than(Lanes::splat(off.simd(), found)));
+            if rounds == MOST_ROUNDS || !open.any() {
                 break far;
             }
-            // What has landed stays where it is.
-            place = flying.select2(met(flat, tangent, &far), place);
+            // A vertex that is found stays where it is.
+            place = open.select2(met(flat, tangent, &far), place);
         };
         let (last, left) = refracted(inner, far.gradient, self.index, 1.0);
         let last_tangent = last.truncated().scaled(last.z.recip());

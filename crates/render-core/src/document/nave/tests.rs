@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 use super::stonework::{OPENING, window_centre};
 use super::*;
 use crate::document::SceneBundle;
-use crate::geometry::{Frame, Ray, RayOrigin, Surface};
+use crate::geometry::{Frame, Ray, Surface, SurfaceId};
 use crate::light::LightBounds;
 use crate::scene::Scene;
 use clerestory_film::counters::Counters;
@@ -54,7 +54,7 @@ fn sunlight(scene: &Scene) -> Sunlight {
             let to_sun = (direction + axes * (blur * sin_radius).extend(0.0)).normalize();
             let ray = Ray::new(origin, to_sun);
             let hit =
-                scene.accelerator().closest_hit(&ray, f64::INFINITY, RayOrigin::Nothing, &mut Counters::default());
+                scene.accelerator().closest_hit(&ray, f64::INFINITY, SurfaceId::Nothing, &mut Counters::default());
             match hit.map(|hit| hit.surface) {
                 None => sunlight.unhindered += 1,
                 Some(Surface::Pane { .. }) => sunlight.through_glass += 1,
@@ -129,10 +129,10 @@ fn the_camera_sees_the_light_of_at_least_half_of_the_panes() {
         for pixel in 0..film.width * film.height {
             let place = DVec2::new(f64::from(pixel % film.width), f64::from(pixel / film.width)) + 0.5;
             let ray = scene.camera().ray(place);
-            let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, RayOrigin::Nothing, counters).unwrap();
+            let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, SurfaceId::Nothing, counters).unwrap();
             let Surface::Triangle { index, .. } = hit.surface else { panic!("the camera looks at a pane") };
             let to_sun = Ray::new(ray.at(hit.distance), direction);
-            let above = scene.accelerator().closest_hit(&to_sun, f64::INFINITY, RayOrigin::Triangle(index), counters);
+            let above = scene.accelerator().closest_hit(&to_sun, f64::INFINITY, SurfaceId::Triangle(index), counters);
             if let Some(Surface::Pane { index, .. }) = above.map(|hit| hit.surface) {
                 panes.insert(index);
             }

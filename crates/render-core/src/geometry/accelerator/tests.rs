@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use std::sync::LazyLock;
 
 /// Everything tested against everything, without a hierarchy.
-fn by_brute_force(accelerator: &Accelerator, ray: &Ray, max_distance: f64, ray_origin: RayOrigin) -> Option<Hit> {
+fn by_brute_force(accelerator: &Accelerator, ray: &Ray, max_distance: f64, ray_origin: SurfaceId) -> Option<Hit> {
     let mut counters = Counters::default();
     let sheared = ShearedRay::new(ray);
     let triangles = (0..).zip(&accelerator.corners).map(|(i, c)| accelerator.hit_triangle(&sheared, i, c, ray_origin));
@@ -20,7 +20,7 @@ fn by_brute_force(accelerator: &Accelerator, ray: &Ray, max_distance: f64, ray_o
     hits.reduce(|best, hit| if precedes(&hit, &best) { hit } else { best })
 }
 
-fn check(accelerator: &Accelerator, ray: &Ray, max_distance: f64, ray_origin: RayOrigin) -> Option<Hit> {
+fn check(accelerator: &Accelerator, ray: &Ray, max_distance: f64, ray_origin: SurfaceId) -> Option<Hit> {
     let mut counters = Counters::default();
     let found = accelerator.closest_hit(ray, max_distance, ray_origin, &mut counters);
     assert_eq!(found, by_brute_force(accelerator, ray, max_distance, ray_origin), "{ray:?}");
@@ -114,14 +114,14 @@ fn rays_over_sheets_meet_what_is_there() {
     for i in 0..20_000 {
         let direction = DVec3::new(noise(i, 0), noise(i, 1), noise(i, 2)).normalize();
         let ray = Ray::new(DVec3::new(noise(i, 3), noise(i, 4), 2.0 * noise(i, 5)), direction);
-        let Some(hit) = check(&scene, &ray, f64::INFINITY, RayOrigin::Nothing) else { continue };
+        let Some(hit) = check(&scene, &ray, f64::INFINITY, SurfaceId::Nothing) else { continue };
         let Surface::Triangle { index, .. } = hit.surface else { continue };
         let mut counters = Counters::default();
         let end = hit.distance;
-        assert!(!scene.occluded_before(&ray, end, RayOrigin::Nothing, index, &mut counters), "{ray:?}");
+        assert!(!scene.occluded_before(&ray, end, SurfaceId::Nothing, index, &mut counters), "{ray:?}");
         let onward = DVec3::new(noise(i, 6), noise(i, 7), noise(i, 8)).normalize();
         let next = Ray::new(ray.at(end), onward);
-        let ray_origin = RayOrigin::Triangle(index);
+        let ray_origin = SurfaceId::Triangle(index);
         if scene.left_behind(ray_origin, &next).is_some() {
             steep += 1
         } else {
@@ -130,11 +130,11 @@ fn rays_over_sheets_meet_what_is_there() {
         // On to the next surface, and to one behind that.
         let Some(second) = check(&scene, &next, f64::INFINITY, ray_origin) else { continue };
         let further = Ray::new(next.at(second.distance * (1.0 + 1e-9)), onward);
-        let Some(third) = check(&scene, &further, f64::INFINITY, RayOrigin::Nothing) else { continue };
+        let Some(third) = check(&scene, &further, f64::INFINITY, SurfaceId::Nothing) else { continue };
         if let Surface::Triangle { index, .. } = third.surface {
             let end = second.distance + third.distance;
             assert!(scene.occluded_before(&next, end, ray_origin, index, &mut counters), "{next:?}");
-            ways[usize::from(scene.left_behind(RayOrigin::Triangle(index), &next).is_some())] += 1;
+            ways[usize::from(scene.left_behind(SurfaceId::Triangle(index), &next).is_some())] += 1;
         }
     }
     assert!(steep > 1000 && others > 1000 && ways.iter().all(|count| *count > 100), "{steep} {others} {ways:?}");
@@ -159,7 +159,7 @@ proptest! {
     ) {
         let (centre, scale, ref scene) = CLUTTERS[scene];
         let ray = Ray::new(centre + (DVec3::from(target) - direction * distance) * scale, direction);
-        check(scene, &ray, max_distance * scale, RayOrigin::Nothing);
+        check(scene, &ray, max_distance * scale, SurfaceId::Nothing);
     }
 
     #[test]
@@ -169,9 +169,9 @@ proptest! {
         let scene = &CLUTTERS[2].2;
         let ray = Ray::new(DVec3::from(target) - direction * 2.0, direction);
         if let Some(Hit { distance, surface: Surface::Triangle { index, .. } }) =
-            check(scene, &ray, f64::INFINITY, RayOrigin::Nothing)
+            check(scene, &ray, f64::INFINITY, SurfaceId::Nothing)
         {
-            let next = check(scene, &Ray::new(ray.at(distance), onward), f64::INFINITY, RayOrigin::Triangle(index));
+            let next = check(scene, &Ray::new(ray.at(distance), onward), f64::INFINITY, SurfaceId::Triangle(index));
             if let Some(Hit { surface: Surface::Triangle { index: next, .. }, .. }) = next {
                 prop_assert_ne!(next, index);
             }
@@ -182,7 +182,7 @@ proptest! {
 #[test]
 fn an_empty_scene_has_nothing_to_hit() {
     let scene = Accelerator::build(&[], &[], &[], vec![]).unwrap();
-    assert_eq!(check(&scene, &Ray::new(DVec3::ZERO, DVec3::Z), f64::INFINITY, RayOrigin::Nothing), None);
+    assert_eq!(check(&scene, &Ray::new(DVec3::ZERO, DVec3::Z), f64::INFINITY, SurfaceId::Nothing), None);
     assert_eq!(scene.bounds(), None);
 }
 
@@ -191,10 +191,10 @@ fn a_scene_of_one_primitive_works() {
     let (positions, _) = floor(DVec3::ZERO, 1.0, 1);
     let scene = Accelerator::build(&positions, &[[0, 1, 3]], &[], vec![]).unwrap();
     let ray = Ray::new(DVec3::new(0.7, 0.2, 1.0), DVec3::NEG_Z);
-    assert_eq!(check(&scene, &ray, f64::INFINITY, RayOrigin::Nothing).unwrap().distance, 1.0);
+    assert_eq!(check(&scene, &ray, f64::INFINITY, SurfaceId::Nothing).unwrap().distance, 1.0);
     let scene = Accelerator::build(&[], &[], &[], vec![pane(random_frame(0.0), 1.0, Glass::Flat)]).unwrap();
     let ray = Ray::new(random_frame(0.0).origin + random_frame(0.0).axes.z_axis, -random_frame(0.0).axes.z_axis);
-    assert!(check(&scene, &ray, f64::INFINITY, RayOrigin::Nothing).is_some());
+    assert!(check(&scene, &ray, f64::INFINITY, SurfaceId::Nothing).is_some());
 }
 
 #[test]
@@ -206,7 +206,7 @@ fn a_grid_of_pixel_centres_sees_a_floor_without_holes() {
             let offset = DVec3::new(f64::from(i % 32) + 0.5, f64::from(i / 32) + 0.5, 32.0) / 32.0;
             for (up, direction) in [(1.0, DVec3::new(0.0, 0.0, -1.0)), (-1.0, DVec3::new(-0.0, 0.0, 1.0))] {
                 let ray = Ray::new(origin + offset * DVec3::new(1.0, 1.0, up), direction);
-                let hit = check(&scene, &ray, f64::INFINITY, RayOrigin::Nothing).expect("the floor has no holes");
+                let hit = check(&scene, &ray, f64::INFINITY, SurfaceId::Nothing).expect("the floor has no holes");
                 assert!((hit.distance - 1.0).abs() < 1e-11);
             }
         }
@@ -226,10 +226,10 @@ fn a_ray_from_an_edge_between_two_triangles_of_a_plane_is_not_shadowed_by_either
         let from = frame.point_to_world(on_floor + DVec3::new(0.3, 0.1, 1.0));
         let target = frame.point_to_world(on_floor);
         let ray = Ray::new(from, (target - from).normalize());
-        let hit = check(&scene, &ray, f64::INFINITY, RayOrigin::Nothing).unwrap();
+        let hit = check(&scene, &ray, f64::INFINITY, SurfaceId::Nothing).unwrap();
         let Surface::Triangle { index, .. } = hit.surface else { panic!("there are only triangles") };
         let up = frame.vector_to_world(DVec3::new(libm::sin(f64::from(i)), libm::cos(f64::from(i)), 0.1).normalize());
-        assert_eq!(check(&scene, &Ray::new(ray.at(hit.distance), up), 10.0, RayOrigin::Triangle(index)), None);
+        assert_eq!(check(&scene, &Ray::new(ray.at(hit.distance), up), 10.0, SurfaceId::Triangle(index)), None);
     }
 }
 
@@ -240,7 +240,7 @@ fn of_two_things_at_the_same_place_the_first_is_reported() {
     let scene = Accelerator::build(&positions, &twice, &[], vec![]).unwrap();
     for i in 0..100 {
         let ray = Ray::new(DVec3::new(0.01 * f64::from(i), 0.37, 1.0), DVec3::NEG_Z);
-        let hit = check(&scene, &ray, f64::INFINITY, RayOrigin::Nothing).unwrap();
+        let hit = check(&scene, &ray, f64::INFINITY, SurfaceId::Nothing).unwrap();
         assert!(matches!(hit.surface, Surface::Triangle { index, .. } if index < triangles.len() as u32));
     }
 }
@@ -258,10 +258,10 @@ fn a_tiny_pane_in_a_large_scene_is_neither_missed_nor_walked_through() {
         let target = frame.origin + DVec3::new(f64::from(i % 20) - 9.5, f64::from(i / 20) - 9.5, 0.0) * 5e-4;
         for from in [DVec3::new(0.0, 0.0, 5.0), DVec3::new(900.0, -300.0, 4e3), DVec3::new(1e-3, 0.0, 2e-3)] {
             let ray = Ray::new(target + from, -from.normalize());
-            let hit = check(&scene, &ray, f64::INFINITY, RayOrigin::Nothing).unwrap();
+            let hit = check(&scene, &ray, f64::INFINITY, SurfaceId::Nothing).unwrap();
             assert!(matches!(hit.surface, Surface::Pane { index: 0, .. }), "{hit:?}");
             let mut counters = Counters::default();
-            assert!(!scene.occluded(&ray, from.length(), RayOrigin::Nothing, Some(0), &mut counters));
+            assert!(!scene.occluded(&ray, from.length(), SurfaceId::Nothing, Some(0), &mut counters));
         }
     }
 }

@@ -69,8 +69,8 @@ pub(crate) fn choose(scene: &Scene) -> Vec<Choice> {
         choices.push(Choice { method, lights, chains, casters });
     };
     let all = vec![true; lights.len()];
-    let smooth = (0u32..).zip(meshes).filter(|(_, mesh)| mesh.is_specular());
-    let (glass, mirrors): (Vec<_>, Vec<_>) = smooth.partition(|(_, mesh)| mesh.is_dielectric());
+    let specular = (0u32..).zip(meshes).filter(|(_, mesh)| mesh.is_specular());
+    let (glass, mirrors): (Vec<_>, Vec<_>) = specular.partition(|(_, mesh)| mesh.is_dielectric());
     let (closed, open): (Vec<_>, Vec<_>) = glass.into_iter().partition(|(index, _)| scene.is_closed(*index));
     let [closed, open, mirrors]: [Vec<Caster>; 3] =
         [closed, open, mirrors].map(|meshes| meshes.into_iter().map(|(index, _)| Caster::Mesh(index)).collect());

@@ -19,7 +19,7 @@ use super::{
     walk::first_path,
 };
 use crate::document::{SceneBundle, SceneDescription};
-use crate::geometry::{Ray, RayOrigin, Surface};
+use crate::geometry::{Ray, Surface, SurfaceId};
 use crate::light::{LightBounds, Source};
 use crate::scene::{Scene, ShadingPoint};
 use crate::specular::cache::MethodCache;
@@ -322,13 +322,13 @@ fn any_point(random: &mut TrialStream, scene: &Scene) -> ShadingPoint {
     let (anywhere, on_it) = (any_vector(random, false, 0.0), facet(scene, 0, triangle).place(pair(random) * 0.5));
     let position = if random.next_f64() < 0.9 { anywhere } else { on_it };
     let bounces = u32::from(random.next_f64() < 0.2);
-    ShadingPoint { position, normal: any_direction(random, false), ray_origin: RayOrigin::Nothing, bounces }
+    ShadingPoint { position, normal: any_direction(random, false), surface: SurfaceId::Nothing, bounces }
 }
 
 /// Whether a ray against arriving light comes to the light.
 fn leads_to_light(scene: &Scene, point: &ShadingPoint, direction: DVec3, event: SpecularEvent, light: u32) -> bool {
     let ray = Ray::new(point.position, direction);
-    let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, point.ray_origin, &mut Counters::default());
+    let hit = scene.accelerator().closest_hit(&ray, f64::INFINITY, point.surface, &mut Counters::default());
     let Some((Surface::Triangle { index, barycentric }, place)) = hit.map(|hit| (hit.surface, ray.at(hit.distance)))
     else {
         return false;

@@ -1,4 +1,4 @@
-//! What `conic` looks meshes up in, made when a mesh is asked for first.
+//! What `conic` looks meshes up in. The method makes it for the meshes of its scope, before the first sample.
 
 use std::sync::OnceLock;
 

@@ -57,7 +57,7 @@ use super::window::SourceBounds;
 use super::{Arrival, SpecularEvent, SpecularMethod, SpecularPath};
 use crate::scene::ShadingPoint;
 use crate::{
-    geometry::{Frame, PaneBoundary, Ray, RayOrigin, Surface},
+    geometry::{Frame, PaneBoundary, Ray, Surface, SurfaceId},
     light::{Light, Source, SourceSample},
     scene::{Scene, visibility::straight},
 };
@@ -206,7 +206,7 @@ impl Connection<'_> {
         let light = &scene.lights()[self.light as usize];
         let Some(chain) = self.walk.trace(place, counters) else { return };
         let last = &chain.vertices[chain.vertices.len() - 1];
-        if last.surface != RayOrigin::Triangle(triangle) {
+        if last.surface != SurfaceId::Triangle(triangle) {
             return;
         }
         let ray = Ray::new(last.at.position, chain.exit);
@@ -231,7 +231,7 @@ impl Connection<'_> {
     ) {
         let ManifoldWalk { scene, point, .. } = self.walk;
         let Some(arrival) = path.arrival(scene, point, self.light, sample, counters) else { return };
-        let RayOrigin::Triangle(triangle) = path.first_surface() else { return };
+        let SurfaceId::Triangle(triangle) = path.first_surface() else { return };
         let drawn = focus.share(triangle);
         let share = if drawn > 0.0 {
             let by_ray =
@@ -320,7 +320,7 @@ fn on_straight_line(
     counters: &mut Counters,
 ) -> Option<(u32, DVec2)> {
     let (mut ray, mut distance) = straight(point.position, source);
-    let mut ray_origin = point.ray_origin;
+    let mut ray_origin = point.surface;
     for _ in 0..MOST_PASSED {
         let hit = scene.accelerator().closest_hit(&ray, distance, ray_origin, counters)?;
         if let Surface::Triangle { index, barycentric } = hit.surface
@@ -329,9 +329,9 @@ fn on_straight_line(
             return Some((index, barycentric.into()));
         }
         ray_origin = match hit.surface {
-            Surface::Triangle { index, .. } => RayOrigin::Triangle(index),
+            Surface::Triangle { index, .. } => SurfaceId::Triangle(index),
             Surface::Pane { index, hit } => match hit.boundary {
-                PaneBoundary::Face(face) => RayOrigin::Pane { index, face },
+                PaneBoundary::Face(face) => SurfaceId::Pane { index, face },
                 PaneBoundary::Edge => return None,
             },
         };

@@ -17,7 +17,7 @@ use super::{
 };
 use crate::bsdf::fresnel::refract;
 use crate::document::{SceneBundle, SceneDescription};
-use crate::geometry::RayOrigin;
+use crate::geometry::SurfaceId;
 use crate::light::{Source, SourceSample};
 use crate::scene::{Scene, ShadingPoint};
 use crate::specular::SpecularEvent;
@@ -314,7 +314,7 @@ fn the_distance_correction_of_equations_28_to_33_is_that_of_rays_beside_the_path
         assert!((backwards / kept - 1.0).abs() < 1e-5, "{backwards} is not {kept}");
 
         let scene = scene_of(&path.facet);
-        let shading = ShadingPoint { position: point, normal: DVec3::Z, ray_origin: RayOrigin::Nothing, bounces: 0 };
+        let shading = ShadingPoint { position: point, normal: DVec3::Z, surface: SurfaceId::Nothing, bounces: 0 };
         let counters = &mut Counters::default();
         let events = [SpecularEvent::Transmission];
         let (constraint, steps) = (ManifoldConstraint::AngleDifference, WalkSteps::default());

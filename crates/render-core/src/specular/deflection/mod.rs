@@ -1,4 +1,5 @@
-//! Where light from a part of the deflection window lands, bounded by interval arithmetic over parts of any size.
+//! Where paths through a part of the deflection window end, bounded by interval arithmetic over parts of any size. The
+//! *end point* of a place is where the path through that place of the near plane meets the plane of the source.
 //!
 //! Light travels towards +z (the pane is mirrored if need be). With p, r, q the tangents of the three segments O X1,
 //! X1 X2, X2 S, the path ends at a source point S when
@@ -105,7 +106,7 @@ struct Lever {
 pub(in crate::specular) struct Part {
     /// The places from which light can reach the source.
     pub(in crate::specular) rect: Rect,
-    /// How far a deflection may be off, on the near plane's scale, because the slopes vary over the part.
+    /// How far an end point may be off, on the near plane's scale, because the slopes vary over the part.
     pub(in crate::specular) spread: DVec2,
 }
 

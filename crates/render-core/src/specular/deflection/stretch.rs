@@ -1,5 +1,5 @@
-//! The map of the deflection over four parts of the window at once. It contracts the parts, bounds their stretch, and
-//! bounds the places of a path from the traced path of their middles.
+//! The map from places to end points over four parts of the window at once. It contracts the parts, bounds their
+//! stretch, and bounds the places of a path from the traced path of their middles.
 
 use glam::{DMat2, DVec2};
 
@@ -10,7 +10,7 @@ use crate::math::simd::{Instructions, LANES, LaneRects, Lanes, Lanes2, Mask};
 use crate::specular::direction_bounds::Box2;
 use clerestory_film::counters::Counters;
 
-/// The derivative of the deflection leaves out how the refraction's strength, B and the heights change over the part:
+/// The derivative of the end point leaves out how the refraction's strength, B and the heights change over the part:
 /// terms of the size of a slope times the sine of an angle of incidence times what is kept. This multiple of it is an
 /// estimate and no bound, so that what rests on it has to be checked at random. It also stands for using x0, the
 /// matrices L and the levers a little outside the window that they are bounded for: by the slack of a traced path, and
@@ -28,7 +28,7 @@ struct Matrices<S> {
     y_axis: Lanes2<S>,
 }
 
-/// How the map stretches four parts of the window: the derivatives of the deflection by the place, on the near plane's
+/// How the map stretches four parts of the window: the derivatives of the end point by the place, on the near plane's
 /// scale.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::specular) struct Stretch<S> {
@@ -92,7 +92,7 @@ impl<'a> DeflectionBounds<'a> {
         parts.intersection(LaneRects { min: centre - reach, max: centre + reach })
     }
 
-    /// The derivatives of the deflection where the faces have the given shapes, and where their middles are not
+    /// The derivatives of the end point where the faces have the given shapes, and where their middles are not
     /// singular.
     #[inline(always)]
     pub(in crate::specular) fn stretch<S: Instructions>(&self, faces: &[ShapeBounds<S>; 2]) -> (Stretch<S>, Mask<S>) {
@@ -155,11 +155,11 @@ impl<S: Instructions> Stretch<S> {
         (traced + self.inverse.times(miss), self.inverse.magnitude().times(unsure))
     }
 
-    /// The places of parts that can land nearer than `slack` to the source, when traced paths from `start` miss it by
-    /// `miss`; empty where there are none.
+    /// The places of parts whose paths can end nearer than `slack` to the source, when traced paths from `start` miss
+    /// it by `miss`; empty where there are none.
     ///
-    /// Near a fold the deflection moves hardly at all in one direction, however the place moves: that direction tells
-    /// most. Across it, the deflection moves like nowhere else, which bounds the places to a strip.
+    /// Near a fold the end point moves hardly at all in one direction, however the place moves: that direction tells
+    /// most. Across it, it moves most, which bounds the places to a strip.
     #[inline(always)]
     pub(in crate::specular) fn reaching(
         &self,
@@ -169,7 +169,7 @@ impl<S: Instructions> Stretch<S> {
         slack: f64,
     ) -> LaneRects<S> {
         let Matrices { x_axis, y_axis } = self.derivative;
-        // The derivative times its transpose. Near a fold, all columns are along the direction in which the deflection
+        // The derivative times its transpose. Near a fold, all columns are along the direction in which the end point
         // moves most.
         let squares = [
             x_axis.x * x_axis.x + y_axis.x * y_axis.x,
@@ -207,7 +207,7 @@ impl<S: Instructions> Stretch<S> {
         left.where_or_empty(beside.not())
     }
 
-    /// Whether no two places of parts with these half sides land at the same point: the derivative, brought near the
+    /// Whether no two places of parts with these half sides have the same end point: the derivative, brought near the
     /// identity, stays nearer to it than 1 in the norm in which the part is a unit square.
     #[inline(always)]
     pub(in crate::specular) fn is_injective(&self, half_size: Lanes2<S>) -> Mask<S> {

@@ -30,7 +30,7 @@ use super::super::newton::{
 use super::super::side::{PaneSide, unit_normal};
 use super::super::trials::RandomSearch;
 use crate::bsdf::fresnel::refract;
-use crate::geometry::{PaneBoundary, Ray, RayOrigin, Surface, SurfaceJet};
+use crate::geometry::{PaneBoundary, Ray, Surface, SurfaceId, SurfaceJet};
 use crate::light::{Source, SourceSample};
 use crate::math::Rect;
 use crate::scene::Scene;
@@ -227,14 +227,14 @@ impl<'a> ReflectionSearch<'a> {
         if scene.blocked_by_light(&incident, lengths[0], None) {
             return None;
         }
-        let hit = scene.accelerator().closest_hit(&incident, f64::INFINITY, point.ray_origin, counters)?;
+        let hit = scene.accelerator().closest_hit(&incident, f64::INFINITY, point.surface, counters)?;
         let Surface::Pane { index, hit } = hit.surface else { return None };
         let is_here = (hit.point - vertex).length() < SAME_ROOT * SAME_ROOT * self.tolerance;
         if index != pane || hit.boundary != PaneBoundary::Face(self.side.near) || !is_here {
             return None;
         }
         let exit = Ray::new(frame.point_to_world(vertex), outwards);
-        let ray_origin = RayOrigin::Pane { index: pane, face: self.side.near };
+        let ray_origin = SurfaceId::Pane { index: pane, face: self.side.near };
         if scene.blocked(&exit, lengths[1], ray_origin, None, Some(light), counters) {
             return None;
         }

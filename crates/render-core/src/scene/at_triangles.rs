@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::build::Scene;
-use super::surface::MeshSurface;
+use super::mesh_surface::MeshSurface;
 use crate::bsdf::{Bsdf, DeltaBsdf, Normals, SurfacePoint};
 use crate::geometry::SurfaceDifferential;
 
