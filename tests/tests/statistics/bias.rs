@@ -74,8 +74,13 @@ fn check_without_power(case: &str, light: &str, integrator: &str, samples: u32) 
 #[test]
 fn fnee_is_unbiased_for_a_point_light() {
     check_with_power("flat", "point", "fnee", 4);
-    check_with_power("bump", "point", "fnee", 8);
     check_without_power("crown", "point", "fnee", 4);
+}
+
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
+fn fnee_is_unbiased_for_a_point_light_behind_bumps_and_cathedral_glass() {
+    check_with_power("bump", "point", "fnee", 8);
     check_without_power("cathedral", "point", "fnee", 3);
 }
 
@@ -91,6 +96,11 @@ fn fnee_is_unbiased_for_a_sphere() {
 #[test]
 fn cone_is_unbiased_for_a_sphere() {
     check_with_power("flat", "sphere", "cone", 2);
+}
+
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
+fn cone_is_unbiased_for_a_sphere_behind_old_glass() {
     check_with_power("bump", "sphere", "cone", 4);
     check_without_power("crown", "sphere", "cone", 2);
     check_without_power("cathedral", "sphere", "cone", 2);
@@ -98,9 +108,14 @@ fn cone_is_unbiased_for_a_sphere() {
 
 #[test]
 fn fnee_is_unbiased_for_the_sun() {
+    check_without_power("crown", "sun", "fnee", 1);
+}
+
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
+fn fnee_is_unbiased_for_the_sun_behind_flat_glass_and_bumps() {
     check_with_power("flat", "sun", "fnee", 2);
     check_with_power("bump", "sun", "fnee", 3);
-    check_without_power("crown", "sun", "fnee", 1);
 }
 
 #[test]
@@ -141,6 +156,12 @@ fn check_large_light(cases: [&str; 2]) {
 }
 
 #[test]
+fn cone_is_unbiased_for_a_large_light() {
+    check_without_power("bump", "near", "cone", 16);
+}
+
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn path_and_cone_are_unbiased_for_a_large_light() {
     check_large_light(["crown", "bump"]);
 }
@@ -154,6 +175,11 @@ fn path_and_cone_are_unbiased_for_a_large_light_behind_flat_and_cathedral_glass(
 #[test]
 fn sms_is_unbiased() {
     check_with_power("flat", "point", "sms", 2);
+}
+
+#[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
+fn sms_is_unbiased_for_the_sun_and_for_a_large_light() {
     check_without_power("bump", "sun", "sms", 2);
     // Near folds and at the borders of panes it finds some paths very rarely. Behind other relief, small and far lights
     // need the samples of the binary `bias`.
