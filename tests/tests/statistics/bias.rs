@@ -200,6 +200,7 @@ fn mnee_is_unbiased_where_chance_finds_what_it_misses() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn what_a_selection_of_panes_leaves_out_is_left_to_chance() {
     check_without_power("room", "sun-5", "fnee, sharp", 24);
 }

@@ -158,6 +158,7 @@ fn every_method_finds_the_light_of_the_sun_that_chance_finds() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn every_method_finds_the_light_of_a_panel_that_chance_finds() {
     let panel = json!({"rectangle": {"name": "panel", "centre": [0.03, -0.02, 0.4], "edge_u": [0, 0.2, 0],
         "edge_v": [0.25, 0, 0], "radiance": [1, 1, 1]}});

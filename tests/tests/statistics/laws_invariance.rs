@@ -299,6 +299,7 @@ fn light_through_many_panes_is_the_sum_of_the_light_through_each() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn every_method_adds_the_light_of_groups_of_panes() {
     let sun = json!({"sun": {"name": "sun", "direction": [0.2, -0.1, 1], "angular_radius": 15, "radiance": [1, 1, 1]}});
     for (name, integrator) in unbiased_integrators() {
