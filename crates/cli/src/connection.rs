@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use clerestory_api::{Client, ClientError, JobId};
+use clerestory_api::{Client, ClientError, JobId, ProblemCode};
 
 use crate::failure::Failure;
 
@@ -53,6 +53,16 @@ impl Connection {
     /// Address of the coordinator, for messages.
     pub(crate) fn address(&self) -> &str {
         self.client.address()
+    }
+
+    /// Fails unless a coordinator answers at the address and takes the token. A busy coordinator will do.
+    pub(crate) async fn check(&self) -> Result<(), Failure> {
+        match self.client.integrators().await {
+            Err(error) if error.problem().is_none_or(|problem| problem.code == ProblemCode::Unauthorized) => {
+                Err(self.failure(error))
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Adds the coordinator's address to the failure of a call.

@@ -3,9 +3,7 @@
 use std::path::Path;
 
 use clerestory_film::{FrameImage, ImageMetadata, TileGrid};
-use clerestory_render_core::document;
-use clerestory_render_core::document::SamplingDescription;
-use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::document::{self, SamplingDescription, SceneBundle, SceneDescription};
 use clerestory_render_core::scene::description::FilmDescription;
 
 use crate::failure::Failure;

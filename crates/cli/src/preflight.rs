@@ -1,6 +1,6 @@
 //! Scenes that are built on this machine before a farm has them.
 
-use clerestory_api::BuiltScene;
+use clerestory_api::{BuiltScene, JobView};
 use clerestory_render_core::document::SceneBundle;
 use clerestory_render_core::scene::SceneError;
 use clerestory_worker::machine_memory;
@@ -18,18 +18,21 @@ pub(crate) enum Preflight {
 }
 
 impl Preflight {
-    /// Builds a scene and drops it again. The user hears at once what a worker would refuse.
-    pub(crate) fn of(bundle: &SceneBundle, activity: &Activity) -> Result<Self, SceneError> {
-        Self::within(machine_memory(), bundle, activity)
+    /// Builds a scene, shown as an activity, and drops it again. The user hears at once what a worker would refuse.
+    pub(crate) fn of(bundle: &SceneBundle) -> Result<Self, SceneError> {
+        Self::within(machine_memory(), bundle)
     }
 
-    fn within(machine: Option<u64>, bundle: &SceneBundle, activity: &Activity) -> Result<Self, SceneError> {
+    fn within(machine: Option<u64>, bundle: &SceneBundle) -> Result<Self, SceneError> {
+        let activity = Activity::begin("Building the scene");
         let memory = bundle.memory();
         memory.check_counts()?;
         if let Some(Err(error)) = machine.map(|machine| memory.check(machine, WAY_OUT)) {
+            activity.done("The scene is counted");
             return Ok(Self::TooLarge(error));
         }
         let scene = activity.build(bundle)?;
+        activity.done("The scene is built");
         let (left_to_chance, chosen_methods) = (scene.left_to_chance(), scene.chosen_methods());
         Ok(Self::Built(BuiltScene { left_to_chance, chosen_methods }))
     }
@@ -44,10 +47,18 @@ impl Preflight {
             Self::TooLarge(error) => {
                 progress.missing_light(missing_light, &[]);
                 progress.note(&format!(
-                    "This machine has too little memory to build the scene, so the first worker that builds it decides \
-                     whether it can be rendered: {error}"
+                    "This machine has too little memory to build the scene, so the workers find whether it can be \
+                     rendered: {error}"
                 ));
             }
+        }
+    }
+
+    /// Lists what a worker has reported of a scene that is too large for this machine.
+    pub(crate) fn announce_report(&self, job: &JobView, progress: &Progress) {
+        if let Self::TooLarge(_) = self {
+            progress.chosen_methods(job.chosen_methods.as_deref().unwrap_or_default());
+            progress.missing_light(&[], job.left_to_chance.as_deref().unwrap_or_default());
         }
     }
 }
@@ -83,9 +94,7 @@ mod tests {
 
     #[test]
     fn a_scene_is_built_where_there_is_memory_and_otherwise_left_to_a_worker() {
-        let preflight = |machine, places: &[f64]| {
-            Preflight::within(machine, &glazed(places), &Activity::begin("Building the scene"))
-        };
+        let preflight = |machine, places: &[f64]| Preflight::within(machine, &glazed(places));
         let built = preflight(None, &[1.0]).unwrap();
         assert!(matches!(built, Preflight::Built(scene) if !scene.chosen_methods.is_empty()));
         let error = preflight(None, &[1.0, 1.0]).err().unwrap();

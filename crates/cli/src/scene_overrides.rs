@@ -5,9 +5,9 @@ use std::str::FromStr;
 
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser};
-use clerestory_render_core::document::SceneBundle;
-use clerestory_render_core::document::{self, Override, OverrideError};
-use clerestory_render_core::document::{SamplingDescription, SceneDescription};
+use clerestory_render_core::document::{
+    self, Override, OverrideError, SamplingDescription, SceneBundle, SceneDescription,
+};
 use clerestory_render_core::scene::description::FilmDescription;
 use clerestory_render_core::specular::registry::IntegratorDescription;
 

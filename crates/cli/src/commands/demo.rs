@@ -7,12 +7,10 @@ use std::time::Duration;
 
 use clap::Args;
 use clerestory_api::{ConvergencePoint, JobView};
-use clerestory_render_core::document::SamplingDescription;
-use clerestory_render_core::document::SceneDescription;
+use clerestory_render_core::document::{SamplingDescription, SceneDescription};
 use clerestory_render_core::scene::description::FilmDescription;
 use tempfile::TempDir;
 
-use crate::activity::Activity;
 use crate::child::Environment;
 use crate::connection::Connection;
 use crate::download::download;
@@ -93,9 +91,11 @@ pub(crate) async fn run(mut arguments: DemoArguments) -> Result<(), Failure> {
     let description = SceneDescription { sampling: SAMPLING, ..bundle.description().clone() };
     let failure = |source| Failure::scene(&scene, source);
     let bundle = bundle.with_description(description).map_err(failure)?;
-    let activity = Activity::begin("Building the scene");
-    let preflight = Preflight::of(&bundle, &activity).map_err(failure)?;
-    activity.done("The scene is built");
+    let preflight = match Preflight::of(&bundle).map_err(failure)? {
+        // The workers of the demo share the memory of this machine.
+        Preflight::TooLarge(source) => return Err(failure(source)),
+        preflight @ Preflight::Built(_) => preflight,
+    };
     let reference = match arguments.scene {
         Some(_) => arguments.reference,
         None => shipped_reference(bundle.description().film, &progress)?,

@@ -95,9 +95,9 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
         priority: arguments.priority,
         reference: reference_asset(arguments.reference.as_deref(), &bundle)?,
     };
-    let activity = Activity::begin("Building the scene");
-    let preflight = Preflight::of(&bundle, &activity).map_err(|source| Failure::scene(&arguments.scene, source))?;
-    activity.done("The scene is built");
+    // Building may take minutes.
+    connection.check().await?;
+    let preflight = Preflight::of(&bundle).map_err(|source| Failure::scene(&arguments.scene, source))?;
     let sampling = bundle.description().sampling;
     // The coordinator refuses a scene with others.
     let sampling = Sampling::new(sampling.samples_per_pass, sampling.samples_per_block).ok();
@@ -117,6 +117,7 @@ pub(crate) async fn run(arguments: SubmitArguments) -> Result<(), Failure> {
             return Ok(job);
         }
         let (job, metadata) = wait(&connection, job.id, &files, &mut progress).await?;
+        preflight.announce_report(&job, &progress);
         let metadata = metadata.filter(|_| absence.is_none());
         metadata.as_ref().and_then(standard_error::note_of_gaps).iter().for_each(|note| progress.note(note));
         Ok::<_, Failure>(job)

@@ -1,9 +1,7 @@
 //! The view of a scene: its camera, and the direction of its sun.
 
-use clerestory_render_core::document::SceneBundle;
-use clerestory_render_core::document::SceneDescription;
-use clerestory_render_core::light::LightDescription;
-use clerestory_render_core::light::SunLight;
+use clerestory_render_core::document::{SceneBundle, SceneDescription};
+use clerestory_render_core::light::{LightDescription, SunLight};
 use clerestory_render_core::scene::SceneError;
 use clerestory_render_core::scene::description::CameraDescription;
 use clerestory_render_core::settings::Triple;

@@ -295,7 +295,7 @@ fn a_reference_of_another_size_is_refused_by_the_sizes() {
 }
 
 #[test]
-fn a_scene_that_cannot_be_built_is_refused_before_anything_is_sent() {
+fn submit_builds_the_scene_after_the_coordinator_has_answered_and_before_anything_is_sent() {
     let folder = Folder::new();
     let mut scene: Value = serde_json::from_slice(&fs::read(folder.path("scene.json")).unwrap()).unwrap();
     let pane = |name: &str| {
@@ -304,8 +304,20 @@ fn a_scene_that_cannot_be_built_is_refused_before_anything_is_sent() {
     };
     scene["panes"] = json!([pane("one"), pane("other")]);
     fs::write(folder.path("touching.json"), scene.to_string()).unwrap();
-    let nobody = ["submit", "touching.json", "--coordinator", "http://127.0.0.1:1"];
-    folder.fails(&nobody, 1, &["cannot use the scene touching.json", "panes[1].centre: found "]);
+    let farm = folder.coordinator("127.0.0.1:0", Some("0123456789abcdef"));
+    fs::write(folder.path("token"), "0123456789abcdef\n").unwrap();
+    let submit = ["submit", "touching.json", "--coordinator"];
+    folder.fails(
+        &[&submit[..], &["http://127.0.0.1:1"]].concat(),
+        1,
+        &["http://127.0.0.1:1", "no coordinator is there"],
+    );
+    folder.fails(&[&submit[..], &[farm.address()]].concat(), 1, &["no token was sent"]);
+    let with_token = [farm.address(), "--token-file", "token"];
+    let refused = [&submit[..], &with_token].concat();
+    folder.fails(&refused, 1, &["cannot use the scene touching.json", "panes[1].centre: found "]);
+    let jobs = folder.succeeds(&[&["jobs", "--json", "--coordinator"][..], &with_token].concat());
+    assert_eq!(serde_json::from_str::<Value>(&jobs).unwrap(), json!([]));
 }
 
 #[test]
