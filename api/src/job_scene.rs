@@ -24,13 +24,10 @@ pub struct JobScene {
     pub tile_size: u32,
     /// Passes that each tile gets.
     pub passes: u32,
-    /// Whether no worker has reported yet how building the scene ended: the next one that builds it does.
-    #[serde(default)]
-    pub wants_report: bool,
 }
 
-/// A worker reports how building the scene of its lease's job ended. The first report of a job counts, and later ones
-/// change nothing.
+/// A worker reports how building the scene of its lease's job ended, when the lease wants a report. The first built
+/// scene of a job counts. Where the scene is refused, the coordinator takes the lease back.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneReport {
@@ -46,7 +43,8 @@ pub struct SceneReport {
 pub enum BuildOutcome {
     /// The scene can be rendered.
     Built(BuiltScene),
-    /// No machine can build the scene, for a reason that lies in the scene. The job fails.
+    /// The scene cannot be built, for a reason that lies in the scene. The job fails when a second machine confirms it,
+    /// or at once when no other machine could try. Of a job with accepted nodes it is a failure of the lease.
     Refused {
         /// What is wrong: the place in the scene, its value and what would be right. At most 2000 characters.
         reason: String,

@@ -68,6 +68,9 @@ pub struct Lease {
     /// are, but no longer than the lease should take.
     #[serde(default = "default_gather_ms")]
     pub gather_ms: u32,
+    /// Whether the coordinator wants a report on the scene: no worker has built it yet.
+    #[serde(default)]
+    pub wants_report: bool,
 }
 
 /// What coordinators expect that do not say so.

@@ -1,7 +1,6 @@
 //! The scenes of the last few jobs, built or being built, and the assets they are made of.
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
@@ -41,22 +40,16 @@ pub(crate) struct JobPlan {
     pub(crate) scene: PreparedScene,
     /// How its image is cut into tiles.
     pub(crate) grid: TileGrid,
-    /// The report on the scene, if the coordinator wants one.
-    report: Option<BuiltScene>,
-    is_reported: AtomicBool,
+    /// What a report on the scene says.
+    built: BuiltScene,
     /// The memory of the scene, released when the scene is dropped.
     _memory: Reservation,
 }
 
 impl JobPlan {
-    /// The report on the scene, while the coordinator wants one.
-    pub(crate) fn report(&self) -> Option<BuildOutcome> {
-        self.report.clone().filter(|_| !self.is_reported.load(Ordering::Relaxed)).map(BuildOutcome::Built)
-    }
-
-    /// Notes that the coordinator has the report.
-    pub(crate) fn set_reported(&self) {
-        self.is_reported.store(true, Ordering::Relaxed);
+    /// The report on the scene.
+    pub(crate) fn report(&self) -> BuildOutcome {
+        BuildOutcome::Built(self.built.clone())
     }
 
     /// The partial with these nodes.
@@ -90,11 +83,7 @@ pub(crate) enum PlanError {
     #[error("the scene takes too much memory for this worker")]
     TooLarge(#[source] SceneError),
     #[error("the scene cannot be built")]
-    Scene {
-        /// Whether the coordinator wants a report on the scene.
-        wants_report: bool,
-        source: SceneError,
-    },
+    Scene(#[source] SceneError),
     #[error("building the scene failed")]
     Panic(#[from] tokio::task::JoinError),
     #[error("building the scene was given up")]
@@ -108,10 +97,10 @@ impl PlanError {
         failure.problem().is_some_and(|problem| problem.code == ProblemCode::UnknownAsset)
     }
 
-    /// The report on a scene that no machine can build, while the coordinator wants one.
+    /// The report on a scene that cannot be built for a reason that lies in the scene.
     pub(crate) fn report(&self) -> Option<BuildOutcome> {
         match self {
-            Self::Scene { wants_report: true, source } => {
+            Self::Scene(source) => {
                 Some(BuildOutcome::Refused { reason: source.to_string().chars().take(LONGEST_REFUSAL).collect() })
             }
             _ => None,
@@ -282,22 +271,16 @@ impl PlanBuilder {
         for (name, hash) in &order.assets {
             assets.insert(name.clone(), self.asset(&mut cache, name, hash).await?);
         }
-        let (limit, tile_size, wants_report) = (self.budget.limit(), order.tile_size, order.wants_report);
+        let (limit, tile_size) = (self.budget.limit(), order.tile_size);
         let (bundle, bytes) = tokio::task::spawn_blocking(move || bundle(&order, assets, limit)).await??;
         let drop_plan = || self.plans.upgrade().is_some_and(|plans| plans.drop_oldest());
         let memory = self.budget.reserve(bytes, drop_plan).await;
         cache.keep(usize::try_from(self.budget.spare()).unwrap_or(usize::MAX));
-        let built = tokio::task::spawn_blocking(move || build(&bundle, wants_report)).await?;
-        let (scene, report) = built.map_err(|source| PlanError::Scene { wants_report, source })?;
+        // The thread owns the memory: it builds on when the task is aborted.
+        let built = tokio::task::spawn_blocking(move || Ok((build(&bundle)?, memory))).await?;
+        let ((scene, built), memory) = built.map_err(PlanError::Scene)?;
         let FilmDescription { width, height } = scene.description().film;
-        let plan = JobPlan {
-            job,
-            scene,
-            grid: TileGrid { width, height, tile_size },
-            report,
-            is_reported: AtomicBool::new(false),
-            _memory: memory,
-        };
+        let plan = JobPlan { job, scene, grid: TileGrid { width, height, tile_size }, built, _memory: memory };
         info!(%job, scene = %plan.scene.hash(), seconds = begun.elapsed().as_secs_f64(), "built a scene");
         Ok(plan)
     }
@@ -331,18 +314,18 @@ fn bundle(
         return Err(PlanError::WrongScene { found, expected: order.scene_hash.clone() });
     }
     let memory = bundle.memory();
+    memory.check_counts().map_err(PlanError::Scene)?;
     if let Some(limit) = limit {
         memory.check(limit.bytes, limit.way_out).map_err(PlanError::TooLarge)?;
     }
     Ok((bundle, memory.bytes()))
 }
 
-/// Builds a scene, and makes the report on it where one is wanted.
-fn build(bundle: &SceneBundle, wants_report: bool) -> Result<(PreparedScene, Option<BuiltScene>), SceneError> {
+/// Builds a scene, and makes the report on it.
+fn build(bundle: &SceneBundle) -> Result<(PreparedScene, BuiltScene), SceneError> {
     let scene = PreparedScene::build(bundle)?;
-    let report = wants_report
-        .then(|| BuiltScene { left_to_chance: scene.left_to_chance(), chosen_methods: scene.chosen_methods() });
-    Ok((scene, report))
+    let built = BuiltScene { left_to_chance: scene.left_to_chance(), chosen_methods: scene.chosen_methods() };
+    Ok((scene, built))
 }
 
 /// Assets by content hash, the least recently used dropped first.

@@ -26,6 +26,9 @@ const RENDER_AHEAD: usize = 4;
 /// Shortest time between renewals, whatever the term of the lease.
 const SHORTEST_RENEWAL: Duration = Duration::from_millis(50);
 
+/// Reports on a scene that something other than a coordinator may answer.
+const MISDIRECTED_REPORTS: u32 = 5;
+
 /// How the rendering of a lease ended.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
@@ -37,8 +40,18 @@ pub(crate) enum Ending {
     Stopped,
     /// The nodes cannot be rendered here, for this reason.
     Failed(String),
-    /// No machine can build the scene, for this reason, and the coordinator knows.
+    /// The scene cannot be built, for this reason, and the coordinator has the report.
     Unbuildable(String),
+}
+
+/// What became of a report on a scene.
+enum Reported {
+    /// The coordinator has it.
+    Taken,
+    /// The coordinator, or a proxy before it, refuses the report. The lease goes on.
+    Refused,
+    /// The lease is over, or the worker must end.
+    Interrupted,
 }
 
 /// A lease that is being rendered. A background task renews it until it is settled.
@@ -92,10 +105,7 @@ impl LeaseWork {
                 Ending::Over
             }
             Some(Err(failure)) => self.give_up(&failure).await,
-            Some(Ok(plan)) => match self.report_built(&plan).await {
-                Some(ending) => ending,
-                None => self.render_nodes(plan, renderer).await,
-            },
+            Some(Ok(plan)) => self.render_nodes(plan, renderer).await,
         };
         let failure = match &ending {
             Ending::Failed(reason) | Ending::Unbuildable(reason) => Some(reason.clone()),
@@ -104,44 +114,49 @@ impl LeaseWork {
         (ending, self.settle(failure))
     }
 
-    /// The ending of a lease whose scene is not built. Reports a scene that no machine can build.
+    /// The ending of a lease whose scene is not built. Reports a scene that cannot be built.
     async fn give_up(&self, failure: &PlanError) -> Ending {
         let reason = with_causes(failure);
-        let Some(outcome) = failure.report() else { return Ending::Failed(reason) };
-        self.report(outcome).await.unwrap_or(Ending::Unbuildable(reason))
-    }
-
-    /// Reports a scene that is built, unless the coordinator has the report. Returns an ending when the lease is over
-    /// or the worker must end.
-    async fn report_built(&self, plan: &JobPlan) -> Option<Ending> {
-        let ending = self.report(plan.report()?).await;
-        if ending.is_none() {
-            plan.set_reported();
+        let Some(outcome) = failure.report().filter(|_| self.lease.wants_report) else {
+            return Ending::Failed(reason);
+        };
+        match self.report(outcome).await {
+            Reported::Taken => Ending::Unbuildable(reason),
+            Reported::Refused => Ending::Failed(reason),
+            Reported::Interrupted => self.interruption(),
         }
-        ending
     }
 
-    /// Reports how building the scene ended, until the coordinator answers. Returns an ending when the lease is over or
-    /// the worker must end meanwhile. A report that the coordinator refuses for another reason is not repeated.
-    async fn report(&self, outcome: BuildOutcome) -> Option<Ending> {
+    /// Reports how building the scene ended, until the coordinator answers.
+    async fn report(&self, outcome: BuildOutcome) -> Reported {
         let report = SceneReport { token: self.lease.token, outcome };
-        let call = until_answered("report a scene", || self.client.report_scene(self.lease.id, &report));
+        let mut misdirected = 0;
+        // An answer of a proxy says nothing about the lease. A proxy that never lets reports through must not stop the
+        // rendering.
+        let may_pass = |error: &ClientError| {
+            misdirected += u32::from(error.is_misdirected());
+            error.is_transient() || (error.is_misdirected() && misdirected < MISDIRECTED_REPORTS)
+        };
+        let call = repeat_while("report a scene", may_pass, || self.client.report_scene(self.lease.id, &report));
         match self.stop.run_until_cancelled(call).await {
-            None => Some(self.interruption()),
-            Some(Ok(())) => None,
+            None => Reported::Interrupted,
+            Some(Ok(())) => Reported::Taken,
             Some(Err(error)) if is_lease_over(&error) => {
                 info!(lease = %self.lease.id, reason = with_causes(&error), "the lease is over");
                 self.over.cancel();
-                Some(Ending::Over)
+                self.stop.cancel();
+                Reported::Interrupted
             }
             Some(Err(error)) => {
                 let reason = with_causes(&error);
                 warn!(lease = %self.lease.id, reason, "the coordinator refuses the report on a scene");
-                None
+                Reported::Refused
             }
         }
     }
 
+    /// Renders the nodes. Reports the scene first where that is wanted: the first nodes are rendered meanwhile, and
+    /// uploads wait for the answer, so that the image of a job says what was reported.
     async fn render_nodes(&mut self, plan: Arc<JobPlan>, renderer: &Arc<Renderer>) -> Ending {
         let (sender, mut rendered) = mpsc::channel(RENDER_AHEAD);
         let cancelled = Arc::new(AtomicBool::new(false));
@@ -156,6 +171,10 @@ impl LeaseWork {
             let (plan, renderer, nodes) = (plan.clone(), renderer.clone(), self.lease.nodes.clone());
             tokio::task::spawn_blocking(move || renderer.render(&plan, &nodes, &cancelled, &sender))
         };
+        if self.lease.wants_report {
+            // A worker whose report is refused renders on. The next lease asks for a report again.
+            self.report(plan.report()).await;
+        }
         let mut batch: Vec<RenderedNode> = Vec::new();
         let mut due = Instant::now();
         loop {

@@ -17,8 +17,8 @@ use crate::clock::Clock;
 use crate::films::reader::FilmReader;
 use crate::memory::MemoryBudget;
 use crate::model::{
-    BlobRange, CheckKey, CheckOutcome, DeliveredNode, Delivery, JobRecord, LeaseRecord, SceneReport, WorkFailure,
-    is_selected, wire_address,
+    BlobRange, CheckKey, CheckOutcome, DeliveredNode, Delivery, JobRecord, LeaseRecord, SceneChange, SceneReport,
+    WorkFailure, is_selected, wire_address,
 };
 use crate::store::{LeaseError, Store, StoreError};
 use crate::tasks::to_completion;
@@ -157,19 +157,32 @@ impl Acceptance {
         Ok(failed.await??)
     }
 
-    /// Records how a worker's building of a scene ended. The first report of a job counts.
+    /// Records how a worker's building of a scene ended.
     pub(crate) async fn report_scene(
         &self,
         lease: LeaseId,
         token: u64,
         outcome: BuildOutcome,
     ) -> Result<(), AcceptanceError> {
-        let report = SceneReport { lease, token, outcome, now_ms: self.clock.now_ms() };
+        let (now_ms, alive_ms) = (self.clock.now_ms(), self.liveness.alive_ms());
+        let report = SceneReport { lease, token, outcome, now_ms, alive_ms };
         let (store, notifications) = (self.store.clone(), Arc::clone(&self.notifications));
         let recorded = to_completion(async move {
-            if let Some(job) = store.report_scene(report).await? {
-                tracing::info!(%job, "a worker has reported on the scene of the job");
-                notifications.publish(Notification::Job(job));
+            match store.report_scene(report).await? {
+                Some(SceneChange::Built(job)) => {
+                    tracing::info!(%job, "a worker has built the scene of the job");
+                    notifications.publish(Notification::Job(job));
+                }
+                Some(SceneChange::Freed(job)) => {
+                    tracing::warn!(%job, %lease, "a worker cannot build the scene of the job; others can try");
+                    notifications.publish(Notification::Work);
+                }
+                Some(SceneChange::Failed(job)) => {
+                    tracing::warn!(%job, "the job has failed, because its scene cannot be built");
+                    notifications.publish(Notification::Job(job));
+                    notifications.publish(Notification::Work);
+                }
+                None => {}
             }
             Ok::<_, LeaseError>(())
         });

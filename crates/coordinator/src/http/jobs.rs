@@ -90,8 +90,7 @@ pub(super) async fn scene(
     let (scene, assets) = store.job_scene(job).await?.ok_or(JobError::Unknown(job))?;
     let scene = serde_json::from_str(&scene).map_err(ApiError::internal)?;
     let (tile_size, passes) = (record.grid.tile_size, record.passes);
-    let wants_report = record.built_scene.is_none();
-    Ok(Json(JobScene { job, scene, scene_hash: record.scene_hash, assets, tile_size, passes, wants_report }))
+    Ok(Json(JobScene { job, scene, scene_hash: record.scene_hash, assets, tile_size, passes }))
 }
 
 /// The convergence of a job.

@@ -134,8 +134,8 @@ pub(super) fn check_core_ms(field: &'static str, core_ms: u64) -> Result<(), Api
     Err(ApiError::invalid_field(field, core_ms, format!("at most {MOST_CORE_MS} milliseconds")))
 }
 
-/// Reports how building the scene of the lease's job ended. A scene that cannot be built ends the job. The first report
-/// of a job counts, and later ones change nothing.
+/// Reports how building the scene of the lease's job ended. The first built scene of a job counts. A scene that two
+/// machines refuse ends the job, and so does one that a machine refuses when no other could try.
 #[utoipa::path(
     post, path = "/leases/{lease}/scene", tag = "leases", params(("lease" = LeaseId, Path)),
     request_body = SceneReport, responses((status = 204, description = "The coordinator knows how building ended."))

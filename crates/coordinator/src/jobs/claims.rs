@@ -121,7 +121,7 @@ impl Claims {
     }
 
     fn lease(&self, grant: Grant) -> Lease {
-        let Grant { lease, scene_hash, nodes, upload_linger_ms } = grant;
+        let Grant { lease, scene_hash, nodes, upload_linger_ms, wants_report } = grant;
         let (id, job, worker) = (lease.id, lease.job, lease.worker);
         tracing::debug!(lease = %id, %job, %worker, nodes = nodes.len(), "lease granted");
         self.notifications.publish(Notification::Lease(job));
@@ -134,6 +134,7 @@ impl Claims {
             deadline_ms: lease.deadline_ms,
             expires_in_ms: milliseconds(self.policy.ttl),
             gather_ms: u32::try_from(upload_linger_ms).unwrap_or(u32::MAX),
+            wants_report,
         }
     }
 }

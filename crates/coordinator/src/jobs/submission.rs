@@ -1,8 +1,8 @@
 //! Submissions: validated, then stored as jobs.
 //!
-//! The coordinator validates the scene's document and counts what its files hold. It decodes and builds nothing: a
-//! scene can take more memory and time to build than a coordinator has. The first worker that builds the scene reports
-//! what only building shows.
+//! The coordinator validates the scene's document and counts what its files hold: by the headers of PLY files and
+//! pictures, and by all statements of OBJ files. It builds nothing: a scene can take more memory and time to build than
+//! a coordinator has. The first worker that builds the scene reports what only building shows.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -52,7 +52,7 @@ pub(crate) struct Submissions {
 }
 
 impl Submissions {
-    /// Submissions whose large scenes have files of `limit` bytes together.
+    /// `limit` is the most memory that the files of one scene may take, in bytes.
     pub(crate) fn new(
         store: Store,
         blobs: Blobs,

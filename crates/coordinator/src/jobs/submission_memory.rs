@@ -35,9 +35,9 @@ const MOST_WAITING: usize = 64;
 /// Longest wait for memory: proxies give up after half a minute or a minute.
 const LONGEST_WAIT: Duration = Duration::from_secs(20);
 
-/// The coordinator validates other submissions, and has no memory for this one yet.
+/// The coordinator is busy with other submissions, and has no memory for this one yet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the coordinator validates other submissions, and has no memory for this one yet; try again")]
+#[error("the coordinator is busy with other submissions, and has no memory for this one yet; try again")]
 pub(crate) struct Busy;
 
 impl Busy {

@@ -8,6 +8,8 @@ use clerestory_film::{
     Adaptation, NodeAddress, PILOT_ROUND, PassRange, Rounds, Sampling, SamplingError, Targets, TileGrid,
 };
 
+use super::scene_report::SceneRefusal;
+
 /// The methods that workers know which register a single digest. They read version 1 of the scene format.
 const FIRST_METHODS: [&str; 6] = ["path", "cone", "fnee", "sms", "mnee", "conic"];
 
@@ -84,6 +86,8 @@ pub(crate) struct JobRecord {
     pub(crate) missing_light: Vec<String>,
     /// What a worker that built the scene has reported; `None` until then.
     pub(crate) built_scene: Option<BuiltScene>,
+    /// The machine that refused to build the scene, while no other has confirmed it.
+    pub(crate) scene_refusal: Option<SceneRefusal>,
     /// Number of frames.
     pub(crate) frames: u32,
     /// Size of the image and its tiles.

@@ -52,6 +52,8 @@ pub(crate) struct Grant {
     pub(crate) nodes: Vec<NodeAddress>,
     /// How long a complete node waits for others.
     pub(crate) upload_linger_ms: i64,
+    /// Whether no worker has built the job's scene yet.
+    pub(crate) wants_report: bool,
 }
 
 /// What became of a lease.

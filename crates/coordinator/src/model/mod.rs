@@ -27,7 +27,7 @@ pub(crate) use measured_rate::{MeasuredRate, SHORTEST_LINGER_SECONDS};
 pub(crate) use name::{UnprintableName, check_name};
 pub(crate) use node::{BlobRange, Merge, NodeRow, Removed, StoredNode, Work, wire_address};
 pub(crate) use round::{CompleteRound, FilmLease, RecordedRound};
-pub(crate) use scene_report::SceneReport;
+pub(crate) use scene_report::{SceneChange, SceneRefusal, SceneReport};
 pub(crate) use sharing::TilePasses;
 pub(crate) use targets::{round_error, stop_reason};
 pub(crate) use worker::Heartbeat;

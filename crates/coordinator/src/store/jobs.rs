@@ -18,8 +18,8 @@ use crate::store::events;
 
 /// What [`record`] reads.
 pub(in crate::store) const COLUMNS: &str = "id, name, state, stopped_by, failure, failed_node, hold, priority, \
-     scene_hash, integrator, missing_light, scene_is_built, left_to_chance, chosen_methods, frames, width, height, \
-     tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, target_mse, \
+     scene_hash, integrator, missing_light, scene_is_built, left_to_chance, chosen_methods, scene_refusal, frames, width, \
+     height, tile_size, samples_per_pass, samples_per_block, passes, reference, probe_digest, time_limit_ms, target_mse, \
      target_estimated_mse, adaptive, shared_samples, created_ms, started_ms, finished_ms, reopened_ms, \
      cursor_round, cursor_frame, cursor_tile, rounds, complete_passes, accepted_nodes, redone_nodes, samples, \
      core_ms, counters";
@@ -39,6 +39,7 @@ pub(in crate::store) fn record(row: &Row) -> Result<JobRecord, StoreError> {
         integrator: row.text("integrator")?,
         missing_light: row.json("missing_light")?,
         built_scene: built_scene(row)?,
+        scene_refusal: row.optional_json("scene_refusal")?,
         frames: row.number("frames")?,
         grid: TileGrid {
             width: row.number("width")?,

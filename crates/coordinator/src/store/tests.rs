@@ -100,8 +100,11 @@ use pins::{
 };
 use refused::a_database_of_another_program_is_refused_and_left_as_it_is;
 use scene_reports::{
-    a_report_needs_a_valid_lease, a_scene_that_cannot_be_built_fails_its_job_and_counts_against_nobody,
-    the_first_report_on_a_scene_counts_and_survives,
+    a_machine_that_builds_a_refused_scene_refutes_the_refusal,
+    a_refused_scene_fails_its_job_at_once_where_no_other_machine_could_try, a_report_needs_a_valid_lease,
+    a_scene_that_two_machines_refuse_fails_its_job_and_counts_against_nobody,
+    a_worker_that_refuses_a_scene_that_others_render_fails_its_lease_alone,
+    reports_are_forgotten_when_a_job_is_unpinned, the_first_report_on_a_scene_counts_and_survives,
 };
 use stragglers::{
     a_node_is_not_leased_again_without_end, a_single_node_is_taken_over_by_its_passes,
@@ -513,7 +516,11 @@ on_both! {
     a_worker_that_dies_with_a_node_that_another_took_over_counts_too
     a_check_that_workers_die_with_again_and_again_is_given_up
     the_first_report_on_a_scene_counts_and_survives
-    a_scene_that_cannot_be_built_fails_its_job_and_counts_against_nobody
+    a_machine_that_builds_a_refused_scene_refutes_the_refusal
+    a_refused_scene_fails_its_job_at_once_where_no_other_machine_could_try
+    a_scene_that_two_machines_refuse_fails_its_job_and_counts_against_nobody
+    a_worker_that_refuses_a_scene_that_others_render_fails_its_lease_alone
+    reports_are_forgotten_when_a_job_is_unpinned
     a_report_needs_a_valid_lease
     a_worker_that_ends_gives_all_back_and_leaves_the_list
     a_silent_worker_is_listed_for_a_day_or_until_its_machine_is_back

@@ -1,7 +1,9 @@
 //! Scenes that a worker judges when it builds them.
 
 use bytes::Bytes;
-use clerestory_api::{BuildOutcome, BuiltScene, ClientError, JobState, JobSubmission, Lease, ProblemCode, SceneReport};
+use clerestory_api::{
+    BuildOutcome, BuiltScene, ClientError, JobState, JobSubmission, Lease, LeaseReturn, ProblemCode, SceneReport,
+};
 use serde_json::json;
 
 use crate::support::*;
@@ -34,19 +36,18 @@ async fn what_only_building_shows_is_known_after_the_first_report() {
     assert_eq!((job.left_to_chance, job.chosen_methods), (None, None));
     let [first, second] = [farm.worker_named("first").await, farm.worker_named("second").await];
     let leases = [first.claim().await.unwrap(), second.claim().await.unwrap()];
-    assert!(farm.client.job_scene(job.id).await.unwrap().wants_report);
+    assert!(leases[0].wants_report && leases[1].wants_report);
 
     let mut known = Box::pin(farm.until(job.id, |job| job.chosen_methods.is_some()));
     assert!(futures::poll!(&mut known).is_pending());
     first.report(&leases[0], BuildOutcome::Built(built("cone"))).await.unwrap();
     let known = known.await;
     assert_eq!(known.left_to_chance, Some(built("cone").left_to_chance));
-    assert!(!farm.client.job_scene(job.id).await.unwrap().wants_report);
-
-    let refused = BuildOutcome::Refused { reason: "meshes: too many".to_owned() };
-    for outcome in [BuildOutcome::Built(built("fnee")), refused] {
-        second.report(&leases[1], outcome).await.unwrap();
-    }
+    let next = first.claim().await.unwrap();
+    assert!(!next.wants_report);
+    let unused = LeaseReturn { token: next.token, failure: None };
+    first.client.return_lease(next.id, &unused).await.unwrap();
+    second.report(&leases[1], BuildOutcome::Built(built("fnee"))).await.unwrap();
     let farm = farm.restarted().await;
     let shown = farm.client.job(job.id).await.unwrap();
     assert_eq!((shown.state, shown.chosen_methods), (JobState::Running, Some(built("cone").chosen_methods)));

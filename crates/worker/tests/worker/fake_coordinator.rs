@@ -52,7 +52,7 @@ pub(crate) struct FakeState {
     /// Whether requests for the scene wait.
     pub(crate) holds_scene: bool,
     pub(crate) scenes: u32,
-    /// Whether requests for the scene are answered that a report on it is wanted.
+    /// Whether leases ask for a report on the scene, until there is one.
     pub(crate) wants_report: bool,
     /// Answers to reports on the scene, first to last. After these all reports are taken.
     pub(crate) failing_reports: VecDeque<Response>,
@@ -188,6 +188,7 @@ pub(crate) fn lease(number: u64, nodes: Vec<NodeAddress>) -> Lease {
         deadline_ms: 0,
         expires_in_ms: 600,
         gather_ms: 1000,
+        wants_report: false,
     }
 }
 
@@ -254,6 +255,7 @@ async fn claim(State(coordinator): State<FakeCoordinator>, Json(request): Json<V
     coordinator.changed.notify_waiters();
     match state.claims.pop_front() {
         Some(Claim::Lease(lease)) => {
+            let lease = Lease { wants_report: state.wants_report && state.reports.is_empty(), ..lease };
             state.outstanding.insert(lease.id, lease.nodes.len() as u32);
             state.leases.insert(lease.id, lease.clone());
             state.lease_is_over &= lease.token == 1;
@@ -297,7 +299,6 @@ async fn scene(State(coordinator): State<FakeCoordinator>, Path(job): Path<Strin
         assets: BTreeMap::new(),
         tile_size: state.edge / 2,
         passes: 1 << 20,
-        wants_report: state.wants_report,
     })
 }
 

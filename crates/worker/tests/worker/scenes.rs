@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use axum::http::StatusCode;
-use axum::response::IntoResponse;
+use axum::response::{IntoResponse, Response};
 use clerestory_api::{BuildOutcome, BuiltScene, JobId, Lease};
 use serde_json::json;
 
@@ -88,6 +88,48 @@ async fn a_report_under_a_lease_that_is_over_is_made_under_the_next() {
     let state = coordinator.lock();
     assert_eq!(state.reports.iter().map(|(lease, ..)| *lease).collect::<Vec<_>>(), [next.id]);
     assert_eq!((uploaded(&state, &over), state.scenes), (Vec::new(), 1));
+}
+
+#[tokio::test]
+async fn a_worker_whose_report_is_refused_renders_on_and_reports_with_the_next_lease() {
+    let not_found = || StatusCode::NOT_FOUND.into_response();
+    let refusals: [Vec<Response>; 2] =
+        [std::iter::repeat_with(not_found).take(5).collect(), vec![problem(422, "invalid_field")]];
+    for refusal in refusals {
+        let coordinator = coordinator();
+        let (first, second) = (lease(1, all_tiles(0, 0)), lease(2, all_tiles(0, 1)));
+        coordinator.lock().claims = VecDeque::from([Claim::Lease(first.clone()), Claim::Lease(second.clone())]);
+        coordinator.lock().wants_report = true;
+        coordinator.lock().failing_reports = refusal.into();
+        let worker = coordinator.start().await;
+        coordinator
+            .until(|state| uploaded(state, &first) == first.nodes && uploaded(state, &second) == second.nodes)
+            .await;
+        worker.stop().await;
+        let state = coordinator.lock();
+        assert_eq!(state.reports.iter().map(|(lease, ..)| *lease).collect::<Vec<_>>(), [second.id]);
+    }
+}
+
+#[tokio::test]
+async fn a_scene_with_more_than_any_scene_may_have_is_reported_by_a_small_worker_too() {
+    let coordinator = coordinator();
+    coordinator.lock().claims.push_back(Claim::Lease(lease(1, all_tiles(0, 0))));
+    coordinator.lock().wants_report = true;
+    coordinator.set_scene(|scene| {
+        let face = json!({"hammered": {"wavelength": 0.012, "amplitude": 1e-7}});
+        let pane = |number: u32| {
+            json!({"name": format!("pane {number}"), "centre": [0, 0, number], "x_axis": [1, 0, 0],
+                "y_axis": [0, 1, 0], "width": 0.5, "height": 0.5, "thickness": 0.004, "front": face, "back": face})
+        };
+        scene["panes"] = (1..20).map(pane).collect();
+    });
+    let worker = coordinator.start_with(Some(10 << 10)).await;
+    coordinator.until(|state| !state.reports.is_empty()).await;
+    worker.stop().await;
+    let state = coordinator.lock();
+    let BuildOutcome::Refused { reason } = &state.reports[0].1.outcome else { panic!("{:?}", state.reports) };
+    assert!(reason.contains("spline coefficients in all panes"), "{reason}");
 }
 
 #[tokio::test]

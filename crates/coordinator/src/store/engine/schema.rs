@@ -49,7 +49,7 @@ pub enum SchemaError {
 }
 
 /// Migrations, each with its version and its name.
-pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 27] = [
+pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 28] = [
     (1, "first", include_str!("../../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../../migrations/0002_counters.sql")),
     (3, "farm", include_str!("../../../migrations/0003_farm.sql")),
@@ -77,6 +77,7 @@ pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 27] = [
     (25, "chosen_methods", include_str!("../../../migrations/0025_chosen_methods.sql")),
     (26, "read_by_first", include_str!("../../../migrations/0026_read_by_first.sql")),
     (27, "built_scenes", include_str!("../../../migrations/0027_built_scenes.sql")),
+    (28, "scene_refusals", include_str!("../../../migrations/0028_scene_refusals.sql")),
 ];
 
 /// The table of applied migrations. Newer builds leave the checksum empty.

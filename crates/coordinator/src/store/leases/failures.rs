@@ -34,7 +34,11 @@ struct Group {
     failures: u32,
 }
 
-async fn fail(connection: &mut Connection, failure: &WorkFailure) -> Result<Option<JobId>, LeaseError> {
+/// Takes back a lease whose work failed, and answers its job if that has failed for good.
+pub(in crate::store) async fn fail(
+    connection: &mut Connection,
+    failure: &WorkFailure,
+) -> Result<Option<JobId>, LeaseError> {
     let lease = leases::valid(connection, failure.lease, failure.token, failure.now_ms).await?;
     let worker = query(
         "update workers set refused_partials = refused_partials + $2, failures_in_a_row = failures_in_a_row + 1, \

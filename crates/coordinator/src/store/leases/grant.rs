@@ -101,7 +101,8 @@ pub(in crate::store) async fn grant(
         deadline_ms,
         nodes: nodes.iter().copied().collect(),
     };
-    Ok(Grant { lease, scene_hash: job.scene_hash.clone(), nodes, upload_linger_ms })
+    let (scene_hash, wants_report) = (job.scene_hash.clone(), job.built_scene.is_none());
+    Ok(Grant { lease, scene_hash, nodes, upload_linger_ms, wants_report })
 }
 
 /// Starts a job with its first lease, and [pins](crate::store::workers::pins) it to the worker's build fingerprint.

@@ -30,7 +30,7 @@ use crate::store::leases::grant::{Leased, Offer, grant};
 use crate::store::leases::table as leases;
 use crate::store::queue::backlog::fill_ready_queue;
 use crate::store::queue::open_jobs::{
-    JOBS_AT_ONCE, OpenJob, first_of, last_round, measured_rate, most_samples, open_jobs, prefer_built,
+    JOBS_AT_ONCE, OpenJob, first_of, last_round, measured_rate, most_samples, open_jobs, prefer_built, withhold_refused,
 };
 use crate::store::queue::splits::{Side, split_off};
 use crate::store::queue::stragglers::{self, HeldLease, TakenOver};
@@ -68,6 +68,7 @@ async fn claim(connection: &mut Connection, terms: &ClaimTerms) -> Result<Option
         let is_last = open.len() < JOBS_AT_ONCE;
         seen += open.len();
         open.retain(|OpenJob { job, .. }| !job.is_out_of_time(terms.now_ms));
+        withhold_refused(connection, &mut open, &claimant, terms).await?;
         prefer_built(connection, &mut open, terms).await?;
         for open in open {
             if without_work.last().is_some_and(|last| last.job.priority != open.job.priority) {

@@ -13,6 +13,7 @@ use crate::store::engine::row::Row;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::jobs;
+use crate::store::results::scene_reports;
 use crate::store::workers::pins::matches_pin_of;
 use crate::store::workers::table as workers;
 use crate::store::workers::table::Claimant;
@@ -54,6 +55,25 @@ impl OpenJob {
             workers: 1,
         }
     }
+}
+
+/// Withholds jobs whose scenes the machine of a worker refuses, while another machine could build them.
+pub(in crate::store) async fn withhold_refused(
+    connection: &mut Connection,
+    open: &mut Vec<OpenJob>,
+    claimant: &Claimant,
+    terms: &ClaimTerms,
+) -> Result<(), StoreError> {
+    let mut withheld = BTreeSet::new();
+    for OpenJob { job, .. } in open.iter() {
+        if job.scene_refusal.as_ref().is_some_and(|refusal| refusal.name == claimant.name)
+            && scene_reports::others_could_build(connection, job.id, &claimant.name, terms.alive_ms).await?
+        {
+            withheld.insert(job.id);
+        }
+    }
+    open.retain(|OpenJob { job, .. }| !withheld.contains(&job.id));
+    Ok(())
 }
 
 /// Moves jobs whose scenes the worker has built before jobs of the same priority that have workers already, because

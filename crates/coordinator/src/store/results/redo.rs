@@ -154,7 +154,8 @@ fn rounds_of(
     in_images.chain((passes.first >= job.passes).then_some((PILOT_ROUND, passes)))
 }
 
-/// Restarts a job, and answers what was removed from its film, together with what was removed before.
+/// Restarts a job, and answers what was removed from its film, together with what was removed before. The build that
+/// renders the job reports on its scene.
 pub(in crate::store) async fn restart(
     connection: &mut Connection,
     job: &JobRecord,
@@ -172,7 +173,8 @@ pub(in crate::store) async fn restart(
     query(
         "update jobs set cursor_round = 0, cursor_frame = 0, cursor_tile = 0, rounds = 0, complete_passes = 0, \
          samples = 0, \
-         shared_samples = null, probe_digest = null, hold = null, redone_nodes = redone_nodes + $2, \
+         shared_samples = null, probe_digest = null, hold = null, scene_is_built = 0, left_to_chance = '[]', \
+         chosen_methods = '[]', scene_refusal = null, redone_nodes = redone_nodes + $2, \
          accepted_nodes = accepted_nodes + 1 where id = $1",
     )
     .bind(job.id.to_string())

@@ -1,9 +1,11 @@
 //! Nodes that a second worker renders too, and the consequences when the results differ.
 
-use clerestory_api::{ConvergencePoint, JobId, JobState, NodeVerdict, WorkerActivity, WorkerId, WorkerState};
+use clerestory_api::{
+    BuildOutcome, BuiltScene, ConvergencePoint, JobId, JobState, NodeVerdict, WorkerActivity, WorkerId, WorkerState,
+};
 use clerestory_film::{NodeAddress, Targets};
 
-use crate::model::{CheckOutcome, Removed};
+use crate::model::{CheckOutcome, Removed, SceneReport};
 use crate::store::tests::adaptive::some_shares;
 use crate::store::tests::claims::fail;
 use crate::store::tests::{
@@ -368,6 +370,9 @@ pub(super) async fn a_job_that_is_pinned_to_a_wrong_machine_alone_restarts_with_
     let some = farm.claim(odd, 100, 0).await.unwrap();
     let held = farm.claim(odd, 100, 0).await.unwrap();
     assert_eq!((some.lease.job, held.lease.job), (begun, untouched));
+    let (lease, token, now_ms, alive_ms) = (some.lease.id, some.lease.token, 0, i64::MIN);
+    let outcome = BuildOutcome::Built(BuiltScene::default());
+    farm.store.report_scene(SceneReport { lease, token, outcome, now_ms, alive_ms }).await.unwrap();
     farm.deliver(&some, &some.nodes[..3], 0).await.unwrap();
 
     let [wrong, good, third] = with_digests(&farm, [("wrong", "x"), ("good", "x"), ("third", "x")]).await;
@@ -379,7 +384,8 @@ pub(super) async fn a_job_that_is_pinned_to_a_wrong_machine_alone_restarts_with_
     assert_eq!(outcome.redone, [begun, untouched, checked]);
     assert_eq!((redone(&farm, begun).await, redone(&farm, untouched).await), (3, 0));
     for (job, late) in [(begun, some), (untouched, held)] {
-        assert_eq!(farm.record(job).await.probe_digest, None);
+        let record = farm.record(job).await;
+        assert_eq!((record.probe_digest, record.built_scene), (None, None));
         let late = farm.deliver(&late, &late.nodes, 0).await;
         assert!(matches!(late, Err(LeaseError::Returned)), "{late:?}");
         let all = farm.claim(good, 100, 0).await.unwrap();
