@@ -1,7 +1,7 @@
 //! Submissions: validated, then stored as jobs.
 //!
-//! The coordinator validates the scene's document and counts what its files hold: by the headers of PLY files and
-//! pictures, and by all statements of OBJ files. It builds nothing: a scene can take more memory and time to build than
+//! The coordinator validates the scene's document and counts what its files hold. It reads the headers of PLY files and
+//! pictures, and all statements of OBJ files. It builds nothing: a scene can take more memory and time to build than
 //! a coordinator has. The first worker that builds the scene reports what only building shows.
 
 use std::collections::{BTreeMap, BTreeSet};

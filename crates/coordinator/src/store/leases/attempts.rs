@@ -73,6 +73,23 @@ pub(in crate::store) async fn others_could_try(
     Ok(others.fetch_optional(connection).await?.is_some())
 }
 
+/// Whether another machine is alive that could build a job's scene, and has not failed on the job.
+pub(in crate::store) async fn others_could_build(
+    connection: &mut Connection,
+    job: JobId,
+    name: &str,
+    alive_ms: i64,
+) -> Result<bool, StoreError> {
+    let rows = query("select distinct failed_on from pending where job = $1 and failed_on is not null");
+    let mut failing: Vec<(WorkerId, String)> = Vec::new();
+    for row in rows.bind(job.to_string()).fetch_all(&mut *connection).await? {
+        failing.extend(row.json::<Vec<(WorkerId, String)>>("failed_on")?);
+    }
+    let mut names: BTreeSet<&str> = failing.iter().map(|(_, name)| name.as_str()).collect();
+    names.insert(name);
+    others_could_try(connection, job, &names, alive_ms).await
+}
+
 /// One worker of each machine, in the order of their last attempts.
 pub(in crate::store) fn machines(attempts: impl IntoIterator<Item = (WorkerId, String)>) -> Vec<NamedWorker> {
     let mut machines: Vec<NamedWorker> = Vec::new();

@@ -13,7 +13,7 @@ use crate::store::engine::row::Row;
 use crate::store::engine::source::Connection;
 use crate::store::engine::sql::query;
 use crate::store::jobs;
-use crate::store::results::scene_reports;
+use crate::store::leases::attempts;
 use crate::store::workers::pins::matches_pin_of;
 use crate::store::workers::table as workers;
 use crate::store::workers::table::Claimant;
@@ -67,7 +67,7 @@ pub(in crate::store) async fn withhold_refused(
     let mut withheld = BTreeSet::new();
     for OpenJob { job, .. } in open.iter() {
         if job.scene_refusal.as_ref().is_some_and(|refusal| refusal.name == claimant.name)
-            && scene_reports::others_could_build(connection, job.id, &claimant.name, terms.alive_ms).await?
+            && attempts::others_could_build(connection, job.id, &claimant.name, terms.alive_ms).await?
         {
             withheld.insert(job.id);
         }

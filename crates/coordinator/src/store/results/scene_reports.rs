@@ -5,9 +5,7 @@
 //! machine could try it. A scene that a worker has built or rendered can be built: then a refusal is a failure of the
 //! lease.
 
-use std::collections::BTreeSet;
-
-use clerestory_api::{BuildOutcome, BuiltScene, JobId, WorkerId};
+use clerestory_api::{BuildOutcome, BuiltScene, JobId};
 
 use crate::model::{
     Ending, JobRecord, LeaseRecord, LeaseState, SceneChange, SceneRefusal, SceneReport, StoredKind, WorkFailure,
@@ -86,30 +84,13 @@ async fn refuse(
         leases::release(connection, lease.id).await?;
     }
     let earlier = job.scene_refusal.as_ref().filter(|earlier| earlier.name != refusal.name);
-    if earlier.is_none() && others_could_build(connection, job.id, &refusal.name, report.alive_ms).await? {
+    if earlier.is_none() && attempts::others_could_build(connection, job.id, &refusal.name, report.alive_ms).await? {
         let stored = query("update jobs set scene_refusal = $2 where id = $1").bind(job.id.to_string());
         stored.bind(to_json(&refusal)?).execute(connection).await?;
         return Ok(Some(SceneChange::Freed(job.id)));
     }
     let has_ended = jobs::end(connection, job.id, &Ending::Failed(in_words(earlier, &refusal)), report.now_ms).await?;
     Ok(has_ended.then_some(SceneChange::Failed(job.id)))
-}
-
-/// Whether another machine is alive that could build a job's scene, and has not failed on the job.
-pub(in crate::store) async fn others_could_build(
-    connection: &mut Connection,
-    job: JobId,
-    name: &str,
-    alive_ms: i64,
-) -> Result<bool, StoreError> {
-    let rows = query("select distinct failed_on from pending where job = $1 and failed_on is not null");
-    let mut failing: Vec<(WorkerId, String)> = Vec::new();
-    for row in rows.bind(job.to_string()).fetch_all(&mut *connection).await? {
-        failing.extend(row.json::<Vec<(WorkerId, String)>>("failed_on")?);
-    }
-    let mut names: BTreeSet<&str> = failing.iter().map(|(_, name)| name.as_str()).collect();
-    names.insert(name);
-    attempts::others_could_try(connection, job, &names, alive_ms).await
 }
 
 /// Why the machines refuse the scene.
