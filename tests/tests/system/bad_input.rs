@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::process::Command;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clerestory_api::{JobState, NodeVerdict, PartialUpload, ProblemCode};
 use clerestory_tests::calls::{BadCall, Caller, MAX_BODY_BYTES, Refusal};
@@ -15,6 +15,8 @@ use clerestory_tests::malformed_scenes::{
     BadScene, bad_descriptions, bad_files, sound_files, sound_scene, write_scene,
 };
 use serde_json::Value;
+
+use crate::waiting::until;
 
 /// Memory for decoded nodes that the farm may keep.
 const NODE_CACHE: u64 = 16 << 20;
@@ -74,7 +76,6 @@ fn bad_input_is_refused_clearly_and_the_farm_goes_on_working() {
     let caller = Caller::new(&farm);
     let worker = HandWorker::register(&caller, job);
     let forgotten = worker.claim();
-    let claimed = Instant::now();
     let before = farm.coordinator_memory();
 
     let (scenes, calls, deliveries) = (bad_descriptions(), bad_calls(job), bad_deliveries());
@@ -96,7 +97,11 @@ fn bad_input_is_refused_clearly_and_the_farm_goes_on_working() {
     assert_eq!((view.refused_partials, view.accepted_nodes), (refused as u64, 2));
 
     // An idle worker would take over these nodes, so the lease has to expire first.
-    std::thread::sleep((LEASE + Duration::from_secs(2)).saturating_sub(claimed.elapsed()));
+    let holds_nothing = || {
+        let workers = caller.wait(caller.client().workers()).expect("a list");
+        workers.iter().any(|view| view.id == worker.id() && view.leased_nodes == 0)
+    };
+    until("the lease expires", holds_nothing);
     farm.start_worker("real");
     let done = farm.wait_until("done", |job| job.state.is_final());
     assert_eq!(done.state, JobState::Done, "{:?}", done.failure);

@@ -5,8 +5,6 @@ use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::thread;
-use std::time::{Duration, Instant};
 
 use clerestory_api::{
     ClientError, JobId, JobScene, JobState, JobSubmission, LeaseRequest, LeaseReturn, NodeVerdict, PartialAnswer,
@@ -19,14 +17,13 @@ use clerestory_tests::hand_worker::{Delivery, HandWorker};
 use clerestory_tests::malformed_scenes::{sound_files, sound_scene, write_scene};
 use clerestory_tests::system_calls::{Acknowledgement, Roles, is_sync, replayed, traced, without};
 
+use crate::waiting::until;
+
 /// A coordinator that gives out four nodes with each lease, and has no second worker check them.
 const OPTIONS: [&str; 4] = ["--lease-nodes", "4", "--checked-fraction", "0"];
 
 /// Sixteen passes of six tiles, in five rounds.
 const ORDER: [&str; 4] = ["--spp", "64", "--tile", "16"];
-
-/// Longest wait for nodes to be merged.
-const TIMEOUT: Duration = Duration::from_secs(60);
 
 /// What the files of a coordinator are.
 const ROLES: Roles = Roles { is_ignored: is_index, is_log, is_blob };
@@ -98,11 +95,7 @@ fn traced_work(folder: &Path, trace: &Path) -> (PathBuf, usize) {
     let ended = farm.wait_until("done", |job| job.state.is_final());
     assert_eq!((ended.id, ended.state), (job, JobState::Done), "{:?}", ended.failure);
     let nodes = data.join("blobs/nodes").join(job.to_string());
-    let start = Instant::now();
-    while fs::read_dir(&nodes).expect("the nodes of the job").count() > 1 {
-        assert!(start.elapsed() < TIMEOUT, "the nodes are not merged into one blob");
-        thread::sleep(Duration::from_millis(20));
-    }
+    until("the nodes are merged into one blob", || fs::read_dir(&nodes).expect("the nodes of the job").count() == 1);
     (data, deliveries.len())
 }
 

@@ -2,13 +2,15 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::time::Duration;
 
 use clerestory_api::{JobState, JobView, StopReason};
 use clerestory_test_servers::{S3Server, postgres, s3};
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::made_images::{assert_made_alike, assert_same_bits, rendered_alone, rendered_by};
 use tempfile::TempDir;
+
+use crate::readiness::unreadiness;
+use crate::waiting::until;
 
 /// What is asked for: a scene and options. No number of passes (16 samples each) is a power of two, and neither tile
 /// size divides the images.
@@ -156,8 +158,7 @@ fn killing_the_object_server_and_the_coordinator_changes_no_bit_in_postgres_and_
     let mut farm = Farm::start_in(&objects.environment(), None, &options);
     begin(&mut farm);
     objects.kill();
-    // Long enough for uploads to meet a store that is not there.
-    std::thread::sleep(Duration::from_secs(1));
+    until("uploads meet no store", || unreadiness(&farm).is_some_and(|reason| reason.contains("the blob store")));
     objects.restart().unwrap();
     kill_the_coordinator(&mut farm);
     assert_made_as_alone(&farm);

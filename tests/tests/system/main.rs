@@ -11,3 +11,4 @@ mod readiness;
 mod stop_rules;
 mod stored_farms;
 mod trust;
+mod waiting;

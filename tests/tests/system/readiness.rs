@@ -1,38 +1,30 @@
 //! A coordinator says that it is not ready (`/readyz`) while what it stores cannot be stored, and why.
 
-use std::thread;
-use std::time::{Duration, Instant};
-
 use clerestory_api::Problem;
 use clerestory_test_servers::S3Server;
 use clerestory_tests::farm::Farm;
 use tokio::runtime::Runtime;
 
-/// Longest wait: outcomes of a bucket hold for ten seconds, and a silent one is given four.
-const TIMEOUT: Duration = Duration::from_secs(60);
+use crate::waiting::until;
 
-/// Asks until the answer is as expected: `None` when the coordinator is ready, otherwise why not.
-fn wait_until(farm: &Farm, what: &str, is_expected: impl Fn(Option<&str>) -> bool) {
-    let runtime = Runtime::new().expect("a runtime");
-    let http = reqwest::Client::builder().no_proxy().build().expect("a client");
-    let url = format!("{}/readyz", farm.address());
-    let start = Instant::now();
-    loop {
-        let (status, body) = runtime.block_on(async {
-            let answer = http.get(&url).send().await.expect("a coordinator that serves");
-            (answer.status().as_u16(), answer.bytes().await.expect("a whole answer"))
-        });
-        let reason = match status {
-            204 => None,
-            503 => Some(serde_json::from_slice::<Problem>(&body).expect("a problem document").detail),
-            _ => panic!("{status}"),
-        };
-        if is_expected(reason.as_deref()) {
-            return;
-        }
-        assert!(start.elapsed() < TIMEOUT, "{what}: {reason:?}");
-        thread::sleep(Duration::from_millis(20));
+/// Why the coordinator says that it is not ready. `None` when it is.
+pub(crate) fn unreadiness(farm: &Farm) -> Option<String> {
+    let answer = async {
+        let http = reqwest::Client::builder().no_proxy().build()?;
+        let answer = http.get(format!("{}/readyz", farm.address())).send().await?;
+        Ok::<_, reqwest::Error>((answer.status().as_u16(), answer.bytes().await?))
+    };
+    let (status, body) = Runtime::new().expect("a runtime").block_on(answer).expect("a coordinator that serves");
+    match status {
+        204 => None,
+        503 => Some(serde_json::from_slice::<Problem>(&body).expect("a problem document").detail),
+        _ => panic!("{status}"),
     }
+}
+
+/// Asks until the answer is as expected. Outcomes of a bucket hold for ten seconds, and a silent one is given four.
+fn wait_until(farm: &Farm, what: &str, is_expected: impl Fn(Option<&str>) -> bool) {
+    until(what, || is_expected(unreadiness(farm).as_deref()));
 }
 
 #[test]

@@ -9,6 +9,8 @@ use clerestory_tests::hand_worker::{Delivery, HandWorker};
 use clerestory_tests::malformed_scenes::{sound_files, sound_scene, write_scene};
 use serde_json::Value;
 
+use crate::waiting::until;
+
 /// Longest time until a wrong worker is found.
 const TIMEOUT: Duration = Duration::from_secs(120);
 
@@ -28,11 +30,7 @@ fn a_worker_that_flips_a_bit_is_found_and_its_nodes_are_rendered_again() {
     farm.start_worker("right");
     farm.start_worker("third");
     let start = Instant::now();
-    let registered = || caller.wait(caller.client().workers()).expect("a list").len();
-    while registered() < 3 {
-        assert!(start.elapsed() < TIMEOUT, "the workers do not come");
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    until("the workers come", || caller.wait(caller.client().workers()).expect("a list").len() == 3);
 
     let refusal = refused_in_the_end(&caller, &wrong, delivery, start);
     let problem = refusal.problem().unwrap_or_else(|| panic!("{refusal}"));

@@ -406,8 +406,6 @@ async fn uploads_that_stop_get_an_error_and_delay_no_other() {
         connection.write_all(&[0; 1000]).await.unwrap();
         stopped.push(connection);
     }
-    // All of them have come as far as they do.
-    tokio::time::sleep(Duration::from_millis(300)).await;
     let upload = worker.upload(&lease, noise_partial(&lease, &addresses(&lease)));
     tokio::time::timeout(Duration::from_secs(4), upload).await.expect("it waits for nobody").unwrap();
     assert_eq!(farm.finished(job.id).await.state, JobState::Done);

@@ -59,6 +59,8 @@ pub(crate) struct FakeState {
     /// Reports that were taken, each with the number of nodes uploaded before.
     pub(crate) reports: Vec<(LeaseId, SceneReport, usize)>,
     pub(crate) heartbeats: Vec<WorkerActivity>,
+    /// How often leases were renewed.
+    pub(crate) renewals: usize,
     /// Edge of the image in pixels. The edge of a tile is half of it.
     pub(crate) edge: u32,
     pub(crate) uploads: Vec<Upload>,
@@ -273,7 +275,9 @@ async fn claim(State(coordinator): State<FakeCoordinator>, Json(request): Json<V
 }
 
 async fn renew(State(coordinator): State<FakeCoordinator>) -> Response {
-    let state = coordinator.lock();
+    let mut state = coordinator.lock();
+    state.renewals += 1;
+    coordinator.changed.notify_waiters();
     if state.lease_is_over {
         return problem(409, "lease_expired");
     }

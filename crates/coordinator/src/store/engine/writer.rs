@@ -148,6 +148,15 @@ impl Writer {
         answer.await.map_err(|_| StoreError::Closed)?
     }
 
+    /// How many writes wait that no transaction has taken yet.
+    #[cfg(test)]
+    pub(in crate::store) fn waiting(&self) -> usize {
+        fn queued<T>(queue: &mpsc::Sender<T>) -> usize {
+            queue.max_capacity() - queue.capacity()
+        }
+        queued(&self.first) + queued(&self.claims) + queued(&self.writes) + queued(&self.patient)
+    }
+
     /// Carries out waiting writes, then stops.
     pub(in crate::store) async fn close(&self) {
         let (done, wait) = oneshot::channel();

@@ -104,8 +104,8 @@ async fn a_server_that_takes_long_is_waited_for() {
     let slow = store.write::<_, StoreError, _>(|connection| {
         Box::pin(async move {
             begun.send(()).unwrap();
-            query("select pg_sleep(3)").execute(&mut *connection).await?;
-            tokio::time::sleep(Duration::from_secs(3)).await;
+            query("select pg_sleep(1)").execute(&mut *connection).await?;
+            tokio::time::sleep(Duration::from_secs(1)).await;
             query("select 1").execute(connection).await
         })
     });

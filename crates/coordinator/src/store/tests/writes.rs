@@ -106,12 +106,12 @@ pub(super) async fn heartbeats_renewals_and_film_leases_are_written_before_waiti
         });
         write.await
     });
-    tokio::time::sleep(SETTLED).await;
+    farm.until_waiting(1).await;
     let store = farm.store.clone();
     let alive = tokio::spawn(async move { store.touch_worker(worker, 7, WorkerActivity::default()).await });
     let store = farm.store.clone();
     let kept = tokio::spawn(async move { store.acquire_film_lease(job, Uuid::now_v7(), 0, 9).await });
-    tokio::time::sleep(SETTLED).await;
+    farm.until_waiting(3).await;
     held.let_go().await;
     alive.await.unwrap().unwrap();
     assert_eq!(kept.await.unwrap().unwrap(), FilmLease::Held);
@@ -125,7 +125,7 @@ pub(super) async fn a_lease_lasts_from_when_it_is_granted(farm: Farm) {
     let now_ms = Arc::new(AtomicI64::new(0));
     let (store, shown_ms) = (farm.store.clone(), Arc::clone(&now_ms));
     let claim = tokio::spawn(async move { store.claim(move || terms(worker, shown_ms.load(Ordering::SeqCst))).await });
-    tokio::time::sleep(SETTLED).await;
+    farm.until_waiting(1).await;
     now_ms.store(50_000, Ordering::SeqCst);
     held.let_go().await;
     assert_eq!(claim.await.unwrap().unwrap().unwrap().lease.deadline_ms, 50_000 + TTL_MS);
@@ -138,7 +138,7 @@ pub(super) async fn the_claim_of_a_disconnected_worker_takes_nothing(farm: Farm)
     let held = Held::hold(&farm).await;
     let store = farm.store.clone();
     let claim = tokio::spawn(async move { store.claim(move || terms(gone, 0)).await });
-    tokio::time::sleep(SETTLED).await;
+    farm.until_waiting(1).await;
     claim.abort();
     assert!(claim.await.unwrap_err().is_cancelled(), "it waits for its turn");
     held.let_go().await;
@@ -156,7 +156,7 @@ pub(super) async fn the_claim_of_a_worker_that_disconnects_during_another_write_
     let (begun, next) = Held::ask(&farm);
     let store = farm.store.clone();
     let claim = tokio::spawn(async move { store.claim(move || terms(gone, 0)).await });
-    tokio::time::sleep(SETTLED).await;
+    farm.until_waiting(3).await;
     held.let_go().await;
     begun.await.unwrap();
     claim.abort();
@@ -183,7 +183,7 @@ pub(super) async fn waiting_writes_are_carried_out_before_the_store_closes(farm:
     let writes = notes(&farm, ["patient", "other", "patient", "claim", "patient", "first"], &order).await;
     let store = farm.store.clone();
     let closed = tokio::spawn(async move { store.close().await });
-    tokio::time::sleep(SETTLED).await;
+    farm.until_waiting(7).await;
     held.let_go().await;
     for write in writes {
         write.await.unwrap().unwrap();
@@ -196,11 +196,24 @@ pub(super) async fn waiting_writes_are_carried_out_before_the_store_closes(farm:
     }
 }
 
-/// After this time, a write that was asked for waits for its turn.
-const SETTLED: Duration = Duration::from_millis(100);
-
 /// Longer than such writes wait behind others.
 const LONG: Duration = Duration::from_millis(150);
+
+impl Farm {
+    /// Waits until as many writes wait for the next transaction.
+    async fn until_waiting(&self, writes: usize) {
+        until(|| self.store.writer.waiting() == writes).await;
+    }
+}
+
+async fn until(condition: impl Fn() -> bool) {
+    let met = async {
+        while !condition() {
+            tokio::task::yield_now().await;
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(60), met).await.expect("the condition is met");
+}
 
 /// A write that runs until it is released.
 struct Held {
@@ -238,12 +251,14 @@ impl Held {
     }
 }
 
-/// Asks for writes that note of which kind they are when they are carried out.
+/// Asks for writes that note of which kind they are when they are carried out. They wait for their turn or have ended
+/// when this returns.
 async fn notes<const N: usize>(
     farm: &Farm,
     kinds: [&'static str; N],
     order: &Arc<Mutex<Vec<&'static str>>>,
 ) -> [JoinHandle<Result<(), StoreError>>; N] {
+    let before = farm.store.writer.waiting();
     let writes = kinds.map(|kind| {
         let (store, order) = (farm.store.clone(), Arc::clone(order));
         let noted = move || {
@@ -261,7 +276,11 @@ async fn notes<const N: usize>(
             write.await
         })
     });
-    tokio::time::sleep(SETTLED).await;
+    let arrived = || {
+        let open = writes.iter().filter(|write| !write.is_finished()).count();
+        open <= farm.store.writer.waiting().saturating_sub(before)
+    };
+    until(arrived).await;
     writes
 }
 
