@@ -174,7 +174,7 @@ impl Client {
         self.send_for_json(self.request(Method::POST, &format!("/jobs/{job}/cancel"))).await
     }
 
-    /// Gives leases again of a job that is held. A job that is not held stays as it is.
+    /// Gives leases again of a job that is held. A job that is not held does not change.
     pub async fn release_job(&self, job: JobId) -> Result<JobView, ClientError> {
         self.send_for_json(self.request(Method::POST, &format!("/jobs/{job}/release"))).await
     }
@@ -189,17 +189,17 @@ impl Client {
         self.get(&format!("/jobs/{job}/convergence")).await
     }
 
-    /// The error of a job as it is now, between its rounds.
+    /// The present error of a job, between its rounds.
     pub async fn live(&self, job: JobId) -> Result<LiveMeasurement, ClientError> {
         self.get(&format!("/jobs/{job}/live")).await
     }
 
-    /// The image as it is now, as OpenEXR, whole.
+    /// The present image as OpenEXR, whole.
     pub async fn image(&self, job: JobId) -> Result<Bytes, ClientError> {
         Ok(self.image_answer(job).await?.bytes().await?)
     }
 
-    /// The image as it is now, as OpenEXR, in pieces as they come: it may be larger than memory.
+    /// The present image as OpenEXR, in pieces as they arrive: it may be larger than memory.
     pub async fn image_download(&self, job: JobId) -> Result<ImageDownload, ClientError> {
         self.image_answer(job).await.map(ImageDownload)
     }
@@ -208,7 +208,7 @@ impl Client {
         self.send_for(self.request(Method::GET, &format!("/jobs/{job}/image.exr")), EXR_MEDIA_TYPE).await
     }
 
-    /// The image as it is now, as PNG.
+    /// The present image as PNG.
     pub async fn preview(&self, job: JobId, query: &PreviewQuery) -> Result<Preview, ClientError> {
         let request = self.request(Method::GET, &format!("/jobs/{job}/preview.png")).query(query);
         let response = self.send_for(request, "image/png").await?;

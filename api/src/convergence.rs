@@ -16,7 +16,7 @@ pub struct ConvergenceSeries {
     pub points: Vec<ConvergencePoint>,
 }
 
-/// The error of a job's first frame as it is now, between its rounds: over the pixels that have samples, of which one
+/// The present error of a job's first frame, between its rounds. It covers the pixels that have samples, of which one
 /// may have more than another. It is measured when it is asked for, never stored, and nothing is stopped by it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct LiveMeasurement {

@@ -19,7 +19,8 @@ pub struct Event {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum EventBody {
-    /// Everything as it is now: the first event of a stream, and what a listener gets that fell too far behind.
+    /// The present state of everything: the first event of a stream, and the next one of a listener that fell too far
+    /// behind.
     Snapshot {
         /// All jobs, or the one that is watched.
         jobs: Vec<JobView>,

@@ -116,7 +116,18 @@ pub struct BuildWait {
     pub machine: Option<String>,
 }
 
-/// A job as it is now.
+/// A machine that could not build the job's scene. Another one tries it, and the job fails if that one cannot either.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct SceneRefusal {
+    /// The worker.
+    pub worker: NamedWorker,
+    /// Its build.
+    pub build: String,
+    /// The place in the scene, its value, and what would be right.
+    pub reason: String,
+}
+
+/// The present state of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct JobView {
     /// Its identity.
@@ -140,6 +151,9 @@ pub struct JobView {
     /// Why it waits for a worker of another build; absent unless it does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub waits_for_build: Option<BuildWait>,
+    /// The machine that could not build its scene; absent unless one could not and no other has tried yet.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene_refusal: Option<SceneRefusal>,
     /// Its priority.
     pub priority: i32,
     /// Name of the integrator.

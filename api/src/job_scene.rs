@@ -37,6 +37,9 @@ pub struct SceneReport {
     pub outcome: BuildOutcome,
 }
 
+/// Most characters of the reason of [`BuildOutcome::Refused`]. A coordinator refuses a longer one.
+pub const LONGEST_REFUSAL: usize = 2000;
+
 /// How building a scene ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]

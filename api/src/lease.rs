@@ -86,6 +86,9 @@ pub struct LeaseToken {
     pub token: u64,
 }
 
+/// Most characters of [`LeaseReturn::failure`]. A coordinator refuses a longer one.
+pub const LONGEST_FAILURE: usize = 500;
+
 /// A worker gives the rest of a lease back.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]

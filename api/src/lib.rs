@@ -41,11 +41,11 @@ pub use event_stream::EventStream;
 pub use hash::{ContentHash, InvalidContentHash};
 pub use ids::{JobId, LeaseId, WorkerId};
 pub use integrator::IntegratorView;
-pub use job::{BuildWait, FailedNode, JobHold, JobState, JobView, NamedWorker, StopReason};
-pub use job_scene::{BuildOutcome, BuiltScene, JobScene, SceneReport};
+pub use job::{BuildWait, FailedNode, JobHold, JobState, JobView, NamedWorker, SceneRefusal, StopReason};
+pub use job_scene::{BuildOutcome, BuiltScene, JobScene, LONGEST_REFUSAL, SceneReport};
 pub use lease::{
-    CORE_MILLISECONDS_HEADER, FENCING_TOKEN_HEADER, Lease, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken,
-    NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialPieces, PartialUpload,
+    CORE_MILLISECONDS_HEADER, FENCING_TOKEN_HEADER, LONGEST_FAILURE, Lease, LeaseRenewal, LeaseRequest, LeaseReturn,
+    LeaseToken, NodeAddress, NodeAnswer, NodeVerdict, PartialAnswer, PartialPieces, PartialUpload,
 };
 pub use preview::{ACCEPTED_NODES_HEADER, Preview, PreviewExposure, PreviewQuery, ToneCurve};
 pub use printable::is_printable;

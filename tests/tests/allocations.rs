@@ -149,7 +149,7 @@ fn scene_with(meshes: &Value, materials: &Value, panes: &Value, assets: &[(&str,
         "camera": {"perspective": {
             "position": [0, 0, -2], "look_at": [0, 0, 0], "up": [0, 1, 0], "vertical_field_of_view": 40
         }},
-        "integrator": {"path": {}},
+        "integrator": "auto",
         "materials": materials,
         "meshes": meshes,
         "panes": panes,

@@ -66,6 +66,7 @@ async fn follow_through(
         workers: Workers::Unknown,
         is_held: false,
         is_waiting: false,
+        is_refused: false,
         builders: BTreeSet::new(),
         view: None,
     };
@@ -104,6 +105,8 @@ struct Follower<'a> {
     is_held: bool,
     /// Whether the user knows that the job waits for a worker of another build.
     is_waiting: bool,
+    /// Whether the user knows that a machine could not build the scene.
+    is_refused: bool,
     /// Workers that build the scene.
     builders: BTreeSet<WorkerId>,
     /// The job, as the last event showed it.
@@ -279,6 +282,7 @@ impl Follower<'_> {
     fn show(&mut self, view: JobView) {
         self.note_hold(&view);
         self.note_build_wait(&view);
+        self.note_scene_refusal(&view);
         self.view = Some(view);
         self.show_again();
     }
@@ -326,6 +330,18 @@ impl Follower<'_> {
             (Some(wait), false) => self.progress.note(&format!("The job waits: {}", printable(&wait.reason))),
             (None, true) if !view.state.is_final() => self.progress.note("The job goes on"),
             _ => {}
+        }
+    }
+
+    /// Tells the user, once, that a machine could not build the scene.
+    fn note_scene_refusal(&mut self, view: &JobView) {
+        let Some(refusal) = &view.scene_refusal else { return };
+        if !std::mem::replace(&mut self.is_refused, true) {
+            let (name, reason) = (printable(&refusal.worker.name), printable(&refusal.reason));
+            self.progress.note(&format!(
+                "Worker `{name}` cannot build the scene: {reason}. Another machine tries it, and the job fails if that \
+                 one cannot either"
+            ));
         }
     }
 

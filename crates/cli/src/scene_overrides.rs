@@ -78,7 +78,7 @@ impl SceneOverrides {
         let bundle = document::load(file).map_err(|source| Failure::scene(file, source))?;
         let mut description = self.apply(bundle.description().clone())?;
         sampling.apply(&mut description.sampling);
-        // The scene was valid as it is in its file.
+        // The scene in the file was valid, so the fault lies in the changes.
         bundle.with_description(description).map_err(|source| Failure::Overrides { file: file.to_owned(), source })
     }
 

@@ -41,7 +41,7 @@ export const releaseWorker = (worker) => json('POST', `/workers/${encodeURICompo
 /** The convergence series of a job. */
 export const convergence = (job) => json('GET', `/jobs/${encodeURIComponent(job)}/convergence`);
 
-/** The error of a job as it is now, between its rounds. */
+/** The present error of a job, between its rounds. */
 export const live = (job) => json('GET', `/jobs/${encodeURIComponent(job)}/live`);
 
 /** Cancels a job; what is complete is kept. */

@@ -9,7 +9,7 @@ import { useWidth } from './size.js';
 import { loadConvergence } from './store.js';
 
 // A round is announced before or after the job that counts it; only a gap that stays is worth a request.
-const GAP_PATIENCE_MS = 1000;
+const GAP_TIMEOUT_MS = 1000;
 
 const ABSCISSAS = {
   samples: { label: 'samples a pixel', value: (point) => point.samples_per_pixel, format: count },
@@ -34,7 +34,7 @@ export function Convergence({ job, entry, isReachable }) {
       loadConvergence(job.id);
       return undefined;
     }
-    const timer = setTimeout(() => loadConvergence(job.id), GAP_PATIENCE_MS);
+    const timer = setTimeout(() => loadConvergence(job.id), GAP_TIMEOUT_MS);
     return () => clearTimeout(timer);
   }, [job.id, job.rounds, known, isReachable]);
 

@@ -38,6 +38,11 @@ export function JobView({ id, farm }) {
         <div class="notice warning build-wait" role="alert">
           <p><strong>The job waits and gets no leases:</strong> ${job.waits_for_build.reason}.</p>
         </div>`}
+      ${job.scene_refusal && html`
+        <div class="notice warning scene-refusal" role="alert">
+          <p><strong>Worker ${job.scene_refusal.worker.name} cannot build the scene:</strong>
+            ${' '}${job.scene_refusal.reason}. Another machine tries it. The job fails if that one cannot either.</p>
+        </div>`}
       ${job.failure && html`
         <div class="notice warning" role="alert"><p><strong>The job was given up:</strong> ${job.failure}</p></div>`}
       <${Building} job=${job} workers=${farm.workers} />

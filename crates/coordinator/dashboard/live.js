@@ -36,13 +36,16 @@ export function LiveError({ job, isReachable }) {
   if (!isAsked || !live || live.covered === 0) return null;
   return html`
     <p class="live-error" title="Over the pixels that have samples now. It is not stored, and does not end the job.">
-      live: ${errorText(live)} over ${percent(live.covered)} of the pixels at ${samplesText(live.samples_per_pixel)} spp
+      ${liveText(live)}
     </p>`;
 }
 
-function errorText({ mse, estimated_mse: estimated }) {
-  if (mse !== undefined) return `MSE ${errorValue(mse)}`;
-  return estimated === undefined ? 'error not known yet' : `estimated MSE ${errorValue(estimated)}`;
+function liveText({ mse, estimated_mse: estimated, covered, samples_per_pixel: samples }) {
+  if (mse === undefined && estimated === undefined) {
+    return `No error yet: the first round is ${percent(covered)} complete.`;
+  }
+  const error = mse === undefined ? `estimated MSE ${errorValue(estimated)}` : `MSE ${errorValue(mse)}`;
+  return `live: ${error} over ${percent(covered)} of the pixels at ${samplesText(samples)} spp`;
 }
 
 const samplesText = (samples) => (Number.isInteger(samples) ? String(samples) : samples.toFixed(1));

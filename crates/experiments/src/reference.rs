@@ -6,13 +6,7 @@ use std::path::{Path, PathBuf};
 use clerestory_film::{DecodeBudget, FrameImage, ImageLayers};
 use clerestory_render_core::document::SamplingDescription;
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
-use clerestory_render_core::light::LightDescription;
-use clerestory_render_core::light::PointLight;
 use clerestory_render_core::scene::Asset;
-use clerestory_render_core::specular::conic::ConicSettings;
-use clerestory_render_core::specular::mnee::MneeSettings;
-use clerestory_render_core::specular::registry::IntegratorDescription;
-use clerestory_render_core::specular::sms::SmsSettings;
 use serde::Serialize;
 
 use crate::error::ExperimentError;
@@ -109,16 +103,11 @@ pub(crate) fn reference(session: &mut Session, name: &str, bundle: &SceneBundle)
 /// is the only method whose probability to find a path does not shrink with the light. `mnee` and `path` leave paths to
 /// chance, which meets a small light too rarely, and their standard error does not show that.
 fn method(scene: &SceneDescription) -> Variant {
-    let is_point = |light: &LightDescription| matches!(light, LightDescription::Point(PointLight { .. }));
-    let over_one_surface = match &scene.integrator {
-        IntegratorDescription::Sms(SmsSettings { chains, .. })
-        | IntegratorDescription::Mnee(MneeSettings { chains, .. }) => chains.iter().all(|chain| chain.len() == 1),
-        IntegratorDescription::Conic(ConicSettings { .. }) => true,
-        _ => false,
-    };
+    let over_one_surface =
+        scene.integrator.scope().is_some_and(|scope| scope.chains.iter().all(|chain| chain.len() == 1));
     if scene.panes.is_empty() {
         if over_one_surface { Variant::conic() } else { Variant::sms() }
-    } else if scene.lights.iter().any(is_point) {
+    } else if scene.lights.iter().any(|light| light.build().is_delta()) {
         Variant::fnee()
     } else {
         Variant::cone()

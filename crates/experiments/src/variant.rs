@@ -49,7 +49,7 @@ impl Variant {
         Self::new("cone", IntegratorDescription::Cone(ConeSettings { max_depth: DEPTH }))
     }
 
-    /// `fnee` as it is by default.
+    /// `fnee` with its default settings.
     pub(crate) fn fnee() -> Self {
         Self::fnee_with(FneeSolver::Complete, PaneSelection::All)
     }

@@ -28,7 +28,7 @@ const MOST_PILOT_PASSES: u32 = 8;
 /// Passes of an image to one of its pilot.
 const PASSES_TO_PILOT_PASS: u32 = 16;
 
-/// A tile that looks quiet gets at least one in so many of the passes of the noisiest tile.
+/// The noisiest tile gets at most this many times the passes of a tile that looks quiet.
 const MOST_SAVED: u32 = 8;
 
 /// The part of the passes that a tile gets, more than nothing and at most all, in units of 1/[`Share::ALL`].
@@ -39,7 +39,7 @@ impl Share {
     /// All passes, in units.
     pub const ALL: u32 = 1 << 16;
 
-    /// A share of so many units; `None` for none and for more than all.
+    /// A share of this many units; `None` for no unit and for more than [`Self::ALL`].
     pub fn new(units: u32) -> Option<Self> {
         (1..=Self::ALL).contains(&units).then_some(Self(units))
     }
@@ -84,7 +84,7 @@ impl Adaptation {
         (0..self.pilot_passes).map(move |number| first + 2 * number * passes_per_block)
     }
 
-    /// Passes of a tile at the round of so many passes: its share in whole blocks, so that every sample counts in the
+    /// Passes of a tile at a round of `round_passes`: its share in whole blocks, so that every sample counts in the
     /// standard error, but all of them while they are few.
     pub fn passes(&self, share: Share, round_passes: u32) -> u32 {
         let per_block = u64::from(self.sampling.passes_per_block());

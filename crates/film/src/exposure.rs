@@ -50,10 +50,11 @@ impl MeanLuminance {
 pub struct LogLuminance {
     mean: f64,
     per_mean: f64,
-    /// Of the last relative luminances, of which there are so many.
+    /// Product of the last relative luminances.
     product: f64,
+    /// Number of luminances in the product.
     factors: u32,
-    /// Logarithms of the products before.
+    /// Sum of the logarithms of the earlier products.
     sum: f64,
     count: u64,
 }

@@ -14,7 +14,7 @@ pub struct FileFormat {
 enum Content {
     Nothing,
     Scene,
-    /// Of the format of this name, if a scene can name it as it is.
+    /// Of the format of this name, if a scene can name it unconverted.
     Mesh(Option<&'static str>),
     Picture,
     Archive,

@@ -37,7 +37,7 @@ pub struct ImageWriter<W> {
 }
 
 impl<W: Write> ImageWriter<W> {
-    /// A writer of an image of so many pixels across and down, whose blocks go to `blocks`.
+    /// A writer of an image of this width and height in pixels. Its blocks go to `blocks`.
     pub fn new(width: u32, height: u32, blocks: W) -> Self {
         Self { size: [width, height], header: None, blocks, offsets: Vec::new(), bytes: 0, next_row: 0 }
     }

@@ -383,7 +383,7 @@ impl<R: Read + Seek> OpenExr<R> {
     }
 }
 
-/// Bytes that decoding so many rows of a part may take: their pixels, and its largest block.
+/// Most bytes that decoding `rows` rows of a part takes: their pixels, and its largest block.
 fn needed_bytes(
     index: usize,
     part: &InputPart,

@@ -19,7 +19,7 @@ pub struct ReducedImage {
 }
 
 impl ReducedImage {
-    /// A black picture of a frame, of so many pixels at most, or of one.
+    /// A black picture of a frame, of at most `most_pixels` pixels, but of at least one.
     pub fn new(grid: TileGrid, most_pixels: u64) -> Self {
         let size = |factor: u32| [grid.width.div_ceil(factor), grid.height.div_ceil(factor)];
         let fits = |factor: &u32| size(*factor).map(u64::from).iter().product::<u64>() <= most_pixels;

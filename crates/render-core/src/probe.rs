@@ -115,10 +115,14 @@ impl Images {
     }
 }
 
-/// Renders the probe with one integrator.
-fn rendered(integrator: &str) -> Result<Vec<u8>, ProbeError> {
+/// Renders a case: a whole scene, or the probe's scene with one integrator.
+fn rendered(case: &str) -> Result<Vec<u8>, ProbeError> {
+    let case: serde_json::Value = serde_json::from_str(case)?;
+    if case.get("version").is_some() {
+        return image(case);
+    }
     let mut scene: serde_json::Value = serde_json::from_str(SCENE)?;
-    scene["integrator"] = serde_json::from_str(integrator)?;
+    scene["integrator"] = case;
     image(scene)
 }
 

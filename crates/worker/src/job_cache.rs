@@ -5,10 +5,10 @@ use std::sync::{Arc, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
 use clerestory_api::{
-    BuildOutcome, BuiltScene, Client, ClientError, ContentHash, JobId, JobScene, ProblemCode, SceneBuilding,
-    WorkerActivity,
+    BuildOutcome, BuiltScene, Client, ClientError, ContentHash, JobId, JobScene, LONGEST_REFUSAL, ProblemCode,
+    SceneBuilding, WorkerActivity,
 };
-use clerestory_film::{OpenExrError, PartialHeader, Rendered, TileGrid, partial};
+use clerestory_film::{LARGEST_TILE, OpenExrError, PartialHeader, Rendered, TileGrid, partial};
 use clerestory_render_core::document::{SceneBundle, SceneDescription};
 use clerestory_render_core::integrator::PreparedScene;
 use clerestory_render_core::scene::description::FilmDescription;
@@ -25,12 +25,6 @@ const KEPT_JOBS: usize = 4;
 
 /// Bytes of assets that are kept for later scenes, which often use the same ones.
 const KEPT_ASSET_BYTES: usize = 256 << 20;
-
-/// Longest reason for which a scene cannot be built that a coordinator accepts, in characters.
-const LONGEST_REFUSAL: usize = 2000;
-
-/// Largest edge of a tile that a job may ask for.
-const LARGEST_TILE: u32 = 1024;
 
 /// Everything needed to render nodes of a job.
 pub(crate) struct JobPlan {

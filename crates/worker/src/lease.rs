@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use clerestory_api::{BuildOutcome, Client, ClientError, Lease, LeaseReturn, SceneReport};
+use clerestory_api::{BuildOutcome, Client, ClientError, LONGEST_FAILURE, Lease, LeaseReturn, SceneReport};
 use tokio::sync::{mpsc, oneshot};
 use tokio::time::Instant;
 use tokio_util::sync::CancellationToken;
@@ -16,9 +16,6 @@ use crate::job_cache::{JobCache, JobPlan, PlanError};
 use crate::renderer::{LeaseError, RenderedNode, Renderer};
 use crate::retry::{repeat_while, until_answered};
 use crate::uploader::{BatchOutcome, UploadBatch, UploadQueue, is_lease_over};
-
-/// Longest failure reason that a coordinator accepts with a returned lease, in characters.
-const LONGEST_REASON: usize = 500;
 
 /// Nodes that may be rendered ahead of the batch that is being enqueued.
 const RENDER_AHEAD: usize = 4;
@@ -253,7 +250,7 @@ impl LeaseWork {
         if self.over.is_cancelled() || outstanding == Some(0) {
             return;
         }
-        let failure = failure.map(|reason| reason.chars().take(LONGEST_REASON).collect());
+        let failure = failure.map(|reason| reason.chars().take(LONGEST_FAILURE).collect());
         let body = LeaseReturn { token: self.lease.token, failure };
         match until_answered("return a lease", || self.client.return_lease(self.lease.id, &body)).await {
             Ok(()) => info!(lease = %self.lease.id, ?outstanding, "returned the rest of a lease"),

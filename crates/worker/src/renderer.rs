@@ -58,7 +58,7 @@ impl Renderer {
         self.pool.install(probe::digests)
     }
 
-    /// Renders `nodes` in their order and sends each as it is complete. Blocks; call it from a thread that may.
+    /// Renders `nodes` in their order and sends each when it is complete. It blocks its thread.
     pub(crate) fn render(
         &self,
         plan: &JobPlan,

@@ -9,7 +9,7 @@ use clerestory_tests::browser::Browser;
 use clerestory_tests::farm::{Process, clerestory, succeeded};
 use serde_json::Value;
 
-/// Pixels of the picture as it is shown, as a list of numbers.
+/// Pixels of the shown picture, as a list of numbers.
 const PIXELS: &str = "
     const picture = document.querySelector('#picture');
     const canvas = document.createElement('canvas');

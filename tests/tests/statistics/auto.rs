@@ -100,6 +100,7 @@ fn picture(lights: &Value, integrator: &Value, chains: &str, passes: u32) -> Vec
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn auto_brings_all_light_of_large_lights_that_chance_does() {
     let lights = json!([lamp("over", [0.2, 0.1, 2.4], 1.0, 3.0), lamp("under", [-0.6, 0.5, 0.75], 0.2, 0.5)]);
     let auto = picture(&lights, &json!({"auto": {"max_depth": 8}}), "[RT]+", 60);

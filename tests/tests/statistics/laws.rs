@@ -161,6 +161,7 @@ fn the_sun_behind_a_flat_pane_loses_what_the_glass_takes() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn a_uniform_sky_behind_a_flat_pane_is_dimmed_by_the_mean_transmittance() {
     let (distance, size) = (0.04, 0.3);
     let bench = PaneScene { distance, ..PaneScene::new(vec![flat_pane(size)], sun(DVec3::Z, 90.0, 1.0)) };

@@ -67,6 +67,7 @@ fn transmitted_power(scene: &TracedScene) -> f64 {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn what_a_pane_lets_through_arrives() {
     for (_, profile) in profiles(FOLDED) {
         // So large a sun that chance finds it.
@@ -153,6 +154,7 @@ fn check_methods(
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn every_method_finds_the_light_of_the_sun_that_chance_finds() {
     check_by_chance(&sun(DVec3::new(0.1, -0.05, 1.0), 8.0), "sun");
 }

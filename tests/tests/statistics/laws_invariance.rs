@@ -161,6 +161,7 @@ fn a_scene_that_is_1024_times_as_large_has_the_same_picture_to_the_last_bit() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn a_scene_that_is_1000_times_as_large_has_the_same_picture_to_rounding() {
     for size in SIZES {
         check_scale(size, 1000.0, |name, [image, larger], _| {
@@ -328,6 +329,7 @@ fn every_method_adds_the_light_of_groups_of_panes() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn every_method_finds_the_light_through_panes_that_overlap() {
     let sun = json!({"sun": {"name": "sun", "direction": [0.2, -0.1, 1], "angular_radius": 15, "radiance": [1, 1, 1]}});
     let panes = vec![

@@ -179,6 +179,7 @@ const TRIALS: [u32; 2] = [3, 12];
 const DEVIATES: f64 = 5.0;
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn few_walks_lack_the_light_that_theory_says_and_weighted_ones_none() {
     for case in ["crown", "bump", "cathedral"] {
         let scene = load_case(case);
@@ -222,6 +223,7 @@ fn check_connections(case: &str, light: &str, method: &str) {
 const EXTENDED: [[&str; 2]; 2] = [["sphere", "sms, half vector"], ["sun", "sms"]];
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn walks_find_the_light_of_each_connection_without_bias() {
     for case in ["flat", "bump", "crown", "cathedral"] {
         check_connections(case, "point", "sms");
@@ -252,6 +254,7 @@ fn check_room(method: &str) {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn walks_through_all_panes_of_the_room_find_the_light_that_scouts_reach() {
     check_room("sms");
 }

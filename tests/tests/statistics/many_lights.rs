@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clerestory_render_core::document::load;
 use clerestory_render_core::integrator::PreparedScene;
-use clerestory_render_core::light::{LightDescription, MOST_ASKED, PointLight, SunLight};
+use clerestory_render_core::light::{LightDescription, MOST_ASKED, PointLight, RectangleLight, SphereLight, SunLight};
 use clerestory_tests::estimate::{Estimate, check_agreement};
 use clerestory_tests::rendering::block_means;
 
@@ -21,15 +21,27 @@ fn lit_by(lights: &[LightDescription]) -> PreparedScene {
     PreparedScene::build(&bundle.with_description(description).expect("valid lights")).expect("the room can be built")
 }
 
-/// Points in the room and outside of its windows, and suns: none of them stands in another's light.
+/// Points, globes and panels in the room, and suns: none of them stands in another's light by more than is noticed.
 fn lights() -> Vec<LightDescription> {
-    let point = |number: usize| {
+    let lamp = |number: usize| {
         let (column, row) = (number % 4, number / 4);
-        LightDescription::Point(PointLight {
-            name: format!("candle {number}"),
-            position: [0.5 + 0.8 * column as f64, 1.2 + 1.5 * row as f64, 0.9 + 0.2 * column as f64],
-            intensity: [0.3 + 0.4 * row as f64, 0.6, 0.2],
-        })
+        let name = format!("lamp {number}");
+        let position = [0.5 + 0.8 * column as f64, 1.2 + 1.5 * row as f64, 0.9 + 0.2 * column as f64];
+        let intensity = [0.3 + 0.4 * row as f64, 0.6, 0.2];
+        let radiance = |area: f64| intensity.map(|intensity| intensity / area);
+        match column {
+            0 | 1 => LightDescription::Point(PointLight { name, position, intensity }),
+            2 => {
+                let radius = 0.04;
+                let area = std::f64::consts::PI * radius * radius;
+                LightDescription::Sphere(SphereLight { name, centre: position, radius, radiance: radiance(area) })
+            }
+            _ => {
+                let [edge_u, edge_v] = [[0.1, 0.0, 0.0], [0.0, -0.1, 0.0]];
+                let radiance = radiance(0.01);
+                LightDescription::Rectangle(RectangleLight { name, centre: position, edge_u, edge_v, radiance })
+            }
+        }
     };
     let sun = |number: usize| {
         LightDescription::Sun(SunLight {
@@ -39,7 +51,7 @@ fn lights() -> Vec<LightDescription> {
             radiance: [300.0 + 200.0 * number as f64, 300.0, 100.0],
         })
     };
-    (0..8).map(point).chain((0..4).map(sun)).collect()
+    (0..8).map(lamp).chain((0..4).map(sun)).collect()
 }
 
 #[test]

@@ -287,6 +287,7 @@ fn point_in_shadow(bench: &PaneScene, scene: &PreparedScene, source: Source, ind
 const BORDER: f64 = 0.01;
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn of_the_paths_through_two_panes_those_are_gathered_that_are_owned() {
     for (light_name, light) in lights() {
         let bench = two_panes(&light);

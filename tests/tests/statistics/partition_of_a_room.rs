@@ -45,6 +45,7 @@ fn all_methods() -> Vec<(&'static str, Value)> {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn every_method_finds_all_light_in_a_closed_room_once() {
     check_room(("panel", panel()), None, 250, all_methods(), |_| 7);
 }

@@ -55,6 +55,7 @@ fn check_by_chance(name: &str, light: &Value, passes: u32) {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn light_of_a_panel_off_a_pane_is_what_the_path_tracer_finds() {
     let panel = json!({"rectangle": {"name": "panel", "centre": [0.7, 0.1, -0.7],
         "edge_u": [0.36, 0, 0.48], "edge_v": [0, 1.2, 0], "radiance": [9, 9, 9]}});

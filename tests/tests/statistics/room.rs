@@ -69,6 +69,7 @@ fn check_caustics(angular_radius: f64, integrators: &[&str], samples: u32, fault
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn cone_and_fnee_throw_the_caustics_that_forward_tracing_throws() {
     let [sun, ..] = ANGLES;
     check_caustics(sun, &["cone", "fnee"], SAMPLES, &[Fault::MissingFresnelFactor, Fault::DroppedSaddles]);

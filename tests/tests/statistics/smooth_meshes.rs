@@ -118,6 +118,7 @@ fn check_by_chance(name: &str, chain: &str, parts: [&Value; 3], with_mnee: bool,
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn the_caustic_of_water_is_what_the_path_tracer_finds() {
     let water = json!({"dielectric": {"index_of_refraction": 1.33}});
     let lamp = json!([{"sphere": {"name": "lamp", "centre": [0.3, 0.2, 1.5], "radius": 0.25, "radiance": [9, 9, 9]}}]);
@@ -139,6 +140,7 @@ fn the_caustic_of_a_mirror_is_what_the_path_tracer_finds() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn the_caustic_of_a_glass_body_is_what_the_path_tracer_finds() {
     // A ball of 48 x 24 faces, squeezed to a lens.
     let (mut positions, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
@@ -473,6 +475,7 @@ fn check_finer_meshes(case: &str, several: usize) {
 const FAULT: f64 = 0.042;
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn finer_meshes_of_a_pane_throw_the_light_of_its_height_field() {
     check_finer_meshes("crown", 60);
     check_finer_meshes("bump", 45);

@@ -88,6 +88,7 @@ fn lamp(scene: &PreparedScene) -> DVec3 {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn curves_lead_to_all_paths_through_height_fields() {
     check_height_fields("flat", "flat.json", 1);
     check_height_fields("crown", "crown.json", 1);

@@ -99,6 +99,7 @@ fn largest_deviation(ours: &Image, truth: &Image, folds: &[bool]) -> f64 {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn the_light_of_conic_is_that_of_light_traced_forward() {
     let conic = json!({"conic": {"chains": ["T"]}});
     let effort = Effort { photons: 40_000_000, faulty: FAULTY, samples: 24 };
@@ -284,6 +285,7 @@ fn the_light_of_a_sphere_by_search_and_rays_is_that_of_light_traced_forward() {
 const REFLECTING: f64 = 0.015;
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn the_folded_light_that_water_reflects_by_conic_is_that_of_light_traced_forward() {
     let conic = json!({"conic": {"chains": ["R"]}});
     // Under water, so far aside that from 2 to about 10 percent come back.

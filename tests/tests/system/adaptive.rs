@@ -168,6 +168,7 @@ fn kill_around_the_sharing_out(mut farm: Farm, coordinators: usize) {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn killing_the_coordinator_around_the_sharing_out_changes_no_bit() {
     kill_around_the_sharing_out(farm(&[]), 1);
 }

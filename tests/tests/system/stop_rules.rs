@@ -156,6 +156,7 @@ fn killing_the_coordinator_around_the_last_round_changes_neither_it_nor_a_bit() 
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn killing_the_coordinator_around_the_last_round_changes_neither_it_nor_a_bit_in_postgres() {
     kill_around_the_last_round(&Order::by_estimated_error(), &["--database", &postgres().new_database()]);
 }

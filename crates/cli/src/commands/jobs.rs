@@ -39,11 +39,12 @@ pub(crate) async fn run(arguments: JobsArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Why a job is held, waits for a worker of another build or has failed.
+/// Why a job is held, waits for a worker of another build, may fail or has failed.
 fn trouble(job: &JobView) -> Option<&str> {
     let hold = job.hold.as_ref().map(|hold| hold.reason.as_str());
     let wait = job.waits_for_build.as_ref().map(|wait| wait.reason.as_str());
-    hold.or(wait).or(job.failure.as_deref())
+    let refusal = job.scene_refusal.as_ref().map(|refusal| refusal.reason.as_str());
+    hold.or(wait).or(refusal).or(job.failure.as_deref())
 }
 
 /// The state of a job in a word. A job that is held or waits for a build gets no leases in any state.

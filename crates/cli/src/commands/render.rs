@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use clerestory_film::{ImageMetadata, TileGrid, encode_png, mean_squared_standard_error, smallest_tile};
+use clerestory_film::{ImageMetadata, LARGEST_TILE, TileGrid, encode_png, mean_squared_standard_error, smallest_tile};
 use clerestory_local_render::{PassPlan, Spent};
 
 use crate::activity::Activity;
@@ -45,7 +45,7 @@ pub(crate) struct RenderArguments {
     #[command(flatten)]
     sampling: SamplingOverrides,
     /// Edge of a tile in pixels.
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=1024_u32))]
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=LARGEST_TILE))]
     tile: u32,
     /// Make this image again, bit for bit: with its seed, integrator, size, sampling, tiles and passes.
     #[arg(long, value_name = "FILE", conflicts_with_all =

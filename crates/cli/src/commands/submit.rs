@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use clap::Args;
 use clerestory_api::{JobId, JobView};
-use clerestory_film::{ImageMetadata, Sampling};
+use clerestory_film::{ImageMetadata, LARGEST_TILE, Sampling};
 
 use crate::activity::Activity;
 use crate::connection::{Connection, ConnectionArguments};
@@ -41,7 +41,7 @@ pub(crate) struct SubmitArguments {
     #[arg(long)]
     name: Option<String>,
     /// Edge of a tile in pixels.
-    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=1024_u32))]
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = whole(1..=LARGEST_TILE))]
     tile: u32,
     /// Jobs of higher priority are served first.
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = whole(i32::MIN..=i32::MAX))]

@@ -165,6 +165,10 @@ impl Acceptance {
         outcome: BuildOutcome,
     ) -> Result<(), AcceptanceError> {
         let (now_ms, alive_ms) = (self.clock.now_ms(), self.liveness.alive_ms());
+        let refusal = match &outcome {
+            BuildOutcome::Refused { reason } => reason.clone(),
+            BuildOutcome::Built(_) => String::new(),
+        };
         let report = SceneReport { lease, token, outcome, now_ms, alive_ms };
         let (store, notifications) = (self.store.clone(), Arc::clone(&self.notifications));
         let recorded = to_completion(async move {
@@ -174,7 +178,8 @@ impl Acceptance {
                     notifications.publish(Notification::Job(job));
                 }
                 Some(SceneChange::Freed(job)) => {
-                    tracing::warn!(%job, %lease, "a worker cannot build the scene of the job; others can try");
+                    tracing::warn!(%job, %lease, refusal, "a worker cannot build the scene of the job; others can try");
+                    notifications.publish(Notification::Job(job));
                     notifications.publish(Notification::Work);
                 }
                 Some(SceneChange::Failed(job)) => {

@@ -91,7 +91,7 @@ fn read_json<T: DeserializeOwned>(body: &[u8]) -> Result<T, ApiError> {
     Ok(value)
 }
 
-/// The value at a position of a body, as JSON, or as it is if it is a text.
+/// The value at a position of a body: a text without quotation marks, anything else as JSON.
 fn value_at(body: &[u8], path: &serde_path_to_error::Path) -> Option<String> {
     let body: Value = serde_json::from_slice(body).ok()?;
     let value = path.iter().try_fold(&body, |value, segment| match segment {

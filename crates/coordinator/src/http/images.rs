@@ -1,4 +1,4 @@
-//! The image of a job as it is now.
+//! The present image of a job.
 
 use std::io;
 use std::pin::Pin;

@@ -52,7 +52,7 @@ pub(super) async fn show(
     Ok(Json(jobs.view(job).await?))
 }
 
-/// Cancels a job; what is complete is kept. A job that has ended stays as it is.
+/// Cancels a job; what is complete is kept. A job that has ended does not change.
 #[utoipa::path(
     post, path = "/jobs/{job}/cancel", tag = "jobs", params(("job" = JobId, Path)),
     responses((status = 200, body = JobView))
@@ -64,7 +64,7 @@ pub(super) async fn cancel(
     Ok(Json(jobs.cancel(job).await?))
 }
 
-/// Gives leases again of a job that is held. A job that is not held stays as it is.
+/// Gives leases again of a job that is held. A job that is not held does not change.
 #[utoipa::path(
     post, path = "/jobs/{job}/release", tag = "jobs", params(("job" = JobId, Path)),
     responses((status = 200, body = JobView))
@@ -108,7 +108,7 @@ pub(super) async fn convergence(
     Ok(Json(ConvergenceSeries { job, has_reference: record.reference.is_some(), points }))
 }
 
-/// The error of a job between its rounds, as it is now. It is brought up to date once a second at most; that of a large
+/// The present error of a job, between its rounds. It is brought up to date once a second at most; that of a large
 /// frame, over several calls.
 #[utoipa::path(
     get, path = "/jobs/{job}/live", tag = "jobs", params(("job" = JobId, Path)),

@@ -7,8 +7,8 @@ use axum::extract::{Request, State};
 use axum::http::StatusCode;
 use axum::response::{IntoResponse, Response};
 use clerestory_api::{
-    BuildOutcome, CORE_MILLISECONDS_HEADER, EXR_MEDIA_TYPE, FENCING_TOKEN_HEADER, Lease, LeaseId, LeaseRenewal,
-    LeaseRequest, LeaseReturn, LeaseToken, PartialAnswer, ProblemCode, SceneReport,
+    BuildOutcome, CORE_MILLISECONDS_HEADER, EXR_MEDIA_TYPE, FENCING_TOKEN_HEADER, LONGEST_FAILURE, LONGEST_REFUSAL,
+    Lease, LeaseId, LeaseRenewal, LeaseRequest, LeaseReturn, LeaseToken, PartialAnswer, ProblemCode, SceneReport,
 };
 
 use crate::films::acceptance::Acceptance;
@@ -28,12 +28,6 @@ const LONGEST_WANTED_MS: u32 = 3_600_000;
 
 /// Most scenes that a worker may name as built.
 const MOST_BUILT: usize = 64;
-
-/// Longest reason for returning a lease.
-const LONGEST_REASON: usize = 500;
-
-/// Longest reason for which a scene cannot be built.
-const LONGEST_REFUSAL: usize = 2000;
 
 /// Most lines about a built scene, in each list.
 const MOST_LINES: usize = 1000;
@@ -185,12 +179,12 @@ pub(super) async fn give_back(
 ) -> Result<StatusCode, ApiError> {
     match request.failure {
         None => acceptance.give_back(lease, request.token).await?,
-        Some(reason) if reason.chars().count() > LONGEST_REASON => {
+        Some(reason) if reason.chars().count() > LONGEST_FAILURE => {
             let detail = "the reason is too long";
             return Err(ApiError::new(ProblemCode::InvalidField, detail)
                 .field("failure")
                 .value(reason)
-                .expected(format!("at most {LONGEST_REASON} characters")));
+                .expected(format!("at most {LONGEST_FAILURE} characters")));
         }
         Some(reason) => {
             // PostgreSQL holds no NUL.

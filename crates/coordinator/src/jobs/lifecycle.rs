@@ -51,7 +51,7 @@ impl Jobs {
         Ok(self.views.job(self.find(job).await?).await?)
     }
 
-    /// Cancels a job. A job that has ended stays as it is.
+    /// Cancels a job. A job that has ended does not change.
     pub(crate) async fn cancel(&self, job: JobId) -> Result<JobView, JobError> {
         self.find(job).await?;
         let (store, notifications, now_ms) = (self.store.clone(), Arc::clone(&self.notifications), self.clock.now_ms());
@@ -66,7 +66,7 @@ impl Jobs {
         self.view(job).await
     }
 
-    /// Grants leases again of a job that is held. A job that is not held stays as it is.
+    /// Grants leases again of a job that is held. A job that is not held does not change.
     pub(crate) async fn release(&self, job: JobId) -> Result<JobView, JobError> {
         self.find(job).await?;
         let (store, notifications, now_ms) = (self.store.clone(), Arc::clone(&self.notifications), self.clock.now_ms());

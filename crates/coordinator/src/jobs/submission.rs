@@ -20,7 +20,7 @@ use crate::clock::Clock;
 use crate::films::FilmError;
 use crate::films::assets::Assets;
 use crate::films::convergence::FrameMetrics;
-use crate::model::{NewJob, check_name, is_read_by_first};
+use crate::model::{NewJob, check_name, is_read_by_first, is_same_by_first};
 use crate::store::{Store, StoreError};
 use crate::tasks::to_completion;
 use crate::watch::notifications::{Notification, Notifications};
@@ -136,6 +136,7 @@ impl Submissions {
             scene_hash: bundle.scene_hash().to_string(),
             integrator: description.integrator.kind().to_owned(),
             is_read_by_first: is_read_by_first(description.version, description.integrator.kind()),
+            is_same_by_first: is_same_by_first(description.lights.len()),
             missing_light: description.missing_light(),
             grid,
             samples_per_pass: sampling.samples_per_pass,

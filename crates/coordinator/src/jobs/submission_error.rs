@@ -2,7 +2,8 @@
 
 use clerestory_api::ContentHash;
 use clerestory_film::{InvalidTarget, SamplingError};
-use clerestory_render_core::scene::{self, SceneError};
+use clerestory_render_core::scene::SceneError;
+use clerestory_render_core::scene::description::SCENE_FORMAT_VERSION;
 use tokio::task::JoinError;
 
 use super::submission_memory::Busy;
@@ -91,6 +92,7 @@ impl From<SceneError> for SubmissionError {
     fn from(error: SceneError) -> Self {
         let field = match error.path() {
             "" | "$" => "scene".to_owned(),
+            path if path.starts_with('[') => format!("scene{path}"),
             path => format!("scene.{path}"),
         };
         let mut detail = error.to_string();
@@ -100,9 +102,7 @@ impl From<SceneError> for SubmissionError {
         }
         let (value, expected) = match error {
             SceneError::Value { found, expected, .. } => (Some(found), Some(expected)),
-            SceneError::UnsupportedVersion { found } => {
-                (Some(found.to_string()), Some(scene::description::SCENE_FORMAT_VERSION.to_string()))
-            }
+            SceneError::UnsupportedVersion { found } => (Some(found), Some(format!("1 to {SCENE_FORMAT_VERSION}"))),
             SceneError::Asset { name, .. } => (Some(name), None),
             _ => (None, None),
         };

@@ -18,6 +18,14 @@ pub(crate) fn is_read_by_first(version: u32, method: &str) -> bool {
     version == 1 && FIRST_METHODS.contains(&method)
 }
 
+/// Builds that register a single digest ask all lights. Newer builds ask all of this number, and choose among more.
+const MOST_ASKED: usize = 4;
+
+/// Whether workers that register a single digest compute the same bits of a scene with this number of lights.
+pub(crate) fn is_same_by_first(lights: usize) -> bool {
+    lights <= MOST_ASKED
+}
+
 /// A job to be stored.
 #[derive(Clone, Debug)]
 pub(crate) struct NewJob {
@@ -35,6 +43,8 @@ pub(crate) struct NewJob {
     pub(crate) integrator: String,
     /// Whether workers of builds that register a single digest can read the scene.
     pub(crate) is_read_by_first: bool,
+    /// Whether those compute the same bits as newer ones.
+    pub(crate) is_same_by_first: bool,
     /// Light that the integrator cannot bring.
     pub(crate) missing_light: Vec<String>,
     /// Size of the image and its tiles.

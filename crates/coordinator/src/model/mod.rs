@@ -21,7 +21,7 @@ pub(crate) use cut::cut;
 pub(crate) use delivery::{DeliveredNode, Delivery, WorkFailure};
 pub(crate) use event::{StoredEvent, StoredKind};
 pub(crate) use identity::Identity;
-pub(crate) use job::{Ending, JobRecord, NewJob, is_read_by_first};
+pub(crate) use job::{Ending, JobRecord, NewJob, is_read_by_first, is_same_by_first};
 pub(crate) use lease::{ClaimTerms, Grant, LeaseRecord, LeaseState, MOST_NODES, Renewal};
 pub(crate) use measured_rate::{MeasuredRate, SHORTEST_LINGER_SECONDS};
 pub(crate) use name::{UnprintableName, check_name};

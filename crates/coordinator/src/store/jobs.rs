@@ -204,9 +204,9 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     query(
         "insert into jobs (id, name, state, priority, scene, scene_hash, integrator, missing_light, frames, width, \
          height, tile_size, samples_per_pass, samples_per_block, passes, reference, time_limit_ms, target_mse, \
-         target_estimated_mse, adaptive, created_ms, read_by_first, scene_is_built) \
+         target_estimated_mse, adaptive, created_ms, read_by_first, same_by_first, scene_is_built) \
          values ($1, $2, 'queued', $3, $4, $5, $6, $7, 1, $8, $9, $10, $11, $12, $13, $14, $15, $16, $17, $18, $19, \
-         $20, 0)",
+         $20, $21, 0)",
     )
     .bind(job.id.to_string())
     .bind(&job.name)
@@ -228,6 +228,7 @@ async fn insert(connection: &mut Connection, job: &NewJob) -> Result<(), StoreEr
     .bind(i64::from(job.adaptive))
     .bind(job.created_ms)
     .bind(i64::from(job.is_read_by_first))
+    .bind(i64::from(job.is_same_by_first))
     .execute(&mut *connection)
     .await?;
     for (path, hash) in &job.assets {

@@ -95,6 +95,7 @@ use leases::{
 use pins::{
     a_job_goes_on_when_another_method_computes_other_bits,
     a_job_of_an_older_build_goes_on_with_workers_of_the_same_first_digest,
+    a_job_of_many_lights_stays_with_the_builds_that_began_it,
     a_job_that_older_workers_cannot_read_is_left_to_newer_ones,
     a_job_whose_method_has_changed_waits_and_names_the_two_ways_out, a_new_probe_case_strands_no_job,
 };
@@ -489,6 +490,7 @@ on_both! {
     a_job_stays_pinned_to_its_first_fingerprint
     a_job_goes_on_when_another_method_computes_other_bits
     a_new_probe_case_strands_no_job
+    a_job_of_many_lights_stays_with_the_builds_that_began_it
     a_job_of_an_older_build_goes_on_with_workers_of_the_same_first_digest
     a_job_that_older_workers_cannot_read_is_left_to_newer_ones
     a_job_whose_method_has_changed_waits_and_names_the_two_ways_out

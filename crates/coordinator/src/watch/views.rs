@@ -3,11 +3,11 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use clerestory_api::{ConvergencePoint, JobId, JobState, JobView, WorkerId, WorkerView};
+use clerestory_api::{ConvergencePoint, JobId, JobState, JobView, NamedWorker, SceneRefusal, WorkerId, WorkerView};
 use clerestory_film::counters::Counters;
 
 use crate::clock::Clock;
-use crate::model::{JobRecord, round_error};
+use crate::model::{self, JobRecord, round_error};
 use crate::store::{Store, StoreError, WorkerError};
 use crate::watch::liveness::Liveness;
 use crate::watch::rates::Rates;
@@ -30,7 +30,7 @@ impl Views {
         Self { store, clock, rates, liveness }
     }
 
-    /// A job as it is now.
+    /// The present state of a job.
     pub(crate) async fn job(&self, job: JobRecord) -> Result<JobView, StoreError> {
         let now_ms = self.clock.now_ms();
         let latest = match job.rounds.checked_sub(1) {
@@ -61,6 +61,7 @@ impl Views {
         Ok(JobView {
             building_workers,
             waits_for_build,
+            scene_refusal: job.scene_refusal.filter(|_| is_running).map(scene_refusal),
             progress,
             total_samples,
             tiles: job.grid.len(),
@@ -137,6 +138,11 @@ impl Views {
 /// Camera samples in the first pass of a job.
 fn first_pass_samples(job: &JobRecord) -> u64 {
     job.pass_samples()
+}
+
+fn scene_refusal(refusal: model::SceneRefusal) -> SceneRefusal {
+    let worker = NamedWorker { id: refusal.worker, name: refusal.name };
+    SceneRefusal { worker, build: refusal.build, reason: refusal.reason }
 }
 
 /// Camera samples after which a job is expected to end: all, or fewer if the error of its last round promises a target

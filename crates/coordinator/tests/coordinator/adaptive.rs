@@ -39,7 +39,7 @@ fn expected_passes(adaptation: &Adaptation, round_passes: u32) -> Vec<u32> {
     shares(&grid(), &noise).into_iter().map(|share| adaptation.passes(share, round_passes)).collect()
 }
 
-/// What one process makes of so many passes of each tile.
+/// The sums that one process makes of these passes of each tile.
 fn expected_sums(tile_passes: &[u32]) -> Vec<TileSum> {
     let of_tile = |(tile, &passes): (u32, &u32)| {
         let mut film = FilmTile::new(0, tile, grid().tile(tile).unwrap(), sampling());

@@ -14,7 +14,7 @@ fn problem<T: std::fmt::Debug>(answer: Result<T, ClientError>) -> Problem {
     failure.problem().unwrap_or_else(|| panic!("{failure}")).clone()
 }
 
-/// A partial of all nodes of a lease, in pieces of so many bytes with their hashes.
+/// A partial of all nodes of a lease, in pieces of at most `bytes` with their hashes.
 fn pieces(lease: &Lease, bytes: usize) -> Vec<(ContentHash, Bytes)> {
     let file = noise_partial(lease, &addresses(lease));
     file.chunks(bytes).map(|piece| (hash(piece), Bytes::copy_from_slice(piece))).collect()

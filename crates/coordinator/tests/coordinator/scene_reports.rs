@@ -82,6 +82,33 @@ async fn a_scene_that_cannot_be_built_is_accepted_and_fails_its_job_on_the_first
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn the_first_refusal_is_shown_until_another_machine_has_tried() {
+    let farm = TestFarm::start().await;
+    let [nave, apse] = [farm.worker_named("nave").await, farm.worker_named("apse").await];
+    let reason = "panes[1].centre: found a pane in another, must be a place of its own".to_owned();
+    for is_confirmed in [true, false] {
+        let job = farm.client.submit_job(&touching_panes()).await.unwrap();
+        let lease = nave.claim().await.unwrap();
+        let mut shown = Box::pin(farm.until(job.id, |job| job.scene_refusal.is_some()));
+        assert!(futures::poll!(&mut shown).is_pending());
+        nave.report(&lease, BuildOutcome::Refused { reason: reason.clone() }).await.unwrap();
+        let refusal = shown.await.scene_refusal.unwrap();
+        assert_eq!((refusal.worker.name.as_str(), &refusal.reason), ("nave", &reason));
+
+        let lease = apse.claim().await.unwrap();
+        if is_confirmed {
+            apse.report(&lease, BuildOutcome::Refused { reason: reason.clone() }).await.unwrap();
+            let failed = farm.finished(job.id).await;
+            assert_eq!((failed.state, failed.scene_refusal), (JobState::Failed, None));
+        } else {
+            apse.report(&lease, BuildOutcome::Built(built("cone"))).await.unwrap();
+            let view = farm.client.job(job.id).await.unwrap();
+            assert_eq!((view.state, view.scene_refusal), (JobState::Running, None));
+        }
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_report_is_refused_without_a_valid_lease_and_with_too_much_to_say() {
     let farm = TestFarm::start().await;
     let job = farm.submit(1).await;

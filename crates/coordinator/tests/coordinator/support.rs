@@ -78,7 +78,7 @@ impl TestFarm {
         self.client.submit_job(&submission(passes)).await.unwrap()
     }
 
-    /// Renders an image of so many passes, and then a job of others that has it as its reference. Answers both, done.
+    /// Renders an image of `reference_passes`, and then a job that has it as its reference. Answers both, done.
     pub(crate) async fn against_a_reference(&self, reference_passes: u32, passes: u32) -> [JobView; 2] {
         let first = self.submit(reference_passes).await;
         let worker = self.worker().await;

@@ -11,8 +11,8 @@ use clerestory_api::{
 use clerestory_coordinator::Clock;
 use futures::StreamExt;
 
-/// Longest wait for what a farm should do.
-const PATIENCE: Duration = Duration::from_secs(30);
+/// Longest wait for an event of the farm.
+const LONGEST_WAIT: Duration = Duration::from_secs(30);
 
 /// Waits until a lease of a worker has run out.
 async fn lost(farm: &TestFarm, worker: &TestWorker) {
@@ -20,7 +20,7 @@ async fn lost(farm: &TestFarm, worker: &TestWorker) {
     let leased =
         async || farm.client.workers().await.unwrap().iter().any(|view| view.id == worker.id && view.leased_nodes > 0);
     while leased().await {
-        assert!(start.elapsed() < PATIENCE, "the lease does not run out");
+        assert!(start.elapsed() < LONGEST_WAIT, "the lease does not run out");
         tokio::time::sleep(Duration::from_millis(20)).await;
     }
 }
@@ -134,5 +134,5 @@ async fn a_worker_that_ends_leaves_the_list_with_an_event() {
             }
         }
     };
-    tokio::time::timeout(PATIENCE, told).await.unwrap();
+    tokio::time::timeout(LONGEST_WAIT, told).await.unwrap();
 }

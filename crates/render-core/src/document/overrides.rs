@@ -333,6 +333,18 @@ mod tests {
     }
 
     #[test]
+    fn the_path_of_an_error_is_one_that_can_be_set() {
+        let mut scene = valid_scene();
+        scene["materials"]["old.stone"] = scene["materials"]["stone"].clone();
+        scene["materials"]["old.stone"]["diffuse"]["reflectance"]["colour"][0] = 2.into();
+        let scene = SceneDescription::read(scene.to_string().as_bytes()).unwrap();
+        let error = scene.validate().unwrap_err();
+        assert_eq!(error.path(), "materials[old.stone].diffuse.reflectance.colour[0]");
+        let change: Override = format!("{}=0.5", error.path()).parse().unwrap();
+        assert!(apply(&[change], &scene).unwrap().validate().is_ok());
+    }
+
+    #[test]
     fn a_pattern_changes_settings_and_never_what_things_are() {
         let painted = changed("materials[*].diffuse.reflectance.colour=[0.1,0.2,0.3]").unwrap();
         assert_eq!(painted["materials"]["stone"]["diffuse"]["reflectance"]["colour"][2], 0.3);

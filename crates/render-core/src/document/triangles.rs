@@ -99,7 +99,7 @@ impl Triangles {
     }
 }
 
-/// A number as it is written in the scene: micrometres are enough, and sums of decimals come out as decimals.
+/// A number rounded to micrometres, so that sums of decimals are written as decimals.
 pub(super) fn rounded(number: f64) -> f64 {
     (number * 1e6).round() / 1e6
 }

@@ -155,7 +155,7 @@ fn cells(value: f64, (edge, slack): (f64, f64)) -> RangeInclusive<i32> {
     ((value - slack) / edge).round() as i32..=((value + slack) / edge).round() as i32
 }
 
-/// Entries for so many triangles: planes that are as steep to three axes have three, and very few of any have more.
+/// Most entries for a number of triangles: planes that are as steep to three axes have three, and very few have more.
 const fn most_entries(triangles: usize) -> usize {
     3 * triangles + triangles / 16 + 64
 }

@@ -25,11 +25,11 @@ use clerestory_film::counters::Counters;
 /// stretch that starts on the surface does not end where `g` is still only noise.
 const BORDER_TOLERANCE: f64 = 1e-6;
 
-/// Halley's method ends with a step of at most so many cells, over which the surface is its Taylor polynomial of second
-/// order: to 1e-17 of its third differences in height, to 1e-11 in slope.
+/// Halley's method ends with a step of at most this many cells, over which the surface is its Taylor polynomial of
+/// second order: to 1e-17 of its third differences in height, to 1e-11 in slope.
 const STEP_TOLERANCE: f64 = 3e-6;
 
-/// After so many steps of Halley's method, only bisection.
+/// Most steps of Halley's method; bisection follows.
 const MOST_HALLEY_STEPS: usize = 24;
 
 /// A side of a height field.

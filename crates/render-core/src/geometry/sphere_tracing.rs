@@ -18,7 +18,7 @@ const ARRIVED: f64 = 1e-9;
 /// What leaves the surface starts so far from it along the ray, metres.
 const OFFSET: f64 = 1e-6;
 
-/// A ray that has not arrived after so many steps runs along the surface and counts as gone past it.
+/// A ray that has not arrived after this many steps runs along the surface and counts as gone past it.
 const MOST_STEPS: usize = 4096;
 
 impl HeightField {

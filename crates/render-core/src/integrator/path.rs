@@ -37,7 +37,7 @@ pub struct PathSample {
 /// Vertices after which a path may be ended at random.
 const ROULETTE_START: u32 = 4;
 
-/// Longest run of vertices at random survival: a path that goes on forever inside perfect mirrors of glass ends here.
+/// Upper bound of the survival probability, so that paths inside perfect mirrors end.
 const MAX_SURVIVAL: f64 = 0.95;
 
 /// A path tracer for one scene.

@@ -34,7 +34,7 @@ pub use sampler::{AskedLight, LightSampler, MOST_ASKED};
 pub use sphere::SphereLight;
 pub use sun::SunLight;
 
-use crate::settings::{Check, JsonPath};
+use crate::settings::{Check, JsonPath, Triple};
 
 /// A light is seldom met where its solid angle is below this, steradians. An image of some thousand samples then shows
 /// it as single bright pixels.
@@ -47,6 +47,16 @@ pub trait LightSettings {
 
     /// The member that says where it is; `None` for a light that is nowhere.
     fn place(&self) -> Option<&'static str>;
+
+    /// Direction from the scene towards a distant light; `None` for all others.
+    fn direction(&self) -> Option<Triple> {
+        None
+    }
+
+    /// The same, to be changed.
+    fn direction_mut(&mut self) -> Option<&mut Triple> {
+        None
+    }
 
     /// Checks all settings but the name.
     ///

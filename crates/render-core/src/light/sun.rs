@@ -39,6 +39,14 @@ impl LightSettings for SunLight {
         None
     }
 
+    fn direction(&self) -> Option<Triple> {
+        Some(self.direction)
+    }
+
+    fn direction_mut(&mut self) -> Option<&mut Triple> {
+        Some(&mut self.direction)
+    }
+
     fn check(&self, path: &JsonPath<'_>) -> Check {
         check_direction(self.direction, &path.member("direction"))?;
         check_range(self.angular_radius, 1e-3, 90.0, &path.member("angular_radius"))?;

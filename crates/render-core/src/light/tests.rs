@@ -7,7 +7,6 @@ use glam::{DVec2, DVec3};
 
 use super::*;
 use crate::geometry::{Frame, Ray};
-use crate::settings::Triple;
 
 fn light(description: LightDescription) -> Light {
     Light::new(&description)

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::description::{MeshSource, ProfileDescription};
 use super::hash::ContentHash;
 use super::parts::SceneParts;
-use crate::settings::AssetProblem;
+use crate::settings::{AssetProblem, JsonPath};
 
 /// The bytes of a file that a scene names.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -63,6 +63,9 @@ pub(crate) fn asset_uses(parts: SceneParts<'_>) -> Vec<(String, &str)> {
 pub(super) fn texture_uses(parts: SceneParts<'_>) -> impl Iterator<Item = (String, &str)> {
     parts.materials.iter().filter_map(|(name, material)| {
         let (path, file) = material.texture()?;
-        Some((format!("materials.{name}.{}.{path}", material.kind()), file))
+        let root = JsonPath::Root;
+        let materials = root.member("materials");
+        let place = materials.member(name);
+        Some((format!("{}.{path}", place.member(material.kind())), file))
     })
 }

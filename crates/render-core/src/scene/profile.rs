@@ -166,7 +166,7 @@ struct Grid {
 }
 
 impl Grid {
-    /// A grid of so many columns and rows over a pane.
+    /// A grid of these columns and rows over a pane.
     fn new(size: DVec2, [columns, rows]: [usize; 2]) -> Self {
         let axis = |count: usize, extent: f64| {
             (0..count).map(|index| ((index as f64 + 0.5) / count as f64 - 0.5) * extent).collect()

@@ -15,7 +15,7 @@ use super::random::Random;
 /// Most cells along an edge.
 pub(super) const MAX_CELLS: u32 = 4096;
 
-/// Number of waves: so many that the heights are nearly normal.
+/// Number of waves: enough for heights that are nearly normally distributed.
 const WAVES: usize = 16;
 
 /// Acceleration of gravity, m/s2.

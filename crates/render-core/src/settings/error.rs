@@ -3,10 +3,11 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use serde_path_to_error::Segment;
 use thiserror::Error;
 
 use super::SCENE_FORMAT_VERSION;
-use super::path::{JsonPath, ROOT};
+use super::path::{JsonPath, MemberStep, ROOT};
 
 /// A scene that cannot be used. Every error names the place in the scene file, what stands there and what would be
 /// right.
@@ -115,8 +116,8 @@ impl SceneError {
 
     /// What the reader says of text that is JSON but not a scene, at its place.
     pub(crate) fn from_json(error: serde_path_to_error::Error<serde_json::Error>) -> Self {
-        let path = match error.path().to_string().as_str() {
-            "." => ROOT.to_owned(),
+        let path = match written(error.path()).as_str() {
+            "" => ROOT.to_owned(),
             path => one_line(path),
         };
         let message = one_line(&error.inner().to_string());
@@ -133,6 +134,22 @@ impl SceneError {
         };
         Self::Structure { path, message }
     }
+}
+
+/// A path of the reader, written as a [`JsonPath`]; empty for the scene itself.
+fn written(path: &serde_path_to_error::Path) -> String {
+    let mut text = String::new();
+    for segment in path {
+        let step = match segment {
+            Segment::Seq { index } => format!("[{index}]"),
+            Segment::Map { key: name } | Segment::Enum { variant: name } => {
+                MemberStep { name, is_first: text.is_empty() }.to_string()
+            }
+            Segment::Unknown => "[?]".to_owned(),
+        };
+        text.push_str(&step);
+    }
+    text
 }
 
 /// At most this many characters of a user's text are repeated in a message.

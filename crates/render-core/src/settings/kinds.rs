@@ -42,6 +42,14 @@ macro_rules! kinds {
                 }
             }
         }
+
+        impl std::ops::DerefMut for $name {
+            fn deref_mut(&mut self) -> &mut Self::Target {
+                match self {
+                    $(Self::$kind(settings) => settings,)+
+                }
+            }
+        }
     };
 }
 

@@ -2,6 +2,8 @@
 
 use serde_json::{Map, Value};
 
+use super::path::MemberStep;
+
 /// A place in a scene file, with what its schema says of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Place<'a> {
@@ -80,7 +82,7 @@ impl<'a> Place<'a> {
         let named = |schema: &&'a Value| schema.get("properties").and_then(|members| members.get(name));
         let any = |schema: &&'a Value| schema.get("additionalProperties").filter(|schema| schema.is_object());
         let schema = schemas.iter().find_map(named).or_else(|| schemas.iter().find_map(any)).unwrap_or(&Value::Null);
-        let path = if self.path.is_empty() { name.to_owned() } else { format!("{}.{name}", self.path) };
+        let path = format!("{}{}", self.path, MemberStep { name, is_first: self.path.is_empty() });
         Self { schema, path, root: self.root }
     }
 

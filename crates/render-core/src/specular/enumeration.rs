@@ -44,7 +44,7 @@ const SMALLEST: f64 = 0.25;
 const TRACE_ERROR: f64 = 1e-4;
 
 /// Larger parts, in cells of the finer face, are halved without a traced path, and all but the whole window without a
-/// look at the curvatures: over so many cells they hardly ever say anything.
+/// look at the curvatures: over this many cells they hardly ever say anything.
 const LARGE: f64 = 4.0;
 
 /// What is left of a part is looked at again before it is halved if its area is less than this share of the part's.

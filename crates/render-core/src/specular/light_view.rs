@@ -205,7 +205,7 @@ impl<'a> LightView<'a> {
 }
 
 /// Cuts windows into about `most` parts in all: by halves, the parts of all windows in turn, until each is settled or
-/// there are so many. Leaves out those from which no light can reach the source. Each part comes with the index of its
+/// `most` is reached. Leaves out those from which no light can reach the source. Each part comes with the index of its
 /// window.
 fn cut(windows: &[Window<'_>], most: usize) -> Vec<(usize, Rect)> {
     let capacity = most.max(windows.len());

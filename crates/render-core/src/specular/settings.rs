@@ -44,8 +44,9 @@ pub trait Method: MethodSettings + Sized {
     /// A line for people who choose a method.
     const SUMMARY: &'static str;
 
-    /// Settings under which the method is probed: one for each of its forms that has code of its own. New ones are
-    /// appended, because running jobs are pinned to the digests of those that are there.
+    /// What is rendered to probe the method, as JSON: settings for the scene of the probe, or a scene of its own. There
+    /// is one for each form of the method that has code of its own. New ones are appended, because running jobs are
+    /// pinned to the digests of those that are there.
     const PROBES: &'static [&'static str];
 
     /// The usual settings, with what describes the scene rather than the method taken from another.

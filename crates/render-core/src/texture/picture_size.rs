@@ -14,7 +14,7 @@ pub(crate) struct PictureSize {
     pub(crate) decoded_bytes: u64,
 }
 
-/// Bytes of a pixel of an EXR file as it is decoded: four channels, and those of a file of 16 bits twice.
+/// Bytes of a pixel of an EXR file while it is decoded: four channels, and those of a file of 16 bits twice.
 const EXR_PIXEL: u64 = 4 * 4 + 4;
 
 /// Reads the header of a PNG or EXR file. A picture that is too large for any scene is an error, as when it is decoded.

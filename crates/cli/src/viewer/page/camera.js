@@ -41,7 +41,7 @@ export function shifted(camera, x, y) {
     return { [kind]: { ...settings, position: plus(settings.position, by), look_at: plus(settings.look_at, by) } };
 }
 
-/** A camera whose distance from what it looks at, or whose picture, is so many times as large. */
+/** A camera whose distance from what it looks at, or whose picture, is `factor` times as large. */
 export function approached(camera, factor) {
     const [kind, settings] = inside(camera);
     if (settings.height !== undefined) return { [kind]: { ...settings, height: settings.height * factor } };

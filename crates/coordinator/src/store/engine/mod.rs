@@ -1,5 +1,6 @@
 //! The database engines: SQLite and PostgreSQL behind one set of statements, one writer, and timeouts.
 
+mod backfill;
 pub(in crate::store) mod batch;
 mod damage;
 pub(in crate::store) mod error;

@@ -1,5 +1,6 @@
 //! The schema: the database is opened and brought up to date.
 
+use crate::store::engine::backfill;
 use crate::store::engine::error::StoreError;
 use crate::store::engine::requirements::{self, Found};
 use crate::store::engine::source::{Connection, Source};
@@ -48,8 +49,11 @@ pub enum SchemaError {
     },
 }
 
+/// The migration whose column is filled by [`backfill::same_by_first`].
+const SAME_BY_FIRST: i64 = 29;
+
 /// Migrations, each with its version and its name.
-pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 28] = [
+pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 29] = [
     (1, "first", include_str!("../../../migrations/0001_first.sql")),
     (2, "counters", include_str!("../../../migrations/0002_counters.sql")),
     (3, "farm", include_str!("../../../migrations/0003_farm.sql")),
@@ -78,6 +82,7 @@ pub(in crate::store) const MIGRATIONS: [(i64, &str, &str); 28] = [
     (26, "read_by_first", include_str!("../../../migrations/0026_read_by_first.sql")),
     (27, "built_scenes", include_str!("../../../migrations/0027_built_scenes.sql")),
     (28, "scene_refusals", include_str!("../../../migrations/0028_scene_refusals.sql")),
+    (SAME_BY_FIRST, "same_by_first", include_str!("../../../migrations/0029_same_by_first.sql")),
 ];
 
 /// The table of applied migrations. Newer builds leave the checksum empty.
@@ -130,6 +135,9 @@ async fn bring_up_to_date(connection: &mut Connection, database: &str) -> Result
     }
     for (version, name, statements) in MIGRATIONS.into_iter().filter(|(of_it, ..)| *of_it > version) {
         connection.batch(statements).await.map_err(failed)?;
+        if version == SAME_BY_FIRST {
+            backfill::same_by_first(&mut *connection).await.map_err(failed)?;
+        }
         let applied = "insert into _sqlx_migrations (version, description, success, checksum, execution_time) \
                        values ($1, $2, true, '', 0)";
         query(applied).bind(version).bind(name).execute(&mut *connection).await.map_err(failed)?;

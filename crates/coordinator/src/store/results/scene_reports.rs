@@ -86,7 +86,8 @@ async fn refuse(
     let earlier = job.scene_refusal.as_ref().filter(|earlier| earlier.name != refusal.name);
     if earlier.is_none() && attempts::others_could_build(connection, job.id, &refusal.name, report.alive_ms).await? {
         let stored = query("update jobs set scene_refusal = $2 where id = $1").bind(job.id.to_string());
-        stored.bind(to_json(&refusal)?).execute(connection).await?;
+        stored.bind(to_json(&refusal)?).execute(&mut *connection).await?;
+        events::record(connection, StoredKind::Job, job.id, report.now_ms).await?;
         return Ok(Some(SceneChange::Freed(job.id)));
     }
     let has_ended = jobs::end(connection, job.id, &Ending::Failed(in_words(earlier, &refusal)), report.now_ms).await?;

@@ -25,7 +25,7 @@ const NODES: u32 = 16;
 
 /// Rows, and entries of indexes, that a claim and all that follows it may read for each of its nodes: it is looked for
 /// when it is claimed, brought, and merged, in a few tables, and what has just been replaced is met with for a while.
-const READ: i64 = 30;
+const READ: i64 = 40;
 
 /// Claims, renews, brings and merges.
 async fn work(farm: &Farm, worker: WorkerId, now_ms: i64) {

@@ -1,4 +1,4 @@
-//! A database that the first build has left in the middle of a job.
+//! A database that the first build has left in the middle of a job, and what becomes of the job.
 
 use clerestory_api::{ConvergencePoint, JobId, JobState};
 use clerestory_film::NodeAddress;
@@ -8,7 +8,7 @@ use crate::model::Work;
 use crate::store::engine::schema::{APPLIED, MIGRATIONS};
 use crate::store::engine::source::Source;
 use crate::store::engine::sql::query;
-use crate::store::tests::Farm;
+use crate::store::tests::{Farm, pins};
 
 /// A job of two passes over two tiles. Of the first pass, one tile has been accepted, and a worker has the other;
 /// another job is done.
@@ -104,4 +104,31 @@ async fn a_job_goes_on_that_the_first_build_has_begun_in_a_file() {
 async fn a_job_goes_on_that_the_first_build_has_begun_in_postgres() {
     let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap();
     a_job_goes_on_that_the_first_build_has_begun(source).await;
+}
+
+async fn a_job_of_many_lights_stays_with_the_first_build(source: Source) {
+    leave(&source).await;
+    let mut connection = source.writer().await.unwrap();
+    let five = r#"{"lights": [{}, {}, {}, {}, {}]}"#;
+    query("update jobs set scene = $1 where state = 'running'").bind(five).execute(&mut connection).await.unwrap();
+    connection.close().await.unwrap();
+
+    let farm = Farm::at(source, None).await;
+    assert_eq!(farm.expire(2000).await, 1);
+    let older = pins::worker(&farm, "older", "first", &[]).await;
+    assert!(farm.claim(older, 1, 2000).await.is_some());
+    let newer = pins::worker(&farm, "newer", "first", &[("path", &["p"])]).await;
+    assert!(farm.claim(newer, 1, 2000).await.is_none(), "it would choose among the lights");
+}
+
+#[tokio::test]
+async fn a_job_of_many_lights_stays_with_the_first_build_in_a_file() {
+    let directory = tempfile::tempdir().unwrap();
+    a_job_of_many_lights_stays_with_the_first_build(Source::file(&directory.path().join("farm.sqlite"))).await;
+}
+
+#[tokio::test]
+async fn a_job_of_many_lights_stays_with_the_first_build_in_postgres() {
+    let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap();
+    a_job_of_many_lights_stays_with_the_first_build(source).await;
 }

@@ -88,6 +88,30 @@ pub(super) async fn a_job_of_an_older_build_goes_on_with_workers_of_the_same_fir
     assert_eq!(claimed(&farm, also_older).await, Some(of_older), "a farm of older workers goes on");
 }
 
+pub(super) async fn a_job_of_many_lights_stays_with_the_builds_that_began_it(farm: Farm) {
+    let many = async || farm.job_like(|job| NewJob { is_same_by_first: false, ..job }).await;
+    let job = many().await;
+    let older = worker(&farm, "older", "first", &[]).await;
+    let begun = farm.claim(older, 2, 0).await.unwrap();
+    farm.deliver(&begun, &begun.nodes[..1], 0).await.unwrap();
+    let newer = worker(&farm, "newer", "first", &[("path", &["p"])]).await;
+    assert_eq!(claimed(&farm, newer).await, None, "it would choose among the lights that the other asks");
+    assert_eq!(farm.store.worker(newer, 0).await.unwrap().passed_over, [job]);
+    let also_older = worker(&farm, "also older", "first", &[]).await;
+    let continued = farm.claim(also_older, 1, 0).await.unwrap();
+    assert_eq!((begun.lease.job, continued.lease.job), (job, job));
+    for Grant { lease, .. } in [begun, continued] {
+        farm.store.return_lease(lease.id, lease.token, 0).await.unwrap();
+        assert!(farm.store.end_worker(lease.worker, 0).await.unwrap());
+    }
+    assert!(wait(&farm, job, 0).await.unwrap().reason.contains("start a worker"));
+
+    let of_newer = many().await;
+    assert_eq!(claimed(&farm, newer).await, Some(of_newer));
+    let back = worker(&farm, "back", "first", &[]).await;
+    assert_eq!(claimed(&farm, back).await, Some(job));
+}
+
 pub(super) async fn a_job_whose_method_has_changed_waits_and_names_the_two_ways_out(farm: Farm) {
     let job = job_with(&farm, "fnee").await;
     let begins = worker(&farm, "nave", "first", &[("fnee", &["old"])]).await;

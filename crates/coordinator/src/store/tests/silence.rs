@@ -72,7 +72,7 @@ async fn carry(
 const LONG: Duration = Duration::from_secs(3600);
 
 /// Long enough for every answer, and short enough for a test. The server is not asked what it works on.
-const PATIENCE: Timeouts = Timeouts {
+const SHORT_TIMEOUTS: Timeouts = Timeouts {
     connection: Duration::from_secs(2),
     idle: Duration::from_millis(200),
     turn: Duration::from_secs(2),
@@ -83,11 +83,11 @@ const PATIENCE: Timeouts = Timeouts {
 };
 
 /// The server is waited for while it works.
-const DOUBT: Timeouts = Timeouts { turn: LONG, transaction: LONG, doubt: Duration::from_millis(200), ..PATIENCE };
+const DOUBT: Timeouts = Timeouts { turn: LONG, transaction: LONG, doubt: Duration::from_millis(200), ..SHORT_TIMEOUTS };
 
 #[tokio::test]
 async fn a_database_that_falls_silent_is_given_up_and_called_again() {
-    falls_silent(PATIENCE).await;
+    falls_silent(SHORT_TIMEOUTS).await;
 }
 
 #[tokio::test]

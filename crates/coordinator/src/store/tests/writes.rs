@@ -173,11 +173,13 @@ pub(super) async fn other_writes_are_carried_out_after_their_caller_has_disconne
     gone.abort();
     assert!(gone.await.unwrap_err().is_cancelled(), "it waits for its turn");
     held.let_go().await;
-    notes(&farm, ["later"], &order).await;
+    let [later] = notes(&farm, ["later"], &order).await;
+    later.await.unwrap().unwrap();
     assert_eq!(*order.lock().unwrap(), ["other", "later"]);
 }
 
 pub(super) async fn waiting_writes_are_carried_out_before_the_store_closes(farm: Farm) {
+    tokio::time::sleep(LONG).await;
     let held = Held::hold(&farm).await;
     let order = Arc::default();
     let writes = notes(&farm, ["patient", "other", "patient", "claim", "patient", "first"], &order).await;

@@ -6,7 +6,7 @@
 //! a build with one more case still matches.
 //!
 //! Workers of older builds register a single digest of all methods. Their jobs are pinned to that one. Newer workers
-//! register it too.
+//! register it too, and continue such jobs. A job of many lights is not continued, because older builds ask them all.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -26,7 +26,8 @@ pub(in crate::store) const MATCHES_PIN: &str = "(((select 1 from method_digests 
      or (jobs.read_by_first = 1 \
      and (select 1 from method_digests as own where own.worker = workers.id limit 1) is null)) \
      and (jobs.probe_digest is null \
-     or jobs.probe_digest = coalesce(workers.probe_digest, '') \
+     or (jobs.probe_digest = coalesce(workers.probe_digest, '') and (jobs.same_by_first = 1 \
+     or (select 1 from method_digests as own where own.worker = workers.id limit 1) is null)) \
      or (select 1 from method_digests as own where own.worker = workers.id and own.digest = jobs.probe_digest \
      limit 1) is not null))";
 
@@ -78,9 +79,19 @@ pub(in crate::store) async fn insert_digests(
     Ok(())
 }
 
+/// The pin of a job.
+struct Pin {
+    job: JobId,
+    digest: String,
+    /// Whether workers that register a single digest compute the same bits of its scene.
+    is_same_by_first: bool,
+}
+
 /// The pins of open jobs, and the workers that match them.
 pub(in crate::store) struct Pins {
-    jobs: Vec<(JobId, String)>,
+    jobs: Vec<Pin>,
+    /// Workers that registered digests by method.
+    newer: BTreeSet<WorkerId>,
     /// Workers with one of the digests by method that jobs are pinned to.
     workers: BTreeSet<(WorkerId, String)>,
 }
@@ -88,9 +99,11 @@ pub(in crate::store) struct Pins {
 impl Pins {
     /// The jobs that a worker gets no nodes of. `first_digest` is its digest of all methods, empty if it sent none.
     pub(in crate::store) fn passed_over(&self, worker: WorkerId, first_digest: &str) -> Vec<JobId> {
-        let is_passed_over =
-            |digest: &String| digest != first_digest && !self.workers.contains(&(worker, digest.clone()));
-        self.jobs.iter().filter(|(_, digest)| is_passed_over(digest)).map(|(job, _)| *job).collect()
+        let matches = |Pin { digest, is_same_by_first, .. }: &Pin| {
+            (digest == first_digest && (*is_same_by_first || !self.newer.contains(&worker)))
+                || self.workers.contains(&(worker, digest.clone()))
+        };
+        self.jobs.iter().filter(|pin| !matches(pin)).map(|pin| pin.job).collect()
     }
 }
 
@@ -101,22 +114,31 @@ impl Store {
         let of_workers = if worker.is_some() { "worker = $1" } else { "true" };
         // One statement, so that no job is pinned or unpinned between two.
         let mut pins = query(format!(
-            "select id as job, probe_digest as digest, null as worker {pinned} union all select null, digest, worker \
-             from method_digests where digest in (select probe_digest {pinned}) and {of_workers} order by job"
+            "select id as job, probe_digest as digest, same_by_first, null as worker {pinned} \
+             union all select null, digest, null, worker from method_digests \
+             where digest in (select probe_digest {pinned}) and {of_workers} \
+             union all select null, null, null, worker from method_digests where {of_workers} group by worker \
+             order by job"
         ));
         if let Some(worker) = worker {
             pins = pins.bind(worker.to_string());
         }
-        let (mut jobs, mut workers) = (Vec::new(), BTreeSet::new());
+        let (mut jobs, mut newer, mut workers) = (Vec::new(), BTreeSet::new(), BTreeSet::new());
         for row in pins.fetch_all(&self.readers).await? {
-            let digest = row.text("digest")?;
-            if let Some(job) = row.optional_parsed("job")? {
-                jobs.push((job, digest));
-            } else {
-                workers.insert((row.parsed("worker")?, digest));
+            match (row.optional_parsed("job")?, row.optional_text("digest")?) {
+                (Some(job), digest) => {
+                    let is_same_by_first = row.optional_integer("same_by_first")? == Some(1);
+                    jobs.push(Pin { job, digest: digest.unwrap_or_default(), is_same_by_first });
+                }
+                (None, Some(digest)) => {
+                    workers.insert((row.parsed("worker")?, digest));
+                }
+                (None, None) => {
+                    newer.insert(row.parsed("worker")?);
+                }
             }
         }
-        Ok(Pins { jobs, workers })
+        Ok(Pins { jobs, newer, workers })
     }
 
     /// The jobs that wait for a worker with their build fingerprint, while others were heard of since `since_ms`.

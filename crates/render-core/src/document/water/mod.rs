@@ -33,7 +33,7 @@ const TRIANGLES: [u32; 2] = [8, 20_000_000];
 /// How water is to be seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaterSettings {
-    /// About so many triangles of the surface.
+    /// Approximate number of triangles of the surface.
     pub triangles: TriangleCount,
     /// When, seconds.
     pub time: f64,

@@ -213,7 +213,7 @@ fn list(names: &[&str], count: usize, kind: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
+    use std::collections::{BTreeMap, BTreeSet};
 
     use serde_json::{Value, json};
 
@@ -351,6 +351,21 @@ mod tests {
             assert_eq!(methods(&glazing, SUN, Caster::Pane(pane), "TTTT"), [Best::Sms]);
             assert_eq!(methods(&glazing, SUN, Caster::Pane(pane), "R"), [Best::Fnee]);
         }
+    }
+
+    #[test]
+    fn the_probe_reaches_every_method_and_chain() {
+        let description = SceneDescription::parse(include_bytes!("probe.json")).unwrap();
+        let probe = SceneBundle::from_parts(description, BTreeMap::new()).unwrap().build_scene().unwrap();
+        let chosen = |choices: &[Choice]| {
+            let mut chosen = BTreeSet::new();
+            for choice in choices {
+                chosen.extend(choice.chains.iter().map(|chain| format!("{:?} {chain}", choice.method)));
+            }
+            chosen
+        };
+        let all = scene(&[pane("left", [0.0, 1.0]), pane("behind", [0.0, 1.5])]);
+        assert_eq!(chosen(&choose(&probe)), chosen(&choose(&all)));
     }
 
     #[test]

@@ -51,10 +51,12 @@ impl MethodSettings for AutoSettings {
     fn unowned(&self, lights: &LightGroup, contents: Contents) -> Vec<PathClass> {
         let of = &lights.name;
         let text = format!(
-            "light of {of} over several panes, bodies of glass, water or mirrors in a row, where no chosen method \
-             looks for it"
+            "light of {of} over several panes, bodies of glass, water or mirrors in a row, or reflected within one of \
+             them, where no chosen method looks for it"
         );
-        let single = ["T", "R", "TT"].map(str::to_owned);
+        // Of meshes, only closed ones are always searched for TT.
+        let single: &[&str] = if contents.meshes > 0 { &["T", "R"] } else { &["T", "R", "TT"] };
+        let single: Vec<String> = single.iter().map(|chain| (*chain).to_owned()).collect();
         let mut classes = vec![PathClass::new(text, other_than(&single))];
         if contents.panes > 0 {
             classes.push(between_the_faces(of, Some(libm::asin(GRAZING_COSINE).to_degrees())));
@@ -74,7 +76,7 @@ impl MethodSettings for AutoSettings {
 impl Method for AutoSettings {
     const SUMMARY: &'static str = "Each kind of light over glass, water and mirrors by the method that is best for it.";
 
-    const PROBES: &'static [&'static str] = &[r#"{"auto": {}}"#];
+    const PROBES: &'static [&'static str] = &[r#"{"auto": {}}"#, include_str!("probe.json")];
 
     fn adopting(other: &dyn MethodSettings) -> Self {
         Self { max_depth: other.max_depth() }

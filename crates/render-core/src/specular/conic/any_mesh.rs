@@ -147,7 +147,7 @@ fn ten_million_triangles_of_any_kind_have_paths_that_are_paths_and_that_the_tree
     check_triangles_of_any_kind(100);
 }
 
-/// Checks the paths over so many times a hundred thousand triangles.
+/// Checks the paths over `chunks` times a hundred thousand triangles.
 fn check_triangles_of_any_kind(chunks: u32) {
     const MESHES: usize = 100;
     const QUERIES: usize = 10;
@@ -224,7 +224,7 @@ fn any_mesh(random: &mut TrialStream) -> Vec<Facet> {
     facets
 }
 
-/// Walks twenty thousand times in each of so many chunks, checks each path that is found, and answers how many are.
+/// Walks twenty thousand times in each of `chunks` chunks, checks each path that is found, and counts them.
 fn paths_of_walks_over_any_mesh(chunks: u32) -> usize {
     (0..chunks)
         .into_par_iter()

@@ -419,7 +419,7 @@ fn the_paths_over_more_water_are_those_that_are_certain_and_no_others() {
     check_water([3334, 3333, 3333]);
 }
 
-/// Compares so many problems over coarse, gentle and rough water.
+/// Compares these numbers of problems over coarse, gentle and rough water.
 fn check_water(problems: [u32; 3]) {
     let mut all = Tally::default();
     for ((cells, amplitude), problems) in [(6, 0.1), (12, 0.05), (16, 0.15)].into_iter().zip(problems) {

@@ -28,7 +28,7 @@ const GROWTH: f64 = 1e-7;
 /// triangle.
 const BESIDE_CORNER: f64 = 1e-12;
 
-/// Where the conic is too close to a pair of crossing lines to be followed, the triangle is cut in four so many times.
+/// How often a triangle is cut in four where the conic is too close to a pair of crossing lines to be followed.
 const CUTS: u32 = 6;
 
 /// Weights of corners, times a factor of either sign, as polynomials of the second degree in Bernstein form.

@@ -100,7 +100,7 @@ fn check_arcs(form: &DMat3) -> bool {
     true
 }
 
-/// Checks facets on which the curve crosses the edges as wanted, until so many had a path.
+/// Checks facets on which the curve crosses the edges as wanted, until `facets` of them had a path.
 #[track_caller]
 fn check_where(wanted: impl Fn([usize; 3]) -> bool, facets: usize) {
     let mut random = random(21);

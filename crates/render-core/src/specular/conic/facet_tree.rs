@@ -262,7 +262,7 @@ struct Sizes {
 }
 
 impl Sizes {
-    /// Those of the tree over so many triangles.
+    /// The sizes of the tree over this number of triangles.
     fn over(triangles: usize) -> Self {
         if triangles <= WIDTH {
             return Self { nodes: 0, leaves: 1 };
@@ -278,7 +278,7 @@ impl Sizes {
     }
 }
 
-/// As few children as can hold so many triangles at their height: all nodes are about full.
+/// The fewest children that can hold these triangles at their height: all nodes are about full.
 fn children(triangles: usize) -> usize {
     let mut most_in_child = WIDTH;
     while most_in_child * WIDTH < triangles {
@@ -287,12 +287,12 @@ fn children(triangles: usize) -> usize {
     triangles.div_ceil(most_in_child)
 }
 
-/// How many triangles are in the first half of so many parts.
+/// Number of triangles in the first half of the parts.
 fn first_half(triangles: usize, parts: usize) -> usize {
     triangles * (parts / 2) / parts
 }
 
-/// How many triangles are in each of so many parts.
+/// Number of triangles in each of `count` parts.
 fn share(triangles: usize, count: usize, parts: &mut ArrayVec<usize, WIDTH>) {
     if count <= 1 {
         parts.push(triangles);

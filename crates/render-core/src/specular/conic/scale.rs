@@ -49,7 +49,7 @@ fn paths_over_two_million_triangles_are_those_of_each_triangle_and_certain() {
     check_paths_over_water(1000, 36);
 }
 
-/// Checks the paths over water of so many cells along each edge, two triangles each.
+/// Checks the paths over water of `cells` cells along each edge, two triangles each.
 fn check_paths_over_water(cells: u32, cases: u32) {
     let facets = water(cells, 0.1);
     let tree = tree_over(&facets);
