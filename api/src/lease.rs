@@ -66,15 +66,16 @@ pub struct Lease {
     pub expires_in_ms: i64,
     /// How long a complete node is to wait for others that travel with it, at most: the longer, the more leases there
     /// are, but no longer than the lease should take.
-    #[serde(default = "default_gather_ms")]
-    pub gather_ms: u32,
+    // Older coordinators say `gather_ms`.
+    #[serde(default = "default_upload_linger_ms", alias = "gather_ms")]
+    pub upload_linger_ms: u32,
     /// Whether the coordinator wants a report on the scene: no worker has built it yet.
     #[serde(default)]
     pub wants_report: bool,
 }
 
 /// What coordinators expect that do not say so.
-const fn default_gather_ms() -> u32 {
+const fn default_upload_linger_ms() -> u32 {
     1000
 }
 

@@ -18,6 +18,14 @@ use crate::system_calls;
 /// Longest wait for anything that a farm should do.
 const TIMEOUT: Duration = Duration::from_secs(240);
 
+fn wait(what: &str, mut is_met: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !is_met() {
+        assert!(start.elapsed() < TIMEOUT, "{what}: not within {TIMEOUT:?}");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+}
+
 /// Longest wait for an answer of a farm that may be under attack.
 const ANSWER: Duration = Duration::from_secs(2);
 
@@ -395,15 +403,8 @@ impl Farm {
     ///
     /// When that does not happen within minutes.
     pub fn wait_until_all_have_ended(&self) {
-        let start = Instant::now();
-        loop {
-            let jobs = self.asked(async |client| client.jobs().await);
-            if jobs.iter().all(|job| job.state.is_final()) {
-                return;
-            }
-            assert!(start.elapsed() < TIMEOUT, "still not ended: {jobs:?}");
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        let jobs = || self.asked(async |client| client.jobs().await);
+        wait("all jobs have ended", || jobs().iter().all(|job| job.state.is_final()));
     }
 
     fn wait_until_at(&self, address: &str, what: &str, enough: impl Fn(&JobView) -> bool) -> JobView {
@@ -563,9 +564,10 @@ impl Process {
     ///
     /// # Panics
     ///
-    /// When it does not run, or ends with a failure.
+    /// When it does not run, does not end within minutes, or ends with a failure.
     pub fn ends(&mut self) {
         self.signal(Signal::SIGTERM);
+        wait("the process ends", || !self.runs());
         let status = self.0.wait().expect("the process ends");
         assert!(status.success(), "{status}");
     }

@@ -189,7 +189,7 @@ impl LeaseWork {
                 self.enqueue(&plan, std::mem::take(&mut batch)).await;
             }
             if batch.is_empty() {
-                due = Instant::now() + Duration::from_millis(self.lease.gather_ms.into());
+                due = Instant::now() + Duration::from_millis(self.lease.upload_linger_ms.into());
             }
             batch.push(node);
             if batch.iter().map(|node| node.rendered.node.bytes()).sum::<usize>() >= full {

@@ -116,7 +116,7 @@ impl Load {
             true => count,
             false => ((time - start).div_duration_f64(each).round() as usize).min(count),
         };
-        let linger = Duration::from_millis(lease.gather_ms.into());
+        let linger = Duration::from_millis(lease.upload_linger_ms.into());
         let (mut next, mut outstanding) = (0, 0);
         while next < lease.nodes.len() {
             let upload_at = due.min(start + each.mul_f64((next + 1) as f64) + linger);

@@ -3,7 +3,6 @@
 //! Needs Debian's packages `chromium` and `chromium-driver`, and the built binary (`cargo build --release`).
 
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 use clerestory_tests::browser::Browser;
 use clerestory_tests::farm::{Process, clerestory, succeeded};
@@ -98,9 +97,7 @@ async fn the_camera_and_the_sun_move_and_the_picture_becomes_clear() {
     assert_eq!(browser.complaints().await, [""; 0]);
 
     // An open page does not keep it from ending.
-    let start = Instant::now();
     viewer.ends();
-    assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
 }
 
 #[tokio::test]

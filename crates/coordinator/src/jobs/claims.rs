@@ -133,7 +133,7 @@ impl Claims {
             nodes: nodes.iter().map(wire_address).collect(),
             deadline_ms: lease.deadline_ms,
             expires_in_ms: milliseconds(self.policy.ttl),
-            gather_ms: u32::try_from(upload_linger_ms).unwrap_or(u32::MAX),
+            upload_linger_ms: u32::try_from(upload_linger_ms).unwrap_or(u32::MAX),
             wants_report,
         }
     }

@@ -47,8 +47,8 @@ pub(crate) struct GivenUp {
 /// SQL condition on a row of `checks`: no worker with this name, an SQL expression, has voted on the node.
 pub(in crate::store) fn is_new_to(name: &str) -> String {
     format!(
-        "not exists (select 1 from opinions join workers as bringers on bringers.id = opinions.worker \
-         where opinions.check_id = checks.id and bringers.name = {name})"
+        "not exists (select 1 from votes join workers as bringers on bringers.id = votes.worker \
+         where votes.check_id = checks.id and bringers.name = {name})"
     )
 }
 
@@ -117,7 +117,7 @@ pub(in crate::store) async fn cast_vote(
     worker: WorkerId,
     digest: &str,
 ) -> Result<(), StoreError> {
-    query("insert into opinions (check_id, worker, digest) values ($1, $2, $3)")
+    query("insert into votes (check_id, worker, digest) values ($1, $2, $3)")
         .bind(check)
         .bind(worker.to_string())
         .bind(digest)
@@ -131,7 +131,7 @@ pub(in crate::store) async fn votes(
     connection: &mut Connection,
     check: &str,
 ) -> Result<Vec<(WorkerId, String)>, StoreError> {
-    let rows = query("select worker, digest from opinions where check_id = $1 order by worker")
+    let rows = query("select worker, digest from votes where check_id = $1 order by worker")
         .bind(check)
         .fetch_all(connection)
         .await?;
@@ -164,8 +164,8 @@ pub(in crate::store) async fn choose(
 ) -> Result<Vec<NodeAddress>, StoreError> {
     let is_held_since = |lease: &str, time: &str| {
         format!(
-            "exists (select 1 from leases where id = checks.{lease} and worker <> $2 and granted_ms + gather_ms <= \
-             {time})"
+            "exists (select 1 from leases where id = checks.{lease} and worker <> $2 and granted_ms + \
+             upload_linger_ms <= {time})"
         )
     };
     // A worker that holds some begins with the first.
@@ -226,7 +226,7 @@ async fn give_up(connection: &mut Connection, alive_ms: i64) -> Result<Vec<Given
 pub(in crate::store) async fn abandon(connection: &mut Connection, job: JobId) -> Result<(), StoreError> {
     let disputed = query(
         "select id, frame, tile, level, idx from checks where job = $1 \
-         and (select count(distinct digest) from opinions where check_id = checks.id) > 1",
+         and (select count(distinct digest) from votes where check_id = checks.id) > 1",
     )
     .bind(job.to_string())
     .fetch_all(&mut *connection)

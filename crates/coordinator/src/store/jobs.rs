@@ -145,7 +145,7 @@ impl Store {
             "select id from jobs where state in ('queued', 'running') \
              or (adaptive = 1 and (select 1 from nodes where job = jobs.id and first_pass >= jobs.passes limit 1) is \
              not null) \
-             or exists (select 1 from waves where job = jobs.id and round = jobs.rounds)",
+             or exists (select 1 from round_work where job = jobs.id and round = jobs.rounds)",
         );
         unsettled.fetch_all(&self.readers).await?.iter().map(|row| row.parsed("id")).collect()
     }

@@ -189,7 +189,7 @@ pub(crate) fn lease(number: u64, nodes: Vec<NodeAddress>) -> Lease {
         nodes,
         deadline_ms: 0,
         expires_in_ms: 600,
-        gather_ms: 1000,
+        upload_linger_ms: 1000,
         wants_report: false,
     }
 }

@@ -33,7 +33,7 @@ async fn complete_nodes_wait_for_others_as_long_as_the_lease_says() {
     let coordinator = coordinator();
     // Nodes of many passes, so that they do not fill a partial.
     let nodes = (0..4096).map(|index| NodeAddress { frame: 0, tile: 0, level: 8, index }).collect();
-    let lease = Lease { gather_ms: 60_000, ..lease(1, nodes) };
+    let lease = Lease { upload_linger_ms: 60_000, ..lease(1, nodes) };
     coordinator.lock().claims.push_back(Claim::Lease(lease.clone()));
     let worker = coordinator.start().await;
     // Renewals are 200 ms apart. A worker that ignored the lease would upload after a second.

@@ -26,9 +26,9 @@ impl Store {
         self.write_in(Turn::First, move |connection| {
             Box::pin(async move {
                 let claimed = query(
-                    "insert into keepers (job, coordinator, until_ms) select id, $2, $4 from jobs where id = $1 \
+                    "insert into film_leases (job, coordinator, until_ms) select id, $2, $4 from jobs where id = $1 \
                      on conflict (job) do update set coordinator = excluded.coordinator, until_ms = excluded.until_ms \
-                     where keepers.coordinator = excluded.coordinator or keepers.until_ms <= $3",
+                     where film_leases.coordinator = excluded.coordinator or film_leases.until_ms <= $3",
                 )
                 .bind(job.to_string())
                 .bind(coordinator.to_string())
@@ -39,7 +39,7 @@ impl Store {
                 if claimed > 0 {
                     return Ok(FilmLease::Held);
                 }
-                let held = query("select until_ms from keepers where job = $1").bind(job.to_string());
+                let held = query("select until_ms from film_leases where job = $1").bind(job.to_string());
                 match held.fetch_optional(connection).await? {
                     Some(row) => Ok(FilmLease::HeldElsewhere { until_ms: row.integer("until_ms")? }),
                     // There is no such job, so no other coordinator holds it.
@@ -54,7 +54,7 @@ impl Store {
     pub(crate) async fn release_film_leases(&self, coordinator: Uuid) -> Result<(), StoreError> {
         self.write(move |connection| {
             Box::pin(async move {
-                query("delete from keepers where coordinator = $1")
+                query("delete from film_leases where coordinator = $1")
                     .bind(coordinator.to_string())
                     .execute(connection)
                     .await?;

@@ -19,9 +19,9 @@ impl Store {
         // A job may have tens of thousands of earlier rounds, and this query is frequent: only incomplete ones are
         // read.
         let looked = query(
-            "select (select count(*) from waves where job = $1 and round = $2) as opened, \
-             (select count(*) from waves where job = $1 and round <= $2 and completed_ms is null and outstanding > \
-             0) as incomplete, \
+            "select (select count(*) from round_work where job = $1 and round = $2) as opened, \
+             (select count(*) from round_work where job = $1 and round <= $2 and completed_ms is null and outstanding \
+             > 0) as incomplete, \
              (select count(*) from checks where job = $1 and round <= $2) as checks",
         );
         let looked = looked.bind(job.id.to_string()).bind(i64::from(job.rounds)).fetch_one(&self.readers).await?;
@@ -31,15 +31,16 @@ impl Store {
             return Ok(None);
         }
         let (measured, mut core_ms, mut completed_ms) = self.last_measured(job).await?;
-        let waves = query("select core_ms, completed_ms from waves where job = $1 and round > $2 and round <= $3")
-            .bind(job.id.to_string())
-            .bind(measured)
-            .bind(i64::from(job.rounds))
-            .fetch_all(&self.readers)
-            .await?;
-        for wave in &waves {
-            core_ms = core_ms.saturating_add(wave.integer("core_ms")?);
-            completed_ms = completed_ms.max(wave.optional_integer("completed_ms")?.unwrap_or(0));
+        let round_work =
+            query("select core_ms, completed_ms from round_work where job = $1 and round > $2 and round <= $3")
+                .bind(job.id.to_string())
+                .bind(measured)
+                .bind(i64::from(job.rounds))
+                .fetch_all(&self.readers)
+                .await?;
+        for work in &round_work {
+            core_ms = core_ms.saturating_add(work.integer("core_ms")?);
+            completed_ms = completed_ms.max(work.optional_integer("completed_ms")?.unwrap_or(0));
         }
         Ok(Some(CompleteRound { round: job.rounds, passes, core_ms, completed_ms }))
     }
@@ -137,7 +138,7 @@ async fn end(
     if !jobs::end(connection, job.id, &Ending::Done(reason), now_ms).await? {
         return Ok(RecordedRound::default());
     }
-    query("delete from waves where job = $1 and round > $2")
+    query("delete from round_work where job = $1 and round > $2")
         .bind(job.id.to_string())
         .bind(i64::from(job.rounds))
         .execute(&mut *connection)

@@ -156,8 +156,8 @@ async fn expire(connection: &mut Connection, observation: Observation) -> Result
     let rows = query(
         "select leases.id as lease, job, jobs.name as job_name, worker, workers.name as worker_name, granted_ms, \
          deadline_ms, \
-         (due_ms > granted_ms + patience_ms) as has_brought, (select count(*) from pending where lease = leases.id) \
-         as nodes \
+         (due_ms > granted_ms + overdue_after_ms) as has_brought, (select count(*) from pending where lease = \
+         leases.id) as nodes \
          from leases join jobs on jobs.id = job join workers on workers.id = worker \
          where leases.state = 'active' and deadline_ms <= $1 order by token",
     );

@@ -63,8 +63,8 @@ pub(in crate::store) async fn grant(
     let listed = nodes_json(&nodes)?;
     let deadline_ms = terms.now_ms.saturating_add(terms.ttl_ms);
     let granted = query(
-        "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms, patience_ms, due_ms, \
-         gather_ms) \
+        "insert into leases (id, token, job, worker, state, nodes, granted_ms, deadline_ms, overdue_after_ms, due_ms, \
+         upload_linger_ms) \
          select $1, coalesce(max(token), 0) + 1, $2, $3, 'active', $4, $5, $6, $7, $8, $9 from leases returning token",
     )
     .bind(terms.lease.to_string())

@@ -119,8 +119,8 @@ pub(in crate::store) async fn go_on(
 ) -> Result<u32, StoreError> {
     let active = query(format!(
         "update leases set state = case when {OUTSTANDING} = 0 then 'complete' else state end, \
-         due_ms = coalesce($2 + patience_ms, due_ms) where id = $1 and state = 'active' returning {OUTSTANDING} as \
-         outstanding"
+         due_ms = coalesce($2 + overdue_after_ms, due_ms) where id = $1 and state = 'active' returning {OUTSTANDING} \
+         as outstanding"
     ))
     .bind(lease.to_string())
     .bind(accepted_ms)

@@ -84,7 +84,7 @@ async fn open_round(
     let in_tile = |tile| tile_passes.at(frame, tile, end) - tile_passes.at(frame, tile, round_passes.first);
     let in_images: i64 = (0..job.grid.len()).map(|tile| i64::from(in_tile(tile))).sum();
     let in_pilot = job.pilot_in(round).count() as i64 * i64::from(job.grid.len());
-    query("insert into waves (job, frame, round, end_pass, outstanding) values ($1, $2, $3, $4, $5)")
+    query("insert into round_work (job, frame, round, end_pass, outstanding) values ($1, $2, $3, $4, $5)")
         .bind(job.id.to_string())
         .bind(i64::from(frame))
         .bind(i64::from(round))

@@ -75,8 +75,8 @@ pub(in crate::store) async fn overdue(
     let last_round = up_to.min(last_round(job, terms));
     let nodes = nodes_of(connection.engine(), "lease = leases.id and round <= $4");
     let row = query(format!(
-        "select id, granted_ms, gather_ms, {nodes} as nodes from leases where state = 'active' and due_ms <= $1 and \
-         job = $2 and worker <> $3 \
+        "select id, granted_ms, upload_linger_ms, {nodes} as nodes from leases where state = 'active' and due_ms <= \
+         $1 and job = $2 and worker <> $3 \
          and exists (select 1 from pending where lease = leases.id and round <= $4) order by due_ms, token limit 1"
     ))
     .bind(terms.now_ms)
@@ -109,12 +109,12 @@ pub(in crate::store) async fn held_longest(
     // The shortest linger is in the condition for the index.
     let rows = query(format!(
         "with listed_jobs as materialized (select c0, c1 from {listed_jobs} as listed_rows) \
-         select id, job, granted_ms, gather_ms, {nodes} as nodes from \
+         select id, job, granted_ms, upload_linger_ms, {nodes} as nodes from \
          (select held.*, row_number() over (partition by job order by granted_ms, token) as place from \
-         (select id, job, granted_ms, gather_ms, token, (select c1 from listed_jobs where c0 = job) as last_round \
-         from leases where state = 'active' and worker <> $2 \
-         and granted_ms <= $3 and granted_ms + gather_ms <= $6 and (select c1 from listed_jobs where c0 = job) is \
-         not null \
+         (select id, job, granted_ms, upload_linger_ms, token, (select c1 from listed_jobs where c0 = job) as \
+         last_round from leases where state = 'active' and worker <> $2 \
+         and granted_ms <= $3 and granted_ms + upload_linger_ms <= $6 and (select c1 from listed_jobs where c0 = job) \
+         is not null \
          order by granted_ms, token limit $4) as held \
          where (select 1 from pending where lease = held.id and repeats < $5 and round <= last_round limit 1) is not \
          null) \
@@ -132,7 +132,8 @@ pub(in crate::store) async fn held_longest(
 }
 
 fn held_lease(row: &Row, is_overdue: bool) -> Result<HeldLease, StoreError> {
-    let (id, granted_ms, upload_linger_ms) = (row.parsed("id")?, row.integer("granted_ms")?, row.integer("gather_ms")?);
+    let (id, granted_ms, upload_linger_ms) =
+        (row.parsed("id")?, row.integer("granted_ms")?, row.integer("upload_linger_ms")?);
     let mut listed: Vec<[u32; 6]> = row.optional_json("nodes")?.unwrap_or_default();
     listed.sort_unstable_by_key(|[round, frame, tile, _, index, _]| Reverse([*round, *frame, *tile, *index]));
     let node = |[_, frame, tile, level, index, repeats]: [u32; 6]| (NodeAddress { frame, tile, level, index }, repeats);

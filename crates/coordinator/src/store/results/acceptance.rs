@@ -290,7 +290,7 @@ async fn count_down(
     now_ms: i64,
 ) -> Result<i64, StoreError> {
     query(
-        "update waves set outstanding = outstanding - $4, \
+        "update round_work set outstanding = outstanding - $4, \
          core_ms = case when core_ms > 9223372036854775807 - $5 then 9223372036854775807 else core_ms + $5 end, \
          completed_ms = case when outstanding = $4 then $6 else null end \
          where job = $1 and frame = $2 and round = $3 returning outstanding",

@@ -150,7 +150,7 @@ async fn quarantine(
         .execute(&mut *connection)
         .await?;
     // Their votes on other nodes do not count.
-    query(format!("delete from opinions where worker in {OF_THE_SAME_NAME}"))
+    query(format!("delete from votes where worker in {OF_THE_SAME_NAME}"))
         .bind(worker.to_string())
         .execute(&mut *connection)
         .await?;
@@ -162,7 +162,7 @@ async fn quarantine(
         .execute(&mut *connection)
         .await?;
     // A check of their nodes without another vote has none now.
-    query("delete from checks where not exists (select 1 from opinions where check_id = checks.id)")
+    query("delete from checks where not exists (select 1 from votes where check_id = checks.id)")
         .execute(&mut *connection)
         .await?;
     outcome.has_work = true;

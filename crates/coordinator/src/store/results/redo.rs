@@ -102,8 +102,8 @@ pub(in crate::store) async fn requeue(
     insert_pending(connection, job, &pending).await?;
     for ((frame, round), passes) in passes {
         query(
-            "update waves set outstanding = outstanding + $4, completed_ms = null where job = $1 and frame = $2 and \
-             round = $3",
+            "update round_work set outstanding = outstanding + $4, completed_ms = null where job = $1 and frame = $2 \
+             and round = $3",
         )
         .bind(job.id.to_string())
         .bind(i64::from(frame))
@@ -167,7 +167,7 @@ pub(in crate::store) async fn restart(
         .bind(job.id.to_string())
         .execute(&mut *connection)
         .await?;
-    for table in ["checks", "pending", "waves", "rounds", "tile_shares"] {
+    for table in ["checks", "pending", "round_work", "rounds", "tile_shares"] {
         query(format!("delete from {table} where job = $1")).bind(job.id.to_string()).execute(&mut *connection).await?;
     }
     query(

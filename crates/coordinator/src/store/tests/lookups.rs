@@ -14,7 +14,7 @@ use crate::store::tests::{DeliveredNode, Farm, blob_range, delivered, merge};
 
 /// What grows with a farm and its jobs.
 const TABLES: [&str; 10] =
-    ["pending", "nodes", "leases", "waves", "rates", "checks", "opinions", "workers", "method_digests", "jobs"];
+    ["pending", "nodes", "leases", "round_work", "rates", "checks", "votes", "workers", "method_digests", "jobs"];
 
 /// Workers, and how often each claims and brings.
 const WORKERS: usize = 4;

@@ -99,7 +99,7 @@ pub(super) async fn heartbeats_renewals_and_film_leases_are_written_before_waiti
     let look = tokio::spawn(async move {
         let write = store.write::<_, StoreError, _>(|connection| {
             Box::pin(async move {
-                let row = query("select seen_ms, (select until_ms from keepers) as until_ms from workers");
+                let row = query("select seen_ms, (select until_ms from film_leases) as until_ms from workers");
                 let row = row.fetch_one(connection).await?;
                 Ok((row.optional_integer("until_ms")?, row.integer("seen_ms")?))
             })

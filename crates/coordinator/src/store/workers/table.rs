@@ -187,7 +187,7 @@ impl Store {
             Box::pin(async move {
                 let forgotten = "seen_ms < $1 and quarantine is null \
                      and not exists (select 1 from leases where worker = workers.id) \
-                     and not exists (select 1 from opinions where worker = workers.id)";
+                     and not exists (select 1 from votes where worker = workers.id)";
                 for statement in [
                     format!("delete from rates where worker in (select id from workers where {forgotten})"),
                     format!("delete from workers where {forgotten}"),

@@ -278,6 +278,6 @@ impl Model {
 
 /// How long a lease may go on without an accepted node. That follows from the worker's pace.
 async fn overdue_after_ms(farm: &Farm, lease: LeaseId) -> i64 {
-    let found = query("select patience_ms from leases where id = $1").bind(lease.to_string());
-    found.fetch_one(&farm.store.readers).await.unwrap().integer("patience_ms").unwrap()
+    let found = query("select overdue_after_ms from leases where id = $1").bind(lease.to_string());
+    found.fetch_one(&farm.store.readers).await.unwrap().integer("overdue_after_ms").unwrap()
 }
