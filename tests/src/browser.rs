@@ -17,7 +17,7 @@ use tempfile::TempDir;
 use tokio::time::{Instant, sleep};
 
 /// Longest wait for anything that a page shows. Renders that a test waits for take a few seconds on an idle machine.
-const TIMEOUT: Duration = Duration::from_secs(60);
+const TIMEOUT: Duration = Duration::from_secs(240);
 
 const GLANCE: Duration = Duration::from_millis(50);
 
