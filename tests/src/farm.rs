@@ -14,17 +14,10 @@ use tempfile::TempDir;
 
 use crate::stored_farm::copy_folder;
 use crate::system_calls;
+use crate::waiting::until;
 
 /// Longest wait for anything that a farm should do.
 const TIMEOUT: Duration = Duration::from_secs(240);
-
-fn wait(what: &str, mut is_met: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !is_met() {
-        assert!(start.elapsed() < TIMEOUT, "{what}: not within {TIMEOUT:?}");
-        std::thread::sleep(Duration::from_millis(20));
-    }
-}
 
 /// Longest wait for an answer of a farm that may be under attack.
 const ANSWER: Duration = Duration::from_secs(2);
@@ -404,7 +397,7 @@ impl Farm {
     /// When that does not happen within minutes.
     pub fn wait_until_all_have_ended(&self) {
         let jobs = || self.asked(async |client| client.jobs().await);
-        wait("all jobs have ended", || jobs().iter().all(|job| job.state.is_final()));
+        until("all jobs have ended", || jobs().iter().all(|job| job.state.is_final()));
     }
 
     fn wait_until_at(&self, address: &str, what: &str, enough: impl Fn(&JobView) -> bool) -> JobView {
@@ -567,7 +560,7 @@ impl Process {
     /// When it does not run, does not end within minutes, or ends with a failure.
     pub fn ends(&mut self) {
         self.signal(Signal::SIGTERM);
-        wait("the process ends", || !self.runs());
+        until("the process ends", || !self.runs());
         let status = self.0.wait().expect("the process ends");
         assert!(status.success(), "{status}");
     }

@@ -30,6 +30,7 @@
 //! - [`pool`]: water whose caustic folds;
 //! - [`two_interfaces`]: all paths through two interfaces, by curves; [`pane_mesh`]: a pane as a mesh;
 //! - [`folds`]: where the caustic of a point light is singular;
+//! - [`waiting`]: until something can be seen;
 //! - [`sun_scene`]: scenes whose sun is made larger or smaller, and references of them.
 
 pub mod allocation;
@@ -77,3 +78,4 @@ pub mod sun_scene;
 pub mod system_calls;
 pub mod traced_scene;
 pub mod two_interfaces;
+pub mod waiting;

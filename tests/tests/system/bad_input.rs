@@ -14,9 +14,8 @@ use clerestory_tests::malformed_partials::{BadDelivery, bad_deliveries};
 use clerestory_tests::malformed_scenes::{
     BadScene, bad_descriptions, bad_files, sound_files, sound_scene, write_scene,
 };
+use clerestory_tests::waiting::until;
 use serde_json::Value;
-
-use crate::waiting::until;
 
 /// Memory for decoded nodes that the farm may keep.
 const NODE_CACHE: u64 = 16 << 20;

@@ -16,8 +16,7 @@ use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::hand_worker::{Delivery, HandWorker};
 use clerestory_tests::malformed_scenes::{sound_files, sound_scene, write_scene};
 use clerestory_tests::system_calls::{Acknowledgement, Roles, is_sync, replayed, traced, without};
-
-use crate::waiting::until;
+use clerestory_tests::waiting::until;
 
 /// A coordinator that gives out four nodes with each lease, and has no second worker check them.
 const OPTIONS: [&str; 4] = ["--lease-nodes", "4", "--checked-fraction", "0"];

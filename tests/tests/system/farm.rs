@@ -7,10 +7,10 @@ use clerestory_api::{JobState, JobView, StopReason};
 use clerestory_test_servers::{S3Server, postgres, s3};
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::made_images::{assert_made_alike, assert_same_bits, rendered_alone, rendered_by};
+use clerestory_tests::waiting::until;
 use tempfile::TempDir;
 
 use crate::readiness::unreadiness;
-use crate::waiting::until;
 
 /// What is asked for: a scene and options. No number of passes (16 samples each) is a power of two, and no tile size
 /// divides the images.

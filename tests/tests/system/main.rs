@@ -11,4 +11,3 @@ mod readiness;
 mod stop_rules;
 mod stored_farms;
 mod trust;
-mod waiting;

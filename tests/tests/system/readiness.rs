@@ -3,9 +3,8 @@
 use clerestory_api::Problem;
 use clerestory_test_servers::S3Server;
 use clerestory_tests::farm::Farm;
+use clerestory_tests::waiting::until;
 use tokio::runtime::Runtime;
-
-use crate::waiting::until;
 
 /// Why the coordinator says that it is not ready. `None` when it is.
 pub(crate) fn unreadiness(farm: &Farm) -> Option<String> {

@@ -7,9 +7,8 @@ use clerestory_tests::calls::Caller;
 use clerestory_tests::farm::{Farm, clerestory, succeeded};
 use clerestory_tests::hand_worker::{Delivery, HandWorker};
 use clerestory_tests::malformed_scenes::{sound_files, sound_scene, write_scene};
+use clerestory_tests::waiting::until;
 use serde_json::Value;
-
-use crate::waiting::until;
 
 /// Longest time until a wrong worker is found.
 const TIMEOUT: Duration = Duration::from_secs(120);

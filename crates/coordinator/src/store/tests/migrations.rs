@@ -60,6 +60,12 @@ async fn leave(source: &Source) {
     connection.close().await.unwrap();
 }
 
+async fn in_both(check: impl AsyncFn(Source)) {
+    let directory = tempfile::tempdir().unwrap();
+    check(Source::file(&directory.path().join("farm.sqlite"))).await;
+    check(Source::postgres(&postgres().new_database().parse().unwrap()).unwrap()).await;
+}
+
 async fn a_job_goes_on_that_the_first_build_has_begun(source: Source) {
     leave(&source).await;
     let farm = Farm::at(source, None).await;
@@ -95,15 +101,8 @@ async fn a_job_goes_on_that_the_first_build_has_begun(source: Source) {
 }
 
 #[tokio::test]
-async fn a_job_goes_on_that_the_first_build_has_begun_in_a_file() {
-    let directory = tempfile::tempdir().unwrap();
-    a_job_goes_on_that_the_first_build_has_begun(Source::file(&directory.path().join("farm.sqlite"))).await;
-}
-
-#[tokio::test]
-async fn a_job_goes_on_that_the_first_build_has_begun_in_postgres() {
-    let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap();
-    a_job_goes_on_that_the_first_build_has_begun(source).await;
+async fn a_job_goes_on_that_the_first_build_has_begun_in_both_databases() {
+    in_both(a_job_goes_on_that_the_first_build_has_begun).await;
 }
 
 async fn a_job_of_many_lights_stays_with_the_first_build(source: Source) {
@@ -122,13 +121,6 @@ async fn a_job_of_many_lights_stays_with_the_first_build(source: Source) {
 }
 
 #[tokio::test]
-async fn a_job_of_many_lights_stays_with_the_first_build_in_a_file() {
-    let directory = tempfile::tempdir().unwrap();
-    a_job_of_many_lights_stays_with_the_first_build(Source::file(&directory.path().join("farm.sqlite"))).await;
-}
-
-#[tokio::test]
-async fn a_job_of_many_lights_stays_with_the_first_build_in_postgres() {
-    let source = Source::postgres(&postgres().new_database().parse().unwrap()).unwrap();
-    a_job_of_many_lights_stays_with_the_first_build(source).await;
+async fn a_job_of_many_lights_stays_with_the_first_build_in_both_databases() {
+    in_both(a_job_of_many_lights_stays_with_the_first_build).await;
 }
