@@ -109,6 +109,7 @@ fn auto_brings_all_light_of_large_lights_that_chance_does() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn auto_brings_all_light_of_points_that_manifold_walks_do() {
     let point = |name: &str, position: [f64; 3], intensity: f64| {
         let intensity = [intensity; 3];

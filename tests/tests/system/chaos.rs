@@ -48,6 +48,7 @@ fn a_farm_under_attack_loses_nothing() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn a_farm_of_two_coordinators_and_their_servers_under_attack_loses_nothing() {
     attack(true);
 }

@@ -40,6 +40,7 @@ fn rendered(edge: u32) -> PeakMemory {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn a_coordinator_has_no_more_memory_for_a_frame_of_sixteen_times_the_size() {
     let [small, large] = [512, 2048].map(rendered);
     let image = 2048 * 2048 * PIXEL_BYTES;

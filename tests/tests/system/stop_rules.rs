@@ -151,6 +151,7 @@ fn samples_and_time_end_a_job_before_a_target_that_is_out_of_reach() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn killing_the_coordinator_around_the_last_round_changes_neither_it_nor_a_bit() {
     kill_around_the_last_round(&Order::by_measured_error(), &[]);
 }

@@ -186,6 +186,7 @@ fn the_time_to_an_equal_error_is_stated_with_what_it_can_be_at_the_least() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn more_triangles_are_measured_against_path_tracing_alone() {
     let folder = Folder::new();
     folder.succeeds(&["bench", "experiment", "triangles", "--size", "16x12", "--seeds", "1"]);
@@ -201,6 +202,7 @@ fn more_triangles_are_measured_against_path_tracing_alone() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn passes_shared_out_are_compared_with_the_same_in_every_tile() {
     let folder = Folder::new();
     let options = ["--size", "24x24", "--reference-spp", "64", "--seeds", "1"];
@@ -218,6 +220,7 @@ fn passes_shared_out_are_compared_with_the_same_in_every_tile() {
 }
 
 #[test]
+#[ignore = "takes a minute; `tests/run long` has it"]
 fn frames_of_an_animation_are_compared_with_those_before_and_after() {
     let folder = Folder::new();
     folder.succeeds(&["bench", "experiment", "flicker", "--size", "24x24", "--reference-spp", "16"]);

@@ -88,23 +88,32 @@ async fn told_to_stop_it_uploads_what_is_complete_and_returns_the_rest() {
 }
 
 #[tokio::test]
-async fn nonsense_from_the_coordinator_does_not_end_the_worker() {
+async fn answers_that_are_no_leases_do_not_end_the_worker() {
+    a_worker_goes_on_after([Claim::Garbage("{\"id\": 5"), Claim::Lease(lease(1, Vec::new()))], 0).await;
+}
+
+#[tokio::test]
+async fn nodes_of_no_tile_and_no_frame_are_refused_and_the_worker_goes_on() {
+    let outside = NodeAddress { frame: 0, tile: 4, level: 0, index: 0 };
+    let strange = [(1, outside), (2, NodeAddress { frame: 1, tile: 0, ..outside })];
+    a_worker_goes_on_after(strange.map(|(number, node)| Claim::Lease(lease(number, vec![node]))), 2).await;
+}
+
+#[tokio::test]
+async fn nodes_above_all_levels_are_refused_and_the_worker_goes_on() {
+    let high = NodeAddress { frame: 0, tile: 0, level: 77, index: 1 };
+    let strange = [(1, high), (2, NodeAddress { tile: u32::MAX, level: 31, index: u32::MAX, ..high })];
+    a_worker_goes_on_after(strange.map(|(number, node)| Claim::Lease(lease(number, vec![node]))), 2).await;
+}
+
+/// A worker that gets these answers gives work back so many times, with a reason, and renders the lease that follows.
+async fn a_worker_goes_on_after<const N: usize>(nonsense: [Claim; N], failures: usize) {
     let coordinator = coordinator();
     let last = lease(9, all_tiles(0, 0));
-    let strange = |number, node| Claim::Lease(lease(number, vec![node]));
-    coordinator.lock().claims = VecDeque::from([
-        Claim::Garbage("{\"id\": 5"),
-        Claim::Garbage("[]"),
-        strange(1, NodeAddress { frame: 0, tile: 4, level: 0, index: 0 }),
-        strange(2, NodeAddress { frame: 1, tile: 0, level: 0, index: 0 }),
-        strange(3, NodeAddress { frame: 0, tile: 0, level: 77, index: 1 }),
-        strange(4, NodeAddress { frame: 0, tile: u32::MAX, level: 31, index: u32::MAX }),
-        Claim::Lease(lease(5, Vec::new())),
-        Claim::Lease(last.clone()),
-    ]);
+    coordinator.lock().claims = nonsense.into_iter().chain([Claim::Lease(last.clone())]).collect();
     let worker = coordinator.start().await;
     coordinator.until(|state| uploaded(state, &last) == last.nodes).await;
     worker.stop().await;
     let reasons = coordinator.lock().returns.iter().filter(|(_, body)| body.failure.is_some()).count();
-    assert_eq!(reasons, 4);
+    assert_eq!(reasons, failures);
 }
