@@ -6,6 +6,7 @@ use std::any::Any;
 use std::num::NonZeroUsize;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use clerestory_film::{NodeAddress, Rendered};
@@ -53,9 +54,14 @@ impl Renderer {
         Ok(Self { pool: ThreadPoolBuilder::new().num_threads(threads.get()).thread_name(name).build()? })
     }
 
-    /// The digests of the probe, as these threads render it.
+    /// The digests of the probe on this machine. They are those of the first worker in this process.
     pub(crate) fn probe(&self) -> Result<ProbeDigests, ProbeError> {
-        self.pool.install(probe::digests)
+        static DIGESTS: Mutex<Option<ProbeDigests>> = Mutex::new(None);
+        let mut digests = DIGESTS.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = &*digests {
+            return Ok(known.clone());
+        }
+        Ok(digests.insert(self.pool.install(probe::digests)?).clone())
     }
 
     /// Renders `nodes` in their order and sends each when it is complete. It blocks its thread.
